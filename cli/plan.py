@@ -273,9 +273,8 @@ def _why(row: PlanRow) -> list[str]:
         if row.left_out_db is not None:
             said.append(f"  The others together would be {-row.left_out_db:.0f} dB below the rest.")
     elif row.macrostep is not None:
-        said.append(
-            f"  Its springs pull once in {plural(row.macrostep, 'frame')}, by its exact flow (E4)."
-        )
+        how = "its exact flow (E4)" if row.what == "e4" else "the CA scheme at that rate"
+        said.append(f"  Its springs pull once in {plural(row.macrostep, 'frame')}, by {how}.")
         if row.offered:
             said.append("  The planner chose this by itself: it costs less.")
         if row.radius is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -20,6 +19,7 @@ from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session.clock import Clock, boundary, entered, started, taking_over
 from ergon.repl.session.engine import Change
+from ergon.repl.session.making_time import MakingTime
 from ergon.repl.session.running import JOIN, Running, follow, horizon
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version
 from ergon.scores.staging.refusals import StageError
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _AHEAD = 0.3
 
 # A line that acts now is given twice the time that the slowest of the last lines took.
-_AGAIN, _FORGET = 2.0, 0.8
+_AGAIN = 2.0
 
 # Errors by which a line is refused after it was parsed.
 REFUSALS = (NotTakenError, StageError, EditError, EngineError, StoppedError)
@@ -94,7 +94,7 @@ class Commits:
     waiting: list[Waiting] = field(default_factory=list)
     # Changes under way: the ticket, the lines, and the version that played before.
     under_way: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
-    making_seconds: float = 0.0  # the time to make a version, the slowest of the last ones [s]
+    making: MakingTime = field(default_factory=MakingTime)  # of versions
     dropped: list[tuple[Waiting, str]] = field(default_factory=list)  # lines dropped, and why
     said: list[str] = field(default_factory=list)  # messages
     # What each line made when it was last computed, by number: in the end what takes effect.
@@ -121,7 +121,7 @@ class Commits:
 
     def soonest(self) -> int:
         """The first frame at which a new change can take effect: a multiple of the tick."""
-        return self.first(_AGAIN * self.making_seconds)
+        return self.first(_AGAIN * self.making.seconds)
 
     def now(self) -> float:
         """The beat of the piece that the engine computes now."""
@@ -271,7 +271,7 @@ class Commits:
         return found
 
     def _follow(self, on: Running, one: Waiting) -> Running:
-        began = time.perf_counter()
+        began = MakingTime.began()
         version = self._version(on.version, one)
         clock, leave, enter = on.clock, one.beat, one.beat
         seconds = one.start / self.rate
@@ -305,7 +305,7 @@ class Commits:
             where = version.piece.tempo_map.written(one.beat)
             self.past[one.number] = PastVersion.of(version, where)
         if self.margin:  # without a margin the engine waits, and the time does not matter
-            self.making_seconds = max(time.perf_counter() - began, _FORGET * self.making_seconds)
+            self.making.add(began)
         return made
 
     def forget(self) -> list[Waiting]:
@@ -344,7 +344,7 @@ class Commits:
             one = self.waiting[0]
             if one.start < self.first(0.0):
                 if self.margin and not late:  # one delay, however many lines it made late
-                    self.making_seconds = max(2.0 * self.making_seconds, 1.0 / self.rate)
+                    self.making.seconds = max(2.0 * self.making.seconds, 1.0 / self.rate)
                 beat, one.start = self.place(None, None if one.is_now else Length(bars=1.0))
                 one.beat, one.made = beat if one.goes is None else one.beat, None
                 self.waiting.sort(key=lambda other: other.start)

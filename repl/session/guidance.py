@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 from ergon._core import EngineError
 from ergon.live.perform import GUIDE
 from ergon.repl.session.engine import GuidedPath
+from ergon.repl.session.making_time import MakingTime
 from ergon.repl.session.version import HandGuide, NotTakenError
 from ergon.scores.staging.live import leading
 
@@ -26,7 +26,6 @@ _REST = 1.0
 _BEFORE = 0.2
 # The time allowed for the first path; later, the time of the slowest of the last [s].
 _MAKING = 0.1
-_FORGET = 0.8
 
 
 def guide_of(command: Guide) -> HandGuide:
@@ -73,7 +72,7 @@ class Guidance:
     _remake_at: int = 0  # the frame at which the next paths are made
     _guided: frozenset[str] = frozenset()
     _ticket: int | None = None
-    _seconds: float = field(default=_MAKING)
+    _making: MakingTime = field(default_factory=lambda: MakingTime(_MAKING))
 
     def due(self) -> tuple[int, Mapping[str, GuidedPath]] | None:
         """The frame and the new paths by player where they have to be sent now; else None."""
@@ -90,9 +89,9 @@ class Guidance:
         self._running = running
         if not guides and not self._guided:
             return None
-        began = time.perf_counter()
+        began = MakingTime.began()
         at, rate, every = (
-            commits.first(2.0 * self._seconds),
+            commits.first(2.0 * self._making.seconds),
             commits.rate,
             commits.engine.tick_frames,
         )
@@ -104,7 +103,7 @@ class Guidance:
         }
         self._remake_at = at + int(_PATH / 2 * rate)
         self._guided = frozenset(guides)
-        self._seconds = max(time.perf_counter() - began, _FORGET * self._seconds)
+        self._making.add(began)
         return at, made
 
     def _released(self, guides: Mapping[str, HandGuide]) -> Iterator[tuple[str, GuidedPath]]:

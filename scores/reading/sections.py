@@ -367,7 +367,7 @@ RATES = Record(
         Field(
             "motion",
             k.RATE,
-            "of what is only seen (`--see all`), at least: audio divided by a whole number",
+            "of what is only seen, at least: audio divided by a whole number",
             shown="audio",
         ),
     ),

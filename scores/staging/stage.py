@@ -213,10 +213,8 @@ def stage(
             other = like.plan if like is not None else None
             parts = ready.network, ready.timeline, piece.accuracy, pins, store, other
             is_foreseen = going.spans is None and not real
-            watched = Watched()
-            if is_seen:
-                everything = (*piece.keys, *piece.instruments)
-                watched = Watched(seen=everything, seen_every=piece.motion_every)
+            everything = (*piece.keys, *piece.instruments) if is_seen else ()
+            watched = Watched(seen=everything, seen_every=piece.motion_every)
             made = make(
                 *parts,
                 is_foreseen=is_foreseen,
@@ -302,6 +300,9 @@ def _report_motion(piece: Piece, plan: _core.Plan, collector: Collector) -> None
             names = " + ".join(map(quote, row.parts))
             message = f"{names} is computed at the audio rate, not at that of motion: {row.stays}"
             collector.error("N403", message, piece.place)
-    if not rows:
-        message = "no part goes at the rate of motion: all that moves is heard, or felt by a hand"
+    if not rows and not any(row.offered for row in plan.rows()):
+        message = (
+            "no part goes at the rate of motion: all that moves is heard, is felt by a hand, or "
+            "would be heard at that rate"
+        )
         collector.error("N403", message, piece.place)

@@ -313,9 +313,9 @@ def test_lines_of_one_frame_keep_their_order_in_the_journal(session):
     session.ok("set bell.m.f 300Hz in 3")
     session.ok("stop now")
     session.run(0.5)
-    commits.making_seconds = 10.0  # as on a slow machine: this line waits longer than the other
+    commits.making.seconds = 10.0  # as on a slow machine: this line waits longer than the other
     session.ok("set bell.m.f 400Hz")
-    commits.making_seconds = 0.0
+    commits.making.seconds = 0.0
     session.ok("play from 100|1")
     session.ok("ada plays knock every 1 now")
     session.run(3.0)

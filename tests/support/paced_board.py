@@ -11,8 +11,11 @@ import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
+import pytest
 from patience import PATIENCE
 from simulated_board import LOG, Board, Ways
+
+from ergon.repl.session import making_time
 
 _ASK = 0.05  # [s] between two looks whether it is to end
 
@@ -136,9 +139,14 @@ class Paced:
 
 @contextlib.contextmanager
 def paced(**ways: float | bool) -> Iterator[Paced]:
-    """A board whose time is the test's; `ways` are those of `Ways`."""
-    board = Paced(Ways(**ways))
-    try:
-        yield board
-    finally:
-        board.close()
+    """A board whose time is the test's; `ways` are those of `Ways`.
+
+    Making a version takes no time meanwhile: the machine's is none of the test's.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(making_time, "clock", lambda: 0.0)
+        board = Paced(Ways(**ways))
+        try:
+            yield board
+        finally:
+            board.close()

@@ -239,7 +239,8 @@ impl PlanRow {
         let (what, modes, left_out_db) = match row.what {
             Computed::Stepped => ("stepped", None, None),
             Computed::Mesh(way, _) => (way, None, None),
-            Computed::Slow(_) => ("e4", None, None),
+            Computed::Slow { is_exact: true, .. } => ("e4", None, None),
+            Computed::Slow { .. } => ("stepped", None, None),
             Computed::Oscillators => ("oscillators", None, None),
             Computed::Modes {
                 kind,
@@ -293,7 +294,7 @@ impl PlanRow {
             because: row.because.clone(),
             // The engine counts steps; a row counts frames.
             macrostep: match row.what {
-                Computed::Slow(steps) => Some(steps / row.oversampling.max(1)),
+                Computed::Slow { every, .. } => Some(every / row.oversampling.max(1)),
                 _ => None,
             },
             radius: row.radius,

@@ -1198,7 +1198,7 @@ class PlanRow:
     macrostep: int | None  # frames from one pull of its own springs to the next
     radius: float | None  # largest eigenvalue of what it and all it touches do from pull to pull
     preserved: bool  # slow, and not heard: at most -75 dB up to 10 frames, -70 dB up to 20
-    offered: bool  # slow without being asked to be: so its island costs less
+    offered: bool  # slow without a rate of its own (a key, what is only seen): it costs less
     stays: str | None  # parts that have a rate of their own and go at every frame, and why
     cut_short: bool  # the allowance of work for trials was spent before all were played
 

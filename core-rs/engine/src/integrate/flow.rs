@@ -6,6 +6,7 @@
 //! Fast links kick the same velocities at every frame. Velocities are in metres a frame.
 
 use super::square::Square;
+use crate::kernel::dense;
 
 /// The flow of some masses over R frames.
 #[derive(Clone, Debug)]
@@ -48,6 +49,15 @@ impl Flow {
         let [by_x, by_v] = &self.start;
         let pairs = by_x.apply(x).into_iter().zip(by_v.apply(v));
         pairs.map(|(from_x, from_v)| from_x + from_v).collect()
+    }
+
+    /// Velocities after a kick, from those before and from how far the masses are from rest, towards it; `None`: from rest.
+    pub(crate) fn pulled(&self, before: Option<&[f64]>, bent: &[f64], after: &mut [f64]) {
+        after.fill(0.0);
+        if let Some(before) = before {
+            dense::apply(&self.keep.entries, before, after);
+        }
+        dense::apply(&self.pull.entries, bent, after);
     }
 
     /// What a push at one of the masses, by a metre a frame and so many frames before a kick, leaves undone until

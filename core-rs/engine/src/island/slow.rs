@@ -1,15 +1,17 @@
-//! A slow linear body inside an island: kicked by its own springs once every R frames, by all else at every frame.
+//! A slow body inside an island: kicked by its own springs once every R frames, by all else at every frame.
 //!
 //! Its ports move frame by frame; what nothing else touches moves straight from kick to kick.
 
 mod led;
+mod springs;
 
 use std::sync::Arc;
 
-use crate::integrate::flow::Flow;
-use crate::kernel::{dense, sound};
+use crate::kernel::sound;
 use crate::network::Network;
 use crate::state::Body;
+pub(crate) use springs::Springs;
+use springs::SteppedSprings;
 
 /// What a plan says of a slow body.
 #[derive(Clone, Debug)]
@@ -20,10 +22,12 @@ pub(crate) struct Slow {
     pub(crate) part: usize,
     /// Its MATs that move, by their index in the network   (n)
     pub(crate) free: Vec<usize>,
-    pub(crate) flow: Arc<Flow>,
+    /// R, the frames from one kick to the next.
+    pub(crate) macrostep: u32,
+    pub(crate) springs: Springs,
     /// How far its quickest mode turns from kick to kick [rad].
     pub(crate) turn: f64,
-    /// Where its springs balance [m]   (n)
+    /// Where linear springs balance [m]   (n)
     pub(crate) rest: Vec<f64>,
     /// Where it begins [m], and its steps there [m a frame]   (n)
     pub(crate) x0: Vec<f64>,
@@ -63,6 +67,8 @@ pub(crate) struct RunningSlow {
     /// What strikes since the last kick left undone of positions and velocities   (n)
     undone: [Vec<f64>; 2],
     is_struck: bool,
+    /// Room to step springs in space; `None` where they are linear.
+    stepped: Option<Box<SteppedSprings>>,
     /// What hands give its ports at the end of this frame [m a frame]   (n_ports)
     given: Vec<f64>,
     /// By how much all it moves by is less at each kick.
@@ -84,6 +90,11 @@ crate::archive::state!(RunningSlow {
 });
 
 impl Slow {
+    /// Whether its springs are linear, and pull by their exact flow.
+    pub(crate) fn is_linear(&self) -> bool {
+        matches!(self.springs, Springs::Exact(_))
+    }
+
     /// The same body of the key alone, with its ports at other MATs.
     pub(crate) fn alone(&self, mat: impl Fn(usize) -> Option<usize>) -> Self {
         let ports = self.ports.iter();
@@ -105,7 +116,7 @@ impl Slow {
             let free = slow.free.iter();
             free.map(|&mat| slow.network.mat_name(mat)).collect()
         };
-        self.flow.macrostep == other.flow.macrostep
+        self.macrostep == other.macrostep
             && ports(self) == ports(other)
             && names(self) == names(other)
     }
@@ -126,10 +137,20 @@ impl RunningSlow {
     /// At frame 0, where the steps of its ports already tell of all that is not slow.
     pub(crate) fn new(plan: &Slow, body: &Body) -> Self {
         let bent: Vec<f64> = difference(&plan.x0, &plan.rest);
-        let mut v = plan.flow.start(&bent, &plan.v0);
+        let mut stepped = plan.springs.room(&plan.network);
+        let mut v = match (&plan.springs, &mut stepped) {
+            (Springs::Exact(flow), _) => flow.start(&bent, &plan.v0),
+            (Springs::Stepped(_), None) => plan.v0.clone(),
+            (Springs::Stepped(scheme), Some(room)) => {
+                let mut after = plan.v0.clone();
+                room.pull(scheme, plan, &plan.x0, Some(&plan.v0), &mut after);
+                let pairs = after.iter().zip(&plan.v0);
+                pairs.map(|(after, v0)| 0.5 * (after + v0)).collect()
+            }
+        };
         // Half a kick lies between the velocity now and that of the way.
         let kick: Vec<f64> = difference(&v, &plan.v0).iter().map(|dv| 2.0 * dv).collect();
-        let half = 0.5 / f64::from(plan.flow.macrostep);
+        let half = 0.5 / f64::from(plan.macrostep);
         let mut was = Vec::with_capacity(plan.ports.len());
         let mut x = plan.x0.clone();
         for &(own, mat) in &plan.ports {
@@ -152,6 +173,7 @@ impl RunningSlow {
             first: 0,
             undone: [vec![0.0; n], vec![0.0; n]],
             is_struck: false,
+            stepped,
             given: vec![0.0; plan.ports.len()],
             damped: 1.0,
             bent,
@@ -170,7 +192,7 @@ impl RunningSlow {
 
     /// Where one of its MATs is, and its step in a frame [m].
     pub(crate) fn motion(&self, own: usize) -> (f64, f64) {
-        let pull = self.kick[own] / f64::from(self.plan.flow.macrostep);
+        let pull = self.kick[own] / f64::from(self.plan.macrostep);
         let frames = f64::from(self.since) * self.plan.is_inner[own];
         (
             self.x[own] + frames * self.v[own],
@@ -180,7 +202,7 @@ impl RunningSlow {
 
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
-        self.first = (n % u64::from(self.plan.flow.macrostep)) as u32;
+        self.first = (n % u64::from(self.plan.macrostep)) as u32;
     }
 
     /// Set all of it going as it goes elsewhere (own; x, step): as if its springs had pulled when they were to.
@@ -204,13 +226,11 @@ impl RunningSlow {
         for (&(own, _), was) in self.plan.ports.iter().zip(&mut self.was) {
             *was = self.x[own] - self.v[own];
         }
-        for ((bent, x), rest) in self.bent.iter_mut().zip(&self.x).zip(&self.plan.rest) {
-            *bent = rest - x;
-        }
         self.since = self.first;
-        self.kick.fill(0.0);
-        dense::apply(&self.plan.flow.pull.entries, &self.bent, &mut self.kick);
-        let ahead = self.ahead(self.since) / f64::from(self.plan.flow.macrostep);
+        std::mem::swap(&mut self.v, &mut self.kick);
+        self.spring_kick(false);
+        std::mem::swap(&mut self.v, &mut self.kick);
+        let ahead = self.ahead(self.since) / f64::from(self.plan.macrostep);
         for (v, kick) in self.v.iter_mut().zip(&self.kick) {
             *v += kick * ahead;
         }
@@ -221,7 +241,7 @@ impl RunningSlow {
 
     /// How many frames lie between two kicks.
     pub(crate) fn every(&self) -> u32 {
-        self.plan.flow.macrostep
+        self.plan.macrostep
     }
 
     /// Where nothing moves it: so many frames later, or earlier.
@@ -232,7 +252,7 @@ impl RunningSlow {
 
     /// Let its motion fade by a factor more a frame.
     pub(crate) fn damp(&mut self, by: f64) {
-        self.damped = (0..2 * self.plan.flow.macrostep).fold(1.0, |all, _| all * by);
+        self.damped = (0..2 * self.plan.macrostep).fold(1.0, |all, _| all * by);
     }
 
     /// Continue as an equal body does.
@@ -291,7 +311,7 @@ impl RunningSlow {
             self.v[own] += std::mem::take(given);
         }
         self.since += 1;
-        let every = plan.flow.macrostep;
+        let every = plan.macrostep;
         if !(n + 1).is_multiple_of(u64::from(every)) {
             return;
         }
@@ -303,22 +323,35 @@ impl RunningSlow {
         if self.is_struck {
             add_up(&mut self.x, &mut self.undone[0]);
         }
-        for ((bent, x), rest) in self.bent.iter_mut().zip(&self.x).zip(&plan.rest) {
-            *bent = rest - x;
-        }
         if self.damped < 1.0 {
             self.v.iter_mut().for_each(|v| *v *= self.damped);
         }
         self.kick.copy_from_slice(&self.v);
-        self.v.fill(0.0);
-        dense::apply(&plan.flow.keep.entries, &self.kick, &mut self.v);
-        dense::apply(&plan.flow.pull.entries, &self.bent, &mut self.v);
+        self.spring_kick(true);
         if self.is_struck {
             add_up(&mut self.v, &mut self.undone[1]);
             self.is_struck = false;
         }
         for (kick, v) in self.kick.iter_mut().zip(&self.v) {
             *kick = v - *kick;
+        }
+    }
+
+    /// Velocities after its springs pull where it is now, from those in `kick` before, or from rest.
+    fn spring_kick(&mut self, is_moving: bool) {
+        let plan = &*self.plan;
+        let before = is_moving.then_some(&self.kick[..]);
+        match (&plan.springs, &mut self.stepped) {
+            (Springs::Exact(flow), _) => {
+                for ((bent, x), rest) in self.bent.iter_mut().zip(&self.x).zip(&plan.rest) {
+                    *bent = rest - x;
+                }
+                flow.pulled(before, &self.bent, &mut self.v);
+            }
+            (Springs::Stepped(scheme), Some(room)) => {
+                room.pull(scheme, plan, &self.x, before, &mut self.v);
+            }
+            (Springs::Stepped(_), None) => {}
         }
     }
 
@@ -342,12 +375,15 @@ impl RunningSlow {
         }
     }
 
-    /// Its energy, about [in units of a frame]: of its motion, and of its springs as they pull.
+    /// Its energy, about [in units of a frame]: of its motion, and of linear springs as they pull.
     pub(crate) fn energy(&self) -> f64 {
         let plan = &*self.plan;
-        let pulled = plan.flow.pull.apply(&self.x);
+        let pulled = match &plan.springs {
+            Springs::Exact(flow) => flow.pull.apply(&self.x),
+            Springs::Stepped(_) => vec![0.0; self.x.len()],
+        };
         let each = self.x.iter().zip(&self.v).zip(pulled.iter().zip(&plan.w));
-        let every = f64::from(plan.flow.macrostep);
+        let every = f64::from(plan.macrostep);
         each.map(|((x, v), (pull, w))| 0.5 * (v * v + x * pull / every) / w)
             .sum()
     }

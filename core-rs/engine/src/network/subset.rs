@@ -95,6 +95,13 @@ impl Network {
         (mats.m[mat], mats.k[mat], mats.z[mat], mats.rest[mat]) = (m, 0.0, 0.0, 0.0);
     }
 
+    /// Let gravity no longer act on a MAT: what computes its body does so.
+    pub(crate) fn set_weightless(&mut self, mat: usize) {
+        if let Some(weight) = self.mats.weight.get_mut(mat) {
+            *weight = 0.0;
+        }
+    }
+
     /// Give a MAT another K, Z and M.
     pub(crate) fn retie(&mut self, mat: usize, [k, z, m]: [f64; 3]) {
         let mats = &mut self.mats;

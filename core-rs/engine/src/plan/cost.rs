@@ -3,14 +3,13 @@
 use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::island::mesh::Mesh;
-use crate::island::slow::Slow;
+use crate::island::slow::{Slow, Springs};
 use crate::network::{Contact, LinkKind, Measure, Network, Pairwise, Run, SpaceLaw, SpaceLink};
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::mesh::LADDER;
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
-use crate::units::Rate;
 
 /// Nanoseconds for each kind of work.
 const TABLE: &str = include_str!("costs.txt");
@@ -36,6 +35,15 @@ impl Costs {
 
 /// What is stepped costs a frame [ns].
 pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
+    let ns = modules_cost(network);
+    if timeline.gestures.is_empty() {
+        return ns;
+    }
+    ns + Costs::of("hand") * timeline.keys.len() as f64
+}
+
+/// What modules cost that are stepped without hands, a frame [ns].
+fn modules_cost(network: &Network) -> f64 {
     let mut ns = Costs::of("frame") + network.n_moving() as f64 * Costs::of("mat");
     for run in network.runs() {
         let each = match &run.kind {
@@ -68,10 +76,7 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
         };
         ns += each * run.len as f64;
     }
-    if timeline.gestures.is_empty() {
-        return ns;
-    }
-    ns + Costs::of("hand") * timeline.keys.len() as f64
+    ns
 }
 
 /// What a wall costs for each point [ns]; a surface as if all points lay on it.
@@ -141,9 +146,7 @@ pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
             let rows = modal.ports.len() + modal.heard.len();
             modal.modes.len() as f64 * (Costs::of("mode") + rows as f64 * Costs::of("port"))
         }
-        BodyPlan::Mesh(mesh) => {
-            times(mesh) * stepped_cost(&mesh.network, &Timeline::new(mesh.rate))
-        }
+        BodyPlan::Mesh(mesh) => times(mesh) * modules_cost(&mesh.network),
         BodyPlan::Slow(slow) => slow_cost(slow),
     }
 }
@@ -180,17 +183,20 @@ pub(super) fn lone_laws_cost(network: &Network) -> f64 {
 }
 
 /// What a slow body costs less a frame than stepped module by module [ns].
-pub(super) fn saved(slow: &Slow, rate: Rate) -> f64 {
-    let stepped = stepped_cost(&slow.network, &Timeline::new(rate)) - Costs::of("frame");
+pub(super) fn saved(slow: &Slow) -> f64 {
+    let stepped = modules_cost(&slow.network) - Costs::of("frame");
     let ports = slow.ports.len() as f64 * Costs::of("mat");
     stepped - ports - slow_cost(slow)
 }
 
 fn slow_cost(slow: &Slow) -> f64 {
     let n = slow.free.len() as f64;
-    let kick = n * (2.0 * n * Costs::of("port") + Costs::of("mat"));
+    let kick = match &slow.springs {
+        Springs::Exact(_) => n * (2.0 * n * Costs::of("port") + Costs::of("mat")),
+        Springs::Stepped(_) => modules_cost(&slow.network),
+    };
     let each = Costs::of("slow") + slow.ports.len() as f64 * Costs::of("mat");
-    kick / f64::from(slow.flow.macrostep) + each
+    kick / f64::from(slow.macrostep) + each
 }
 
 /// What a bank costs a frame [ns].
@@ -212,6 +218,7 @@ mod tests {
     use super::*;
     use crate::law::Law;
     use crate::network::Facets;
+    use crate::units::Rate;
 
     #[test]
     fn every_line_is_a_cost() {

@@ -11,13 +11,13 @@ impl RunningSlow {
     fn pull(&self, mat: usize) -> f64 {
         let port = self.plan.ports.iter().find(|port| port.1 == mat);
         port.map_or(0.0, |&(own, _)| {
-            self.kick[own] / f64::from(self.plan.flow.macrostep)
+            self.kick[own] / f64::from(self.plan.macrostep)
         })
     }
 
     /// By how much a free port is ahead of its true velocity, so many frames after a pull [pulls for a frame].
     pub(super) fn ahead(&self, since: u32) -> f64 {
-        0.5 + 0.5 * f64::from(self.plan.flow.macrostep) - f64::from(since)
+        0.5 + 0.5 * f64::from(self.plan.macrostep) - f64::from(since)
     }
 
     /// What a port that was led to this frame needs to go on as a free one [m a frame].
@@ -30,7 +30,7 @@ impl RunningSlow {
 
     /// The same, where the next frame is that of a pull.
     pub(crate) fn release_at_pull(&self, mat: usize) -> f64 {
-        let every = self.plan.flow.macrostep;
+        let every = self.plan.macrostep;
         if self.since + 1 < every {
             return 0.0;
         }
@@ -47,7 +47,7 @@ impl RunningSlow {
 
     /// What two frames do not tell of a port's velocity [m a frame] and of its change a frame.
     pub(crate) fn lack(&self, mat: usize, is_led: bool) -> [f64; 2] {
-        let every = f64::from(self.plan.flow.macrostep);
+        let every = f64::from(self.plan.macrostep);
         let pull = self.pull(mat);
         match (self.since, is_led) {
             (0, false) => [0.0, pull * (1.0 - every)],

@@ -161,7 +161,7 @@ impl PortedBody {
                 [mesh::numbers(mesh), vec![mesh::IN_PLACE]].concat()
             }
             BodyPlan::Mesh(mesh) => mesh::numbers(mesh),
-            BodyPlan::Slow(slow) => vec![slow.flow.macrostep],
+            BodyPlan::Slow(slow) => vec![slow.macrostep],
         }
     }
 }
@@ -508,6 +508,7 @@ pub(in crate::plan) fn set_free(hub: &mut Network, inside: &BodyPlan) {
         BodyPlan::Slow(slow) => {
             for &(own, mat) in &slow.ports {
                 hub.set_free(mat, slow.network.mats().m[slow.free[own]]);
+                hub.set_weightless(mat);
             }
         }
     }

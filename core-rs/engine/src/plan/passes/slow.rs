@@ -1,31 +1,23 @@
-//! Slow linear parts of an island: which of their masses go once every R frames, and by what flow.
+//! Slow parts of an island: which of their masses go once every R frames, and how their springs pull.
+
+mod exact;
+mod in_space;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use nalgebra::DMatrix;
-
 use crate::gesture::script::Touch;
-use crate::integrate::flow::{Flow, frame};
-use crate::integrate::square::Square;
-use crate::interrupt;
-use crate::island::slow::Slow;
-use crate::maths;
+use crate::island::slow::{Slow, Springs};
 use crate::network::forest::{Forest, ends};
-use crate::network::{LinkKind, MatKind, Network, Proxy, Subset, Term};
+use crate::network::{LinkKind, MatKind, Network, Proxy, Run, SpaceLaw, Subset, Term};
 use crate::plan::passes::body::heard;
 use crate::plan::passes::wiring::Body;
-use crate::scheme::Scheme;
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
-/// More masses than this are hardly cheaper by dense products, and their flow takes seconds to compute.
-const MASSES_MAX: usize = 120;
 /// A mode that turns further than this between two kicks [rad] is not seen well enough by them.
 const TURN_MAX: f64 = 0.9 * PI;
-/// Stiffness below this part of the stiffest is rounding: nothing holds a body in such a mode.
-const LOOSE: f64 = 1e-12;
 
 /// A part that was to be slow and is not: its name, and why.
 pub(in crate::plan) type Stays = (String, String);
@@ -81,7 +73,7 @@ fn bodies(
 ) -> Result<Vec<(Body, Slow)>, String> {
     let wired = wired(network, timeline, part);
     if wired.is_empty() {
-        return Err("no mass in it is held by linear springs alone".to_owned());
+        return Err("no mass in it is held by linear springs or by links in space".to_owned());
     }
     let strikes = timeline.strikes.iter().map(|strike| strike.mat);
     let ergons = timeline.ergons.iter().map(|ergon| ergon.mat);
@@ -89,7 +81,20 @@ fn bodies(
     // A session may strike any of it.
     let is_struck = |mat: usize| timeline.is_open || struck.contains(&(mat as u32));
     let slow = |body: Body| {
-        let slow = Slow::of(network, timeline.rate, (part, every), &body, is_struck)?;
+        let subset = network.subset(&body.mats, &body.guests, &body.links);
+        let (rate, own) = (timeline.rate, (part, every));
+        // The flow of linear springs knows no gravity.
+        let has_weight = subset
+            .network
+            .mats()
+            .weight
+            .iter()
+            .any(|weight| *weight != 0.0);
+        let slow = if has_weight || links_in_space(&subset.network).next().is_some() {
+            in_space::slow(rate, own, &body, subset)?
+        } else {
+            exact::slow(rate, own, &body, subset, is_struck)?
+        };
         Ok((body, slow))
     };
     wired.into_iter().map(slow).collect()
@@ -105,7 +110,7 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     let mut is_port = vec![false; n];
     let mut is_inner = vec![false; network.n_lia()];
     for run in network.runs().iter().filter(|run| run.part == part) {
-        is_inner[run.first..run.first + run.len].fill(matches!(run.kind, LinkKind::Ref));
+        is_inner[run.first..run.first + run.len].fill(may_be_slow(&run.kind));
     }
     timeline
         .gates
@@ -152,6 +157,21 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     proxied.chain(guides).for_each(|mat| is_port[mat] = true);
     let is_held = |mat: usize| is_own(mat) && mats.kind[mat].is_held() && !is_driven[mat];
     let mut forest = Forest::new(n);
+    for (run, i) in links_in_space(network) {
+        let is_free = |&(a, b): &(usize, usize)| [a, b].iter().all(|&mat| may[mat] || is_held(mat));
+        is_inner[run.first + i] &= run.pairs(i).all(|pair| is_free(&pair));
+        if is_inner[run.first + i] {
+            // It measures a distance: all coordinates of an end go together.
+            let (a, b) = run.pair(i, 0);
+            for (other_a, other_b) in run.pairs(i).skip(1) {
+                for (own, other) in [(a, other_a), (b, other_b)] {
+                    if may[own] && may[other] {
+                        forest.join(own, other);
+                    }
+                }
+            }
+        }
+    }
     for (link, a, b) in ends(network) {
         if is_inner[link] && may[a] && may[b] {
             forest.join(a, b);
@@ -189,49 +209,47 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
         .collect()
 }
 
-impl Slow {
-    fn of(
-        network: &Network,
+/// Whether links of a kind may pull once in many frames: linear springs, and what remembers nothing between two points in
+/// space. What an output measures is measured at every frame.
+fn may_be_slow(kind: &LinkKind) -> bool {
+    match kind {
+        LinkKind::Ref => true,
+        LinkKind::Space(space) => !space.law.yields() && space.law != SpaceLaw::Gauge,
+        _ => false,
+    }
+}
+
+/// Every single link between two points in space: its run, and which of it.
+fn links_in_space(network: &Network) -> impl Iterator<Item = (&Run, usize)> {
+    let in_space = |run: &&Run| matches!(run.kind, LinkKind::Space(_));
+    let runs = network.runs().iter().filter(in_space);
+    runs.flat_map(|run| (0..run.len).map(move |i| (run, i)))
+}
+
+/// What is found out about the springs of a body.
+struct Found {
+    springs: Springs,
+    turn: f64,
+    rest: Vec<f64>,
+    /// MATs that move, by their index in the subset, and 1/M of each at the rate of the island.
+    free: Vec<usize>,
+    w: Vec<f64>,
+    is_discrete: bool,
+}
+
+impl Found {
+    /// The body, or why an output cannot hear it.
+    fn slow(
+        self,
         rate: Rate,
-        (part, every): (usize, u32),
+        (part, macrostep): (usize, u32),
         body: &Body,
-        is_struck: impl Fn(usize) -> bool,
-    ) -> Result<Self, String> {
-        let n = body.mats.len();
-        if n > MASSES_MAX {
-            return Err(format!(
-                "{n} of its masses are connected; above {MASSES_MAX}, a slow rate costs more than the audio rate"
-            ));
-        }
-        let is_discrete = network.parts()[part].ca_rate.is_some();
-        let subset = network.subset(&body.mats, &body.guests, &body.links);
-        let scheme = if is_discrete {
-            Scheme::new(&subset.network, rate)
-        } else {
-            Scheme::physical(&subset.network, rate)
-        };
-        let scheme = scheme.map_err(|error| error.to_string())?;
-        let own = Matrices::new(&subset, &scheme, body);
-        let modes = own.modes();
-        let top = modes.eigenvalues.iter().fold(0.0_f64, |top, x| top.max(*x));
-        let turn = f64::from(every)
-            * if is_discrete {
-                2.0 * maths::asin((0.5 * top.sqrt()).min(1.0))
-            } else {
-                top.sqrt()
-            };
-        let too_fast = || {
-            let hertz = turn / f64::from(every) * rate.hertz() / (2.0 * PI);
-            format!("its highest mode is at {hertz:.0} Hz, too high for that rate")
-        };
-        // A number that is none is no turn within it.
-        if !matches!(turn.partial_cmp(&TURN_MAX), Some(std::cmp::Ordering::Less)) {
-            return Err(too_fast());
-        }
-        let frame = frame(&own.k, &own.z, is_discrete);
-        let flow = Flow::new(&frame, every).ok_or_else(too_fast)?;
+        subset: Subset,
+    ) -> Result<Slow, String> {
+        let Self { free, .. } = self;
+        let n = free.len();
         let outputs = heard(&subset.network).map_err(|why| why.why().to_owned())?;
-        let slot = |mat: usize| own.free.binary_search(&mat).ok();
+        let slot = |mat: usize| free.binary_search(&mat).ok();
         let rows = outputs.rows.into_iter().map(|row| {
             let own = row
                 .into_iter()
@@ -244,144 +262,26 @@ impl Slow {
             .filter_map(|&mat| Some((slot(subset.mat(mat as usize)?)?, mat as usize)))
             .collect();
         let is_port = |own: usize| ports.iter().any(|port| port.0 == own);
-        let missing = |&(own, mat): &(usize, usize)| {
-            if is_struck(mat) {
-                missing(&flow, &frame, own, is_discrete)
-            } else {
-                Vec::new()
-            }
-        };
         let mats = subset.network.mats();
-        Ok(Self {
+        Ok(Slow {
             part,
-            missing: ports.iter().map(missing).collect(),
-            turn,
-            rest: own.rest(&modes.eigenvalues, &modes.eigenvectors),
-            x0: own.free.iter().map(|&i| mats.x0[i]).collect(),
-            v0: own.free.iter().map(|&i| mats.v0[i] * rate.step()).collect(),
+            macrostep,
+            missing: vec![Vec::new(); ports.len()],
+            turn: self.turn,
+            rest: self.rest,
+            x0: free.iter().map(|&i| mats.x0[i]).collect(),
+            v0: free.iter().map(|&i| mats.v0[i] * rate.step()).collect(),
             inner: (0..n).filter(|&own| !is_port(own)).collect(),
             is_inner: (0..n)
                 .map(|own| f64::from(u8::from(!is_port(own))))
                 .collect(),
             heard: subset.outputs.iter().copied().zip(rows).collect(),
-            w: own.w,
-            free: own.free,
-            flow: Arc::new(flow),
-            is_discrete,
+            w: self.w,
+            springs: self.springs,
+            is_discrete: self.is_discrete,
             ports,
             network: Arc::new(subset.network),
-        })
-    }
-}
-
-/// What pushes of a mass at each frame between two kicks leave undone.
-fn missing(flow: &Flow, frame: &Square, own: usize, is_discrete: bool) -> Vec<[Vec<f64>; 2]> {
-    let n = flow.keep.n;
-    let mut moved = vec![0.0; 2 * n];
-    moved[n + own] = 1.0;
-    // The CA network has moved on by a push at the very next frame; motion follows it from where it is.
-    if is_discrete {
-        moved[own] = 1.0;
-    } else {
-        moved = frame.apply(&moved);
-    }
-    let mut found = Vec::new();
-    for frames in 1..=flow.macrostep {
-        interrupt::poll();
-        found.push(flow.missing(own, frames, &moved));
-        moved = frame.apply(&moved);
-    }
-    found.reverse();
-    found
-}
-
-/// What holds masses together, in units of a frame.
-struct Matrices {
-    /// MATs that move, by their index in the subset.
-    free: Vec<usize>,
-    w: Vec<f64>,
-    /// M⁻¹K and M⁻¹Z   (n, n)
-    k: Square,
-    z: Square,
-    /// Force where all are at 0 [N]   (n)
-    force: Vec<f64>,
-}
-
-impl Matrices {
-    fn new(subset: &Subset, scheme: &Scheme, body: &Body) -> Self {
-        let mats = subset.network.mats();
-        let free: Vec<usize> = body
-            .mats
-            .iter()
-            .filter_map(|&mat| subset.mat(mat as usize))
-            .collect();
-        let n = free.len();
-        let slot = |mat: usize| free.binary_search(&mat).ok();
-        let w: Vec<f64> = free.iter().map(|&i| scheme.w[i]).collect();
-        let (mut k, mut z, mut force) = (Square::zero(n), Square::zero(n), vec![0.0; n]);
-        for (own, &i) in free.iter().enumerate() {
-            *k.at(own, own) += scheme.kappa[i];
-            *z.at(own, own) += scheme.zeta[i];
-            force[own] += scheme.kappa[i] / w[own] * scheme.rest[i];
-        }
-        for run in &scheme.runs {
-            for i in 0..run.len {
-                let pair = [(run.a + i, run.b + i, 1.0), (run.b + i, run.a + i, -1.0)];
-                for (own, other, sign) in pair {
-                    let Some(row) = slot(own) else { continue };
-                    *k.at(row, row) += w[row] * run.k;
-                    *z.at(row, row) += w[row] * run.z;
-                    force[row] -= sign * run.k * run.rest;
-                    match slot(other) {
-                        Some(column) => {
-                            *k.at(row, column) -= w[row] * run.k;
-                            *z.at(row, column) -= w[row] * run.z;
-                        }
-                        None => force[row] += run.k * mats.x0[other],
-                    }
-                }
-            }
-        }
-        Self {
             free,
-            w,
-            k,
-            z,
-            force,
-        }
-    }
-
-    /// Modes of M^-½ K M^-½.
-    fn modes(&self) -> nalgebra::SymmetricEigen<f64, nalgebra::Dyn> {
-        let n = self.w.len();
-        let root: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
-        let entry = |row: usize, column: usize| self.k.get(row, column) * root[column] / root[row];
-        // Rounding has made it a little unsymmetric.
-        let even = |row, column| 0.5 * (entry(row, column) + entry(column, row));
-        DMatrix::from_fn(n, n, even).symmetric_eigen()
-    }
-
-    /// Where the springs balance: K·x = force, and x = 0 along what nothing holds.
-    fn rest(&self, values: &nalgebra::DVector<f64>, vectors: &DMatrix<f64>) -> Vec<f64> {
-        let n = self.w.len();
-        let mut rest = vec![0.0; n];
-        if self.force.iter().all(|force| *force == 0.0) {
-            return rest;
-        }
-        let root: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
-        let top = values.iter().fold(0.0_f64, |top, x| top.max(*x));
-        for (mode, &value) in values
-            .iter()
-            .enumerate()
-            .filter(|(_, value)| **value > LOOSE * top)
-        {
-            let share: f64 = (0..n)
-                .map(|i| vectors[(i, mode)] * root[i] * self.force[i])
-                .sum();
-            for (i, rest) in rest.iter_mut().enumerate() {
-                *rest += vectors[(i, mode)] * root[i] * (share / value);
-            }
-        }
-        rest
+        })
     }
 }

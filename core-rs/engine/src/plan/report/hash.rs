@@ -26,7 +26,8 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
                 ..
             } => 7,
             Computed::Mesh(..) => 3,
-            Computed::Slow(_) => 6,
+            Computed::Slow { is_exact: true, .. } => 6,
+            Computed::Slow { .. } => 8,
             Computed::LeftOut(Reason::Unheard) => 4,
             Computed::LeftOut(Reason::Still) => 5,
         };

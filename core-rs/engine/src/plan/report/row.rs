@@ -41,8 +41,13 @@ pub enum Computed {
     },
     /// As a mesh, by a method of its own: its name, and steps a frame.
     Mesh(&'static str, u32),
-    /// By its exact flow, once every so many frames.
-    Slow(u32),
+    /// Its own springs pull once every so many frames.
+    Slow {
+        /// Frames from one pull to the next.
+        every: u32,
+        /// By its exact flow; else by the CA scheme at that rate.
+        is_exact: bool,
+    },
     /// Not at all.
     LeftOut(Reason),
 }
@@ -117,7 +122,7 @@ pub(in crate::plan) const PRESERVED: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)
 impl Row {
     /// Whether a slow part sounds as at every frame, as far as a pilot heard.
     pub fn is_preserved(&self) -> bool {
-        let (Computed::Slow(every), Some(error)) = (self.what, self.error) else {
+        let (Computed::Slow { every, .. }, Some(error)) = (self.what, self.error) else {
             return false;
         };
         let every = every / self.oversampling.max(1);
@@ -197,7 +202,10 @@ impl Row {
                 },
             },
             BodyPlan::Mesh(mesh) => Computed::Mesh(mesh.way.facts().name, mesh.substeps),
-            BodyPlan::Slow(slow) => Computed::Slow(slow.flow.macrostep),
+            BodyPlan::Slow(slow) => Computed::Slow {
+                every: slow.macrostep,
+                is_exact: slow.is_linear(),
+            },
         };
         let ns = cost::body_cost(&found.inside);
         Self::new(found.parts.clone(), [found.mats, found.links], what).costing(

@@ -33,7 +33,7 @@ const NUMBER: f64 = 0.4e-9;
 /// How much an island grows from kick to kick.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::plan) struct Growth {
-    /// Largest eigenvalue.
+    /// Largest eigenvalue; 0 where none is known.
     pub(in crate::plan) radius: f64,
     /// It was followed for a while only, or some of it was left aside.
     pub(in crate::plan) is_tried: bool,
@@ -108,7 +108,7 @@ struct Map<'a> {
     frames: u64,
     /// Kicks of the quickest in these frames.
     kicks: f64,
-    /// A mesh is taken for the masses of its ports.
+    /// Something is taken for the masses of its ports.
     is_partial: bool,
 }
 
@@ -130,18 +130,21 @@ impl<'a> Map<'a> {
             is_port[mat] = true;
         }
         let of = |inside: &'a BodyPlan| match inside {
-            BodyPlan::Slow(slow) => Some(slow),
+            BodyPlan::Slow(slow) if slow.is_linear() => Some(slow),
             _ => None,
         };
         let slow: Vec<&Slow> = bodies().filter_map(of).collect();
-        let every: Vec<u64> = slow.iter().map(|slow| slow.flow.macrostep.into()).collect();
+        let every: Vec<u64> = slow.iter().map(|slow| slow.macrostep.into()).collect();
         let frames = every.iter().copied().fold(1, together);
         let quickest = every.iter().copied().min()?;
-        let is_partial = bodies().any(|inside| matches!(inside, BodyPlan::Mesh(_)));
-        for mat in bodies()
-            .filter(|inside| matches!(inside, BodyPlan::Mesh(_)))
-            .flat_map(BodyPlan::ports)
-        {
+        // What has no map is taken for the masses of its ports.
+        let has_no_map = |inside: &&BodyPlan| match inside {
+            BodyPlan::Mesh(_) => true,
+            BodyPlan::Slow(slow) => !slow.is_linear(),
+            BodyPlan::Modal(_) => false,
+        };
+        let is_partial = bodies().any(|inside| has_no_map(&inside));
+        for mat in bodies().filter(has_no_map).flat_map(BodyPlan::ports) {
             is_port[mat] = false;
         }
         let playing = |slow: &&Slow| RunningSlow::new(&slow.deviation(), &body);

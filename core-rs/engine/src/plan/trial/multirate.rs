@@ -1,10 +1,10 @@
-//! Whether slow parts of an island may be slow, and keys are offered to be: they do not make it grow, and what they cost
-//! in exactness.
+//! Whether slow parts of an island may be slow, and which others could be (keys, what is only seen): they do not make it
+//! grow, and what they cost in exactness.
 
 use std::collections::BTreeSet;
 
 use crate::island::inside::BodyPlan;
-use crate::network::{Error, Network, Subset};
+use crate::network::{Error, Network, Run, Subset, Term};
 use crate::plan::budget::Budget;
 use crate::plan::cost;
 use crate::plan::passes::assemble::Assembled;
@@ -15,12 +15,14 @@ use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::content::IslandContent;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
+use crate::plan::trial::audible::Audible;
 use crate::plan::trial::horizon;
 use crate::plan::trial::macrostep::{self, Growth};
 use crate::plan::trial::pilot_run::{is_worth, length, play};
 use crate::plan::trial::record::{Series, TrialStore, measured};
 use crate::plan::trial::waveform_error::{Spans, difference};
 use crate::scheme::StabilityGuarantee;
+use crate::timeline::Timeline;
 
 /// A key is made slow where its modes turn by so much from kick to kick at most [rad]: R·√λ ≤ 1, R half of what its
 /// own stability would bear. In undamped scans none such grew.
@@ -61,13 +63,14 @@ pub(in crate::plan) fn without(subset: &Subset, stay: &[Stays]) -> Subset {
     }
 }
 
-/// An island with its keys slow, where nobody asks for that and they may be; `None` where none is. What a key does to
-/// the sound is not known where hands or a session play it, and where the discrete network is the truth a plan
-/// changes no more than rounding does.
+/// An island with some of its parts slow that have no rate of their own and may be; `None` where none is, or where that
+/// costs no less. What a part does to the sound is not known where hands or a session play, and where the discrete network
+/// is the truth a plan changes no more than rounding does.
 pub(in crate::plan) fn offer(
     subset: &Subset,
     own: &OwnTimeline,
     budget: &Budget,
+    offered: Offered,
     every: u32,
 ) -> Option<Subset> {
     let timeline = &own.timeline;
@@ -83,13 +86,16 @@ pub(in crate::plan) fn offer(
     {
         return None;
     }
-    let part = |mat: usize| network.mats().part[mat] as usize;
-    let keys = timeline.keys.iter().map(|key| part(key.struck));
-    let names: BTreeSet<&str> = keys
+    let names: BTreeSet<&str> = offered
+        .parts(network, timeline)
+        .into_iter()
         .map(|part| &network.parts()[part])
         .filter(|part| part.macrostep.is_none())
         .map(|part| part.name.as_str())
         .collect();
+    if names.is_empty() {
+        return None;
+    }
     let may = |name: &str| names.contains(name);
     let set = |name: &str, own: Option<u32>| own.or(may(name).then_some(every));
     let slowed = network.with_macrosteps(set);
@@ -97,7 +103,7 @@ pub(in crate::plan) fn offer(
     let fits: BTreeSet<usize> = found
         .bodies
         .iter()
-        .filter(|(_, slow)| slow.turn <= TURN && cost::saved(slow, timeline.rate) > 0.0)
+        .filter(|(_, slow)| slow.turn <= offered.most_turn() && cost::saved(slow) > 0.0)
         .map(|(_, slow)| slow.part)
         .collect();
     let fits =
@@ -107,6 +113,63 @@ pub(in crate::plan) fn offer(
         network,
         ..subset.clone()
     })
+}
+
+/// Parts that a plan may make slow where nobody asks for it by their names.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::plan) enum Offered {
+    /// Keys.
+    Keys,
+    /// What is only seen: no output hears it, and nobody plays it.
+    OnlySeen,
+}
+
+impl Offered {
+    /// How far a mode of them may turn from kick to kick [rad].
+    fn most_turn(self) -> f64 {
+        match self {
+            Self::Keys => TURN,
+            // As far as a slow body may at all: what it changes is measured.
+            Self::OnlySeen => f64::INFINITY,
+        }
+    }
+
+    fn parts(self, network: &Network, timeline: &Timeline) -> BTreeSet<usize> {
+        let part = |mat: usize| network.mats().part[mat] as usize;
+        let keys: BTreeSet<usize> = timeline.keys.iter().map(|key| part(key.struck)).collect();
+        match self {
+            Self::Keys => keys,
+            Self::OnlySeen => {
+                let mut parts: BTreeSet<usize> = (0..network.n_mat()).map(part).collect();
+                let driven = timeline.drives.iter().map(|drive| part(drive.mat));
+                for played in keys.into_iter().chain(driven).chain(heard(network)) {
+                    parts.remove(&played);
+                }
+                parts
+            }
+        }
+    }
+}
+
+/// Parts that outputs hear.
+fn heard(network: &Network) -> BTreeSet<usize> {
+    let mut parts = BTreeSet::new();
+    for term in network.outputs().iter().flat_map(|output| &output.terms) {
+        match *term {
+            Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
+                let mats = &network.mats().part[first..first + len];
+                parts.extend(mats.iter().map(|&part| part as usize));
+            }
+            Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
+                let links = first..first + len;
+                let runs = network.runs().iter();
+                let is_heard =
+                    |run: &&Run| run.first < links.end && links.start < run.first + run.len;
+                parts.extend(runs.filter(is_heard).map(|run| run.part));
+            }
+        }
+    }
+    parts
 }
 
 /// Whether more parts are slow.
@@ -172,7 +235,7 @@ pub(in crate::plan) fn error(
         )
     });
     let found = measured(series, allowance, || {
-        beside(&slow, &single, contact_substeps, allowance)
+        beside(&slow, &single, contact_substeps, (budget, allowance))
     })?;
     let Some(found) = found else {
         return Ok(None);
@@ -187,7 +250,7 @@ fn beside(
     slow: &Assembled,
     single: &Assembled,
     contact_substeps: usize,
-    allowance: &Allowance,
+    (budget, allowance): (&Budget, &Allowance),
 ) -> Result<Option<Measured>, Error> {
     let excerpt = unless_spent(length(&slow.island_plan, allowance))?;
     let excerpt = excerpt
@@ -208,7 +271,7 @@ fn beside(
         db,
         over: excerpt.end() as f64 / spans.rate,
         spectral: None,
-        audible: None,
+        audible: Audible::of_budget(budget, (&slowly, &plainly.sound), &spans),
     }))
 }
 

@@ -42,7 +42,8 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Piloted
     let pairs = pin.kept.iter().zip(&island.island_plan.bodies);
     let kept = pairs.map(|(kept, body)| match body {
         BodyPlan::Modal(modal) => KeptModes::pinned(kept, modal.modes.len()),
-        BodyPlan::Mesh(_) | BodyPlan::Slow(_) => Some(KeptModes::none()),
+        BodyPlan::Mesh(_) => Some(KeptModes::none()),
+        BodyPlan::Slow(slow) => (kept[..] == [slow.macrostep]).then(KeptModes::none),
     });
     let kept = kept.collect::<Option<Vec<_>>>()?;
     let substeps = pin.contact_substeps.clamp(1, Budget::STEPS_MAX);

@@ -1,0 +1,194 @@
+//! Linear springs of a slow body: the exact flow of its masses over R frames.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use nalgebra::DMatrix;
+
+use super::{Found, TURN_MAX};
+use crate::integrate::flow::{Flow, frame};
+use crate::integrate::square::Square;
+use crate::interrupt;
+use crate::island::slow::{Slow, Springs};
+use crate::maths;
+use crate::network::Subset;
+use crate::plan::passes::wiring::Body;
+use crate::scheme::Scheme;
+use crate::units::Rate;
+
+/// More masses than this are hardly cheaper by dense products, and their flow takes seconds to compute.
+const MASSES_MAX: usize = 120;
+/// Stiffness below this part of the stiffest is rounding: nothing holds a body in such a mode.
+const LOOSE: f64 = 1e-12;
+
+/// A body of linear springs, or why it has no flow; `is_struck`: whether a MAT of the island may be struck.
+pub(super) fn slow(
+    rate: Rate,
+    (part, every): (usize, u32),
+    body: &Body,
+    subset: Subset,
+    is_struck: impl Fn(usize) -> bool,
+) -> Result<Slow, String> {
+    let n = body.mats.len();
+    if n > MASSES_MAX {
+        return Err(format!(
+            "{n} of its masses are connected; above {MASSES_MAX}, a slow rate costs more than the audio rate"
+        ));
+    }
+    let is_discrete = subset.network.parts()[part].ca_rate.is_some();
+    let scheme = if is_discrete {
+        Scheme::new(&subset.network, rate)
+    } else {
+        Scheme::physical(&subset.network, rate)
+    };
+    let scheme = scheme.map_err(|error| error.to_string())?;
+    let own = Matrices::new(&subset, &scheme, body);
+    let modes = own.modes();
+    let top = modes.eigenvalues.iter().fold(0.0_f64, |top, x| top.max(*x));
+    let turn = f64::from(every)
+        * if is_discrete {
+            2.0 * maths::asin((0.5 * top.sqrt()).min(1.0))
+        } else {
+            top.sqrt()
+        };
+    let too_fast = || {
+        let hertz = turn / f64::from(every) * rate.hertz() / (2.0 * PI);
+        format!("its highest mode is at {hertz:.0} Hz, too high for that rate")
+    };
+    // A number that is none is no turn within it.
+    if !matches!(turn.partial_cmp(&TURN_MAX), Some(std::cmp::Ordering::Less)) {
+        return Err(too_fast());
+    }
+    let frame = frame(&own.k, &own.z, is_discrete);
+    let flow = Flow::new(&frame, every).ok_or_else(too_fast)?;
+    let found = Found {
+        springs: Springs::Exact(Arc::new(flow.clone())),
+        turn,
+        rest: own.rest(&modes.eigenvalues, &modes.eigenvectors),
+        free: own.free,
+        w: own.w,
+        is_discrete,
+    };
+    let mut slow = found.slow(rate, (part, every), body, subset)?;
+    let missing = |&(own, mat): &(usize, usize)| {
+        if is_struck(mat) {
+            missing(&flow, &frame, own, is_discrete)
+        } else {
+            Vec::new()
+        }
+    };
+    slow.missing = slow.ports.iter().map(missing).collect();
+    Ok(slow)
+}
+
+/// What pushes of a mass at each frame between two kicks leave undone.
+fn missing(flow: &Flow, frame: &Square, own: usize, is_discrete: bool) -> Vec<[Vec<f64>; 2]> {
+    let n = flow.keep.n;
+    let mut moved = vec![0.0; 2 * n];
+    moved[n + own] = 1.0;
+    // The CA network has moved on by a push at the very next frame; motion follows it from where it is.
+    if is_discrete {
+        moved[own] = 1.0;
+    } else {
+        moved = frame.apply(&moved);
+    }
+    let mut found = Vec::new();
+    for frames in 1..=flow.macrostep {
+        interrupt::poll();
+        found.push(flow.missing(own, frames, &moved));
+        moved = frame.apply(&moved);
+    }
+    found.reverse();
+    found
+}
+
+/// What holds masses together, in units of a frame.
+struct Matrices {
+    /// MATs that move, by their index in the subset.
+    free: Vec<usize>,
+    w: Vec<f64>,
+    /// M⁻¹K and M⁻¹Z   (n, n)
+    k: Square,
+    z: Square,
+    /// Force where all are at 0 [N]   (n)
+    force: Vec<f64>,
+}
+
+impl Matrices {
+    fn new(subset: &Subset, scheme: &Scheme, body: &Body) -> Self {
+        let mats = subset.network.mats();
+        let free: Vec<usize> = body
+            .mats
+            .iter()
+            .filter_map(|&mat| subset.mat(mat as usize))
+            .collect();
+        let n = free.len();
+        let slot = |mat: usize| free.binary_search(&mat).ok();
+        let w: Vec<f64> = free.iter().map(|&i| scheme.w[i]).collect();
+        let (mut k, mut z, mut force) = (Square::zero(n), Square::zero(n), vec![0.0; n]);
+        for (own, &i) in free.iter().enumerate() {
+            *k.at(own, own) += scheme.kappa[i];
+            *z.at(own, own) += scheme.zeta[i];
+            force[own] += scheme.kappa[i] / w[own] * scheme.rest[i];
+        }
+        for run in &scheme.runs {
+            for i in 0..run.len {
+                let pair = [(run.a + i, run.b + i, 1.0), (run.b + i, run.a + i, -1.0)];
+                for (own, other, sign) in pair {
+                    let Some(row) = slot(own) else { continue };
+                    *k.at(row, row) += w[row] * run.k;
+                    *z.at(row, row) += w[row] * run.z;
+                    force[row] -= sign * run.k * run.rest;
+                    match slot(other) {
+                        Some(column) => {
+                            *k.at(row, column) -= w[row] * run.k;
+                            *z.at(row, column) -= w[row] * run.z;
+                        }
+                        None => force[row] += run.k * mats.x0[other],
+                    }
+                }
+            }
+        }
+        Self {
+            free,
+            w,
+            k,
+            z,
+            force,
+        }
+    }
+
+    /// Modes of M^-½ K M^-½.
+    fn modes(&self) -> nalgebra::SymmetricEigen<f64, nalgebra::Dyn> {
+        let n = self.w.len();
+        let root: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
+        let entry = |row: usize, column: usize| self.k.get(row, column) * root[column] / root[row];
+        // Rounding has made it a little unsymmetric.
+        let even = |row, column| 0.5 * (entry(row, column) + entry(column, row));
+        DMatrix::from_fn(n, n, even).symmetric_eigen()
+    }
+
+    /// Where the springs balance: K·x = force, and x = 0 along what nothing holds.
+    fn rest(&self, values: &nalgebra::DVector<f64>, vectors: &DMatrix<f64>) -> Vec<f64> {
+        let n = self.w.len();
+        let mut rest = vec![0.0; n];
+        if self.force.iter().all(|force| *force == 0.0) {
+            return rest;
+        }
+        let root: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
+        let top = values.iter().fold(0.0_f64, |top, x| top.max(*x));
+        for (mode, &value) in values
+            .iter()
+            .enumerate()
+            .filter(|(_, value)| **value > LOOSE * top)
+        {
+            let share: f64 = (0..n)
+                .map(|i| vectors[(i, mode)] * root[i] * self.force[i])
+                .sum();
+            for (i, rest) in rest.iter_mut().enumerate() {
+                *rest += vectors[(i, mode)] * root[i] * (share / value);
+            }
+        }
+        rest
+    }
+}

@@ -1,0 +1,44 @@
+//! Links in space of a slow body: the CA scheme of the body alone at its own rate.
+
+use std::sync::Arc;
+
+use super::{Found, TURN_MAX};
+use crate::island::slow::{Slow, Springs};
+use crate::maths;
+use crate::network::Subset;
+use crate::plan::passes::wiring::Body;
+use crate::scheme::Scheme;
+use crate::units::Rate;
+
+/// A body with links in space, or why it is not stable so seldom.
+pub(super) fn slow(
+    rate: Rate,
+    (part, every): (usize, u32),
+    body: &Body,
+    subset: Subset,
+) -> Result<Slow, String> {
+    let frames = f64::from(every);
+    let own_rate = Rate::new(rate.hertz() / frames).map_err(|error| error.to_string())?;
+    let stiff = || "its springs are too stiff for that rate".to_owned();
+    let scheme = Scheme::new(&subset.network, own_rate).map_err(|error| error.to_string())?;
+    let certificate = scheme.certify(&subset.network).map_err(|_| stiff())?;
+    let turn = 2.0 * maths::asin((0.5 * certificate.lambda_max.sqrt()).min(1.0));
+    // A number that is none is no turn within it.
+    if !matches!(turn.partial_cmp(&TURN_MAX), Some(std::cmp::Ordering::Less)) {
+        return Err(stiff());
+    }
+    let mats = body.mats.iter();
+    let free: Vec<usize> = mats.filter_map(|&mat| subset.mat(mat as usize)).collect();
+    let found = Found {
+        turn,
+        rest: vec![0.0; free.len()],
+        w: free
+            .iter()
+            .map(|&mat| scheme.w[mat] / (frames * frames))
+            .collect(),
+        free,
+        springs: Springs::Stepped(Arc::new(scheme)),
+        is_discrete: false,
+    };
+    found.slow(rate, (part, every), body, subset)
+}
