@@ -143,7 +143,11 @@ fn a_slow_key_does_not_allocate() {
     }
     timeline.strike(&network, struck, 0.23, 0.01, 0).unwrap();
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::default(), None).unwrap();
-    assert!(plan.rows().iter().any(|row| row.what == Computed::Slow(10)));
+    assert!(plan.rows().iter().any(|row| row.what
+        == Computed::Slow {
+            every: 10,
+            is_exact: true
+        }));
     let options = Options {
         ledger: false,
         ..options(OnFault::Stop)

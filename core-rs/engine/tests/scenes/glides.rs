@@ -325,12 +325,11 @@ fn a_slow_body_goes_on() {
             .map(|budget| plan(network(k), &key(), budget))
     };
     let (before, after) = (plans(150.0), plans(150.0 * (1.0 + 1e-13)));
-    assert!(
-        before[0]
-            .rows()
-            .iter()
-            .any(|row| row.what == Computed::Slow(8))
-    );
+    assert!(before[0].rows().iter().any(|row| row.what
+        == Computed::Slow {
+            every: 8,
+            is_exact: true
+        }));
     let mut alone = Simulation::planned(before[0].clone(), plain()).unwrap();
     let mut unchanged = vec![0.0; 2 * 9_000];
     alone.process(&mut unchanged).unwrap();
