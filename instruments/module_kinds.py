@@ -328,7 +328,10 @@ def _generators(ca: bool) -> dict[str, tuple[Record, tuple[str, ...]]]:
     )
     known = "a body of which modes and their levels are known"
     return {
-        "STRING": (Record("module", "masses in a row", string), ("f", "t60")),
+        "STRING": (
+            Record("module", "masses in a row", string, meant={"held": "ends"}),
+            ("f", "t60"),
+        ),
         "PLATE": (Record("module", "a mesh of masses", plate), ("f", "t60")),
         "BANK": (Record("module", "many CEL", bank), ("f", "t60")),
         "MODES": (Record("module", known, modes), ()),

@@ -289,7 +289,10 @@ def tables(
     return {
         "MAS": ("mat", Record("module", "a point mass in space", (mass, x0, v0, drag))),
         "SOL": ("mat", Record("module", "a fixed point in space", (x0,))),
-        "CHAIN": ("generator", Record("module", "points in a row, joined by springs", chain)),
+        "CHAIN": (
+            "generator",
+            Record("module", "points in a row, joined by springs", chain, meant={"held": "ends"}),
+        ),
         "CLOTH": ("generator", Record("module", "a net of points and springs", cloth)),
         "DISC": ("generator", Record("module", "a round net of triangles", disc)),
         "BLOCK": ("generator", Record("module", "a box of points and springs", block)),

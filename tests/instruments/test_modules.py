@@ -139,3 +139,15 @@ def test_a_coupling_names_laws_as_a_module_does():
 
 def test_a_key_that_does_not_say_where_it_is_struck_is_told_once():
     assert codes("ergon: 1\nkeys: {k: {modules: {m: {MAS: {M: 1}}}}}\n") == ["E103"]
+
+
+@pytest.mark.parametrize(
+    "module", ["STRING: {masses: 5, M: 1g, f: 99Hz", "CHAIN: {masses: 5, M: 1g"]
+)
+def test_a_row_holds_its_ends(module: str) -> None:
+    """A net has `held`, and a row `ends`."""
+    text = f"ergon: 1\ninstruments: {{a: {{modules: {{m: {{{module}, held: left}}}}}}}}}}\n"
+    if module.startswith("CHAIN"):
+        text = text.replace("{modules", "{space: 2, modules")
+    found = next(one for one in check(text).diagnostics if one.code == "E101")
+    assert found.suggestion == "ends"
