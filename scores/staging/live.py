@@ -13,6 +13,7 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.text.errors import Collector, quote
 from ergon.scores.reading.piece import Key, Piece, Player
 from ergon.scores.staging.hands import Hands, Window
+from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.takes import Takes
 
 if TYPE_CHECKING:
@@ -108,6 +109,16 @@ def _with_standin(
     return np.concatenate(
         [standin_path[np.minimum(unknown, len(standin_path) - 1)], recorded[len(unknown) :]]
     )
+
+
+def check_players(piece: Piece, real: Real, collector: Collector) -> None:
+    """Raise StageError where a real hand plays whom the piece does not have."""
+    for name in real:
+        if name not in piece.players:
+            message = f"{quote(name)} plays on a device, and this score has no player of that name"
+            collector.error("E308", message, piece.place)
+    if collector.has_errors():
+        raise StageError(collector.finish())
 
 
 def held(piece: Piece, real: Real) -> Piece:

@@ -20,7 +20,7 @@ from ergon.scores.staging.built_network import OVER, BuiltNetwork, acting, build
 from ergon.scores.staging.drives import drive, sounds_in
 from ergon.scores.staging.hands import ALL, Hands, Window
 from ergon.scores.staging.listening import check_rooms
-from ergon.scores.staging.live import LiveHand, held, join, stand_ins
+from ergon.scores.staging.live import LiveHand, check_players, held, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.parameter_values import Led, Points, Where
 from ergon.scores.staging.refusals import StageError, refuse, refused
@@ -88,6 +88,7 @@ def prepare(
     """
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
+    check_players(piece, real, collector)
     try:
         computed = held(piece, real)
         built = (like and like.built.of(computed, silent)) or build_network(computed, silent)

@@ -362,7 +362,7 @@ def test_a_part_with_nothing_linear_goes_at_every_frame():
     network.listen("bell", positions=[(bell, 1, 1.0)])
     timeline = _core.Timeline(network, RATE)
     timeline.gesture(timeline.key("key", struck), [0.0, 0.1], [0.0, 3e-3], ["smooth"] * 2)
-    why = "no mass in it is held by linear springs alone"
+    why = "no mass in it is held by linear springs or by links in space"
     assert _core.Plan(network, timeline).stay() == [("key", why)]
 
 

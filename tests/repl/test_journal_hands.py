@@ -263,6 +263,18 @@ def written(folder: Path, events: list[dict]) -> None:
     (folder / "session.jsonl").write_text(text, encoding="utf-8")
 
 
+def test_a_score_without_the_player_of_a_device_is_refused_by_a_sentence(tmp_path: Path):
+    """It was an internal error; what plays goes on."""
+    (tmp_path / "other.yaml").write_text(SCORE.replace("remi", "ines"), encoding="utf-8")
+    with playing(tmp_path) as own:
+        own.run(0.2)
+        reply = own.session.submit(f"load {tmp_path / 'other.yaml'} now")
+        assert not reply.taken
+        assert "'remi' plays on a device, and this score has no player" in reply.text
+        own.ok("play")
+        own.run(0.2)
+
+
 def test_the_journal_names_device_key_and_frame_of_each_hand(short: Path, tmp_path: Path):
     first = copied(short, tmp_path)[0]
     assert first["take"] == "session.take"
