@@ -10,8 +10,8 @@ use std::sync::Arc;
 use crate::kernel::sound;
 use crate::network::Network;
 use crate::state::Body;
+use springs::RunningSprings;
 pub(crate) use springs::Springs;
-use springs::SteppedSprings;
 
 /// What a plan says of a slow body.
 #[derive(Clone, Debug)]
@@ -67,8 +67,7 @@ pub(crate) struct RunningSlow {
     /// What strikes since the last kick left undone of positions and velocities   (n)
     undone: [Vec<f64>; 2],
     is_struck: bool,
-    /// Room to step springs in space; `None` where they are linear.
-    stepped: Option<Box<SteppedSprings>>,
+    springs: RunningSprings,
     /// What hands give its ports at the end of this frame [m a frame]   (n_ports)
     given: Vec<f64>,
     /// By how much all it moves by is less at each kick.
@@ -137,17 +136,8 @@ impl RunningSlow {
     /// At frame 0, where the steps of its ports already tell of all that is not slow.
     pub(crate) fn new(plan: &Slow, body: &Body) -> Self {
         let bent: Vec<f64> = difference(&plan.x0, &plan.rest);
-        let mut stepped = plan.springs.room(&plan.network);
-        let mut v = match (&plan.springs, &mut stepped) {
-            (Springs::Exact(flow), _) => flow.start(&bent, &plan.v0),
-            (Springs::Stepped(_), None) => plan.v0.clone(),
-            (Springs::Stepped(scheme), Some(room)) => {
-                let mut after = plan.v0.clone();
-                room.pull(scheme, plan, &plan.x0, Some(&plan.v0), &mut after);
-                let pairs = after.iter().zip(&plan.v0);
-                pairs.map(|(after, v0)| 0.5 * (after + v0)).collect()
-            }
-        };
+        let mut springs = plan.springs.running(&plan.network);
+        let mut v = springs.start(plan, &bent);
         // Half a kick lies between the velocity now and that of the way.
         let kick: Vec<f64> = difference(&v, &plan.v0).iter().map(|dv| 2.0 * dv).collect();
         let half = 0.5 / f64::from(plan.macrostep);
@@ -173,7 +163,7 @@ impl RunningSlow {
             first: 0,
             undone: [vec![0.0; n], vec![0.0; n]],
             is_struck: false,
-            stepped,
+            springs,
             given: vec![0.0; plan.ports.len()],
             damped: 1.0,
             bent,
@@ -260,6 +250,7 @@ impl RunningSlow {
         let damped = self.damped;
         std::mem::swap(self, old);
         std::mem::swap(&mut self.plan, &mut old.plan);
+        std::mem::swap(&mut self.springs, &mut old.springs);
         self.damped = damped;
     }
 
@@ -339,20 +330,9 @@ impl RunningSlow {
 
     /// Velocities after its springs pull where it is now, from those in `kick` before, or from rest.
     fn spring_kick(&mut self, is_moving: bool) {
-        let plan = &*self.plan;
         let before = is_moving.then_some(&self.kick[..]);
-        match (&plan.springs, &mut self.stepped) {
-            (Springs::Exact(flow), _) => {
-                for ((bent, x), rest) in self.bent.iter_mut().zip(&self.x).zip(&plan.rest) {
-                    *bent = rest - x;
-                }
-                flow.pulled(before, &self.bent, &mut self.v);
-            }
-            (Springs::Stepped(scheme), Some(room)) => {
-                room.pull(scheme, plan, &self.x, before, &mut self.v);
-            }
-            (Springs::Stepped(_), None) => {}
-        }
+        let (x, bent, after) = (&self.x, &mut self.bent, &mut self.v);
+        self.springs.pull(&self.plan, x, before, bent, after);
     }
 
     /// How many numbers its motion is, at a kick.

@@ -23,42 +23,81 @@ pub(crate) enum Springs {
 }
 
 impl Springs {
-    /// Room for the steps of springs in space.
-    pub(super) fn room(&self, network: &Network) -> Option<Box<SteppedSprings>> {
+    /// The springs of a body of that network while it runs.
+    pub(super) fn running(&self, network: &Network) -> RunningSprings {
         match self {
-            Self::Exact(_) => None,
-            Self::Stepped(scheme) => Some(Box::new(SteppedSprings::new(scheme, network))),
+            Self::Exact(flow) => RunningSprings::Exact(flow.clone()),
+            Self::Stepped(scheme) => {
+                RunningSprings::Stepped(Box::new(SteppedSprings::new(scheme, network)))
+            }
+        }
+    }
+}
+
+/// Springs that pull.
+#[derive(Clone, Debug)]
+pub(super) enum RunningSprings {
+    Exact(Arc<Flow>),
+    Stepped(Box<SteppedSprings>),
+}
+
+impl RunningSprings {
+    /// The velocities of the first straight motion [m a frame], where masses begin `bent` from rest [m] (n each).
+    pub(super) fn start(&mut self, slow: &Slow, bent: &[f64]) -> Vec<f64> {
+        match self {
+            Self::Exact(flow) => flow.start(bent, &slow.v0),
+            Self::Stepped(stepped) => {
+                let mut after = slow.v0.clone();
+                stepped.pull(slow, &slow.x0, Some(&slow.v0), &mut after);
+                let pairs = after.iter().zip(&slow.v0);
+                pairs.map(|(after, v0)| 0.5 * (after + v0)).collect()
+            }
+        }
+    }
+
+    /// Velocities after a pull at positions `x`, from those `before`, or from rest [m a frame] (n each). `bent` is room for
+    /// the way back to where linear springs rest.
+    pub(super) fn pull(
+        &mut self,
+        slow: &Slow,
+        x: &[f64],
+        before: Option<&[f64]>,
+        bent: &mut [f64],
+        after: &mut [f64],
+    ) {
+        match self {
+            Self::Exact(flow) => {
+                for ((bent, x), rest) in bent.iter_mut().zip(x).zip(&slow.rest) {
+                    *bent = rest - x;
+                }
+                flow.pulled(before, bent, after);
+            }
+            Self::Stepped(stepped) => stepped.pull(slow, x, before, after),
         }
     }
 }
 
 /// A step of CA of the body's own network. It has no memory: what it needs is put in before each step.
 #[derive(Clone, Debug)]
-pub(crate) struct SteppedSprings {
+pub(super) struct SteppedSprings {
+    scheme: Arc<Scheme>,
     body: Body,
     laws: Laws,
 }
 
 impl SteppedSprings {
-    fn new(scheme: &Scheme, network: &Network) -> Self {
+    fn new(scheme: &Arc<Scheme>, network: &Network) -> Self {
         let x = network.mats().x0.clone();
         let d = vec![0.0; x.len()];
         Self {
+            scheme: scheme.clone(),
             body: Body::new(scheme, x, d),
             laws: Laws::new(scheme),
         }
     }
 
-    /// Velocities after a pull at positions `x`, from those `before`, or from rest [m a frame] (n each).
-    pub(super) fn pull(
-        &mut self,
-        scheme: &Scheme,
-        slow: &Slow,
-        x: &[f64],
-        before: Option<&[f64]>,
-        after: &mut [f64],
-    ) {
-        let Self { body, laws } = self;
+    fn pull(&mut self, slow: &Slow, x: &[f64], before: Option<&[f64]>, after: &mut [f64]) {
+        let Self { scheme, body, laws } = self;
         let frames = f64::from(slow.macrostep);
         for (own, &mat) in slow.free.iter().enumerate() {
             body.x[mat] = x[own];
