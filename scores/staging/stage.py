@@ -300,7 +300,8 @@ def _report_motion(piece: Piece, plan: _core.Plan, collector: Collector) -> None
             names = " + ".join(map(quote, row.parts))
             message = f"{names} is computed at the audio rate, not at that of motion: {row.stays}"
             collector.error("N403", message, piece.place)
-    if not rows and not any(row.offered for row in plan.rows()):
+    offered = (row for row in plan.rows() if row.offered)
+    if not rows and all(piece.keys.keys() & set(row.parts) for row in offered):
         message = (
             "no part goes at the rate of motion: all that moves is heard, is felt by a hand, or "
             "would be heard at that rate"

@@ -120,7 +120,7 @@ def test_it_is_heard_as_dop853_says() -> None:
     assert errors[0] < -20
 
 
-def test_the_sound_is_as_far_off_as_the_plan_says(tmp_path: Path) -> None:
+def test_the_sound_is_as_far_off_as_the_plan_says() -> None:
     made, plain = staged(FLAG), staged(FLAG.replace("rates: {motion: 2kHz}\n", ""))
     (row,) = slow_rows(made)
     assert row.parts == ["flag"]

@@ -23,10 +23,10 @@ use crate::plan::passes::slow::Stays;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::report::content::IslandContent;
-use crate::plan::report::row::{self, Computed, Measured, PRESERVED, Reason, Row};
+use crate::plan::report::row::{self, Computed, Measured, Reason, Row};
 use crate::plan::trial::allowance::Allowance;
 use crate::plan::trial::macrostep::Growth;
-use crate::plan::trial::multirate::{self, Offered};
+use crate::plan::trial::multirate;
 use crate::plan::trial::pilot;
 use crate::plan::trial::record::{Series, TrialStore};
 use crate::plan::trial::tried::{self, Piloted, Tried};
@@ -35,6 +35,7 @@ use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
 mod beside;
+mod offers;
 
 /// A plan on its way.
 struct Maker<'a> {
@@ -64,11 +65,6 @@ struct Solved {
     /// Keys in it are slow without being asked to be.
     is_offered: bool,
 }
-
-/// Keys are made slow where their island then costs so many times as much at most.
-const WORTH: f64 = 0.95;
-/// What is only seen is slow where that takes so much at most of what is allowed by ear: the rest of its island has errors too.
-const UNHEARD: f64 = 0.5;
 
 pub(super) fn make(
     network: Arc<Network>,
@@ -293,7 +289,7 @@ impl<'a> Maker<'a> {
         ported::takes(&subset.network, &own.timeline, self.budget)?;
         let n_refused = self.allowance.n_refused();
         let solved = match self.solve(subset, own, pin) {
-            Ok(solved) if pin.is_none() => self.offered(subset, own, solved)?,
+            Ok(solved) if pin.is_none() => self.offered(subset, own, solved),
             Err(error) => match pin.and_then(|pin| self.pinned_offer(subset, own, pin)) {
                 Some(solved) => solved,
                 None => return Err(error),
@@ -471,104 +467,6 @@ impl<'a> Maker<'a> {
         }
         tried.held(self.budget, known)
     }
-
-    /// The same with what is only seen slow, and with its keys slow, where that is cheaper and sounds as it did.
-    fn offered(&self, subset: &Subset, own: &OwnTimeline, plain: Solved) -> Result<Solved, Error> {
-        let (seldom, mut best) = self.only_seen(subset, own, plain);
-        let subset = seldom.as_ref().unwrap_or(subset);
-        for &(every, preserved) in &PRESERVED {
-            // An offer is taken only once it is measured.
-            if self.allowance.n_refused() > 0 {
-                break;
-            }
-            let most = preserved.min(self.budget.contact());
-            let keys = multirate::offer(subset, own, self.budget, Offered::Keys, every);
-            let is_right = |solved: &Solved, best: &Solved| {
-                solved.slow_error.is_some_and(|error| error.db <= most)
-                    && solved.cost() < WORTH * best.cost()
-                    && solved.is_as_exact(best, self.budget)
-            };
-            if let Some(slow) = keys
-                && let Some(solved) = self.taken(&slow, own, &best, is_right)
-            {
-                best = solved;
-            }
-        }
-        Ok(best)
-    }
-
-    /// The same with what is only seen as seldom as the score says, or more often where that would be heard.
-    fn only_seen(
-        &self,
-        subset: &Subset,
-        own: &OwnTimeline,
-        plain: Solved,
-    ) -> (Option<Subset>, Solved) {
-        let mut every = self.seen_every;
-        while every > 1 && self.allowance.n_refused() == 0 {
-            let seldom = multirate::offer(subset, own, self.budget, Offered::OnlySeen, every);
-            let is_right = |solved: &Solved, plain: &Solved| {
-                solved.is_unheard(self.budget)
-                    && solved.cost() < plain.cost()
-                    && solved.sounds_as_exact(plain, self.budget)
-            };
-            if let Some(seldom) = seldom
-                && let Some(solved) = self.taken(&seldom, own, &plain, is_right)
-            {
-                return (Some(seldom), solved);
-            }
-            every /= 2;
-        }
-        (None, plain)
-    }
-
-    /// An island with slow parts that are offered, where it `is_right` beside the same without.
-    fn taken(
-        &self,
-        slow: &Subset,
-        own: &OwnTimeline,
-        plain: &Solved,
-        is_right: impl Fn(&Solved, &Solved) -> bool,
-    ) -> Option<Solved> {
-        let solved = self.solve(slow, own, None).ok()?;
-        is_right(&solved, plain).then(|| Solved {
-            is_offered: true,
-            stay: plain.stay.clone(),
-            ..solved
-        })
-    }
-
-    /// As it was decided, where parts were slow that did not ask for it.
-    fn pinned_offer(&self, subset: &Subset, own: &OwnTimeline, pin: &Choice) -> Option<Solved> {
-        let times = pin.oversampling.max(1);
-        let mut each = vec![1];
-        for kept in &pin.kept {
-            if let [steps] = kept[..]
-                && steps > times
-                && !each.contains(&(steps / times))
-            {
-                each.push(steps / times);
-            }
-        }
-        let offer = |subset: &Subset, offered, every| match every {
-            1 => Some(subset.clone()),
-            _ => multirate::offer(subset, own, self.budget, offered, every),
-        };
-        let both = each
-            .iter()
-            .flat_map(|seen| each.iter().map(move |key| (*seen, *key)));
-        let mut found = both
-            .filter(|&both| both != (1, 1))
-            .filter_map(|(seen, key)| {
-                let slow = offer(subset, Offered::OnlySeen, seen)?;
-                let slow = offer(&slow, Offered::Keys, key)?;
-                self.solve(&slow, own, Some(pin)).ok()
-            });
-        Some(Solved {
-            is_offered: true,
-            ..found.next()?
-        })
-    }
 }
 
 /// Tell of which body a bank is, and which of its modes.
@@ -578,44 +476,6 @@ fn named(found: &mut Found, subset: &Subset, own: &OwnTimeline) {
     // What takes over from it asks for normal modes.
     let is_normal = found.kind == ModeKind::Normal;
     found.bank.of = is_normal.then(|| Arc::new(subset.network.clone()));
-}
-
-impl Solved {
-    fn cost(&self) -> f64 {
-        self.found.island.island_plan.cost()
-    }
-
-    /// Whether what slow parts change of the sound takes no more than its share of what is allowed.
-    fn is_unheard(&self, budget: &Budget) -> bool {
-        self.slow_error.is_some_and(|error| {
-            let excess = error.audible.map_or(0.0, |audible| audible.excess(budget));
-            // Where the waveforms part later, third octaves are to stay: their limen is 1 dB.
-            let by_spectrum = match (error.spectral, budget) {
-                (None, _) => 0.0,
-                (Some(db), Budget::Cents { .. }) => db,
-                (Some(_), _) => f64::INFINITY,
-            };
-            error.db <= budget.contact() && excess.max(by_spectrum) <= UNHEARD
-        })
-    }
-
-    /// The same as [`Self::is_as_exact`], by what is heard where that is what counts.
-    fn sounds_as_exact(&self, other: &Self, budget: &Budget) -> bool {
-        let audible = |solved: &Self| solved.found.error.and_then(|error| error.audible);
-        match (audible(self), audible(other)) {
-            (Some(own), Some(other)) => own.excess(budget) <= other.excess(budget).max(1.0),
-            _ => self.is_as_exact(other, budget),
-        }
-    }
-
-    /// Within what is asked for, or no further from it than another.
-    fn is_as_exact(&self, other: &Self, budget: &Budget) -> bool {
-        let db = |solved: &Self| solved.found.error.map(|error| error.db);
-        match (db(self), db(other)) {
-            (Some(own), Some(other)) => own <= other.max(budget.asked()),
-            (own, other) => own.is_none() == other.is_none(),
-        }
-    }
 }
 
 /// Refuses an island with a law that the method asked for by name would leave to CA.

@@ -226,6 +226,17 @@ fn links_in_space(network: &Network) -> impl Iterator<Item = (&Run, usize)> {
     runs.flat_map(|run| (0..run.len).map(move |i| (run, i)))
 }
 
+/// Whether a mode that turns so far between two kicks [rad] is seen well enough by them; what is no number is not.
+fn is_within(turn: f64) -> bool {
+    turn < TURN_MAX
+}
+
+/// MATs of a body that move, by their index in the subset.
+fn free(body: &Body, subset: &Subset) -> Vec<usize> {
+    let mats = body.mats.iter();
+    mats.filter_map(|&mat| subset.mat(mat as usize)).collect()
+}
+
 /// What is found out about the springs of a body.
 struct Found {
     springs: Springs,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::{Found, TURN_MAX};
+use super::{Found, free, is_within};
 use crate::integrate::flow::{Flow, frame};
 use crate::integrate::square::Square;
 use crate::interrupt;
@@ -55,8 +55,7 @@ pub(super) fn slow(
         let hertz = turn / f64::from(every) * rate.hertz() / (2.0 * PI);
         format!("its highest mode is at {hertz:.0} Hz, too high for that rate")
     };
-    // A number that is none is no turn within it.
-    if !matches!(turn.partial_cmp(&TURN_MAX), Some(std::cmp::Ordering::Less)) {
+    if !is_within(turn) {
         return Err(too_fast());
     }
     let frame = frame(&own.k, &own.z, is_discrete);
@@ -117,11 +116,7 @@ struct Matrices {
 impl Matrices {
     fn new(subset: &Subset, scheme: &Scheme, body: &Body) -> Self {
         let mats = subset.network.mats();
-        let free: Vec<usize> = body
-            .mats
-            .iter()
-            .filter_map(|&mat| subset.mat(mat as usize))
-            .collect();
+        let free = free(body, subset);
         let n = free.len();
         let slot = |mat: usize| free.binary_search(&mat).ok();
         let w: Vec<f64> = free.iter().map(|&i| scheme.w[i]).collect();

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Found, TURN_MAX};
+use super::{Found, free, is_within};
 use crate::island::slow::{Slow, Springs};
 use crate::maths;
 use crate::network::Subset;
@@ -23,12 +23,10 @@ pub(super) fn slow(
     let scheme = Scheme::new(&subset.network, own_rate).map_err(|error| error.to_string())?;
     let certificate = scheme.certify(&subset.network).map_err(|_| stiff())?;
     let turn = 2.0 * maths::asin((0.5 * certificate.lambda_max.sqrt()).min(1.0));
-    // A number that is none is no turn within it.
-    if !matches!(turn.partial_cmp(&TURN_MAX), Some(std::cmp::Ordering::Less)) {
+    if !is_within(turn) {
         return Err(stiff());
     }
-    let mats = body.mats.iter();
-    let free: Vec<usize> = mats.filter_map(|&mat| subset.mat(mat as usize)).collect();
+    let free = free(body, &subset);
     let found = Found {
         turn,
         rest: vec![0.0; free.len()],

@@ -1,0 +1,159 @@
+//! Parts that a plan makes slow without being asked to: keys, and what is only seen.
+//!
+//! An offer is taken only once it is measured, where its island costs less and sounds as it did.
+
+use super::{Maker, Solved};
+use crate::network::Subset;
+use crate::plan::budget::Budget;
+use crate::plan::choice::Choice;
+use crate::plan::passes::split::OwnTimeline;
+use crate::plan::report::row::PRESERVED;
+use crate::plan::trial::multirate::{self, Offered};
+
+/// Keys are made slow where their island then costs so many times as much at most.
+const WORTH: f64 = 0.95;
+/// What is only seen is slow where that takes so much at most of what is allowed by ear: the rest of its island has errors too.
+const UNHEARD: f64 = 0.5;
+
+impl Maker<'_> {
+    /// The same with what is only seen slow, and with its keys slow, where that is cheaper and sounds as it did.
+    pub(super) fn offered(&self, subset: &Subset, own: &OwnTimeline, plain: Solved) -> Solved {
+        let (seldom, mut best) = self.only_seen(subset, own, plain);
+        let subset = seldom.as_ref().unwrap_or(subset);
+        for &(every, preserved) in &PRESERVED {
+            // An offer is taken only once it is measured.
+            if self.allowance.n_refused() > 0 {
+                break;
+            }
+            let most = preserved.min(self.budget.contact());
+            let keys = multirate::offer(subset, own, self.budget, Offered::Keys, every);
+            let is_right = |solved: &Solved, best: &Solved| {
+                solved.slow_error.is_some_and(|error| error.db <= most)
+                    && solved.cost() < WORTH * best.cost()
+                    && solved.is_as_exact(best, self.budget)
+            };
+            if let Some(slow) = keys
+                && let Some(solved) = self.taken(&slow, own, &best, is_right)
+            {
+                best = solved;
+            }
+        }
+        best
+    }
+
+    /// The same with what is only seen as seldom as the score says, or more often where that would be heard.
+    fn only_seen(
+        &self,
+        subset: &Subset,
+        own: &OwnTimeline,
+        plain: Solved,
+    ) -> (Option<Subset>, Solved) {
+        let mut every = self.seen_every;
+        while every > 1 && self.allowance.n_refused() == 0 {
+            let seldom = multirate::offer(subset, own, self.budget, Offered::OnlySeen, every);
+            let is_right = |solved: &Solved, plain: &Solved| {
+                solved.is_unheard(self.budget)
+                    && solved.cost() < plain.cost()
+                    && solved.sounds_as_exact(plain, self.budget)
+            };
+            if let Some(seldom) = seldom
+                && let Some(solved) = self.taken(&seldom, own, &plain, is_right)
+            {
+                return (Some(seldom), solved);
+            }
+            every /= 2;
+        }
+        (None, plain)
+    }
+
+    /// An island with slow parts that are offered, where it `is_right` beside the same without.
+    fn taken(
+        &self,
+        slow: &Subset,
+        own: &OwnTimeline,
+        plain: &Solved,
+        is_right: impl Fn(&Solved, &Solved) -> bool,
+    ) -> Option<Solved> {
+        let solved = self.solve(slow, own, None).ok()?;
+        is_right(&solved, plain).then(|| Solved {
+            is_offered: true,
+            stay: plain.stay.clone(),
+            ..solved
+        })
+    }
+
+    /// As it was decided, where parts were slow that did not ask for it.
+    pub(super) fn pinned_offer(
+        &self,
+        subset: &Subset,
+        own: &OwnTimeline,
+        pin: &Choice,
+    ) -> Option<Solved> {
+        let times = pin.oversampling.max(1);
+        let mut each = vec![1];
+        for kept in &pin.kept {
+            if let [steps] = kept[..]
+                && steps > times
+                && !each.contains(&(steps / times))
+            {
+                each.push(steps / times);
+            }
+        }
+        let offer = |subset: &Subset, offered, every| match every {
+            1 => Some(subset.clone()),
+            _ => multirate::offer(subset, own, self.budget, offered, every),
+        };
+        let both = each
+            .iter()
+            .flat_map(|seen| each.iter().map(move |key| (*seen, *key)));
+        let mut found = both
+            .filter(|&both| both != (1, 1))
+            .filter_map(|(seen, key)| {
+                let slow = offer(subset, Offered::OnlySeen, seen)?;
+                let slow = offer(&slow, Offered::Keys, key)?;
+                self.solve(&slow, own, Some(pin)).ok()
+            });
+        Some(Solved {
+            is_offered: true,
+            ..found.next()?
+        })
+    }
+}
+
+impl Solved {
+    fn cost(&self) -> f64 {
+        self.found.island.island_plan.cost()
+    }
+
+    /// Whether what slow parts change of the sound takes no more than its share of what is allowed.
+    fn is_unheard(&self, budget: &Budget) -> bool {
+        self.slow_error.is_some_and(|error| {
+            let excess = error.audible.map_or(0.0, |audible| audible.excess(budget));
+            // Where the waveforms part later, third octaves are to stay: their limen is 1 dB.
+            let by_spectrum = match (error.spectral, budget) {
+                (None, _) => 0.0,
+                (Some(db), Budget::Cents { .. }) => db,
+                (Some(_), _) => f64::INFINITY,
+            };
+            error.db <= budget.contact() && excess.max(by_spectrum) <= UNHEARD
+        })
+    }
+
+    /// The same as [`Self::is_as_exact`], by what is heard where that is what counts.
+    fn sounds_as_exact(&self, other: &Self, budget: &Budget) -> bool {
+        let audible = |solved: &Self| solved.found.error.and_then(|error| error.audible);
+        match (audible(self), audible(other)) {
+            (Some(own), Some(other)) => own.excess(budget) <= other.excess(budget).max(1.0),
+            _ => self.is_as_exact(other, budget),
+        }
+    }
+
+    /// Within what is asked for, or no further from it than another.
+    fn is_as_exact(&self, other: &Self, budget: &Budget) -> bool {
+        let db = |solved: &Self| solved.found.error.map(|error| error.db);
+        match (db(self), db(other)) {
+            (Some(own), Some(other)) => own <= other.max(budget.asked()),
+            (own, other) => own.is_none() == other.is_none(),
+        }
+    }
+}
