@@ -1,1 +1,1 @@
-"""The model language: modules of an instrument become a network."""
+"""The model language: turns the modules of an instrument into a network."""

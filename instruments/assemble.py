@@ -1,4 +1,4 @@
-"""From modules to a `Network`: every part's MATs, then its links, then what is heard."""
+"""Builds a `Network` from modules: the MATs of every part, then its links, then what is heard."""
 
 from __future__ import annotations
 
@@ -30,19 +30,20 @@ _Fields = Mapping[str, Any]
 
 @dataclass(slots=True)
 class Assembly:
-    """A network in the making, and where each named module lies in it."""
+    """A network under construction, with the index of each named module in it."""
 
     network: _core.Network = field(default_factory=_core.Network)
     mats: dict[tuple[str, str], int] = field(default_factory=dict)  # (part, module) -> first MAT
-    # (part, module) -> LIAs of a link (of one over a range, and of each in it) or of a generator.
+    # (part, module) -> LIAs of a link or of a generator; a link over a range also has one entry for
+    # each of its links.
     links: dict[tuple[str, str], range] = field(default_factory=dict)
-    # (part, module) -> LIAs of a box, a range for each wall
+    # (part, module) -> LIAs of a box, one range for each wall
     walls: dict[tuple[str, str], list[range]] = field(default_factory=dict)
     bodies: dict[tuple[str, str], range] = field(default_factory=dict)
     seed: int = 0
     # (part, module) in space -> the MATs of its first point, axis by axis
     points: dict[tuple[str, str], list[int]] = field(default_factory=dict)
-    # Why modules are left out. None: the first that the engine refuses is raised.
+    # Why modules are left out. If None, the first refusal of the engine is raised.
     refused: list[_core.EngineError] | None = None
 
     def part(
@@ -55,12 +56,13 @@ class Assembly:
         every: int = 1,
         space: Space | None = None,
     ) -> None:
-        """Add a part's <M> points. Raises EngineError unless what is refused is gathered.
+        """Add a part's <M> points. Raises EngineError unless refusals are collected.
 
-        Its own springs pull once `every` so many frames, where a plan finds that they may.
+        The springs of the part act once in `every` frames if the plan allows it.
 
-        With `reach` s the part lies behind a lever: the piece sees s times its movement, and power
-        is kept, so m, k and z are seen as m/s², k/s², z/s² and every length as s times itself.
+        With `reach` s the part lies behind a lever: the piece sees s times its movement, and
+        power is conserved, so m, k and z are seen as m/s², k/s², z/s² and every length as s
+        times itself.
         """
         self.network.part(name, ca_rate=ca_rate, macrostep=every if every > 1 else None)
         for module in modules:
@@ -88,9 +90,9 @@ class Assembly:
     def followers(
         self, name: str, modules: Iterable[Module], *, ca_rate: float | None = None
     ) -> None:
-        """Add a part's proxies and surfaces, once the masses of all parts are there.
+        """Add a part's proxies and surfaces; the masses of all parts must exist.
 
-        Raises EngineError unless what is refused is gathered.
+        Raises EngineError unless refusals are collected.
         """
         self.network.part(name, ca_rate=ca_rate)
         for module in modules:
@@ -116,9 +118,9 @@ class Assembly:
         ca_rate: float | None = None,
         reach: float = 1.0,
     ) -> None:
-        """Add a part's links, once the <M> points of all parts are there.
+        """Add a part's links; the <M> points of all parts must exist.
 
-        Raises EngineError unless what is refused is gathered; then links that end on what is left
+        Raises EngineError unless refusals are collected; then links to modules that were left
         out are left out too.
         """
         self.network.part(name, ca_rate=ca_rate)
@@ -185,12 +187,14 @@ class Assembly:
         return self.network.space_ref(module.name, first, second, rest=rest, **own)
 
     def _chance(self, name: str) -> Callable[[int], _core.Chance]:
-        """Random numbers for each member of a module."""
+        """A function that gives each member of a module, by index, its own random numbers."""
         return lambda member: _core.Chance(self.seed, "place", name, member, 0)
 
     @contextmanager
     def _gathering(self) -> Iterator[None]:
-        """What the engine refuses here is kept with what else it refuses, if that is wanted."""
+        """Collect what the engine refuses in this context, or raise it if refusals are not
+        collected.
+        """
         try:
             yield
         except _core.EngineError as error:
@@ -199,11 +203,11 @@ class Assembly:
             self.refused.append(error)
 
     def links_of(self, where: tuple[str, str]) -> range:
-        """The LIAs of a link or of a generator; none where a module has none."""
+        """The LIAs of a link or of a generator; empty if a module has none."""
         return self.bodies.get(where, self.links.get(where, range(0)))
 
     def mat(self, target: Target) -> int:
-        """Index of the one MAT that a target names."""
+        """Index of the single MAT that a target names."""
         return self.members(target)[0]
 
     def coordinates(self, target: Target) -> list[int]:
@@ -233,7 +237,7 @@ def _home(target: Target) -> tuple[str, str]:
 
 
 def _members(assembly: Assembly, first: int, value: Any) -> dict[int, float]:
-    """MATs that start elsewhere than at 0, with their values."""
+    """The MATs that do not start at 0, with their values."""
     count = assembly.network.count(first)
     if isinstance(value, float):
         return dict.fromkeys(range(first, first + count), value) if value else {}
@@ -274,13 +278,13 @@ def _seen(fields: _Fields, reach: float) -> _Fields:
         if seen.get(name):
             seen[name] /= reach**4  # q·(x/s)³/s
     if seen.get("exponent", 1.0) != 1.0:
-        # K·(p/s)^α/s: the first power is in the square above.
+        # The force is K·(p/s)^α/s, so K gets the factor s^-(1+α); s^-2 is applied above.
         seen["K"] *= reach / _core.pow(reach, seen["exponent"])
     return seen
 
 
 def _stretched(value: Any, reach: float) -> Any:
-    """A length, or those of some members of a generator, as the piece sees them."""
+    """A length, or those of some members of a generator, multiplied by `reach`."""
     if isinstance(value, tuple):
         return tuple(_stretched(one, reach) for one in value)
     if isinstance(value, Start):
@@ -304,7 +308,7 @@ def _sol(assembly: Assembly, name: str, f: _Fields) -> int:
 
 
 def _cel(assembly: Assembly, name: str, f: _Fields) -> int:
-    # K and Z have defaults; f, when it is written, stands for both.
+    # K and Z have defaults; if f is written, f and t60 replace both.
     tie = ("K", "Z") if f.get("f") is None else ("f", "t60")
     return assembly.network.cel(name, **_pick(f, "M", *tie, "X0", "V0", "rest"))
 
@@ -362,7 +366,7 @@ def _dry(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float
     static = f["static"] or f["F"]
     if f["K"] is None:
         return assembly.network.dry(name, a, b, F=f["F"], static_level=static, speed=f["speed"])
-    # What gives way before it slides is a bristle without damping.
+    # Dry friction with a stiffness K is a bristle without damping.
     return assembly.network.bristle(name, a, b, sigma0=f["K"], Fc=f["F"], Fs=static, vs=f["speed"])
 
 

@@ -1,4 +1,4 @@
-"""What strings and plates are beside their masses: how long modes sound, and how a plate bends."""
+"""Decay and bending of strings and plates: fields that take more than one number."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ergon.notation.text import document
 from ergon.notation.text.document import Node
 
 MAX_DECAYS = 64
-POISSON = 0.3  # of steel and brass, about
+POISSON = 0.3  # approximately that of steel and brass
 
 
 @dataclass(frozen=True)
 class Decays(Shape):
-    """`{100Hz: 8s, 4kHz: 1s}`: decays at pitches, as pairs that rise in pitch."""
+    """`{100Hz: 8s, 4kHz: 1s}`: decays at frequencies, as pairs in rising frequency."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
@@ -53,7 +53,7 @@ def _poisson(values: Values) -> Any:
 
 @dataclass(frozen=True)
 class _DecayShape(Either):
-    """One decay, or decays at frequencies; a list of decays is told how two stages are had."""
+    """One decay, or decays at frequencies; the error for a list explains two-stage decay."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
@@ -77,7 +77,9 @@ _BENDING = Record(
 
 @dataclass(frozen=True)
 class Bending(Shape):
-    """`true`, `false` or `{poisson: 0.33}`: Poisson's ratio, or None where it does not bend."""
+    """`true`, `false` or `{poisson: 0.33}`: Poisson's ratio, or None for a plate without
+    bending.
+    """
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""

@@ -1,4 +1,4 @@
-"""What fields of one module on one axis mean together, checked with a sentence each."""
+"""Checks fields of one module on one axis against each other, with a sentence for each mistake."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _Check = Callable[[str, Values], None]
 
 
 def check(kind: str, values: Values) -> None:
-    """Report fields that contradict one another, or that a module lacks."""
+    """Report fields that contradict each other, or that a module lacks."""
     for own in _CHECKS.get(kind, ()):
         own(kind, values)
 
@@ -88,7 +88,7 @@ def _dry(kind: str, values: Values) -> None:
 
 
 def _links(kind: str, values: Values) -> None:
-    """K and Z of the links of a discrete body stand for its pitch and decay."""
+    """Check that a body has either f and t60, or, in a discrete network, K and Z of its links."""
     if "K" not in values.record.by_name:
         return
     tuned, plain = values.written("f", "t60", "inharmonicity", "bending"), values.written("K", "Z")

@@ -1,4 +1,4 @@
-"""Constants of laws, and masses, that follow a MAT: their values go by where it is."""
+"""Constants of laws, and masses, that follow a MAT: their values depend on its position."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ MOST = 4  # constants of one law
 
 @dataclass(frozen=True, slots=True)
 class Following:
-    """A value that goes from `start` to `stop` while a MAT goes from -offset [m] to a span farther.
+    """A value that changes from `start` to `stop` while a MAT moves from -offset [m] by `span` [m].
 
-    `of` is the MAT as it is written, a Name, and what that reaches once names are looked up.
+    `of` is the MAT: a Name as written, a Target after names are looked up.
     """
 
     of: Name | Target
@@ -29,7 +29,7 @@ class Following:
 
 
 def field(unit: Shape, endpoint: Shape, doc: str) -> Field:
-    """The field `follows`, by names of parameters; `unit` reads their values."""
+    """The field `follows`, with parameters by name; `unit` reads their values."""
 
     def build(values: Values) -> Any:
         if values["span"] == 0.0:
@@ -51,19 +51,19 @@ def field(unit: Shape, endpoint: Shape, doc: str) -> Field:
 
 
 def of(module: Module) -> Mapping[str, Following]:
-    """What follows of a module, by the names of its parameters."""
+    """The parameters of a module that follow a MAT, by name."""
     if module.kind not in ("LNL", "MAS"):
         return {}
     return module.fields.get("follows") or {}
 
 
 def targets(module: Module) -> Iterator[Target]:
-    """The MATs that its parameters follow."""
+    """The MATs that parameters of a module follow."""
     return (one.of for one in of(module).values() if isinstance(one.of, Target))
 
 
 def check(kind: str, values: Values) -> None:
-    """What follows has no value of its own, and is a parameter; reports."""
+    """Report a following parameter that has a value of its own too, or cannot follow a MAT."""
     if "follows" not in values.record.by_name:
         return  # in space nothing follows
     written = values["follows"] or {}
@@ -86,7 +86,9 @@ def check(kind: str, values: Values) -> None:
 def values(
     module: Module, mat: Callable[[Target], int]
 ) -> list[tuple[str, tuple[int, float, float, float, float]]]:
-    """By the names of what follows: the index of the MAT, offset, span, from and to."""
+    """The following parameters by name: index of the MAT, offset, span, and the values at both ends
+    of the span.
+    """
     return [
         (name, (mat(own.of), own.offset, own.span, own.start, own.stop))
         for name, own in of(module).items()

@@ -1,4 +1,4 @@
-"""What the MATs are that constants of laws and masses follow."""
+"""Looks up the MATs that constants of laws and masses follow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from ergon.notation.text.errors import quote
 
 
 def resolve(module: Module, part: Part, part_names: PartNames, who: str) -> Module:
-    """The module with names replaced by what they reach; without what is refused, reported."""
+    """The module with names of MATs looked up; followings that are refused are reported and left
+    out.
+    """
     written = following.of(module)
     if not written:
         return module

@@ -16,7 +16,7 @@ from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.values import Place
 
 _WORDS = re.compile(r"[^\W\d]\w*")
-# Words of a law that are no constants.
+# Words of a law that are not constants.
 _KNOWN = {"d", "v", "where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh"}
 
 
@@ -30,7 +30,7 @@ class LawText:
 
 
 def is_name(text: str | None) -> bool:
-    """Whether a law is called by a name instead of written out."""
+    """Whether a text is the name of a law, not a law."""
     return text is not None and bool(NAME.fullmatch(text)) and text not in ("d", "v")
 
 
@@ -44,7 +44,7 @@ def resolved(
     locate: Locate,
     collector: Collector,
 ) -> Module:
-    """The module with named laws replaced by their expressions; reports what cannot be a law."""
+    """The module with named laws replaced by their expressions; reports texts that are not laws."""
     fields: dict[str, Any] = dict(module.fields)
     constants: dict[str, float] = {}
     for name in ("law", "damping"):

@@ -1,7 +1,7 @@
-"""What matter is made of: density, stiffness and losses of each material, and where they are from.
+"""Density, stiffness and losses of each material, with sources.
 
-`loss` is the loss factor η, the share of its elastic energy that matter loses in a radian; it
-varies by a factor of two or more from piece to piece. Woods have `young` along the grain and
+`loss` is the loss factor η, the share of its elastic energy that a material loses in a radian;
+it varies by a factor of two or more between samples. Woods have `young` along the grain and
 `across` it.
 """
 
@@ -18,7 +18,9 @@ from ergon.notation.tables.shapes import MISSING, Either, choice
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """Density [kg/m³], Young's modulus [Pa] (`across` the grain, too), Poisson's ratio, loss."""
+    """Density [kg/m³], Young's modulus [Pa] (also `across` the grain), Poisson's ratio, loss
+    factor.
+    """
 
     density: float
     young: float
@@ -28,7 +30,7 @@ class Material:
     across: float | None = None
 
 
-# What was looked up says where; an engineering value is one for which no source was found.
+# Values from the literature name their source; an engineering value is one without a source.
 _METAL = (
     "W. D. Callister and D. G. Rethwisch, Materials Science and Engineering, app. B; in the ranges "
     "of J. Thomas, web.mst.edu, Properties of materials; "
@@ -101,7 +103,7 @@ def _material(values: Values) -> Any:
     like = values["like"]
     own = {name: value for name, value in values.given.items() if name != "like"}
     if like is not None:
-        if "young" in own:  # of a matter of one's own that has no grain
+        if "young" in own:  # a material without a grain
             own.setdefault("across", None)
         return replace(MATERIALS[like], **own)
     missing = [name for name in ("density", "young", "poisson", "loss") if name not in own]

@@ -1,7 +1,8 @@
-"""Strings and plates of a material: mass, pitch, stiffness and decay from size and tension.
+"""Strings and plates of a material: computes mass, pitch, stiffness and decay from size and
+tension.
 
-What is written itself (`M`, `f`, `t60`, `inharmonicity`, `bending`) goes before what would follow.
-Only sums, products and roots are taken, so that results have the same bits on every machine.
+Written fields (`M`, `f`, `t60`, `inharmonicity`, `bending`) take precedence over computed ones.
+Only sums, products and roots are used, so that results have the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from ergon.instruments.materials import Material
 from ergon.instruments.stiff import INHARMONICITY_MAX
 from ergon.notation.tables.fields import Values
 
-# Fields that say what a body is made of; what follows from them stands in the others.
+# Fields that describe material and size; the other fields are computed from them.
 MATTER = ("material", "length", "diameter", "thickness", "tension")
-AUDIBLE_TOP = 5_000.0  # [Hz] bodies have masses enough to sound up to here
-_HELD = 2_000.0  # [Hz] where the second decay of a body holds, four times its pitch at least
+AUDIBLE_TOP = 5_000.0  # [Hz] bodies get enough masses for modes up to here
+_HELD = 2_000.0  # [Hz] of a body's second decay; at least four times its pitch
 _AIR_DENSITY, _AIR_VISCOSITY = 1.204, 1.81e-5  # [kg/m³], [Pa·s] at 20 °C
-_STRING_MASSES, _MASSES = (40, 300), (150, 500)  # where no number is written
-_RINGS = (3, 60)  # of a disc
-_SIDES = (7, 121)  # masses along a side of a plate that bends
+_STRING_MASSES, _MASSES = (40, 300), (150, 500)  # (least, most) masses by default
+_RINGS = (3, 60)  # (least, most) rings of a disc
+_SIDES = (7, 121)  # (least, most) masses along a side of a plate that bends
 
 
 class _Refused(Exception):
-    """A mistake: the code, the sentence behind the field's name, and that field."""
+    """A mistake: its code, its sentence (to follow the field's name), and the field."""
 
     def __init__(self, code: str, message: str, field: str = "") -> None:
         super().__init__(message)
@@ -34,9 +35,9 @@ class _Refused(Exception):
 
 
 def made_of(kind: str, values: Values, *, quietly: bool = False) -> Values | None:
-    """The fields of a body whose matter is turned into mass, pitch, stiffness and decay.
+    """The fields of a body, with mass, pitch, stiffness and decay computed from its material.
 
-    None after a report, or where what is written is not enough and `quietly` is asked for.
+    None if an error was reported, or if fields are missing and `quietly` is set.
     """
     resolve = {"STRING": _string, "PLATE": _plate}.get(kind)
     if resolve is None:
@@ -76,12 +77,14 @@ def _needs_material(kind: str, values: Values) -> None:
 
 
 def _is_size(value: Any) -> bool:
-    """Whether a radius or two sides are in metres, not in masses."""
+    """Whether a radius or two sides are lengths in metres, not numbers of masses."""
     return any(isinstance(one, float) for one in (value if isinstance(value, tuple) else (value,)))
 
 
 def _open(values: Values, names: tuple[str, ...], what: str) -> str:
-    """The one of the names that is not written, as the others set it."""
+    """The name in `names` that is not written, and follows from the others; refuses none or
+    several.
+    """
     missing = [name for name in names if name not in values.given]
     words = f"{', '.join(names[:-1])} and {names[-1]}"
     if not missing:
@@ -123,7 +126,7 @@ def _string(values: Values, matter: Material) -> dict[str, Any]:
         values = replace(values, given=given)
     unknown = _open(values, ("length", "diameter", "f", "tension"), "a STRING of a material")
     plain = bool(values.written("stiffness"))
-    bent = 0.0 if plain else given.get("inharmonicity")  # B, where it is written
+    bent = 0.0 if plain else given.get("inharmonicity")  # B, if it is written
     length, diameter = given.get("length", 0.0) * stretch, given.get("diameter", 0.0)
     line = matter.density * pi * diameter * diameter / 4.0  # [kg/m]
     if "M" in given:
@@ -167,14 +170,16 @@ def _string(values: Values, matter: Material) -> dict[str, Any]:
 
 
 def _string_share(ends: str, masses: int) -> float:
-    """The part of a string that its masses stand for; the rest rests at its ends."""
+    """The share of a string's mass in its moving masses; the rest is in its fixed ends."""
     return masses / (masses + {"fixed": 1.0, "left": 0.5, "free": 0.0}[ends])
 
 
 def _string_loss(
     f: float, line: float, diameter: float, tension: float, curved: float, loss: float
 ) -> float:
-    """1/Q of a partial: the air (Stokes) and the bending, after Valette and after Woodhouse."""
+    """1/Q of a partial: losses to the air (Stokes) and in bending, after Valette and after
+    Woodhouse.
+    """
     air = sqrt(pi * _AIR_VISCOSITY * _AIR_DENSITY * f)
     drag = 2.0 * pi * (_AIR_VISCOSITY + diameter * air)  # [N·s/m²]
     wave = 2.0 * pi * f
@@ -182,7 +187,9 @@ def _string_loss(
 
 
 def _decays(f: float, loss: Any) -> Any:
-    """T60 at the lowest mode and at a higher one, whose ratio dampers of a row or mesh can have."""
+    """T60 at the lowest mode and at a higher frequency, with a ratio that dampers of a row or mesh
+    can have.
+    """
     high = max(_HELD, 4.0 * f)
     if loss(f) <= 0.0:
         return None
@@ -219,7 +226,7 @@ def _plate(values: Values, matter: Material) -> dict[str, Any]:
             thickness = tension * (shape / wave) * (shape / wave) / matter.density
         speed = sqrt(tension / (thickness * matter.density))
         f = f or _pitch(shape * speed / (2.0 * pi))
-        # As many as a lattice needs of which the highest mode has that pitch.
+        # As many masses as put the highest mode of the lattice at AUDIBLE_TOP.
         need = 1.6 * pi * area * AUDIBLE_TOP * AUDIBLE_TOP / (speed * speed)
     else:
         young = matter.young if matter.across is None else sqrt(matter.young * matter.across)
@@ -244,12 +251,12 @@ def _plate(values: Values, matter: Material) -> dict[str, Any]:
 
 
 def _is_membrane(values: Values) -> bool:
-    """Whether tension alone holds it in shape: `bending: false` says so, too."""
+    """Whether tension alone holds the plate in shape; `bending: false` says so too."""
     return "tension" in values.given or values.given.get("bending", True) is None
 
 
 def _plate_form(values: Values, shape: str) -> None:
-    """Refuse fields that contradict one another."""
+    """Refuse fields that contradict each other."""
     given = values.given
     if values.written("radius") and values.written("sides"):
         raise _Refused("E111", "`radius` is written too; keep one of the two", "sides")
@@ -272,7 +279,9 @@ def _plate_form(values: Values, shape: str) -> None:
 def _mesh(
     is_disc: bool, rim: str, wide: float, high: float, masses: int, is_membrane: bool
 ) -> tuple[dict[str, Any], float]:
-    """The fields of a mesh of about so many masses, and which part of the matter these are."""
+    """The fields of a mesh of about `masses` masses, and the share of the material's mass in
+    them.
+    """
     if is_disc:
         rings, most = _RINGS
         while 3 * rings * (rings + 1) + 1 < masses and rings < most:
@@ -280,7 +289,7 @@ def _mesh(
         inner = (rings - 0.5) / rings
         share = inner * inner if rim == "fixed" else 1.0
         return {"shape": "disc", "radius": rings}, share
-    # Gaps between masses, the rim's too where it is held.
+    # The number of gaps between masses, including those to a fixed rim.
     more = 1 if rim == "fixed" else -1
     low, most = _SIDES[0] + more, (_SIDES[1] if not is_membrane else 4 * _SIDES[1]) + more
     short, long = min(wide, high), max(wide, high)
@@ -298,8 +307,8 @@ def _mesh(
 
 
 # ω·√(ρ·h/D) [1/m²] of the lowest mode of a plate, and ω/c [1/m] of a membrane's. Polynomials in
-# Poisson's ratio (and the ratio of sides) of what the characteristic equations of a disc (Leissa,
-# Vibration of Plates, NASA SP-160, 1969, ch. 2) and a Ritz series of a free rectangle give.
+# Poisson's ratio (and the ratio of sides), fitted to the characteristic equations of a disc
+# (Leissa, Vibration of Plates, NASA SP-160, 1969, ch. 2) and to a Ritz series of a free rectangle.
 
 _DISC_MEMBRANE = 2.404825557695773
 _DISC = {
@@ -336,7 +345,9 @@ def _held(wide: float, high: float) -> float:
 
 
 def _rectangle(rim: str, poisson: float, wide: float, high: float) -> float:
-    """Bent along its length, or twisted, whichever is lower."""
+    """ω·√(ρ·h/D) of a rectangle [1/m²]; with a free rim its lowest mode bends along its length, or
+    twists.
+    """
     if rim == "fixed":
         wave = _held(wide, high)
         return wave * wave

@@ -1,4 +1,4 @@
-"""Members of a generator: `12`, `3..8`, `3..last`, `all`, `last`, `centre`."""
+"""Reads the choice of members of a generator: `12`, `3..8`, `3..last`, `all`, `last`, `centre`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _MEMBERS = re.compile(PATTERN)
 
 
 def members(text: str, count: int, called: str) -> tuple[int | Literal["centre"], int]:
-    """The first member that `text` names and how many, of the `count` that `called` has.
+    """The first member that `text` names, and their number; `called` has `count` members.
 
     Raises TextError.
     """

@@ -1,4 +1,4 @@
-"""BANK and MODES whose modes are known one by one: lists in the score, or rows of a CSV file."""
+"""BANK and MODES with each mode given: in lists of the score, or in rows of a CSV file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ DEFAULT_PLACE = "point"  # of MODES without named places
 
 
 class Each(tuple[float, ...]):
-    """A value for each member of a BANK, where two values would be a range."""
+    """A value for each member of a BANK or MODES; a plain tuple of two values is a range."""
 
     __slots__ = ()
 
@@ -54,7 +54,9 @@ BANK_GAINS = _each(k.GAIN, None)
 
 
 def listed(values: Values) -> Values | None:
-    """The fields of a BANK whose modes are listed, with its count; None after a report."""
+    """The fields of a BANK whose modes are listed, with its count; None if an error was
+    reported.
+    """
     given, nodes = dict(values.given), dict(values.nodes)
     if any(name not in given for name in ("f", "t60", "gain") if name in nodes):
         return None  # refused already
@@ -103,7 +105,9 @@ def from_file(
     moved: Callable[[str, Any, Any], Any],
     collector: Collector,
 ) -> Values:
-    """The fields of a BANK or MODES with the modes of the file that it names, at its own pitch."""
+    """The fields of a BANK or MODES with the modes of the file that it names, moved by an
+    `interval` if there is one.
+    """
     name = values.given.get("modes")
     if name is None:
         return values
@@ -126,13 +130,15 @@ def from_file(
 
 
 def _without(values: Values) -> Values:
-    """What was refused: its frequencies are there, but have no value."""
+    """The fields after an error: f counts as written, but has no value."""
     given = {name: value for name, value in values.given.items() if name != "f"}
     return replace(values, given=given, nodes={**values.nodes, "f": values.nodes["modes"]})
 
 
 def _columns(table: Document, values: Values, collector: Collector) -> dict[str, Any] | None:
-    """Fields by the columns of a table: f [Hz], t60 [s], and gain or places; None after reports."""
+    """Fields from the columns of a table: f [Hz], t60 [s], and gain or places; None if errors were
+    reported.
+    """
     who, asked = values.context.of("modes"), values.place_of("modes")
     is_bank = "gain" in values.record.by_name
     format = _BANK_ROW if is_bank else _places_row([DEFAULT_PLACE])
@@ -172,25 +178,27 @@ def _columns(table: Document, values: Values, collector: Collector) -> dict[str,
 
 @dataclass(frozen=True)
 class _Row:
-    """What a line of a file says: values that are read so, the last of a BANK if one likes."""
+    """The format of a line of a file: how its cells are read; the last cell of a BANK is
+    optional.
+    """
 
     reads: tuple[Text, ...]
     places: Sequence[str] = ()
 
     @property
     def example(self) -> str:
-        """Such a line."""
+        """An example of a line."""
         return "200Hz, 4s" + (", 0.5" * len(self.places) or ", -6dB")
 
     @property
     def words(self) -> str:
-        """What it has."""
+        """The format in words."""
         if not self.places:
             return f"a frequency, a decay and, if you like, a gain: {self.example}"
         return f"a frequency, a decay and a level at {', '.join(self.places)}: {self.example}"
 
     def fits(self, count: int) -> bool:
-        """Whether a line may have so many cells."""
+        """Whether a line may have this number of cells."""
         return count == len(self.reads) or (not self.places and count == len(self.reads) - 1)
 
 
@@ -208,7 +216,7 @@ def _is_heading(line: str) -> bool:
 def _row(
     line: str, place: Place, who: str, format: _Row, collector: Collector
 ) -> tuple[float, ...] | None:
-    """The values of a line; None after reports, each at its cell."""
+    """The values of a line; None if errors were reported, each at its cell."""
     cells = line.split(",")
     if not format.fits(len(cells)) or len(line) > _MAX_LINE:
         message = f"{who}: a line is {format.words}"
@@ -231,7 +239,7 @@ def _row(
 
 
 def _value(word: str, read: Text) -> float:
-    """A cell; a decay without a unit is in seconds, as other programs write it."""
+    """The value of a cell; a decay without a unit is in seconds, as other programs write it."""
     if read is k.DURATION and word.replace(".", "", 1).isdigit():
         word += "s"
     value = float(read.parse(word))
@@ -266,7 +274,7 @@ PLACES = NamesOf(ListOf(LEVEL, 1, _core.MAX_MODAL, single=True), "place")
 
 
 def _wrong_name(names: Sequence[str]) -> str | None:
-    """Why names of places are none; None where they are."""
+    """Why names cannot be those of places; None if they can."""
     for name in names:
         if not NAME.fullmatch(name) or name in ("all", "last", "centre"):
             message = f"{quote(name)} is not a name for a place: a name has letters, digits, '-' "
@@ -279,9 +287,9 @@ def _wrong_name(names: Sequence[str]) -> str | None:
 
 
 def placed(values: Values) -> Values | None:
-    """The fields of MODES, with a decay of each mode and levels of each at each place.
+    """The fields of MODES, with a decay for each mode and the level of each mode at each place.
 
-    None after a report.
+    None if an error was reported.
     """
     given, nodes = dict(values.given), dict(values.nodes)
     if any(name not in given for name in ("f", "t60", "places") if name in nodes):
@@ -319,9 +327,10 @@ def placed(values: Values) -> Values | None:
 def retuned_modes(
     body: Values, own: Values, tune: Callable[[tuple[float, ...], float], Any]
 ) -> Values:
-    """MODES with the pitch and decay of the lowest mode, and the mass, that their instrument says.
+    """MODES with its lowest pitch, its decay and its mass set to those of the instrument's own
+    fields.
 
-    The others keep their intervals, by `tune`, and their share of the decay.
+    `tune` moves the other modes by the same interval; their decays keep their ratios.
     """
     given, nodes = dict(body.given), dict(body.nodes)
     f = given.get("f")

@@ -1,4 +1,4 @@
-"""What an instrument is once it is read: modules with SI fields, outputs, names that reach them."""
+"""The data of an instrument after reading: modules with SI fields, outputs, targets of names."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from ergon.instruments.space import Space
 from ergon.notation.text.document import Node
 from ergon.notation.text.values import Place
 
-# How an instrument is written: one axis in SI units or under `units: ca`, two or three axes.
+# The form in which an instrument is written: one axis in SI units or under `units: ca`, two or
+# three axes.
 Form = Literal["si", "ca", "space"]
 
 
@@ -19,10 +20,10 @@ Form = Literal["si", "ca", "space"]
 class Target:
     """Modules that a name reaches: `bell.m`, `string.12`, `sky.all`, a key.
 
-    `module` is "" where it bears the name of its part. Members of a generator run from `first`,
-    `count` of them; (0, 1) for a single module; `first` is "centre" for a generator's middle MAT.
-    Where whole points in space are named, `points` is how many their module has; of a coordinate
-    `first` counts axis by axis.
+    `module` is "" if it has the name of its part. Members of a generator run from `first`,
+    `count` of them; (0, 1) for a single module; `first` is "centre" for a generator's middle
+    MAT. If whole points in space are named, `points` is the number of points of their module;
+    for a coordinate, `first` counts axis by axis.
     """
 
     part: str
@@ -38,8 +39,8 @@ class Target:
 class Layout:
     """Loudspeakers of a room: (x, y, z) [m]; x and y as on the bench of the modules.
 
-    Where it `is_equidistant` the bench is a plan whose middle is the zenith, and distances from
-    there are angles; else it is seen from above. The hash of its file says all of that already.
+    If `is_equidistant`, the bench is a plan with the zenith in the middle, and distances from it
+    are angles; else the room is seen from above. A digest contains the file's content instead.
     """
 
     path: Path
@@ -50,7 +51,7 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Placing:
-    """Where an instrument lies in a room: how large [m], its middle [m], and how high [m].
+    """Where an instrument lies in a room: its size [m], its middle [m], and its height [m].
 
     A body of 1 m is `across` wide. Without a height it lies on the plan of the layout.
     """
@@ -61,10 +62,10 @@ class Placing:
 
 
 class Places(Mapping[str, Place]):
-    """Where fields are written: worked out when it is asked, for of most nobody asks."""
+    """Where fields are written; computed on demand, because most places are never needed."""
 
     def __init__(self, nodes: Mapping[str, Node]) -> None:
-        """Of the nodes of the fields."""
+        """Take the nodes of the fields."""
         self._nodes = nodes
 
     def __getitem__(self, field: str) -> Place:
@@ -84,8 +85,8 @@ class Places(Mapping[str, Place]):
 class Module:
     """One module or generator: its kind and its fields in SI units.
 
-    Links have `between`: (Target, Target); ENX and ENF have `to`: Target. An LNL has its law as
-    `law`, `damping`, `constants` or `points`.
+    Links have `between`: (Target, Target); ENX and ENF have `to`: Target. The law of an LNL is
+    in `law`, `damping`, `constants` or `points`.
     """
 
     name: str
@@ -99,9 +100,9 @@ class Module:
 class Output:
     """What is heard: a sum of positions (SOX), speeds (SOV), accelerations (SOA) or forces (SOF).
 
-    `name` is "" for a lone one. With `nearest`, every member's force goes to the loudspeaker that
-    lies nearest. Where it `is_distance` two points in space are its targets, and how far they are
-    from each other is heard.
+    `name` is "" for a single output. With `nearest`, the force of every member goes to the
+    loudspeaker nearest to it. If `is_distance`, the targets are two points in space, and their
+    distance is heard.
     """
 
     name: str
@@ -113,29 +114,29 @@ class Output:
 
     @property
     def is_movement(self) -> bool:
-        """Whether masses are heard, not what lies between them."""
+        """Whether the movement of masses is heard, not a force or a distance."""
         return self.kind != "SOF" and not self.is_distance
 
     @property
     def order(self) -> int:
-        """How often positions are differentiated by time."""
+        """How often positions are differentiated with respect to time."""
         return {"SOV": 1, "SOA": 2}.get(self.kind, 0)
 
     @property
     def reference(self) -> float:
-        """What is heard at the reference level, in SI units.
+        """The quantity that is heard at the reference level, in SI units.
 
-        The movements are those of one speed at 1.6 kHz (10,000 rad/s).
+        SOX, SOV and SOA correspond to one movement at 1.6 kHz (10,000 rad/s).
         """
         return {"SOX": 1e-4, "SOV": 1.0, "SOA": 1e4, "SOF": 1e-2}[self.kind]
 
 
 @dataclass(frozen=True, slots=True)
 class Instrument:
-    """A network; under `ca_rate` [Hz] its M, K, Z are those of the discrete network there.
+    """A network; under `ca_rate` [Hz] its M, K, Z are those of the discrete network at that rate.
 
-    Its springs pull once `every` so many frames. Of several modules `pitch` [Hz] is the one by
-    which they go as a whole, if they have one.
+    Its springs act once in `every` frames. `pitch` [Hz] is the named pitch of several modules as
+    a whole, if they have one.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The kinds of modules: which fields each has, in which units, and what they mean."""
+"""The kinds of modules: the fields of each, with units and meaning."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ Family = Literal["mat", "link", "generator", "input"]
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A module kind: its family and its table in each form of an instrument that has it.
+    """A module kind: its family, and its table for each form of instrument that may have it.
 
-    `gliding`: the parameters that may change while a piece plays; a generator changes as a whole.
-    `scaled`: of a link, the fields that the engine's factors of K and of Z multiply.
+    `gliding`: the parameters that may change while a piece plays; a generator changes as a
+    whole. `scaled`: for a link, the fields that the engine's factors of K and of Z multiply.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Kind:
 
     @property
     def table(self) -> Record:
-        """Its table in SI units; in space, of a kind that is nowhere else."""
+        """The table in SI units, or that of a kind that exists only in space."""
         return self.tables.get("si") or self.tables["space"]
 
 
@@ -89,7 +89,7 @@ BETWEEN = Field(
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """`X0: {at: centre, x: 1mm}`: which members start at a value, and which value."""
+    """`X0: {at: centre, x: 1mm}`: members, and the value at which they start."""
 
     at: Name
     value: float
@@ -108,7 +108,7 @@ def _start(name: str, unit: Shape, letter: str) -> Shape:
 
 
 def _mats_and_links(ca: bool) -> dict[str, tuple[Record, tuple[str, ...]]]:
-    """The table of each kind, and its parameters that glide."""
+    """The table of each kind, and its parameters that may glide."""
     mass, stiffness, damping = (
         (k.POSITIVE, k.NUMBER, k.NUMBER) if ca else (k.MASS, k.STIFFNESS, k.DAMPING)
     )
@@ -124,7 +124,7 @@ def _mats_and_links(ca: bool) -> dict[str, tuple[Record, tuple[str, ...]]]:
     link = (BETWEEN, stiff, damp, rest)
     heavier = following.field(mass, ENDPOINT, "that M goes by where another MAT is")
     constant = k.NUMBER if ca else k.CONSTANT  # free names in an LNL are its law's constants
-    # What it is, its fields, and which of them may glide.
+    # Description, fields, and the names of those that may glide.
     tables = {
         "MAS": ("a point mass", (m, x0, v0, heavier), ""),
         "SOL": ("a fixed point", (x0,), ""),
@@ -232,13 +232,13 @@ _SIDES = Pair(_SIDE, _SIDE)
 
 
 def _generators(ca: bool) -> dict[str, tuple[Record, tuple[str, ...]]]:
-    """The table of each generator, and its parameters that glide."""
+    """The table of each generator, and its parameters that may glide."""
     m = Field("M", k.MASS, "mass of the whole body", required=True)
     f = Field("f", k.PITCH, "lowest mode that is not rigid", required=not ca)
     t60 = Field(
         "t60", DECAY, "decay of that mode, or of modes at these frequencies", shown="no decay"
     )
-    # Of a discrete network, K and Z of its links are what it is.
+    # A body of a discrete network is given by K and Z of its links.
     links = (
         Field("K", k.NUMBER, "K of each of its links, instead of f"),
         Field("Z", k.NUMBER, "Z of each of its links, instead of t60"),
@@ -378,7 +378,7 @@ def _input(unit: Text, quantity: str) -> Record:
     return Record("module", f"an imposed {quantity}", fields)
 
 
-# Of links whose stiffness and viscosity are not called K and Z (`Kind.scaled`).
+# Links whose stiffness and viscosity fields are not called K and Z (`Kind.scaled`).
 _SCALED = {"BRISTLE": ("sigma0", "Fc"), "DRY": ("K", "F")}
 
 
@@ -408,12 +408,12 @@ MATS = tuple(name for name, kind in KINDS.items() if kind.family == "mat")
 LINKS = tuple(name for name, kind in KINDS.items() if kind.family == "link")
 GENERATORS = tuple(name for name, kind in KINDS.items() if kind.family == "generator")
 BODIES = ("STRING", "PLATE")  # generators whose masses lie beside each other
-HOLDERS = (*MATS, *GENERATORS)  # kinds that bring <M> points
+HOLDERS = (*MATS, *GENERATORS)  # kinds that have <M> points
 FOLLOWERS = ("PROXY", "SURFACE")  # whose points move as masses of other modules do
 
 
-# Fields of generators that scores of earlier versions could not write, and their defaults: the hash
-# of a score leaves them out there, so that it stays what it was.
+# Fields that earlier versions did not have, with their defaults: a digest omits a field with its
+# default, so that digests of older scores do not change.
 HASH_OMITS_DEFAULTS: dict[str, Any] = {
     "inharmonicity": None,
     "stretching": 0.0,
@@ -432,18 +432,18 @@ HASH_OMITS_DEFAULTS: dict[str, Any] = {
 
 
 def tables(form: Form, names: tuple[str, ...] = tuple(KINDS)) -> dict[str, Record]:
-    """Tables by kind, of the kinds that an instrument of a form may have."""
+    """Tables by kind, for the kinds that an instrument of a form may have."""
     return {name: KINDS[name].tables[form] for name in names if form in KINDS[name].tables}
 
 
 def partly(table: Record) -> Record:
-    """The table of fields that may stand in what `like:` or `from:` begins with."""
+    """The table with all fields optional: others may come from `like:` or `from:`."""
     fields = tuple(replace(field, required=False) for field in table.fields)
     return replace(table, fields=fields)
 
 
 def member_count(kind: str, fields: Mapping[str, Any]) -> int:
-    """How many members a module has: MATs, or in space points."""
+    """The number of members of a module: MATs, or points in space."""
     if "axes" in fields:
         return space.count(kind, fields)
     if kind == "MODES":

@@ -1,4 +1,4 @@
-"""From names to modules: `m`, `bell.m`, `gong.centre`, `string.3..8`, `sky.all`, a key."""
+"""Looks up names of modules: `m`, `bell.m`, `gong.centre`, `string.3..8`, `sky.all`, a key."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ Wanted = Literal["mat", "mats", "body", "point", "points", "link", "links"]
 
 @dataclass(slots=True)
 class Part:
-    """A key or an instrument, as far as names go."""
+    """The names in a key or an instrument."""
 
     name: str
     modules: Mapping[str, Module]
     struck: str | None = None  # a key's MAT that ergons strike
     prefix: str = ""  # of the file that it comes from
-    broken: frozenset[str] = frozenset()  # modules that were refused: their names are silent
-    selves: frozenset[str] = frozenset()  # names that mean itself: what it was copied from is one
+    broken: frozenset[str] = frozenset()  # modules that were refused: reported already
+    selves: frozenset[str] = frozenset()  # names for itself, with those it was copied from
     axes: int = 1  # of an instrument in space two or three
 
     @property
     def mats(self) -> list[str]:
-        """Names of modules that bring <M> points."""
+        """Names of modules that have <M> points."""
         return [name for name, module in self.modules.items() if module.kind in HOLDERS]
 
 
@@ -45,18 +45,22 @@ class PartNames:
 
     collector: Collector
     parts: dict[str, Part] = field(default_factory=dict)
-    broken: set[str] = field(default_factory=set)  # named, but not to be read
-    reached: set[str] = field(default_factory=set)  # parts that some name has led to
-    # Instruments with `notes`: the part of each note, by its number.
+    broken: set[str] = field(default_factory=set)  # parts that were refused
+    reached: set[str] = field(default_factory=set)  # parts that some name refers to
+    # Instruments with `notes`: the part of each note, by note number.
     families: dict[str, dict[int, str]] = field(default_factory=dict)
 
     def targets(self, name: Name, wanted: Wanted, who: str) -> list[Target]:
-        """What a name reaches: of an instrument with notes each one, without those not found."""
+        """The targets of a name; for an instrument with notes one for each note. Those not found
+        are reported and left out.
+        """
         found = (self.target(each, wanted, who) for each in self.members(name))
         return [target for target in found if target is not None]
 
     def members(self, name: Name, prefix: str = "") -> list[Name]:
-        """A name, or of an instrument with notes (`string`, `string.body.12`) that of each."""
+        """The name itself; for an instrument with notes (`string`, `string.body.12`) one name for
+        each note.
+        """
         found = self.family(name, prefix)
         if found is None:
             return [name]
@@ -64,7 +68,9 @@ class PartNames:
         return [Name(".".join(filter(None, (part, rest))), name.place) for part in parts.values()]
 
     def family(self, path: str, prefix: str = "") -> tuple[dict[int, str], str] | None:
-        """An instrument with notes whose notes a path leaves out, and the rest of the path."""
+        """The notes of an instrument if a path names it without a note, and the rest of the path;
+        else None.
+        """
         for full in _with_prefix(path, prefix) if self.families else ():
             words = full.split(".")
             for count in range(len(words), 0, -1):
@@ -74,11 +80,11 @@ class PartNames:
         return None
 
     def is_known(self, name: str) -> bool:
-        """Whether a key or an instrument has a name, or a module of one."""
+        """Whether a name is that of a key, an instrument, or a module of one."""
         return self._find(name, None, "") is not None
 
     def spelled(self, path: str, prefix: str = "") -> str:
-        """A path whose note is written as the instrument has it: `string.Gb3` for `string.F#3`."""
+        """A path with its note spelled as in the instrument: `string.Gb3` for `string.F#3`."""
         for full in _with_prefix(path, prefix) if self.families else ():
             words = full.split(".")
             for count in range(1, len(words)):
@@ -91,11 +97,11 @@ class PartNames:
     def target(
         self, name: Name, wanted: Wanted, who: str, part: Part | None = None, prefix: str = ""
     ) -> Target | None:
-        """What a name reaches, from inside `part` if given; None after a report.
+        """The target of a name, seen from inside `part` if given; None if an error was reported.
 
-        `mat`, `point` and `link` are one, `mats`, `points` and `links` may be several; a `body` is
-        mats, all of a module where its name alone is written. A point is one in space, of which
-        each coordinate is a MAT: `ball.bob.x`.
+        `mat`, `point` and `link` are single, `mats`, `points` and `links` may be several; a
+        `body` is `mats`, where the name of a module alone means all its members. A point is in
+        space, and each of its coordinates is a MAT: `ball.bob.x`.
         """
         match = _MEMBERS.fullmatch(name)
         prefix = prefix or (part.prefix if part else "")
@@ -143,7 +149,9 @@ class PartNames:
     def _coordinate(
         self, path: str, part: Part | None, prefix: str
     ) -> tuple[tuple[Part, str | None] | None, str | None, int | None]:
-        """A part in space and its module of which a path names a coordinate, members, and axis."""
+        """The part and module, the members, and the axis of a path that names a coordinate in
+        space; None otherwise.
+        """
         head, _, tail = path.rpartition(".")
         match = _MEMBERS.fullmatch(head)
         if tail not in AXES or match is None:
@@ -163,7 +171,7 @@ class PartNames:
         wanted: Wanted,
         who: str,
     ) -> Target | None:
-        """Points of a module, or one coordinate of them; None after a report."""
+        """Points of a module, or one of their coordinates; None if an error was reported."""
         body = self._body(owner, module)
         count = body.count if body else member_count(module.kind, module.fields)
         called = ".".join(filter(None, (owner.name, module.name)))
@@ -208,7 +216,7 @@ class PartNames:
         return Target(owner.name, module.name, first, size, str(name), name.place)
 
     def _body(self, owner: Part, module: Module) -> Target | None:
-        """The masses that the points of a surface move with; None for other modules."""
+        """The masses that carry the points of a surface; None for other modules."""
         of = module.fields["of"] if module.kind == "SURFACE" else None
         if not isinstance(of, Name):
             return of
@@ -219,7 +227,9 @@ class PartNames:
     def _place(
         self, path: str, part: Part | None, prefix: str
     ) -> tuple[tuple[Part, str | None] | None, str | None]:
-        """A part and its MODES of which a path names a place, and the number of that place."""
+        """The part and its MODES, and the index of the place, for a path that names a place; None
+        otherwise.
+        """
         head, _, tail = path.rpartition(".")
         found = self._find(head, part, prefix) if head else None
         if found is None:
@@ -233,7 +243,9 @@ class PartNames:
         return ((owner, module.name), str(names.index(tail))) if tail in names else (None, None)
 
     def _find(self, path: str, part: Part | None, prefix: str) -> tuple[Part, str | None] | None:
-        """A part and one of its modules (None: none is named)."""
+        """The part and the module that a path names (module None: a part of several modules); None
+        if there is none.
+        """
         if part is not None and path in part.modules:
             return part, path
         if part is not None:
@@ -313,7 +325,7 @@ class PartNames:
         return Target(owner.name, module.name, first, size, str(name), name.place)
 
     def _count(self, owner: Part, module: Module) -> int:
-        """How many members a module has, or how many links a link over a range."""
+        """The number of members of a module, or of single links of a link over a range."""
         if module.kind not in LINKS:
             return member_count(module.kind, module.fields)
         quiet = replace(self, collector=Collector())
@@ -334,7 +346,7 @@ class PartNames:
         self.collector.error("E301", message, name.place, word=str(name), names=known)
 
     def _is_broken(self, path: str, part: Part | None) -> bool:
-        """Whether the name was refused already: one mistake, one report."""
+        """Whether the name was refused already: each mistake is reported once."""
         words = path.split(".")
         cuts = [(".".join(words[:i]), ".".join(words[i:])) for i in range(1, len(words) + 1)]
         for head, tail in cuts:  # a part, a module of the same part, or a module of another
@@ -358,7 +370,7 @@ class PartNames:
 
 
 def _inside(modules: Iterable[Module]) -> Iterator[str]:
-    """Names of modules and of their places, as they stand behind that of their part."""
+    """Names of modules and of their places, as written after the name of their part."""
     for module in modules:
         if module.name:
             yield module.name
@@ -367,5 +379,5 @@ def _inside(modules: Iterable[Module]) -> Iterator[str]:
 
 
 def _with_prefix(path: str, prefix: str) -> tuple[str, ...]:
-    """A path as the file of a prefix means it, then as the score does."""
+    """The full names that a path may stand for: first with the prefix of its file, then without."""
     return (f"{prefix}.{path}", path) if prefix else (path,)

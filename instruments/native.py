@@ -1,7 +1,7 @@
-"""Laws as machine code, where a score computes them often enough to be worth a compiler.
+"""Compiles laws to machine code, if a score computes them often enough to be worth it.
 
-What is compiled are the operations that the core has read and checked, never a composer's text. The
-language of laws is closed and bounded, so there is no law that the core takes and numba does not.
+Only operations that the core has parsed and checked are compiled, never a composer's text. The
+language of laws is closed and bounded, so numba can compile every law that the core accepts.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from typing import Any
 from ergon import _core
 from ergon.instruments.native_source import SLOW, Row, source
 
-# From `python -m benches laws`: a row takes native code 1 ns less than the core's own steps in a
-# link alone, 0.05 ns less in a run. On that machine numba takes 0.2 s to load, 0.4 s for its first
-# law, then 0.05 s and 0.005 s a row; here twice that, so that it is worth it elsewhere too.
+# From `python -m benches laws`: native code saves 1 ns per row for a link alone, 0.05 ns in a run.
+# On that machine numba takes 0.2 s to load, 0.4 s for its first law, then 0.05 s and 0.005 s a row;
+# the costs here are twice that, so that compiling pays on other machines too.
 _SAVED_ALONE, _SAVED_IN_RUN = 1e-9, 0.05e-9
 _COST, _COST_OF_ROW = 1.2, 0.01
-# Compiled code by its rows. It must stay where it is until the process ends.
+# Compiled code by the rows of its law. It must stay in memory until the process ends.
 _compiled: dict[tuple[Row, ...], Any] = {}
 _lock = threading.Lock()
 
 
 def speed_up(network: _core.Network, n_frames: int) -> int:
-    """Compile the laws that `n_frames` of sound make worth it; how many those are."""
+    """Compile the laws for which `n_frames` of sound make it worth it; returns their number."""
     entries = [
         (index, address(rows))
         for index, (rows, alone, in_runs) in enumerate(network.laws())
@@ -38,10 +38,11 @@ def speed_up(network: _core.Network, n_frames: int) -> int:
 
 
 def is_worth_it(rows: Sequence[Row], alone: int, in_runs: int, n_frames: int) -> bool:
-    """Whether native code saves more than compiling takes: a function of the score, of no clock.
+    """Whether native code saves more time than compiling takes; depends on the score alone, not on
+    a clock.
 
-    `alone` and `in_runs` are numbers of links. Where a law's time goes into functions of the core
-    that take link by link, nothing is saved.
+    `alone` and `in_runs` are numbers of links. A law with functions of the core that work link
+    by link saves nothing.
     """
     if any(row[0] in SLOW for row in rows):
         return False
@@ -50,7 +51,7 @@ def is_worth_it(rows: Sequence[Row], alone: int, in_runs: int, n_frames: int) ->
 
 
 def address(rows: Sequence[Row]) -> int:
-    """Where the machine code of a law begins; laws with the same rows share one."""
+    """The address of a law's machine code; laws with the same rows share it."""
     key = tuple(rows)
     with _lock:
         if key not in _compiled:
@@ -59,7 +60,7 @@ def address(rows: Sequence[Row]) -> int:
 
 
 def _compile(text: str) -> Any:
-    # Loading it takes longer than most scores are computed.
+    # Import numba only here: loading it takes longer than most scores are computed.
     import numba
     from numba import types
 
@@ -70,6 +71,6 @@ def _compile(text: str) -> Any:
     exec(compile(text, "<law>", "exec"), names)
     pointer: Any = types.CPointer
     signature = types.void(*[pointer(types.float64)] * 5, types.int64)
-    # numpy's model of errors: a division by zero is a number, as in the core. No fast mathematics:
-    # the bits are the core's.
+    # error_model="numpy": a division by zero gives a number, as in the core. No fast math: results
+    # have the core's bits.
     return numba.cfunc(signature, error_model="numpy")(names["law"])

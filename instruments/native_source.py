@@ -1,7 +1,8 @@
-"""The source of a law's loops, for numba, from the rows that the core makes of it.
+"""Generates the source of a law's loops, for numba, from the rows that the core makes of the law.
 
-A law without exp, tanh and powers is one loop over all links. Others go in chunks: a loop up to a
-function, the core's own function over the chunk, a loop on. What crosses lies in a room.
+A law without exp, tanh and powers is one loop over all links. Others are computed in chunks: a
+loop up to a function, the core's function over the chunk, the next loop. Values that cross loops
+are kept in `room`.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _OPERATIONS = {
     "not_equal": "1.0 if {0} != {1} else 0.0",
     "where": "{1} if {0} != 0.0 else {2}",
 }
-# Functions of the core, and those of them that go link by link.
+# Functions of the core with their number of operands; `SLOW` ones work link by link.
 _FUNCTIONS = {"exp": 1, "tanh": 1, "power": 2}
 SLOW = {"tanh", "power"}
 
@@ -57,11 +58,11 @@ def _operands(row: Row) -> tuple[int, ...]:
 @dataclass(slots=True)
 class _Writer:
     rows: Sequence[Row]
-    stage: list[int] = field(default_factory=list)  # of each row: in which loop it is computed
+    stage: list[int] = field(default_factory=list)  # for each row, the loop that computes it
 
     def __post_init__(self) -> None:
         for row in self.rows:
-            # What a function gives can be read in a later loop only.
+            # The result of a function can be read only in a later loop.
             before = [at - _FIRST for at in _operands(row) if at >= _FIRST]
             after = (self.stage[i] + (self.rows[i][0] in _FUNCTIONS) for i in before)
             self.stage.append(max(after, default=0))
@@ -108,7 +109,9 @@ class _Writer:
                 yield f"{name}(room, {places}, m)"
 
     def _shared(self, stage: int) -> set[int]:
-        """What the room must hold after a loop: a function or a later loop reads it."""
+        """Operands that `room` must hold after a loop, because a function or a later loop reads
+        them.
+        """
         operands = set()
         for i, row in enumerate(self.rows):
             is_call = row[0] in _FUNCTIONS
@@ -139,12 +142,12 @@ class _Writer:
 
 
 def _place(at: int) -> int:
-    """Where the room holds a chunk of an operand."""
+    """The index in `room` of a chunk of an operand."""
     return _LANES * at
 
 
 def _whole_power(name: str, base: str, exponent: int) -> Iterator[str]:
-    """Squares from the exponent's highest bit down, as the core does it."""
+    """Exponentiation by squaring from the highest bit down, as in the core."""
     size = abs(exponent)
     yield f"{name} = {base if size else 1.0}"
     for bit in bin(size)[3:]:

@@ -1,4 +1,4 @@
-"""Outputs as they are written: `out: {SOX: m}`, or names, each with such a one."""
+"""Outputs as written: `out: {SOX: m}`, or a mapping of names to such outputs."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ _NAMED = NamesOf(_LISTENER, "output")
 
 @dataclass(frozen=True)
 class Outputs(Shape):
-    """`{SOX: m}`, or names, each with such a one."""
+    """`{SOX: m}`, or a mapping of names to such outputs."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
@@ -109,6 +109,6 @@ class Outputs(Shape):
         return "{SOX: m}, {SOV: m}, {SOA: m}, {SOF: b}, or names, each with such a one"
 
     def chosen(self, node: Node) -> Shape:
-        """One output, or names of several."""
+        """The table of one output, or that of named outputs."""
         words = node.entries if isinstance(node, document.Mapping) else {}
         return _LISTENER if any(word in _LISTENERS for word in words) else _NAMED

@@ -1,4 +1,4 @@
-"""PROXY: a massless point between masses, which moves as they do and passes forces on to them."""
+"""PROXY: a massless point between masses, which moves with them and passes forces on to them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _WAYS = ("shares", "at", "follows")
 
 
 def table(endpoint: Shape) -> Record:
-    """The fields of a PROXY; `endpoint` names one module or some of its members."""
+    """The fields of a PROXY; `endpoint` reads one module or some of its members."""
     fields = (
         Field(
             "of",
@@ -48,7 +48,7 @@ def table(endpoint: Shape) -> Record:
 
 
 def check(kind: str, values: Values) -> None:
-    """Fields go together; reports."""
+    """Report fields that do not go together."""
     ways = values.written(*_WAYS)
     if not ways:
         message = f"{values.context.of('')}: a PROXY needs at, follows or shares"
@@ -73,7 +73,7 @@ def add(
     fields: Mapping[str, Any],
     members: Callable[[Target], Sequence[int]],
 ) -> int:
-    """Add a PROXY; the index of its MAT. Raises EngineError."""
+    """Add a PROXY; returns the index of its MAT. Raises EngineError."""
     mats = [mat for target in fields["of"] for mat in members(target)]
     if fields["shares"] is not None:
         return network.proxy(name, list(zip(mats, fields["shares"], strict=True)))
@@ -104,6 +104,6 @@ def _each(values: tuple[float, ...], count: int) -> tuple[float, ...]:
 
 
 def targets(fields: Mapping[str, Any]) -> list[Target]:
-    """All that its fields reach."""
+    """All targets in its fields."""
     rim = [fields["rim"]] if fields["rim"] else []
     return [*fields["of"], *fields["follows"], *rim]

@@ -1,4 +1,4 @@
-"""What the names in the fields of a PROXY reach, and whether they make rows of masses."""
+"""Looks up the names in the fields of a PROXY, and checks that they form rows of masses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ergon.notation.text.errors import quote
 def resolve(
     module: Module, part: Part, part_names: PartNames, fields: dict[str, Any], who: str
 ) -> bool:
-    """Replace names by what they reach; False after a report."""
+    """Replace names by their targets; False if an error was reported."""
 
     def wrong(message: str, name: str = "of", code: str = "E304") -> bool:
         place = module.places.get(name, module.place)
@@ -69,7 +69,7 @@ def resolve(
 
 
 def _columns(masses: list[Target], part_names: PartNames) -> int | None:
-    """How many masses of a whole rectangle are in a row."""
+    """The number of masses in a row, if the target is a whole rectangle; else None."""
     if len(masses) != 1:
         return None
     module = part_names.parts[masses[0].part].modules[masses[0].module]
@@ -78,7 +78,9 @@ def _columns(masses: list[Target], part_names: PartNames) -> int | None:
 
 
 def _sides(count: int, columns: int, has_rim: bool) -> tuple[int, int]:
-    """How many rows and columns there are, with the rim; a single row has it at its ends alone."""
+    """The numbers of rows and columns including the rim; a single row has the rim at its ends
+    only.
+    """
     rows = count // columns
     more = 2 * has_rim
     return (1 if rows == 1 else rows + more, columns + more)

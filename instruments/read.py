@@ -1,4 +1,4 @@
-"""Instruments as they are written: the table, and from what was read to modules."""
+"""The tables of instruments, and the modules that are made from what was read."""
 
 from __future__ import annotations
 
@@ -41,16 +41,17 @@ MODULES_DOC = "the network: names, each with one kind of module"
 
 
 def module_table(form: Form) -> Record:
-    """`m: {CEL: {…}}`: a name has one kind.
+    """`m: {CEL: {…}}`: each name has one kind of module.
 
-    What is missing may come by `like:` or `from:`, so `whole` asks for it when these are followed.
+    No field is required here, because `like:` or `from:` may supply it; `whole` checks the rest
+    later.
     """
     kinds = {name: partly(table) for name, table in tables(form).items()}
     return Record("module", "one module", (), kinds=kinds, kind_required=True)
 
 
 def member_table(form: Form) -> Record:
-    """What one note of an instrument may have that the others have not."""
+    """The fields that one note of an instrument may have of its own."""
     fields = (
         Field("modules", NamesOf(module_table(form), "module"), "fields of its modules"),
         Field("f", k.PITCHES, "another pitch for a single generator"),
@@ -63,7 +64,7 @@ def member_table(form: Form) -> Record:
 
 @dataclass(frozen=True)
 class Members(Shape):
-    """`{F3: {modules: …}}`: by its note, what a member has of its own."""
+    """`{F3: {modules: …}}`: the fields that single notes have of their own."""
 
     item: Record
 
@@ -143,7 +144,7 @@ class InstrumentShape(Shape):
         return self.chosen(node).read(node, name, context)
 
     def schema(self) -> dict[str, Any]:
-        """As JSON Schema: fields that only one form has are there too."""
+        """As JSON Schema, including fields that only one form has."""
         first, *others = (table.schema() for table in self.forms.values())
         return reduce(_with_more, others, first)
 
@@ -152,12 +153,12 @@ class InstrumentShape(Shape):
         return self.forms["si"].words()
 
     def chosen(self, node: Node) -> Shape:
-        """The table of the form that is written."""
+        """The table of the form in which the node is written."""
         return self.forms[form(node)]
 
 
 def form(node: Node) -> Form:
-    """The form of an instrument as it is written."""
+    """The form in which an instrument is written."""
 
     def text(field: str) -> str:
         found = node.get(field) if isinstance(node, document.Mapping) else None
@@ -169,7 +170,7 @@ def form(node: Node) -> Form:
 
 
 def _with_more(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
-    """A schema with the properties that another has beside its own, and with its other types."""
+    """A schema with the properties and types that another has in addition."""
     own, their = one.get("type"), other.get("type")
     if isinstance(own, list) and isinstance(their, list) and not {*own} & {*their}:
         return merged(other, one)
@@ -188,9 +189,11 @@ INSTRUMENT = InstrumentShape({one: instrument_table(one) for one in ("si", "ca",
 
 
 def whole(kind: str, values: Values, axes: int = 1) -> bool:
-    """Whether all fields that a module needs are there, once `like:` is followed; reports."""
+    """Whether all required fields of a module are there, after `like:` is followed; reports an
+    error if not.
+    """
     tables = KINDS[kind].tables
-    # Under `units: ca` some kinds have more fields, and others of them are needed.
+    # Under `units: ca` some kinds have more fields, and other fields are required.
     is_more = values.record.by_name.keys() != KINDS[kind].table.by_name.keys()
     table = tables["space" if axes > 1 else "ca" if is_more else "si"]
     required = [field for field in table.fields if field.required]
@@ -202,7 +205,7 @@ def whole(kind: str, values: Values, axes: int = 1) -> bool:
 
 
 def modules(values: Values, axes: int = 1) -> tuple[Module, ...]:
-    """The modules of a key or an instrument; one that was refused is left out."""
+    """The modules of a key or an instrument; modules that were refused are left out."""
     bodies = (values["modules"] or {}).items()
     made = (
         (name, body.kind, _followed(body.kind, body.given[body.kind], axes))
@@ -218,7 +221,7 @@ def modules(values: Values, axes: int = 1) -> tuple[Module, ...]:
 
 
 def grounded(own: Module) -> tuple[Module, ...]:
-    """A module, and the fixed point on which a DRY with `to` rubs."""
+    """A module; for a DRY with `to`, preceded by the fixed point on which it rubs."""
     to = own.fields.get("to")
     if own.kind != "DRY" or to is None:
         return (own,)
@@ -228,7 +231,7 @@ def grounded(own: Module) -> tuple[Module, ...]:
 
 
 def _followed(kind: str, values: Values, axes: int = 1) -> Values | None:
-    """The fields of a module with those that follow from others; None after a report."""
+    """The fields of a module with those computed from others; None if an error was reported."""
     if axes > 1:
         return values
     follow = {"BANK": listed, "MODES": placed}.get(kind)
@@ -236,10 +239,12 @@ def _followed(kind: str, values: Values, axes: int = 1) -> Values | None:
 
 
 def module(name: str, kind: str, values: Values, axes: int = 1) -> Module:
-    """A module with all its fields, defaults filled in; checks what fields mean together."""
+    """A module with all its fields, with defaults filled in; checks the fields against each
+    other.
+    """
     if axes > 1:
         return _in_space(name, kind, values, axes)
-    # What a body is made of stands in its other fields by now.
+    # The fields of the material have been turned into other fields already.
     matter = (*MATTER, "masses") if kind == "PLATE" else MATTER if kind == "STRING" else ()
     fields = {f.name: values[f.name] for f in values.record.fields if f.name not in matter}
     if kind in ("BANK", "MODES"):
@@ -270,7 +275,7 @@ def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
 
 
 def instrument(values: Values) -> Instrument:
-    """An instrument from what was written, once `like:` and `from:` are followed."""
+    """An instrument from its values, with `like:` and `from:` already followed."""
     made: list[Module] = []
     space = _space(values)
     axes = 1 if space is None else space.axes
@@ -317,12 +322,14 @@ def instrument(values: Values) -> Instrument:
     return Instrument(values.context.name, *own, pitch=pitch, placing=placing, space=space)
 
 
-# What an instrument of one axis has, and one in space has not.
+# Fields of an instrument of one axis that one in space does not have.
 _ONE_AXIS = ("f", "t60", "M", "transpose", "notes", "members", "units", "at", "place", "rate")
 
 
 def _space(values: Values) -> Space | None:
-    """How an instrument lies in space; None where its masses move along one axis. Reports."""
+    """The space of an instrument; None if its masses move along one axis. Reports fields that do
+    not fit.
+    """
     axes = values["space"] if "space" in values.given else 1
     is_written = values.record is INSTRUMENT.forms["space"]
     if is_written and axes == 1:  # refused already
@@ -378,7 +385,8 @@ def _no_matter(values: Values) -> None:
 def _retuned(values: Values, body: Values) -> Values | None:
     """The generator's values with the instrument's own `f`, `t60` and `M`.
 
-    Matter that has a pitch of its own gets another; else the `f` says what is missing.
+    A body of a material that has a pitch gets the new one; if its size is incomplete, `f`
+    completes it.
     """
     if values.kind == "MODES":
         own = retuned_modes(body, values, lambda f, to: moved("f", f, between(min(f), to)))

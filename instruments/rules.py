@@ -1,4 +1,6 @@
-"""Rules of the formalism, checked on a whole instrument or key with a sentence each."""
+"""Checks the rules of the formalism for a whole instrument or key, with a sentence for each
+mistake.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ def modules(
     takes: Mapping[str, Any],
     bodies: Mapping[str, Values],
 ) -> tuple[Module, ...]:
-    """Modules with every name replaced by what it reaches; `bodies` are the fields as written."""
+    """Modules with every name replaced by its target; `bodies` are the fields as written."""
     result = []
     driven: dict[tuple[str, str, object], str] = {}
     for module in part.modules.values():
@@ -59,7 +61,9 @@ def lawful(
     who: str,
     collector: Collector,
 ) -> Module:
-    """The module with its law written out and checked, if it is an LNL whose law was read."""
+    """The module with its law written out and checked; other modules, and laws that were refused,
+    are unchanged.
+    """
     fields = module.fields
     refused = (n in module.places and fields[n] is None for n in ("law", "damping", "points"))
     if module.kind != "LNL" or any(refused):
@@ -68,7 +72,9 @@ def lawful(
 
 
 def _ends(module: Module, part: Part, part_names: PartNames, who: str) -> tuple[Target, ...]:
-    """An <L> point joins exactly one <M> point, and a link joins two different ones."""
+    """The ends of a link; checks that each <L> point joins one <M> point, and a link two different
+    ones.
+    """
     names = module.fields["between"] or ()
     wanted: Wanted = "points" if part.axes > 1 else "mats"
     found = (part_names.target(name, wanted, who, part) for name in names)
@@ -83,7 +89,9 @@ def _ends(module: Module, part: Part, part_names: PartNames, who: str) -> tuple[
 
 
 def _body(module: Module, part: Part, part_names: PartNames, who: str) -> Target | None:
-    """The masses that a surface moves with: those of a body of one axis; reports."""
+    """The masses that carry a surface, which must be those of a STRING or PLATE; None if an error
+    was reported.
+    """
     name = module.fields["of"]
     found = None if name is None else part_names.target(name, "body", who, part)
     if found is None:
@@ -97,7 +105,7 @@ def _body(module: Module, part: Part, part_names: PartNames, who: str) -> Target
 
 
 def _starts(module: Module, who: str, collector: Collector) -> None:
-    """The members of a generator that start elsewhere are members that it has."""
+    """Report initial values for members that a generator does not have."""
     count = member_count(module.kind, module.fields)
     for name in ("X0", "V0"):
         starts = module.fields.get(name)
@@ -123,7 +131,9 @@ def _drive(
     driven: dict[tuple[str, str, object], str],
     who: str,
 ) -> None:
-    """Only forces add: two imposed positions at one point contradict each other."""
+    """Look up the target and source of an ENX or ENF, and report two imposed positions at one
+    point.
+    """
     target = part_names.target(fields["to"], "mat", who, part)
     fields["to"] = target
     source = fields["from"]
@@ -154,7 +164,9 @@ def _drive(
 
 
 def _check_input(module: Module, take: Any, who: str, collector: Collector) -> None:
-    """An input drives what it has the unit of, from the beginning on."""
+    """Report an input whose unit does not fit what it drives, or that does not begin at the
+    beginning.
+    """
     values = getattr(take, "values", None)
     if not isinstance(values, Values) or values["input"] is None or values["gain"] is None:
         return
@@ -175,7 +187,7 @@ def outputs(
     part_names: PartNames,
     layout: Callable[[str, Place], Layout | None],
 ) -> tuple[Output, ...]:
-    """Outputs with names replaced by what they reach."""
+    """Outputs with names replaced by their targets."""
     result = []
     for output in written:
         called = f"{part.name}.{output.name}" if output.name else part.name
@@ -198,7 +210,9 @@ def outputs(
 
 
 def _is_distance(targets: tuple[Target, ...], who: str, part_names: PartNames) -> bool:
-    """Whether there are two points of one space, which have a distance; reports."""
+    """Whether the targets are two different points of spaces with equally many axes; reports an
+    error if not.
+    """
     if len(targets) != 2:
         return False
     a, b = targets
@@ -214,7 +228,7 @@ def _is_distance(targets: tuple[Target, ...], who: str, part_names: PartNames) -
 
 
 def _each(name: Name, part: Part, part_names: PartNames) -> list[Name]:
-    """A name, or of another instrument with notes the names of all of them."""
+    """The name itself; for another instrument with notes, the name of each note."""
     is_own = name.partition(".")[0] in (*part.modules, *part.selves)
     return [name] if is_own else part_names.members(name, part.prefix)
 
@@ -222,7 +236,9 @@ def _each(name: Name, part: Part, part_names: PartNames) -> list[Name]:
 def _output_target(
     name: Name, family: Any, who: str, part: Part, part_names: PartNames
 ) -> Target | None:
-    """SOF also hears springs to the ground of a CEL or BANK, and all springs of a net."""
+    """The target of an output. SOF also accepts the ground springs of a CEL or BANK, and all
+    springs of a net.
+    """
     if family == "links":
         own = part.modules.get(str(name))
         if own is not None and own.kind in NETS:

@@ -1,6 +1,7 @@
 """Links over a range of members: `between: [bridge, string.1..12]` is one contact of many points.
 
-Such a link is there once for each member. Its `gap` may be another at each: a list, or a profile.
+Such a link is a link for each member. Its `gap` may differ between members: a list, or a
+profile.
 """
 
 from __future__ import annotations
@@ -25,15 +26,16 @@ _MEMBERS = re.compile(rf"\.{PATTERN}$")
 MAX_SPREAD = 10_000  # points of one link
 MAX_MEETING = 200_000  # points that meet each other
 MAX_ATTRACTING = 1_000  # points that attract each other: each looks at all others in every frame
-# Of links that act between all pairs: what one is called, and for how many points it is.
+# Links that act between all pairs: their name, and the largest number of points.
 _MOST = {"BUT": ("a contact", MAX_MEETING), "ATTRACTION": ("an attraction", MAX_ATTRACTING)}
 
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """An obstacle whose top is `least` [m] away, at a point, and which falls by `depth` [m].
+    """An obstacle whose gap is `least` [m] at its `top`, a point, and grows by `depth` [m] away
+    from it.
 
-    Points count from 0, as members do; the fall is reached `length` points from the top.
+    Points count from 0, as members do; the depth is reached `length` points from the top.
     """
 
     least: float
@@ -72,27 +74,31 @@ GAP = Either(k.POSITION, PROFILE, ListOf(k.POSITION, 1, MAX_SPREAD))
 
 
 def size(ends: Sequence[Target]) -> int:
-    """How many links lie between ends of which one or both are ranges."""
+    """The number of links between two ends, of which one or both may be ranges."""
     return max((end.count for end in ends), default=1)
 
 
 def is_pairwise(kind: str, fields: Mapping[str, Any], ends: Sequence[Target]) -> bool:
-    """Whether a link in space acts between all points of its ends, or is a contact with a wall."""
+    """Whether a link in space acts between all points of its ends, touches a wall, or has
+    friction.
+    """
     if kind not in ("BUT", "ATTRACTION") or not any(end.points for end in ends):
         return False
     return size(ends) > 1 or has_wall(fields) or fields.get("friction", 0.0) > 0.0
 
 
 def has_wall(fields: Mapping[str, Any]) -> bool:
-    """Whether the first end of a contact in space is a plane, a surface, or has room inside."""
+    """Whether the first end of a contact in space is a wall: a plane, a box, a surface, or a sphere
+    seen from inside.
+    """
     shapes = (fields.get(name) for name in ("normal", "box", "mesh"))
     return any(shape is not None for shape in shapes) or fields.get("side") == "inside"
 
 
 def singles(module: Module) -> Iterator[Module]:
-    """The links of which a link over a range is made, `bridge.0` and so on; itself if it is one.
+    """The single links of a link over a range, `bridge.0` and so on; the link itself if it is one.
 
-    What acts between all points of two ranges is one link; a box is one for each wall.
+    A link that acts between all points of two ranges is one link; a box is one for each wall.
     """
     ends = module.fields["between"]
     n, gap = size(ends), module.fields.get("gap")
@@ -121,7 +127,7 @@ def _walls(module: Module) -> Iterator[Module]:
 
 
 def _member(end: Target, i: int) -> Target:
-    """The end of one of the links: a range goes from member to member, one module stays."""
+    """The end of single link `i`: a range gives its member, a single module stays."""
     if end.count == 1 or end.first == "centre":
         return end
     member = end.first + i
@@ -129,7 +135,9 @@ def _member(end: Target, i: int) -> Target:
 
 
 def is_fitting(ends: Sequence[Target], who: str, collector: Collector) -> bool:
-    """Whether two ends make links: one MAT and a range, or two ranges of one size; reports."""
+    """Whether two ends make links: one MAT and a range, or two ranges of one size; reports an error
+    if not.
+    """
     if len(ends) != 2:
         return False
     a, b = ends
@@ -153,7 +161,9 @@ def is_fitting(ends: Sequence[Target], who: str, collector: Collector) -> bool:
 def may_meet(
     kind: str, ends: Sequence[Target], is_wall: bool, who: str, collector: Collector
 ) -> bool:
-    """Whether all points of one end can meet, or attract, all of the other; reports."""
+    """Whether a contact or an attraction may act between all points of both ends; reports an error
+    if not.
+    """
     if len(ends) != 2:
         return False
     a, b = ends
@@ -180,7 +190,7 @@ def may_meet(
 
 
 def _shared(a: Target, b: Target) -> str | None:
-    """A point that would be joined to itself."""
+    """A point that would be joined to itself; None if there is none."""
     if (a.part, a.module) != (b.part, b.module):
         return None
     if "centre" in (a.first, b.first):
@@ -193,7 +203,9 @@ def _shared(a: Target, b: Target) -> str | None:
 
 
 def gaps(module: Module, n: int, who: str, collector: Collector) -> Any:
-    """The gap of a contact of n points: one for all, or one for each; reports."""
+    """The gap of a contact of n points: one for all, or one for each; reports a list of another
+    length.
+    """
     gap = module.fields.get("gap")
     if isinstance(gap, Profile):
         gap = gap.gaps(n)

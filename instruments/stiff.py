@@ -1,4 +1,4 @@
-"""How stiff a string is, bent or stretched: as a number, or from what it is made of."""
+"""The stiffness of a string in bending and stretching: a number, or computed from its wire."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ INHARMONICITY_MAX = 0.1
 
 
 def _coefficient(values: Values) -> Any:
-    """B = π³·E·r⁴/(4·T·L²) of a round wire: bending stiffness E·π·r⁴/4 over tension."""
+    """B = π³·E·r⁴/(4·T·L²) of a round wire, with bending stiffness E·π·r⁴/4 and tension T."""
     young, radius, tension, length = (
         float(values[name]) for name in ("young", "radius", "tension", "length")
     )
@@ -45,12 +45,12 @@ INHARMONICITY = Either(k.INHARMONICITY, _WIRE)
 
 @dataclass(frozen=True, slots=True)
 class Stretched:
-    """A wire whose tension rises as it is stretched: E·A/(2·L³) [N/m³], for one gap."""
+    """A wire whose tension rises with its length: E·A/(2·L³) [N/m³], for a single gap."""
 
     per_gap: float
 
     def of(self, masses: int, ends: str) -> float:
-        """The q of q·S·d on every link of a row of masses."""
+        """q of the force q·S·d on every link of a row of masses."""
         gaps = masses - 1 + {"fixed": 2, "left": 1, "free": 0}[ends]
         return self.per_gap * gaps * gaps
 

@@ -1,8 +1,9 @@
-"""Instruments at another pitch: every time in them is divided by one ratio.
+"""Instruments at another pitch: all times in them are divided by one ratio.
 
-Times divided by r multiply all eigenvalues by r: each mode's pitch exactly, while its T60 is
-divided. So stiffnesses go by r², viscosities by r, and masses and lengths stay. What is slower than
-one hears (a hammer, a mallet) is mechanics and stays, as does friction, a damping without a law.
+Dividing times by r multiplies all eigenvalues by r: each mode's pitch exactly, while its T60 is
+divided by r. So stiffnesses are multiplied by r², viscosities by r, and masses and lengths stay.
+Modules below audible frequencies (a hammer, a mallet) count as mechanics and stay, as does
+friction, a damping without a law.
 """
 
 from __future__ import annotations
@@ -33,25 +34,25 @@ _A4 = 440.0
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """From one pitch to another: in cents where they are known, as a ratio otherwise."""
+    """The step from one pitch to another: in cents if they are known, else as a ratio."""
 
     ratio: float
     cents: float | None = None
 
     def then(self, other: Interval) -> Interval:
-        """This interval and another on top of it."""
+        """The sum of this interval and another."""
         if self.cents is not None and other.cents is not None:
             return of_cents(self.cents + other.cents)
         return Interval(_times(self.ratio, other.power(1)))
 
     def back(self) -> Interval:
-        """The interval the other way."""
+        """The inverse interval."""
         if self.cents is not None:
             return of_cents(-self.cents)
         return Interval(float(1 / Fraction(repr(self.ratio))))
 
     def power(self, exponent: int) -> Fraction:
-        """The ratio to a whole power."""
+        """The ratio raised to an integer power."""
         if self.cents is None:
             return Fraction(repr(self.ratio)) ** exponent
         return Fraction(repr(_core.pow(2.0, exponent * self.cents / 1200.0)))
@@ -102,7 +103,9 @@ def between(low: float, high: float) -> Interval:
 
 
 def pitch(frequency: float, interval: Interval) -> float:
-    """A frequency [Hz] moved by an interval; a note stays a note, to the last bit."""
+    """A frequency [Hz] moved by an interval; the frequency of a note becomes exactly that of
+    another note.
+    """
     own = _cents(frequency) if interval.cents is not None else None
     if own is not None and interval.cents is not None and (own + interval.cents).is_integer():
         return _note(int(own + interval.cents))
@@ -115,7 +118,7 @@ def _times(value: float, factor: Fraction) -> float:
 
 
 def _note(cents: int) -> float:
-    """The frequency [Hz] of a note so many cents above A4, as its name is read."""
+    """The frequency [Hz] of a note so many cents above A4, exactly as for its name."""
     octaves, rest = divmod(cents, 1200)
     semitones, over = divmod(rest, 100)
     steps = semitones + over / 100
@@ -123,7 +126,7 @@ def _note(cents: int) -> float:
 
 
 def _cents(frequency: float) -> int | None:
-    """The cents above A4 of a frequency that a note has; None for any other."""
+    """The cents above A4 of a frequency that belongs to a note exactly; None for any other."""
     if frequency <= 0.0:
         return None
     cents = round(1200.0 * math.log2(frequency / _A4))
@@ -132,14 +135,17 @@ def _cents(frequency: float) -> int | None:
 
 # --- instruments --------------------------------------------------------------------------------
 
-# How each field goes with the ratio, beside `f`, `points` and laws; what is not here stays.
+# The power of the ratio that multiplies each field, except `f`, `points` and laws; other fields
+# stay.
 _POWERS = {"t60": -1, "K": 2, "Z": 1, "V0": 1, "hardening": 2, "stretching": 2}
 
 
 def sounding_at(base: Values, own: Values, *, is_root: bool) -> Values:
-    """What an instrument begins with, at the pitch that its own `f` and `transpose` ask for.
+    """The base of an instrument, at the pitch that the instrument's own `f` and `transpose` ask
+    for.
 
-    Where it begins with nothing else these are its own modules. Reports what has no pitch.
+    For a root, which has no `like` or `from`, the base is the instrument itself. Reports a base
+    without a pitch.
     """
     interval = own["transpose"] if own.written("transpose") else None
     f = own.given.get("f")
@@ -170,22 +176,22 @@ def sounding_at(base: Values, own: Values, *, is_root: bool) -> Values:
 
 
 def at_note(values: Values, note: str) -> Values:
-    """An instrument that has `notes`, at one of them; its named pitch is known."""
+    """An instrument with `notes` at one of its notes; it must have a named pitch."""
     own, high = named_pitch(values), q.frequency(note)
     assert own is not None
     given = {name: value for name, value in values.given.items() if name != "notes"}
     member = replace(values, given=given)
     if not values.kind:
         member = _instrument(member, between(own, high))
-    # Beside a generator it is read as if it were written.
+    # Set `f` beside a generator, as if it were written.
     nodes = {"f": values.nodes["notes"], **values.nodes}
     return replace(member, given={**member.given, "f": (high, high)}, nodes=nodes)
 
 
 def named_pitch(values: Values) -> float | None:
-    """The pitch [Hz] by which an instrument goes: its `f`, or that of the one module that has one.
+    """The named pitch [Hz] of an instrument: its `f`, or that of its only module with one.
 
-    A range is none, and mechanics have none.
+    None for a range, and for mechanics.
     """
     written = values.given.get("f")
     if isinstance(written, tuple):
@@ -229,7 +235,9 @@ def _body(body: Values, interval: Interval) -> Values:
 
 
 def _fields(kind: str, fields: Values, interval: Interval) -> Values:
-    """The fields of one module; a law goes as its module says later (`interval`)."""
+    """The fields of one module moved by an interval; a law keeps the interval in `interval`, and is
+    moved later.
+    """
     if is_mechanics(kind, fields):
         return fields
     fields = made_of(kind, fields, quietly=True) or fields
@@ -240,12 +248,14 @@ def _fields(kind: str, fields: Values, interval: Interval) -> Values:
 
 
 def is_mechanics(kind: str, fields: Values) -> bool:
-    """Whether a module is slower than one hears, so that no transposition moves it."""
+    """Whether a module is below audible frequencies, so that it is not transposed."""
     return is_slow(kind, fields.given)
 
 
 def is_slow(kind: str, fields: Mapping[str, Any]) -> bool:
-    """Whether a module with these fields, in SI units, is slower than one hears."""
+    """Whether a module with these fields, in SI units, is below audible frequencies, or is
+    friction.
+    """
     f, stiffness, mass = (fields.get(name) for name in ("f", "K", "M"))
     if kind in ("BRISTLE", "DRY"):
         return True  # friction belongs to the bow
@@ -259,7 +269,7 @@ def is_slow(kind: str, fields: Mapping[str, Any]) -> bool:
 
 
 def moved(name: str, value: Any, interval: Interval) -> Any:
-    """The value of a field of a module that moves by an interval."""
+    """The value of a field of a module, moved by an interval."""
     if isinstance(value, tuple):
         if name == "points":
             return tuple((d, _times(force, interval.power(2))) for d, force in value)
@@ -280,7 +290,8 @@ def moved(name: str, value: Any, interval: Interval) -> Any:
 
 
 def law(fields: dict[str, Any], interval: Interval) -> None:
-    """Move a law that is written out: law(d) by r², damping(d, v) as r²·damping(d, v/r).
+    """Move a law that is written out: law(d) is multiplied by r², damping(d, v) becomes
+    r²·damping(d, v/r).
 
     A damping without a law is friction, which stays.
     """

@@ -1,1 +1,1 @@
-"""The score language: text becomes a checked piece, with every mistake in its place."""
+"""The score language: turns text into a checked piece, and reports every mistake with its place."""

@@ -1,4 +1,4 @@
-//! Refuses, with a sentence, a checkout where the package's links arrived as text files.
+//! Stops the build with an explanation if git checked out the package's symbolic links as text files.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ const PARTS: [&str; 13] = [
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
-    // Asked at run time: a target folder may be shared by several checkouts.
+    // Read when the build script runs, not with env!: checkouts that share a target folder share the compiled script.
     let bridge = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_default();
     let package = Path::new(&bridge).join("../python/ergon");
     for part in PARTS {

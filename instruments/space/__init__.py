@@ -1,6 +1,7 @@
 """Modules of an instrument in space: points with two or three coordinates, and nets of them.
 
-Links of such an instrument measure the distance of two points, and act along the line between them.
+Links of such an instrument measure the distance between two points, and act along the line
+between them.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ NETS = {
 
 @dataclass(frozen=True, slots=True)
 class Space:
-    """How many axes an instrument has, and the gravity [m/s²] against the last of them."""
+    """The number of axes of an instrument, and the gravity [m/s²] against the last of them."""
 
     axes: int
     gravity: float
@@ -48,10 +49,11 @@ def add(
     chance: Chance,
     who: str,
 ) -> int:
-    """Add the points of a module, and the springs of a generator; the index of the first MAT.
+    """Add the points of a module, and the springs of a generator; returns the index of the first
+    MAT.
 
-    `chance` gives the random numbers of a member by its index; `who` is what the module is called
-    where it is refused. Raises EngineError.
+    `chance` gives the random numbers of a member by its index; `who` names the module in error
+    messages. Raises EngineError.
     """
     if kind == "GRAINS":
         return add_grains(network, name, fields, chance, who)

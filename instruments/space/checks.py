@@ -1,6 +1,6 @@
-"""What the fields of a module in space are refused for.
+"""Checks the fields of a module in space.
 
-Each check reports, and leaves fields of which a module can be built.
+Each check reports mistakes, and leaves fields from which a module can be built.
 """
 
 from __future__ import annotations
@@ -28,12 +28,14 @@ from ergon.notation.tables.value_kinds import AXES
 _Fields = dict[str, Any]
 
 
-# What stands for a list that is refused; 0 elsewhere.
+# Substitutes for the items of refused lists; 0 for other shapes.
 _FILLED: dict[Shape, float] = {COUNTS: 1, WIDTHS: math.inf}
 
 
 def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
-    """Lists have an item for each axis, and the fields of a kind go together; reports."""
+    """Check that lists have an item for each axis, and that the fields of a kind go together;
+    reports errors.
+    """
     for field in values.record.fields:
         value = fields[field.name]
         wanted = axes - 1 if field.shape == MIDDLE else axes
@@ -52,7 +54,7 @@ def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
 
 
 def _size(kind: str, fields: _Fields, values: Values) -> None:
-    """A net has no more points and springs than a computer stands."""
+    """Report a net with too many points or springs."""
     n, axes = count(kind, fields), fields["axes"]
     each = ((2 * fields.get("span", 1) + 1) ** axes - 1) // 2
     for number, most, what in ((n, MAX_POINTS, "points"), (n * each, MAX_SPRINGS, "springs")):
@@ -64,7 +66,9 @@ def _size(kind: str, fields: _Fields, values: Values) -> None:
 
 
 def _wall(fields: _Fields, values: Values) -> None:
-    """Walls have what they need; only a plane has a gap below 0. What sticks says how far."""
+    """Check the fields of a wall: its direction, a gap that is negative only for a plane, and
+    `cohesion` with `reach`.
+    """
     if fields["normal"] is None:
         if (fields["gap"] or 0.0) < 0.0:
             values.error("E105", f"{values.context.of('gap')}: it must not be negative", "gap")
@@ -83,7 +87,7 @@ def _wall(fields: _Fields, values: Values) -> None:
 
 
 def _box(fields: _Fields, values: Values) -> None:
-    """A box is the only wall of its contact, and wider than what touches it."""
+    """Check that a box is the only wall of its contact, and wider than the points that touch it."""
     if extra := values.written("normal", "side"):
         message = f"{values.context.of(extra[0])}: `box` is written too; keep one of the two"
         values.error("E111", message, extra[0])
@@ -93,7 +97,9 @@ def _box(fields: _Fields, values: Values) -> None:
 
 
 def _surface(fields: _Fields, values: Values, axes: int) -> Surface | None:
-    """The triangles of a file are the only wall of their contact, in three axes."""
+    """The triangles of a file, which must be the only wall of their contact, in three axes; None if
+    an error was reported.
+    """
     wall: Values = fields["mesh"]
     who = values.context.of("mesh")
     if extra := values.written("normal", "side", "box"):
@@ -116,14 +122,14 @@ def _surface(fields: _Fields, values: Values, axes: int) -> Surface | None:
 
 
 def _grains(fields: _Fields, values: Values) -> None:
-    """Places are those of a lattice, or random."""
+    """Report `scatter` beside `apart`: places are on a lattice, or random."""
     if fields["apart"] is not None and values.written("scatter"):
         message = f"{values.context.of('scatter')}: `apart` is written too; random places have no "
         values.error("E111", f"{message}lattice beside which they lie", "scatter")
 
 
 def _disc(fields: _Fields, values: Values) -> None:
-    """A disc faces somewhere, if there is an axis for that."""
+    """Report a normal of a disc that has length 0, or that has no use in two axes."""
     if fields["normal"] is None or not _has_direction(fields, values) or fields["axes"] > 2:
         return
     message = f"{values.context.of('normal')}: with two axes a disc lies in their plane; remove it"
@@ -141,7 +147,7 @@ def _has_direction(fields: _Fields, values: Values) -> bool:
 
 
 def _mesh(fields: _Fields, values: Values) -> None:
-    """A file has three axes."""
+    """Report a MESH in an instrument without three axes."""
     if fields["axes"] != 3:
         message = f"{values.context.of('')}: the points of a file have three coordinates; write "
         values.error("E111", f"{message}space: 3 in the instrument")

@@ -23,7 +23,7 @@ COUNTS = ListOf(k.integer(1, 2_000, "8"), 2, 3)
 
 Family = Literal["mat", "link", "generator"]
 
-# What a contact's first end is where it has the shape of a file.
+# The shape of a contact's first end, if it is that of a file.
 WALL = Record(
     "surface of a file",
     "triangles that points touch on either side",
@@ -43,9 +43,9 @@ WALL = Record(
 def tables(
     between: Field, endpoint: Shape, law: tuple[Field, ...]
 ) -> dict[str, tuple[Family, Record]]:
-    """Of each kind its family and its table, by the fields of ends and of laws.
+    """The family and the table of each kind, given the fields for ends and laws.
 
-    `endpoint` is what an end is written as.
+    `endpoint` reads an end.
     """
     mass = Field("M", k.MASS, "mass", required=True)
     whole = Field("M", k.MASS, "mass of all its points together", required=True)

@@ -1,9 +1,8 @@
-"""Meshes of glTF files (Khronos, glTF 2.0): vertices are points, edges of triangles springs.
+"""Meshes of glTF files (Khronos, glTF 2.0): vertices become points, edges of triangles springs.
 
-Only files that hold everything themselves are read: glTF Embedded, and binary ones (.glb). Of a
-binary one a text of the same mesh is kept, for a score's texts are all that a session and its
-journal keep. Programs write a vertex several times where its colour or normal
-changes; vertices at one place are one point.
+Only self-contained files are read: glTF Embedded, and binary ones (.glb). A binary file is kept
+as a text of the same mesh, because a session and its journal keep only texts. Programs write a
+vertex several times where its colour or normal changes; vertices at one place become one point.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from ergon.instruments.space.mesh import (
 )
 
 _Point = tuple[float, float, float]
-# Rows of a matrix: what a point's coordinates become, and what is added to them.
+# Rows of a matrix: the coefficients of a point's coordinates, and an offset.
 _Matrix = tuple[tuple[float, float, float, float], ...]
 
 MAX_NODES = 10_000
@@ -43,9 +42,9 @@ _INDICES = {5121: ("B", 1), 5123: ("H", 2), 5125: ("I", 4)}
 
 
 def read(text: str | bytes, binary: bytes | None = None) -> Mesh:
-    """The mesh of a file's scene, its y, which is up, as z. Raises MeshFileError.
+    """The mesh of a file's scene; its y axis, which points up, becomes z. Raises MeshFileError.
 
-    `binary` is the data of a file that holds them beside its text.
+    `binary` is the data chunk of a binary file.
     """
     try:
         root = json.loads(text)
@@ -58,7 +57,7 @@ def read(text: str | bytes, binary: bytes | None = None) -> Mesh:
 
 
 def read_binary(data: bytes) -> Mesh:
-    """The mesh of a binary file, as `read` has it. Raises MeshFileError."""
+    """The mesh of a binary file, as from `read`. Raises MeshFileError."""
     if len(data) < _HEAD.size or not data.startswith(MAGIC):
         raise MeshFileError("it is not a binary glTF file")
     _, version, length = _HEAD.unpack_from(data)
@@ -68,7 +67,7 @@ def read_binary(data: bytes) -> Mesh:
         raise MeshFileError(f"it is incomplete: {length:,} bytes are promised, {len(data):,} there")
     chunks: list[tuple[bytes, bytes]] = []
     at = _HEAD.size
-    while at < length and len(chunks) < 2:  # what follows is of extensions
+    while at < length and len(chunks) < 2:  # further chunks belong to extensions
         if length - at < _CHUNK.size:
             raise MeshFileError("it is incomplete: a chunk has no head")
         size, kind = _CHUNK.unpack_from(data, at)
@@ -99,7 +98,7 @@ class _Reader:
         self._n_read = 0
 
     def mesh(self) -> Mesh:
-        """All meshes of the scene as one."""
+        """All meshes of the scene as a single one."""
         nodes = self._root.get("nodes", [])
         scenes = self._root.get("scenes")
         tops = scenes[_index(self._root.get("scene", 0))].get("nodes", []) if scenes else None
@@ -166,7 +165,7 @@ class _Reader:
         begin = _index(view.get("byteOffset", 0))
         data = self._buffer(_index(view["buffer"]))[begin : begin + _index(view["byteLength"])]
         count, step = _index(accessor["count"]), _index(view.get("byteStride", size))
-        # Many nodes may show one mesh.
+        # The limit counts repeated reads, because many nodes may show one mesh.
         self._n_read += count
         if self._n_read > _MOST_READ:
             raise MeshFileError(f"its nodes show more than {_MOST_READ:,} vertices", "E105")
@@ -196,14 +195,16 @@ class _Reader:
 
 
 def _index(value: Any) -> int:
-    """A number that counts something; a list is never counted from its end."""
+    """A non-negative integer; a negative index would count from the end of a list."""
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
         raise TypeError
     return value
 
 
 def _edges(mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """Edges of points, lines, a loop, a row of lines, triangles, a strip or a fan of them."""
+    """Edges by primitive mode: points, lines, a line loop, a line strip, triangles, a strip or a
+    fan of them.
+    """
     n = len(corners)
     if mode == 1:
         yield from zip(corners[::2], corners[1::2], strict=False)
@@ -226,7 +227,7 @@ def _edges(mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int]]:
 
 
 def _triangles(mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int, int]]:
-    """Triangles of the modes that have them: each by itself, a strip or a fan of them."""
+    """Triangles by primitive mode: single ones, a strip or a fan; other modes have none."""
     n = len(corners)
     if mode == 4:
         for i in range(0, n - n % 3, 3):
@@ -238,7 +239,7 @@ def _triangles(mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int, in
 
 
 def _placed(node: Mapping[str, Any]) -> _Matrix:
-    """Where a node puts its points."""
+    """The matrix by which a node places its points."""
     if "matrix" in node:  # by columns
         m = _floats(node["matrix"], 16)
         return tuple((m[row], m[4 + row], m[8 + row], m[12 + row]) for row in range(3))

@@ -1,4 +1,4 @@
-"""What a file of a mesh is read to, and what it may hold."""
+"""The mesh that is read from a file, and its size limits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ergon.common.errors import ErgonError
 MAX_POINTS = 100_000
 MAX_EDGES = 300_000
 MAX_FACES = 200_000  # triangles
-# The others keep their order of turning.
+# The source axes in new order, by the axis that points up: cyclic, so that orientation is kept.
 TURNS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 MOST = 1e6  # of a coordinate, in units of the file
 
@@ -26,16 +26,16 @@ class Mesh:
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """Corners (n, 3) [m], from a point that carries them, and triangles (n, 3)."""
+    """Corners (n, 3) [m], relative to the point that carries them, and triangles (n, 3)."""
 
     corners: tuple[tuple[float, ...], ...]
     faces: tuple[tuple[int, int, int], ...]
 
 
 def placed(mesh: Mesh, scale: float, up: str, at: Sequence[float]) -> Iterator[tuple[float, ...]]:
-    """Where the points of a file lie [m]: its origin `at`, its unit `scale` [m] long.
+    """Positions of the points of a file [m]: its origin at `at`, its unit `scale` [m] long.
 
-    The axis of the file that is `up` becomes the last.
+    The axis `up` of the file becomes the last one.
     """
     turn = TURNS[up]
     for point in mesh.points:
@@ -43,9 +43,9 @@ def placed(mesh: Mesh, scale: float, up: str, at: Sequence[float]) -> Iterator[t
 
 
 class MeshFileError(ErgonError):
-    """What is wrong with a file of a mesh, and the code of the mistake."""
+    """A mistake in a mesh file, with its code."""
 
     def __init__(self, message: str, code: str = "E106") -> None:
-        """A sentence, and the code."""
+        """Take the sentence and the code."""
         super().__init__(message)
         self.code = code

@@ -19,14 +19,18 @@ _GLTF = ".gltf"
 
 
 class Read(Protocol):
-    """Reads a file that a score names; None after a report."""
+    """Reads a file that a score names; None if an error was reported."""
 
     def __call__(self, name: str, place: Place, decoder: Decoder = ..., /) -> Document | None:
-        """By its name, asked for at a place; `decoder` makes its text."""
+        """Read a file by its name, which is written at a place; `decoder` turns its bytes into
+        text.
+        """
 
 
 def from_file(values: Values, read: Read, collector: Collector) -> Values:
-    """The fields of a MESH, or of a wall, with the mesh of the file that they name; reports."""
+    """The fields of a MESH, or of a wall, with the mesh of the file that they name; reports
+    errors.
+    """
     name = values.given.get("file")
     if not isinstance(name, str):
         return values
@@ -51,8 +55,10 @@ def _gltf(document: Document, who: str, collector: Collector) -> Mesh | None:
 
 
 def _as_text(data: bytes, name: str, collector: Collector) -> str | None:
-    """The mesh of a binary glTF as the text of a Wavefront OBJ: what is kept of the file."""
-    if data.startswith(b"v "):  # what was kept, written as a file again
+    """The mesh of a binary glTF as the text of a Wavefront OBJ, the form in which the file is
+    kept.
+    """
+    if data.startswith(b"v "):  # the kept text, written to a file again
         return decode(data, name, collector)
     try:
         return obj_file.written(gltf_file.read_binary(data))

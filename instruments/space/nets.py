@@ -1,7 +1,7 @@
-"""Points in space that springs join: rows, cloths, discs, blocks, balls, meshes.
+"""Points in space that springs join: chains, cloths, discs, blocks, balls, meshes.
 
-Springs of one length that follow one another are one run of the engine, which computes it five
-times as fast as springs one by one.
+Consecutive springs of equal length form one run of the engine, which is computed five times as
+fast as single springs.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Spring = tuple[int, int, float]  # first point, second point, rest length [m]
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """`count` equal springs, whose ends follow one another from the first spring's on."""
+    """`count` equal springs; both end indices rise by one from each spring to the next."""
 
     first: int
     second: int
@@ -34,7 +34,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Net:
-    """Places of points [m], which of them are held, and the springs that join them."""
+    """Positions of points [m], which of them are held, and the springs that join them."""
 
     places: Sequence[Vector]
     held: Sequence[bool]
@@ -42,7 +42,7 @@ class Net:
 
 
 def add(network: _core.Network, name: str, net: Net, fields: Mapping[str, Any]) -> int:
-    """Add a net; the index of the first MAT. Raises EngineError."""
+    """Add a net; returns the index of the first MAT. Raises EngineError."""
     first, n, axes = (
         add_points(network, name, fields, net.places, net.held),
         len(net.places),
@@ -77,7 +77,7 @@ def chain(fields: Mapping[str, Any]) -> Net:
 
 
 def cloth(fields: Mapping[str, Any]) -> Net:
-    """Row by row: springs along each row, along each column, and across each mesh."""
+    """Points row by row, with springs along each row, along each column, and across each cell."""
     (across, up), axes = fields["sides"], fields["axes"]
     corner, right, upwards = fields["at"], fields["across"], fields["up"]
     places = [
@@ -115,12 +115,12 @@ def cloth(fields: Mapping[str, Any]) -> Net:
 
 
 def disc(fields: Mapping[str, Any]) -> Net:
-    """Points at the corners of equal triangles, in rings around a middle."""
+    """Points of a triangular lattice, in rings around a middle."""
     rings, at, axes = fields["rings"], fields["at"], fields["axes"]
     spacing = 0.5 * fields["across"] / rings
     right, upwards = _plane(fields["normal"])
     height = math.sqrt(0.75)
-    # Axes of the cells are 60 degrees apart.
+    # The axes of the cells are 60 degrees apart.
     numbers = range(-rings, rings + 1)
     cells = [(q, r) for r in numbers for q in numbers if abs(q + r) <= rings]
     places = [
@@ -137,7 +137,8 @@ def disc(fields: Mapping[str, Any]) -> Net:
 
 
 def _plane(normal: Vector | None) -> tuple[Vector, Vector]:
-    """Two directions of length 1 across each other and a normal; without one the first two axes.
+    """Two unit vectors perpendicular to each other and to a normal; without a normal the first two
+    axes.
 
     Duff et al., Journal of Computer Graphics Techniques 6 (2017).
     """
@@ -182,7 +183,9 @@ def ball(fields: Mapping[str, Any]) -> Net:
 
 
 def _is_in_ball(cell: Cell, n: int) -> bool:
-    """Whether a cell of a lattice n wide is no farther from its middle than its outermost cells."""
+    """Whether a cell of a lattice n wide is no farther from its middle than the outermost cell on
+    an axis.
+    """
     return sum((2 * i - n + 1) ** 2 for i in cell) <= (n - 1) ** 2
 
 
@@ -196,7 +199,7 @@ def mesh(fields: Mapping[str, Any]) -> Net:
     return Net(places, [height == end for height in heights], _equal(springs, fields))
 
 
-# How many points a net has.
+# The number of points of a net.
 COUNTS: dict[str, Callable[[Mapping[str, Any]], int]] = {
     "CLOTH": lambda fields: math.prod(fields["sides"]),
     "BLOCK": lambda fields: math.prod(fields["sides"]),
@@ -207,7 +210,7 @@ COUNTS: dict[str, Callable[[Mapping[str, Any]], int]] = {
 
 
 def _in_ball(n: int, axes: int) -> int:
-    """How many cells of a lattice lie in a ball that is n cells wide."""
+    """The number of cells of a lattice in a ball that is n cells wide."""
     squares = [(2 * i - n + 1) ** 2 for i in range(n)]
     sums = {0: 1}
     for _ in range(axes):
@@ -229,14 +232,16 @@ def _cells(counts: Sequence[int]) -> list[Cell]:
 
 
 def _neighbours(span: int, spacing: Sequence[float]) -> Iterator[tuple[Cell, float]]:
-    """Steps to all later cells within `span` along each axis, and their lengths [m]."""
+    """Steps to all neighbours within `span` along each axis that come later in order, with their
+    lengths [m].
+    """
     for step in itertools.product(range(-span, span + 1), repeat=len(spacing)):
         if step[::-1] > (0,) * len(step):
             yield step, math.hypot(*(i * size for i, size in zip(step, spacing, strict=True)))
 
 
 def _springs(cells: Sequence[Cell], steps: Iterable[tuple[Cell, float]]) -> Iterator[Spring]:
-    """Springs from each cell to those that lie such steps away, step by step."""
+    """Springs from each cell to the cells one step away, for each step in turn."""
     numbers = {cell: number for number, cell in enumerate(cells)}
     for step, rest in steps:
         for number, cell in enumerate(cells):
@@ -246,7 +251,7 @@ def _springs(cells: Sequence[Cell], steps: Iterable[tuple[Cell, float]]) -> Iter
 
 
 def _equal(springs: Iterable[Spring], fields: Mapping[str, Any]) -> Iterator[Run]:
-    """Springs of K and Z as runs of those that follow one another."""
+    """Springs with K and Z as runs of consecutive ones."""
     begin, count = (0, 0, 0.0), 0
     for a, b, rest in springs:
         if count and (a, b, rest) == (begin[0] + count, begin[1] + count, begin[2]):

@@ -1,6 +1,6 @@
-"""Meshes of Wavefront OBJ files: vertices are points, edges of faces and lines are springs.
+"""Meshes of Wavefront OBJ files: vertices become points, edges of faces and lines become springs.
 
-Faces are triangles too, as which points touch them.
+Faces are also kept as triangles, which points can touch.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from ergon.notation.text.values import Place
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _CORNER = re.compile(r"([+-]?[0-9]+)(/[+-]?[0-9]*){0,2}")
-# What tells of looks and names alone.
+# Keywords for looks and names, which are ignored.
 _OTHER = frozenset(["vt", "vn", "o", "g", "s", "usemtl", "mtllib"])
 
 
 def written(mesh: Mesh) -> str:
-    """A mesh as a text that reads as itself."""
+    """A mesh as text from which `Reader` makes the same mesh."""
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.points]
     lines += [f"l {a + 1} {b + 1}" for a, b in mesh.edges]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces]
@@ -32,14 +32,14 @@ class Reader:
     """Reads a file line by line."""
 
     def __init__(self, document: Document, who: str, collector: Collector) -> None:
-        """Of a document; `who` begins its reports."""
+        """Take a document; `who` begins error messages."""
         self._document, self._who, self._collector = document, who, collector
         self._points: list[tuple[float, float, float]] = []
         self._edges: dict[tuple[int, int], None] = {}
         self._faces: list[tuple[int, int, int]] = []
 
     def mesh(self, asked: Place) -> Mesh | None:
-        """What the file says; None after a report."""
+        """The mesh of the file; None if an error was reported."""
         for number, line in self._lines():
             try:
                 self._line(line.split())
@@ -56,7 +56,7 @@ class Reader:
         return None
 
     def _lines(self) -> Iterator[tuple[int, str]]:
-        """Lines with their numbers, without comments; one that ends with a backslash goes on."""
+        """Lines with their numbers, without comments; a backslash at the end continues a line."""
         begun, first = "", 0
         for number, line in enumerate(self._document.text.splitlines(), 1):
             text = line.partition("#")[0].rstrip()
@@ -108,7 +108,9 @@ class Reader:
             raise MeshFileError(f"the file has more than {MAX_FACES:,} triangles", "E105")
 
     def _corner(self, word: str) -> int:
-        """The number of a vertex, from 0 on: counted from 1, or back from the last with a minus."""
+        """The index of a vertex, from 0; the word counts from 1, or backward from the last one if
+        negative.
+        """
         found = _CORNER.fullmatch(word)
         number = int(found[1][:20]) if found else 0
         index = number - 1 if number > 0 else len(self._points) + number

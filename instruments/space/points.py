@@ -1,4 +1,4 @@
-"""Points in space: one by one, as grains in a box, and as a surface over the masses of a body."""
+"""Points in space: single ones, grains in a box, and a surface over the masses of a body."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from ergon import _core
 Vector = tuple[float, ...]
 Chance = Callable[[int], _core.Chance]
 
-# Random places that are tried for one grain before a box is full: the densest crowds that are found
-# so fill 0.38 of space, and take some hundred tries a grain at 0.9 of that (Widom 1966).
+# Random places that are tried for one grain before a box counts as full: the densest packings found
+# in this way fill 0.38 of space, and take some hundred tries a grain at 0.9 of that (Widom 1966).
 TRIES = 2_000
 
 
 def along(first: int, count: int, axes: int) -> list[int]:
-    """The MATs of a point, axis by axis, where `count` points were added at once."""
+    """The MATs of a point, axis by axis, if `count` points were added at once."""
     return [first + axis * count for axis in range(axes)]
 
 
 def between(start: Vector, stop: Vector, share: float) -> Vector:
-    """The place that lies by a share on the way from one to another."""
+    """The position at a share of the way from `start` to `stop`."""
     return tuple(a + (b - a) * share for a, b in zip(start, stop, strict=True))
 
 
 def unit(direction: Vector | None) -> Vector | None:
-    """A direction as a vector of length 1 with three components; None where there is none."""
+    """A direction as a unit vector with three components; None for None."""
     if direction is None:
         return None
     length = math.hypot(*direction)
@@ -36,7 +36,7 @@ def unit(direction: Vector | None) -> Vector | None:
 
 
 def add_point(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
-    """Add a single point; the index of its first MAT. Raises EngineError."""
+    """Add a single point; returns the index of its first MAT. Raises EngineError."""
     axes = fields["axes"]
     return network.points(
         name,
@@ -56,7 +56,7 @@ def add_points(
     places: Sequence[Vector],
     held: Sequence[bool],
 ) -> int:
-    """Add points that share a mass; the index of the first MAT. Raises EngineError."""
+    """Add points that share a mass; returns the index of the first MAT. Raises EngineError."""
     axes, n = fields["axes"], len(places)
     v0 = fields.get("V0") or (0.0,) * axes
     each = fields["M"] / max(1, n - sum(held))
@@ -73,7 +73,7 @@ def add_points(
 def add_surface(
     network: _core.Network, name: str, fields: Mapping[str, Any], masses: range
 ) -> list[int]:
-    """Add fixed points below the masses of a body; the first MAT along each axis.
+    """Add fixed points below the masses of a body; returns the first MAT along each axis.
 
     The last axis is that of the masses. Raises EngineError.
     """
@@ -92,7 +92,7 @@ def add_surface(
 def add_grains(
     network: _core.Network, name: str, fields: Mapping[str, Any], chance: Chance, who: str
 ) -> int:
-    """Add free points in a box; the index of the first MAT. Raises EngineError."""
+    """Add free points in a box; returns the index of the first MAT. Raises EngineError."""
     start, stop, n = fields["from"], fields["to"], fields["count"]
     if fields["apart"] is None:
         places = _lattice(start, stop, n, fields["scatter"], chance)
@@ -110,7 +110,9 @@ def add_grains(
 
 
 def _lattice(start: Vector, stop: Vector, n: int, scatter: float, chance: Chance) -> list[Vector]:
-    """Places of a square lattice that is as wide as the box allows, filled axis by axis."""
+    """Positions on a lattice with equal spacing along all axes, as wide as the box allows, filled
+    axis by axis.
+    """
     spacing, counts = _widest([abs(b - a) for a, b in zip(start, stop, strict=True)], n)
     spread = 0.5 * spacing * scatter
     places = []
@@ -125,7 +127,9 @@ def _lattice(start: Vector, stop: Vector, n: int, scatter: float, chance: Chance
 
 
 def _widest(sides: Sequence[float], n: int) -> tuple[float, list[int]]:
-    """The widest spacing [m] at which a lattice in a box has n places, and how many each way."""
+    """The widest spacing [m] at which a lattice in a box has n places, and the number along each
+    axis.
+    """
 
     def counts(spacing: float) -> list[int]:
         return [int(side / spacing) + 1 for side in sides]
@@ -134,14 +138,14 @@ def _widest(sides: Sequence[float], n: int) -> tuple[float, list[int]]:
     if n == 1 or high == 0.0:
         return high, [n] + [1] * (len(sides) - 1)
     low = high / n
-    for _ in range(60):  # to the last digit
+    for _ in range(60):  # to full precision
         middle = 0.5 * (low + high)
         low, high = (middle, high) if math.prod(counts(middle)) >= n else (low, middle)
     return low, counts(low)
 
 
 def _packing(start: Vector, stop: Vector, n: int, apart: float, chance: Chance) -> list[Vector]:
-    """Random places, each at least `apart` [m] from those before it; fewer where no more fit.
+    """Random places, each at least `apart` [m] from those before; fewer than n if no more fit.
 
     Random sequential addition (Widom, Journal of Chemical Physics 44, 1966).
     """
@@ -156,7 +160,7 @@ def _packing(start: Vector, stop: Vector, n: int, apart: float, chance: Chance) 
         own = chance(i)
         for _ in range(TRIES):
             place = tuple(own.uniform(low, high) for low, high in sides)
-            # Cells as wide as the distance: what is nearer lies in one of those around.
+            # Cells are as wide as the distance, so that nearer points are in neighbouring cells.
             cell = tuple(math.floor(x / apart) for x in place)
             if is_free(place, cell):
                 break
@@ -168,6 +172,6 @@ def _packing(start: Vector, stop: Vector, n: int, apart: float, chance: Chance) 
 
 
 def _near(cells: Mapping[tuple[int, ...], list[Vector]], cell: tuple[int, ...]) -> Iterator[Vector]:
-    """The places in a cell and in those around it."""
+    """The places in a cell and in its neighbours."""
     for step in itertools.product((-1, 0, 1), repeat=len(cell)):
         yield from cells.get(tuple(i + j for i, j in zip(cell, step, strict=True)), ())

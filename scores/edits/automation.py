@@ -1,4 +1,4 @@
-"""Changing which parameters glide, follow patterns or swing, from a beat on."""
+"""Changes which parameters glide, follow patterns or swing, from a beat on."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ergon.scores.reading import automatable
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece
 
-# The value of a parameter of a piece's module on a beat, as automation leads it.
+# The value of a parameter of a module (part, module) of a piece on a beat, with automation applied.
 ValueOn = Callable[[Piece, tuple[str, str], str, float], float]
 
 
@@ -26,13 +26,13 @@ def automate(
 ) -> Texts:
     """Let a parameter follow a pattern (`set`) or swing (`lfo`) from a beat on.
 
-    It takes the place of what the parameter followed, and goes on for ever where the fields give it
-    no end. Raises EditError.
+    Replaces earlier automation of the parameter; without an end in `fields` it continues for
+    ever. Raises EditError.
     """
     said: dict[str, edit.Tree] = {kind: target, **fields, "at": written(piece, at)}
     if not said.keys() & {"times", "until"}:
         said["until"] = end(piece, at)
-    # The new entry first: a list that never becomes empty keeps its style.
+    # Add the new entry before others are removed: a list that never becomes empty keeps its style.
     texts = texts.append(("automation",), edit.flow(said))
     texts, _ = _ended(texts, piece, at, target)
     return texts
@@ -66,7 +66,7 @@ def glide(
 
 
 def check(piece: Piece, target: str) -> None:
-    """Raise EditError where a parameter cannot glide."""
+    """Raise EditError if a parameter cannot glide."""
     head, _, parameter = target.rpartition(".")
     known = automatable.found(head, piece.keys, piece.instruments)
     if known is None:
@@ -77,7 +77,9 @@ def check(piece: Piece, target: str) -> None:
 
 
 def stop(texts: Texts, piece: Piece, target: str, at: float) -> Texts:
-    """Give a parameter its own value from a beat on. Raises EditError where nothing leads it."""
+    """Give a parameter its own value from a beat on. Raises EditError if no automation changes
+    it.
+    """
     texts, count = _ended(texts, piece, at, target)
     if not count:
         where = piece.tempo_map.written(at)
@@ -88,12 +90,12 @@ def stop(texts: Texts, piece: Piece, target: str, at: float) -> Texts:
 
 
 def released(texts: Texts, piece: Piece, target: str, at: float) -> Texts:
-    """End what leads a parameter, if anything does."""
+    """End the automation of a parameter, if there is any."""
     return _ended(texts, piece, at, target)[0]
 
 
 def finish(texts: Texts, piece: Piece, at: float) -> Texts:
-    """End at a beat what goes on without end, for a score that is saved."""
+    """End endless automation at a beat, for a score that is saved."""
     for number, one in enumerate(piece.automation):
         if one.until is not None and END.fullmatch(one.until.text) is not None:
             until = written(piece, max(at, piece.tempo_map.resolve(one.at) + 1.0))
@@ -110,12 +112,12 @@ def end_all(texts: Texts, piece: Piece, at: float) -> Texts:
 
 
 def leads_from(piece: Piece, one: Automation, at: float) -> bool:
-    """Whether automation leads its parameter on a beat, or later."""
+    """Whether automation changes its parameter on a beat, or later."""
     return ending(piece, one) > at + SAME
 
 
 def ending(piece: Piece, one: Automation) -> float:
-    """The beat on which automation ends; infinite where it does not."""
+    """The beat on which automation ends; infinite if it does not end."""
     end = math.inf if one.until is None else piece.tempo_map.resolve(one.until)
     if one.swing is not None or one.points:
         return end
@@ -134,7 +136,7 @@ def _ended(texts: Texts, piece: Piece, at: float, target: str) -> tuple[Texts, i
 
 
 def _ended_one(texts: Texts, piece: Piece, at: float, number: int) -> Texts:
-    """End automation on a beat, or take it away where it would begin then or later."""
+    """End automation on a beat, or remove it if it would begin then or later."""
     if piece.tempo_map.resolve(piece.automation[number].at) >= at - SAME:
         return dropped(texts, "automation", number)
     return texts.put((*place(texts, "automation", number), "until"), written(piece, at))

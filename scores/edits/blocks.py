@@ -10,7 +10,7 @@ from ergon.scores.reading.piece import Piece
 
 
 def define(texts: Texts, piece: Piece, name: str, lines: Sequence[str]) -> Texts:
-    """Write a block, in place of one of its name. Raises EditError."""
+    """Write a block; it replaces a block of the same name. Raises EditError."""
     if name in piece.blocks:
         texts = texts.remove(("blocks", name))
     for line in lines:

@@ -36,14 +36,14 @@ class Entry:
         return replace(self, fields={"at": where, **self.fields})
 
     def flow(self) -> str:
-        """As an item of a list."""
+        """The entry as an item of a list."""
         said: dict[str, edit.Tree] = dict(self.fields)
         if self.do:
             said["do"] = list(self.do)
         return edit.flow(said)
 
     def words(self) -> str:
-        """As the words of a row, after its position."""
+        """The entry as the words of a row, after its position."""
         said = [self.fields["play"]]
         for name, text in self.fields.items():
             if name == words.NTH:
@@ -56,7 +56,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """An entry in its place: its number in the list or row in the table, and when it plays."""
+    """An entry in its place: its number in the list or its line in the table, and when it plays."""
 
     number: int
     entry: Entry
@@ -66,7 +66,7 @@ class Line:
     row: str | None = None  # of a table, as written
 
     def is_open(self, at: float, piece: Piece) -> bool:
-        """Whether it began before a beat and would begin again from there on."""
+        """Whether an entry began before a beat and begins again on it or later."""
         if self.begin >= at - SAME:
             return False
         if self.starts is not None:
@@ -76,11 +76,15 @@ class Line:
         return self.play.times not in (None, 1)
 
     def count_before(self, at: float) -> int:
-        """How many of its beginnings, or places of its pattern, lie before a beat."""
+        """The number of beginnings of the entry, or of places of its pattern, that lie before a
+        beat.
+        """
         return n_before(self.starts or (), at - SAME)
 
     def part(self, first: int, last: int, at: Callable[[float], str]) -> Entry:
-        """The entry of its beginnings from number `first` up to `last`, its beats as `at` says."""
+        """The entry with only its beginnings from number `first` to before `last`; `at` writes
+        beats.
+        """
         starts = self.starts or ()
         if not isinstance(starts, Steps):
             count = last - first
@@ -90,7 +94,7 @@ class Line:
 
 
 def of_words(text: str) -> Entry:
-    """The entry that the words of a line stand for, without its beginning. Raises EditError."""
+    """The entry that the words of a line describe, without its position. Raises EditError."""
     try:
         return of_play(words.parse(text), text)
     except TextError as error:
@@ -98,15 +102,16 @@ def of_words(text: str) -> Entry:
 
 
 def of_play(play: words.PlayWords, text: str) -> Entry:
-    """The entry of a play that was read from a text, without its beginning."""
+    """The entry of a play that was read from a text, without its position."""
     options = {name: word.text for name, word in play.options.items()}
     do = tuple(text[t.offset : t.offset + t.length] for t in play.do)
     return Entry({"play": play.what.text, **options}, do)
 
 
 def lines(texts: Texts, piece: Piece, player: str, since: float = -inf) -> list[Line]:
-    """The entries of a player's part, in the order written; those alone that may begin again from
-    beat `since` on."""
+    """The entries of a player's part, in the order written; only those that may begin on beat
+    `since` or later.
+    """
     last = since - SAME
     own = [
         number
@@ -149,7 +154,9 @@ def _lines(texts: Texts, piece: Piece, player: str, numbers: Iterable[int]) -> I
 
 @dataclass(frozen=True, slots=True)
 class PartEdit:
-    """Some entries of a player that end at a position, some that go, and new ones."""
+    """A change of one player's part: entries that end at a position, entries to remove, and new
+    ones.
+    """
 
     player: str
     until: str = ""
@@ -158,7 +165,7 @@ class PartEdit:
     new: Sequence[Entry] = ()
 
     def of_list(self) -> ListEdit:
-        """The edit of a part that is a list."""
+        """This change as the edit of a list."""
         path = ("parts", self.player)
 
         def changed(own: document.Document, lacks: int) -> str:
@@ -169,7 +176,8 @@ class PartEdit:
                 except EditError:  # an alias cannot be edited: write the entry out
                     text = edit.put(own, item, line.entry.with_fields(until=self.until).flow())
                 own = edit.read(text, own.file)
-            # New entries first: a list that never becomes empty keeps its style.
+            # Add new entries before others are removed: a list that never becomes empty keeps its
+            # style.
             if self.new:
                 flows = [entry.flow() for entry in self.new]
                 own = edit.read(edit.extend(own, path, flows, SECTIONS), own.file)
@@ -178,11 +186,11 @@ class PartEdit:
             return own.text
 
         numbers = [line.number for line in self.closed]
-        numbers += [line.number - 1 for line in self.dropped]  # an item that stays keeps the list
+        numbers += [line.number - 1 for line in self.dropped]  # include an item that stays
         return ListEdit(path, min(numbers, default=None), changed)
 
     def of_table(self, table: str) -> Callable[[document.Document], str]:
-        """The same change of a part that is a table."""
+        """This change as the edit of a table."""
         path = ("parts", self.player)
         rows: dict[int, str | None] = {
             line.number: _closed(line, self.until) for line in self.closed
@@ -199,9 +207,9 @@ class PartEdit:
 
 
 def change(texts: Texts, *edits: PartEdit) -> Texts:
-    """Change parts, each of another player.
+    """Change the parts of several players.
 
-    New entries are written as the others of the part are. Raises EditError.
+    New entries are written in the form of the part: list items or rows. Raises EditError.
     """
     lists: list[ListEdit] = []
     tables: list[Callable[[document.Document], str]] = []
@@ -240,7 +248,7 @@ def _of_item(item: Node) -> Entry:
 
 
 def _closed(line: Line, until: str) -> str:
-    """A row that ends at a position; its words and their spaces stay."""
+    """A row with an end at a position; its other words and their spaces do not change."""
     row = line.row or ""
     said = words.parse_row(row).play.options.get("until")
     if said is None:

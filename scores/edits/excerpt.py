@@ -1,7 +1,7 @@
-"""Keeping some bars of a score as a score of their own.
+"""Keeps some bars of a score as a score of their own.
 
-It is the whole score with the same keys, instruments, gestures and mix, and with only those bars in
-its parts, from 1|1 to its mark `end`: it can be checked, rendered, loaded, copied from, or brought
+The kept score has the same keys, instruments, gestures and mix, and only those bars in its
+parts, from 1|1 to its mark `end`: it can be checked, rendered, loaded, copied from, or brought
 back as a scene.
 """
 
@@ -34,11 +34,11 @@ def keep(
     stop: float,
     value_on: ValueOn | None = None,
 ) -> Texts:
-    """A score of the entries that begin between two beats, which begins at the first.
+    """A score of the entries that begin between two beats; it begins at the first beat.
 
-    A glide that began before needs the value that it has by then.
+    `value_on` gives the values of glides that began before.
 
-    Raises EditError when nothing does.
+    Raises EditError if nothing begins there.
     """
     window = _Window(piece, start, stop, value_on)
     kept = texts.put(("title",), edit.quoted(name))
@@ -60,7 +60,7 @@ def keep(
     kept = window.automation(window.duet(kept)).put(("marks", END), window.at(stop))
     if piece.render.file is not None:
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))
-    # The tempo last: until then positions are read by the old tempo map.
+    # Write the tempo last: the other edits read positions by the old tempo map.
     return window.tempo(kept)
 
 
@@ -68,7 +68,7 @@ _PIECES = 32  # of a glide that is cut
 
 
 class _Window:
-    """Beats from `start` to `stop` of a piece, told from `start` on."""
+    """The beats from `start` to `stop` of a piece, counted from `start`."""
 
     def __init__(self, piece: Piece, start: float, stop: float, value_on: ValueOn | None) -> None:
         self.piece = piece
@@ -81,7 +81,9 @@ class _Window:
         return [beat for beat in beats if self.start - SAME <= beat < self.stop - SAME]
 
     def at(self, beats: float) -> str:
-        """A beat of the piece as beats from the window's beginning, in its own bars."""
+        """A beat of the piece as a position in the window: `bar|beat`, or beats if the window does
+        not begin on a bar.
+        """
         beats = max(0.0, beats - self.start)
         bar, _ = self.map.bar_beat(self.start)
         whole, beat = self.map.bar_beat(self.start + beats)
@@ -90,7 +92,7 @@ class _Window:
         return f"{beats:.12g}"  # the window does not begin on a bar: count beats alone
 
     def of(self, line: entries.Line) -> entries.Entry | None:
-        """An entry as far as it begins here."""
+        """The entry with only its beginnings in the window; None if there are none."""
         if line.starts is None:
             if not self.within([line.begin]):
                 return None
@@ -104,7 +106,7 @@ class _Window:
         return line.part(first, last, self.at) if first < last else None
 
     def strikes(self, texts: Texts, strikes: Strikes) -> tuple[Texts, bool]:
-        """Strikes as far as they fall here."""
+        """Strikes cut to the window, and whether any fall in it."""
         path = ("strikes", strikes.name)
         begin = self.map.resolve(strikes.at)
         if strikes.hits and strikes.length is None:
@@ -115,7 +117,7 @@ class _Window:
         if strikes.span is not None:
             stop = self.map.after(begin, strikes.span)
         said: dict[str, str | None] = {"for": None, "until": None}
-        if strikes.passing is not None:  # `for` says how fast it passes
+        if strikes.passing is not None:  # `for` is the time of one pass
             del said["for"]
         if strikes.pattern is not None:
             places = strikes.steps(self.piece)
@@ -145,7 +147,7 @@ class _Window:
         return self._said(texts, path, said), True
 
     def duet(self, texts: Texts) -> Texts:
-        """Couplings as far as they hold here."""
+        """Couplings cut to the window."""
         for number in reversed(range(len(self.piece.duet))):
             coupling = self.piece.duet[number]
             begin = self.map.resolve(coupling.at)
@@ -159,7 +161,7 @@ class _Window:
         return texts
 
     def automation(self, texts: Texts) -> Texts:
-        """Automation as far as it holds here."""
+        """Automation cut to the window."""
         for number in reversed(range(len(self.piece.automation))):
             one = self.piece.automation[number]
             begin = self.map.resolve(one.at)
@@ -191,7 +193,7 @@ class _Window:
         return texts
 
     def _glide(self, texts: Texts, number: int, one: Automation, begin: float, end: float) -> Texts:
-        """A glide as far as it is heard here: one that began before goes on as a curve."""
+        """A glide cut to the window: one that began before becomes a curve."""
         if begin >= self.stop - SAME or end <= self.start + SAME:
             return dropped(texts, "automation", number)
         said: dict[str, str | None] = {"at": self.at(begin)}
@@ -222,7 +224,7 @@ class _Window:
         return self._said(texts, place(texts, "automation", number), said)
 
     def tempo(self, texts: Texts) -> Texts:
-        """The tempo and meter that hold at the beginning, and the changes that follow."""
+        """Write the tempo and meter at the start of the window, and the changes that follow."""
         _, _, meter = [c for c in self.map.bars.changes() if c[0] <= self.start + SAME][-1]
         first: dict[str, edit.Tree] = {"at": "1|1", "bpm": f"{self.map.bpm(self.start):.12g}"}
         first["meter"] = str(meter)
@@ -252,7 +254,7 @@ class _Window:
         return texts
 
     def _said(self, texts: Texts, path: edit.Path, fields: dict[str, str | None]) -> Texts:
-        """Fields of an entry set or taken away."""
+        """Set fields of an entry; None removes a field."""
         for name, text in fields.items():
             if text is not None:
                 texts = texts.put((*path, name), text)

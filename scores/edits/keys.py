@@ -1,4 +1,4 @@
-"""Coupling two keys from a beat on, and ending that."""
+"""Couples two keys from a beat on, and ends couplings."""
 
 from __future__ import annotations
 
@@ -14,16 +14,18 @@ from ergon.scores.reading.piece import Piece
 def couple(
     texts: Texts, piece: Piece, at: float, a: str, b: str, stiffness: str, viscosity: str = ""
 ) -> Texts:
-    """Join two keys by a REF from a beat on, in place of other couplings. Raises EditError."""
+    """Join two keys by a REF from a beat on; this replaces their earlier coupling. Raises
+    EditError.
+    """
     said: dict[str, edit.Tree] = {"K": stiffness, **({"Z": viscosity} if viscosity else {})}
     whole: dict[str, edit.Tree] = {"couple": [a, b], "REF": said, "at": written(piece, at)}
-    # The new entry first: a list that never becomes empty keeps its style.
+    # Add the new entry before others are removed: a list that never becomes empty keeps its style.
     texts, _ = _parted(texts.append(("duet",), edit.flow(whole)), piece, at, a, b)
     return texts
 
 
 def uncouple(texts: Texts, piece: Piece, at: float, a: str, b: str) -> Texts:
-    """End the coupling of two keys at a beat. Raises EditError where there is none."""
+    """End the coupling of two keys at a beat. Raises EditError if there is none."""
     texts, count = _parted(texts, piece, at, a, b)
     if not count:
         raise EditError(f"{a} and {b} are not coupled at {piece.tempo_map.written(at)}")

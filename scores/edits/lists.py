@@ -1,4 +1,4 @@
-"""Sections that are lists, in which a lone entry may stand without one."""
+"""Sections that are lists; a single entry may be written without a list."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ def items(texts: Texts, *path: str) -> list[Node]:
 
 
 def place(texts: Texts, section: str, number: int, *further: str) -> edit.Path:
-    """The path of an entry."""
+    """The path of an entry of such a section."""
     path = (section, *further)
     return (*path, number) if isinstance(_node(texts, path), document.Sequence) else path
 
 
 def dropped(texts: Texts, section: str, number: int) -> Texts:
-    """Remove an entry; a section without entries becomes an empty list, its comment stays."""
+    """Remove an entry; a section that loses its last entry becomes an empty list, which keeps its
+    comment.
+    """
     if len(items(texts, section)) == 1:
         return texts.put((section,), "[]")
     return texts.remove((section, number))

@@ -1,4 +1,4 @@
-"""Setting a physical parameter or a gain, in the file where it is written."""
+"""Sets a physical parameter or a gain, in the file where it is written."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from ergon.scores.reading import automatable, overlay
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sections import KEY
 
-# Two pairs that say the same: a CEL or a key has one of them.
+# Two equivalent pairs of fields: a CEL or a key has one of them.
 _TUNED, _PLAIN = ("f", "t60"), ("K", "Z")
 _OTHERS = {"K": _TUNED, "Z": _TUNED, "f": _PLAIN, "t60": _PLAIN}
 _RETUNED = ("f", "t60", "M")  # of a single generator, beside `like` or `from`
@@ -39,29 +39,31 @@ _UNITS = {
 }
 _AMOUNT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.+-]*[^\s.+-]*)")
 
-Changes = Mapping[str, str | None]  # fields and their new texts; None: it goes
+Changes = Mapping[str, str | None]  # fields and their new texts; None removes one
 
 
 @dataclass(frozen=True, slots=True)
 class _Owner:
-    """A module's or key's fields: their values, and where one is written."""
+    """The fields of a module or a key: their values, and where each is written."""
 
     part: str  # the key or instrument, as the score calls it
     section: str
     own: Values  # the key or instrument as its own file has it, or a note of it
-    base: tuple[str, ...]  # the path of that
-    module: str  # "" where it bears the name of its part
+    base: tuple[str, ...]  # the path of `own`
+    module: str  # "" if it has the name of its part
     kind: str  # "" for a key of M, K, Z
-    said: Values  # the fields as `like` and `from` leave them
+    said: Values  # the fields with `like` and `from` followed
     is_ca: bool
 
     @property
     def file(self) -> str:
-        """Where its key or instrument is written."""
+        """The file in which the key or instrument is written."""
         return self.own.node.document.file
 
     def home(self, name: str) -> tuple[str, ...] | None:
-        """The path of the mapping for a field; None where it stands in what this began with."""
+        """The path of the mapping in which a field is written; None if `like` or `from` brought it
+        in.
+        """
         if self.module:
             modules = self.own["modules"]
             if isinstance(modules, dict) and self.module in modules:
@@ -77,8 +79,9 @@ class _Owner:
 def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     """Set `bell.m.K`, `k1.M` or `gong.f` to a value, or multiply it (`x1.5`).
 
-    What is shared by `like` or `from` is written for this one alone. K and Z take the place of
-    f and t60, and the other way round, without a change of the other one. Raises EditError.
+    A value that comes by `like` or `from` is written for this part alone. Setting K or Z
+    replaces f and t60 by the equivalent K and Z, and vice versa, so the other one keeps its
+    value. Raises EditError.
     """
     part, _, name = target.rpartition(".")
     made = piece.instruments.get(part)
@@ -106,7 +109,8 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
 def set_list(texts: Texts, target: str, changes: Mapping[int, str]) -> Texts:
     """Set values of the list `bell.f` of MODES by their index; the others stay as they are written.
 
-    Raises EditError, where another line of the score than the list says what sounds too.
+    Raises EditError if the modes come from a file, or if `f` or `transpose` of the instrument
+    moves them all.
     """
     owner, name = _owner(texts, target)
     if owner.said.written("modes"):
@@ -138,7 +142,7 @@ def set_list(texts: Texts, target: str, changes: Mapping[int, str]) -> Texts:
 
 
 def _set_pitch(texts: Texts, made: Instrument, value: str) -> Texts:
-    """Set the pitch by which an instrument of several modules goes. Raises EditError."""
+    """Set the named pitch of an instrument of several modules. Raises EditError."""
     names, _ = texts.names()
     entry = names.tables["instruments"].get(made.name)
     if entry is None or not isinstance(entry.values, Values):
@@ -154,7 +158,7 @@ def _set_pitch(texts: Texts, made: Instrument, value: str) -> Texts:
         texts = texts.put((*path, "f"), f"{wanted!r}Hz" if value.startswith("x") else value, file)
         is_moved = own.written("transpose")
         return texts.remove((*path, "transpose"), file=file) if is_moved else texts
-    begun = named_pitch(own)  # what is written, which `transpose` moves
+    begun = named_pitch(own)  # the written pitch, which `transpose` moves
     assert begun is not None
     step = between(begun, wanted)
     if step.ratio == 1.0:
@@ -167,7 +171,7 @@ def _set_pitch(texts: Texts, made: Instrument, value: str) -> Texts:
 
 
 def quantities(module: Module) -> Iterator[tuple[str, float]]:
-    """The fields of a module that are one number, and its constants; not where it starts."""
+    """The fields of a module that are a single number, and its constants; without X0 and V0."""
     for name, value in module.fields.items():
         if isinstance(value, float) and name not in ("X0", "V0"):
             yield name, value
@@ -178,7 +182,7 @@ def quantities(module: Module) -> Iterator[tuple[str, float]]:
 
 
 def said(value: float, name: str, *, is_ca: bool) -> str:
-    """A value [SI] as a score says it, to the last bit."""
+    """A value [SI] as a score writes it, without loss of precision."""
     is_plain = is_ca and name in ("M", "K", "Z")
     return f"{value!r}{'' if is_plain else _UNITS.get(name, '')}"
 
@@ -238,7 +242,9 @@ def _owner(texts: Texts, target: str) -> tuple[_Owner, str]:
 
 
 def _member(values: Values, own: Values, word: str) -> tuple[str, Values, Values] | None:
-    """The note that a word names, the instrument there, and what its file says of that note."""
+    """The note that a word names, the instrument at this note, and the fields that are written for
+    it.
+    """
     wanted = notes.number(word)
     for note in values["notes"]:
         if notes.number(note) == wanted:
@@ -252,7 +258,7 @@ def _member(values: Values, own: Values, word: str) -> tuple[str, Values, Values
 
 
 def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
-    """The fields of a module, or of what bears its part's name, and its kind."""
+    """The fields of a module (or of the only module of a part), and its kind."""
     kind, said = values.kind, values
     if module:
         body = (values["modules"] or {}).get(module)
@@ -289,7 +295,7 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
         raise EditError(error.message) from None
     node = owner.said.nodes.get(name)
     if "calib" in owner.said.nodes and not owner.own.written(name):
-        node = None  # the measured value holds, not the written one
+        node = None  # the measured value is used, not the written one
     if isinstance(node, Scalar) and _is_said(owner, name, node.text):
         scaled = _scaled(node.text, factor)
         if scaled is not None:
@@ -310,7 +316,7 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
 
 
 def _now(owner: _Owner, piece: Piece) -> Mapping[str, object]:
-    """The values that hold, in SI units, a measured key's too."""
+    """The current values in SI units, including those of a measured key."""
     made = piece.keys.get(owner.part) or piece.instruments.get(owner.part)
     for module in made.modules if made is not None else ():
         if module.name == owner.module:
@@ -319,7 +325,7 @@ def _now(owner: _Owner, piece: Piece) -> Mapping[str, object]:
 
 
 def _is_said(owner: _Owner, name: str, text: str) -> bool:
-    """Whether a field has the value of its text, for a transposition moves it."""
+    """Whether a field has the value of its text; a transposition makes it differ."""
     field = (KINDS[owner.kind].table if owner.kind else KEY).by_name.get(name)
     if field is None or not isinstance(field.shape, Text):
         return True
@@ -327,7 +333,9 @@ def _is_said(owner: _Owner, name: str, text: str) -> bool:
 
 
 def _as_written(owner: _Owner, home: tuple[str, ...] | None, changes: Changes) -> Changes:
-    """Values that are to sound, as they are written where `transpose` moves what is written."""
+    """Changes in the values that must be written so that `transpose` turns them into those asked
+    for.
+    """
     interval = owner.own.given.get("transpose")
     if interval is None or (owner.kind and is_mechanics(owner.kind, owner.said)):
         return changes
@@ -373,7 +381,7 @@ def _number(now: Mapping[str, object], name: str) -> float:
 
 
 def _scaled(text: str, factor: float) -> str | None:
-    """A number or a range times a factor, its unit kept; None for a note or a fraction."""
+    """A number or a range times a factor, with the same unit; None for a note or a fraction."""
     ends = []
     for end in text.split(".."):
         match = _AMOUNT.fullmatch(end.strip())

@@ -1,8 +1,9 @@
-"""What was typed, brought into files that somebody edited meanwhile: a merge of three texts.
+"""Merges what was typed in a session into files that were edited meanwhile: a three-way merge of
+texts.
 
-A place is a value that is no mapping: a gesture, a parameter, the part of a player, the tempo. A
-place that was typed and is as before in the files gets what was typed; where the files have
-changed too, they stand.
+The unit is a place: a value that is not a mapping, such as a gesture, a parameter, the part of a
+player, the tempo. A place that was typed gets the typed value if the files have not changed it;
+if they have, the value of the files stays.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ class Spot(NamedTuple):
     path: edit.Path
 
     def __str__(self) -> str:
-        """As a message names it."""
+        """The place as messages name it."""
         return ".".join(map(str, self.path))
 
 
 class Missing:
-    """What stands at a place where nothing is written."""
+    """The value of a place where nothing is written."""
 
 
 _MISSING = Missing()
@@ -37,14 +38,16 @@ _Value = Tree | Missing
 
 
 def merged(before: Texts, now: Texts, typed: Texts) -> tuple[Texts, list[Spot]]:
-    """The texts `now` with what was typed since `before`, and the places whose typing is dropped.
+    """The texts `now` with what was typed since `before`, and the places whose typed values are
+    dropped.
 
-    Raises EditError where a text cannot be read.
+    Raises EditError if a text cannot be read.
     """
     made, dropped = _with(before, now, typed, [*changed(before, typed)])
     if made.load().piece is not None:
         return made, dropped
-    # Something that was typed needs what the files have no more: find out what.
+    # Some typed value needs something that the files no longer have: find the values that can be
+    # kept.
     made, dropped, left = now, [], [*changed(before, typed)]
     count = -1
     while count != len(left):
@@ -67,7 +70,7 @@ def changed(before: Texts, after: Texts) -> Iterator[Spot]:
 
 
 def differ(a: Texts, b: Texts, spot: Spot) -> bool:
-    """Whether two texts say something else at a place."""
+    """Whether two texts have different values at a place."""
     return _at(a, spot) != _at(b, spot)
 
 
@@ -88,7 +91,7 @@ def _with(before: Texts, now: Texts, typed: Texts, spots: list[Spot]) -> tuple[T
 
 
 def _put(now: Texts, spot: Spot, had: _Value, want: _Value) -> Texts:
-    """The texts with a value at a place, whose comments stay where they can. Raises EditError."""
+    """The texts with a value set at a place; comments are kept if possible. Raises EditError."""
     if isinstance(want, Missing):
         return now.remove(spot.path, file=spot.file)
     if want is None:
@@ -98,7 +101,7 @@ def _put(now: Texts, spot: Spot, had: _Value, want: _Value) -> Texts:
             return _items_put(now, spot, had, want)
         if isinstance(want, str) and "\n" in want and isinstance(had, str):
             return _rows_put(now, spot, edit.rows(had), edit.rows(want))
-    except EditError:  # whatever the lines are, the value can be written
+    except EditError:  # write the whole value instead
         pass
     return now.put(spot.path, edit.flow(want), spot.file)
 
@@ -146,7 +149,7 @@ def _tree(text: str | None, file: str) -> Tree:
 def _differing(old: _Value, new: _Value, path: edit.Path) -> Iterator[edit.Path]:
     if old == new:
         return
-    if isinstance(new, Missing) and path:  # what is gone is gone as a whole
+    if isinstance(new, Missing) and path:  # something removed is removed as a whole
         yield path
         return
     mappings = [one for one in (old, new) if isinstance(one, dict)]

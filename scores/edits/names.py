@@ -1,4 +1,4 @@
-"""Names of a score: which are free, and what gestures, takes and the seed stand for."""
+"""Names of a score: finds free ones, and defines gestures, takes and the seed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from ergon.scores.edits.texts import Texts
 
 
 def free_name(name: str, taken: Container[str], *, is_numbered: bool = False) -> str:
-    """The first of `name`, `name-2`, `name-3` … that is not taken; numbered: of `name-1` …"""
+    """The first of `name`, `name-2`, `name-3` … that is not taken; if numbered, of `name-1`,
+    `name-2` …
+    """
     if name not in taken and not is_numbered:
         return name
     numbers = count(1 if is_numbered else 2)

@@ -1,4 +1,4 @@
-"""Changing what a player plays from a beat on."""
+"""Changes what a player plays from a beat on."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def play(texts: Texts, piece: Piece, player: str, at: float, entry: Entry) -> Te
 
 
 def transform(texts: Texts, piece: Piece, player: str, at: float, chain: Sequence[str]) -> Texts:
-    """Transform further what a player plays; its next occurrence keeps its beat.
+    """Add transformations to what a player plays; the next occurrence keeps its beat.
 
-    What begins just there begins so; a gesture that plays once and is still under way begins
-    again. Raises EditError.
+    Entries that begin on this beat are transformed as a whole; a gesture that plays once and has
+    not ended begins again. Raises EditError.
     """
     lines = entries.lines(texts, piece, _known(piece, player), at)
     playing = [line for line in lines if line.is_open(at, piece)]
@@ -60,7 +60,7 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, chain: Sequenc
 
 
 def _rest_of(line: entries.Line, piece: Piece, entry: entries.Entry, at: float) -> entries.Entry:
-    """An entry of a line that goes on from a beat on."""
+    """The part of a line that is left from a beat on, with the fields of `entry`."""
     starts = line.starts or ()
     done = line.count_before(at)
     if isinstance(starts, Steps) and done < len(starts):
@@ -86,7 +86,7 @@ def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
 def ending(
     texts: Texts, piece: Piece, player: str, at: float, new: Sequence[Entry] = ()
 ) -> PartEdit:
-    """What ends the part of a player at a beat, and puts new entries in its place."""
+    """The edit that ends the part of a player at a beat, and adds new entries."""
     lines = entries.lines(texts, piece, player, at)
     closed = [line for line in lines if line.is_open(at, piece)]
     later = [line for line in lines if line.begin >= at - SAME]
@@ -102,12 +102,12 @@ def hush(texts: Texts, piece: Piece, at: float) -> Texts:
 
 
 def finish(texts: Texts, piece: Piece, at: float) -> Texts:
-    """End at a beat what repeats without end, for a score that is saved."""
+    """End endless parts, strikes and automation at a beat, for a score that is saved."""
     for name in piece.players:
         for line in entries.lines(texts, piece, name):
             if END.fullmatch(line.entry.fields.get("until", "")) is None:
                 continue
-            # An entry that begins later is left to play once.
+            # An entry that begins after `at` plays once.
             until = written(piece, max(at, line.begin + 1.0))
             texts = entries.change(texts, PartEdit(name, until, [line]))
     for one in piece.strikes:
@@ -124,7 +124,9 @@ def _known(piece: Piece, player: str) -> str:
 
 
 def _under_way(line: entries.Line, piece: Piece, at: float) -> entries.Line | None:
-    """The last occurrence of an entry as one that plays it alone, if it has begun and not ended."""
+    """The last occurrence of an entry, as an entry that plays it alone; None if it has ended or not
+    begun.
+    """
     tempo, what = piece.tempo_map, line.play.what
     begin = line.starts[-1] if line.starts else line.begin
     if isinstance(line.starts, Steps):

@@ -8,15 +8,16 @@ from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits.texts import Texts
 
-_LOUD = "1mNs"  # the impulse of a phrase that says none
+_LOUD = "1mNs"  # the default impulse of a phrase
 _TRIAL = "trial"
 
 
 def define(
     texts: Texts, name: str, entries: Sequence[Mapping[str, str]], fields: Mapping[str, str]
 ) -> Texts:
-    """Write a phrase, in place of one of its name; `fields` are `to` and `length`, where they are
-    said. Raises EditError where what it strikes is not there."""
+    """Write a phrase; it replaces a phrase of the same name. `fields` may have `to` and `length`.
+    Raises EditError if the phrase cannot be played.
+    """
     said: dict[str, edit.Tree] = dict(fields)
     if "impulse" not in entries[0]:
         said["impulse"] = _LOUD
@@ -33,7 +34,7 @@ def _row(entry: Mapping[str, str]) -> edit.Tree:
 
 
 def _check(texts: Texts, name: str) -> None:
-    """Refuse a phrase that could not be played. Raises EditError."""
+    """Raise EditError if a phrase cannot be played."""
     played = texts.put(("strikes", f"{_TRIAL}-{name}"), edit.flow({"play": name, "at": "1|1"}))
     loaded = played.load()
     if loaded.piece is None:

@@ -1,4 +1,4 @@
-"""Other names for what a score defines: each place that names a thing names it anew."""
+"""Renames what a score defines, in every place that names it."""
 
 from __future__ import annotations
 
@@ -27,13 +27,14 @@ _RENAMED = ("gestures", "phrases", "takes", "players", "blocks", *_PARTS)
 _WORD = re.compile(r"\S+")
 _MEMBERS = re.compile(rf"\.(?:{PATTERN})\Z")
 
-Span = tuple[int, int]  # first and last character
+Span = tuple[int, int]  # start and end offset
 
 
 def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
-    """Give what a score defines another name, wherever it is named. Raises EditError.
+    """Rename a gesture, a phrase, a take, a player, a block, a key or an instrument, wherever it is
+    named.
 
-    That is a gesture, a phrase, a take, a player, a block, a key or an instrument.
+    Raises EditError.
     """
     section, _ = written_in(texts, old)
     if section not in _RENAMED or "." in old:
@@ -61,7 +62,9 @@ def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
 
 
 def _check(piece: Piece, changed: Texts, old: str, new: str) -> None:
-    """Refuse a text in which the part is named somewhere where no name was looked for."""
+    """Raise EditError if the renamed text is not the same piece: then some use of the name was not
+    found.
+    """
     made = changed.load().piece
     back = None if made is None else SoundingNames({new: old}).piece(made)
     if back is None or replace(back, takes={}).digest() != replace(piece, takes={}).digest():
@@ -85,7 +88,9 @@ def _part_named(root: document.Mapping, piece: Piece, section: str, name: str) -
 
 
 def _own_modules(piece: Piece) -> dict[str, set[str]]:
-    """The names of modules, by those of their key or instrument: inside they are meant first."""
+    """The names of modules by the name of their key or instrument: inside it, such a name means the
+    module.
+    """
     found: dict[str, set[str]] = {}
     for part, module in piece.modules():
         for owner in (part, part.rpartition(".")[0]):
@@ -96,7 +101,7 @@ def _own_modules(piece: Piece) -> dict[str, set[str]]:
 def _references(
     node: Node, shape: Shape | None, name: str, own: dict[str, set[str]], path: tuple[str, ...]
 ) -> Iterator[Span]:
-    """Where values below a node name a part; `path` are the names that lead to the node."""
+    """Where values below a node name a part; `path` has the names that lead to the node."""
     shape = None if shape is None else shape.chosen(node)
     if isinstance(node, document.Mapping):
         for word, (_, child) in node.entries.items():
@@ -122,14 +127,16 @@ def _references(
 
 
 def _of_words(node: Scalar, found: list[tuple[str, int]], name: str) -> Iterator[Span]:
-    """Where words at offsets of a text name a part, or what is reached through it."""
+    """Where words of a text name a part, or something reached through it; each word has its
+    offset.
+    """
     for word, offset in found:
         if word.partition(".")[0] == name and notes.number(word) is None:
             yield _span(node, offset, len(name))
 
 
 def _span(node: Scalar, offset: int, length: int) -> Span:
-    """First and last character of a word at an offset of a text."""
+    """The start and end of a word, given its offset in the text of a node."""
     own, where = node.document, node.place_at(offset, length)
     start, _ = own.line_span(where.line - own.first_row - 1)
     return start + where.column - 1, start + where.column - 1 + length
@@ -139,7 +146,7 @@ def _span(node: Scalar, offset: int, length: int) -> Span:
 
 
 def _named(root: document.Mapping, section: str, name: str) -> Iterator[Span]:
-    """Where a gesture, take or player is named in a score: first and last character."""
+    """Where a gesture, phrase, take, player or block is named in a score, as spans."""
     own = root.get(section)
     if isinstance(own, document.Mapping) and name in own.entries:
         word, _ = own.entries[name]
@@ -173,7 +180,7 @@ def _named(root: document.Mapping, section: str, name: str) -> Iterator[Span]:
 
 
 def _in_blocks(blocks: Node | None, name: str) -> Iterator[Span]:
-    """Where lines of blocks have a word."""
+    """Where lines of blocks contain a name."""
     word = re.compile(rf"(?<![\w./-]){re.escape(name)}(?![\w/-])")
     for _, block in blocks.entries.values() if isinstance(blocks, document.Mapping) else ():
         lines = block.items if isinstance(block, document.Sequence) else [block]
@@ -188,7 +195,7 @@ def _same(node: Node | None, name: str) -> Iterator[Span]:
 
 
 def _is_named(word: str, name: str) -> bool:
-    """Whether a word is a name, or an axis of what it names: `pour.x`."""
+    """Whether a word is a name, or an axis of the path that it names: `pour.x`."""
     head, _, axis = word.rpartition(".")
     return word == name or (head == name and axis in AXES)
 
@@ -209,7 +216,7 @@ def _in_play(node: Node | None, name: str) -> Iterator[Span]:
 
 
 def _noting(name: str, called: list[int]) -> Callable[[str, int], str]:
-    """Note where a name stands in a pattern."""
+    """A function for reading patterns that records in `called` where a name stands."""
 
     def note(word: str, at: int) -> str:
         if _is_named(word, name):
@@ -220,6 +227,6 @@ def _noting(name: str, called: list[int]) -> Callable[[str, int], str]:
 
 
 def _spans(node: Scalar, name: str, play: words.PlayWords, called: list[int]) -> Iterator[Span]:
-    """First and last character of a name in a play, whose pattern calls it at some offsets."""
+    """The spans of a name in a play; in a pattern it stands at the offsets `called`."""
     for offset in [play.what.offset] if _is_named(play.what.text, name) else sorted({*called}):
         yield _span(node, offset, len(name))

@@ -1,4 +1,4 @@
-"""Patterns of a scene, written so that they begin again with its bars."""
+"""Writes patterns of a scene so that they repeat with its bars."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from ergon.scores.pattern.turns import parse as parse_turns
 
 _MOST_STEPS = 192  # of a round that is written out
 _MOST_PLACES = 10_000  # of a pattern in a scene
-# Fields that say what and when a pattern plays; a round that is written out says it by its steps.
+# Fields that a written-out round does not need: its steps say the same.
 _OF_PATTERNS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH))
 
 
 def entries(entry: Entry, places: Steps, count: int, beats: float) -> Iterator[tuple[float, Entry]]:
-    """The entries that play the first places of a pattern every so many beats.
+    """The entries that repeat the first `count` places of a pattern every `beats`.
 
-    Each with the first beat on which it plays. What the pattern leaves to chance is as it is in
-    these places. Raises EditError where they are too many.
+    Yields each with the first beat on which it plays. Random choices are fixed to those of these
+    places. Raises EditError if there are too many places.
     """
     _check(count)
     if not count:
@@ -49,10 +49,10 @@ def entries(entry: Entry, places: Steps, count: int, beats: float) -> Iterator[t
 def strikes(
     body: Mapping[str, object], places: Steps, count: int, beats: float, notes: Mapping[str, str]
 ) -> Iterator[tuple[float, Mapping[str, object]]]:
-    """The fields of strikes that fall as in the first places of a pattern every so many beats.
+    """The fields of strikes that repeat the first `count` places of a pattern every `beats`.
 
-    Each with the first beat; `notes` are those of the pattern as texts, none where it has none.
-    What the strikes leave to chance is drawn again in every round.
+    Yields each with the first beat; `notes` has the pattern's notes as texts, and is empty
+    without notes. The random choices of the strikes are drawn again in every round.
     """
     _check(count)
     if not count:
@@ -81,7 +81,7 @@ def _check(count: int) -> None:
 
 
 def _is_periodic(places: Steps, count: int, beats: float) -> bool:
-    """Whether the places after the first ones repeat them, so many beats later, for ever."""
+    """Whether the `count` places after the first `count` repeat them `beats` later."""
     course = places.course
     return (
         _is_in_turn(course.pattern.order)
@@ -101,9 +101,10 @@ def _is_in_turn(item: Leaf | Group) -> bool:
 def _written_out(
     played: Sequence[tuple[float, str]], beats: float
 ) -> Iterator[tuple[float, str, float]]:
-    """What plays names on beats, again every so many: the first beat, a pattern, its step.
+    """Patterns that play names on given beats, and again every `beats`: the first beat, a pattern,
+    its step.
 
-    Where they lie on no grid each is written by itself.
+    If the names lie on no common grid, each gets a pattern of its own.
     """
     begin = played[0][0] if played else 0.0
     for steps in range(len(played), _MOST_STEPS + 1):

@@ -1,4 +1,4 @@
-"""Bringing back a scene: the bars of a kept score, from their beginning, again and again."""
+"""Brings back a scene: plays the bars of a kept score repeatedly, from their beginning."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ END = "end"  # the mark at which a scene begins again
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A score whose bars are brought back, and how long they are [beats]."""
+    """A score whose bars are brought back, and their length [beats]."""
 
     texts: Texts
     piece: Piece
@@ -41,7 +41,7 @@ class Scene:
 
     @classmethod
     def of(cls, texts: Texts, piece: Piece) -> Scene:
-        """The scene that a score is: up to its mark `end`, or to the bar after its last start."""
+        """The scene of a score: up to its mark `end`, or to the bar line after its last start."""
         tempo = piece.tempo_map
         marked = next((mark for mark in piece.marks if mark.name == END), None)
         if marked is not None and (beats := tempo.resolve(marked.at)) > SAME:
@@ -52,10 +52,10 @@ class Scene:
 
 
 def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | None = None) -> Texts:
-    """Let the scene be played from a beat on, again and again until another; all else rests.
+    """Play a scene from a beat on, repeatedly until `until` or another scene; everything else ends.
 
-    Its gestures, takes, couplings, strikes and automation come with it. `piece` is what `texts`
-    say. Raises EditError.
+    Its gestures, takes, couplings, strikes and automation are brought in. `piece` is the piece
+    of `texts`. Raises EditError.
     """
     here = texts.load().names
     missing = next((name for name in scene.piece.players if name not in piece.players), None)
@@ -85,14 +85,16 @@ def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | No
 
 
 def released(piece: Piece, scene: Scene, at: float) -> list[str]:
-    """Parameters whose automation a scene ends on a beat, for it has none of them itself."""
+    """Parameters whose automation a scene ends on a beat because it does not automate them
+    itself.
+    """
     own = {one.name for one in scene.piece.automation}
     found = (one.name for one in piece.automation if automation.leads_from(piece, one, at))
     return [name for name in dict.fromkeys(found) if name not in own]
 
 
 def paced(texts: Texts, piece: Piece, scene: Scene, at: float, over: str | None = None) -> Texts:
-    """Give the tempo the value of a scene, in a ramp `over` a length. Raises EditError."""
+    """Set the tempo to that of a scene, by a ramp `over` a length if given. Raises EditError."""
     now, bpm = piece.tempo_map.bpm(at), scene.piece.tempo_map.bpm(0.0)
     if abs(now - bpm) < SAME:
         return texts
@@ -102,9 +104,9 @@ def paced(texts: Texts, piece: Piece, scene: Scene, at: float, over: str | None 
 
 
 def tuned(texts: Texts, piece: Piece, scene: Scene) -> Texts:
-    """Give parameters the values of a scene.
+    """Set parameters to the values of a scene.
 
-    They are set at once: a version says how long they glide. Raises EditError.
+    The text has no glide: the version says how long the parameters glide. Raises EditError.
     """
     for target, value in _parameters(piece, scene.piece):
         texts = matter.set_value(texts, piece, target, value)
@@ -112,7 +114,9 @@ def tuned(texts: Texts, piece: Piece, scene: Scene) -> Texts:
 
 
 def sounds_from(piece: Piece, beat: float) -> bool:
-    """Whether anything of a piece begins at a beat or later; so it is where nothing ever does."""
+    """Whether anything of a piece begins or ends on a beat or later; True also for a piece without
+    events.
+    """
     tempo = piece.tempo_map
     ends = [tempo.resolve(play.at) for play in piece.parts]
     ends += [found[-1] for found in piece.starts if found]
@@ -126,7 +130,7 @@ def sounds_from(piece: Piece, beat: float) -> bool:
 
 
 def _looped(line: Line, beats: float) -> Iterator[tuple[float, Entry]]:
-    """The entries that play an entry again every so many beats: the first beat of each."""
+    """The entries that repeat an entry every `beats`, each with its first beat."""
     entry = line.entry.with_fields(times=None, until=None)
     if isinstance(line.starts, Steps):
         yield from scene_patterns.entries(entry, line.starts, line.count_before(beats), beats)
@@ -145,8 +149,7 @@ def _looped(line: Line, beats: float) -> Iterator[tuple[float, Entry]]:
 
 
 def _defined(texts: Texts, here: Names | None, scene: Scene) -> Texts:
-    """The gestures and takes of a scene, where they differ from those that are `here` or are
-    missing."""
+    """Write the gestures and takes of a scene that are missing `here`, or that differ."""
     there = scene.texts.load().names
     assert here is not None  # a score without a text has no scenes
     assert there is not None
@@ -158,7 +161,7 @@ def _defined(texts: Texts, here: Names | None, scene: Scene) -> Texts:
             node = entry.values.node
             said = edit.tree(node)
             if own is None:
-                if node.document.file == scene.texts.path:  # what a file brings in is there too
+                if node.document.file == scene.texts.path:  # files that it uses are used here too
                     texts = texts.put((section, name), edit.flow(said))
             elif isinstance(own.values, Values) and edit.tree(own.values.node) != said:
                 path = section, own.values.context.name
@@ -186,7 +189,7 @@ def _parameters(now: Piece, then: Piece) -> Iterator[tuple[str, str]]:
 
 
 def _coupled(texts: Texts, piece: Piece, scene: Scene, at: float, until: str | None) -> Texts:
-    """The couplings with which a scene begins, from a beat on; all others end there."""
+    """Write the couplings with which a scene begins, from a beat on; all others end there."""
     tempo = piece.tempo_map
     for number in reversed(range(len(piece.duet))):
         coupling = piece.duet[number]
@@ -208,9 +211,9 @@ def _coupled(texts: Texts, piece: Piece, scene: Scene, at: float, until: str | N
 
 
 def _automated(texts: Texts, piece: Piece, scene: Scene, at: float, until: str | None) -> Texts:
-    """The automation of a scene from a beat on, until another; all other ends there.
+    """Write the automation of a scene from a beat on; all other automation ends there.
 
-    What ends within the scene is in its first round alone; the rest goes on.
+    Automation that ends within the scene acts only in its first round; the rest continues.
     """
     nodes, tempo = items(scene.texts, "automation"), scene.piece.tempo_map
     for node, one in zip(nodes, scene.piece.automation, strict=True):
@@ -230,8 +233,8 @@ def _automated(texts: Texts, piece: Piece, scene: Scene, at: float, until: str |
         elif "until" in said:
             said["until"] = written(piece, at + over)
         texts = texts.append(("automation",), edit.flow(said))
-    # The new entries first, which are behind the others: a list that never becomes empty keeps
-    # its style.
+    # The new entries are added before others are removed: a list that never becomes empty keeps its
+    # style.
     return automation.end_all(texts, piece, at)
 
 
@@ -244,9 +247,9 @@ def _struck(
     last: float,
     until: str,
 ) -> Texts:
-    """Strikes of a scene from a beat on, under names that are free.
+    """Write strikes of a scene from a beat on, under names that are free.
 
-    Strikes by chance sound in the first round alone, where they do not fill the scene.
+    Random strikes (`rate`) that do not fill the scene sound in the first round only.
     """
     tempo = scene.piece.tempo_map
     begin = tempo.resolve(strikes.at)
@@ -260,7 +263,7 @@ def _struck(
     assert isinstance(said, dict)
     body = said[strikes.name]
     assert isinstance(body, dict)
-    # `for` says how fast something passes.
+    # `for` is the time of one sweep, so it stays.
     lengths = ("until", "times") if strikes.passing is not None else ("for", "until", "times")
     body = {name: value for name, value in body.items() if name not in lengths}
     found: list[tuple[float, Mapping[str, object]]]
@@ -287,13 +290,15 @@ def _struck(
     for beat, fields in found:
         if at + beat < last:
             said = {"until": until, **fields, "at": written(piece, at + beat)}
-            said["until"] = said.pop("until")  # where it is written by hand
+            said["until"] = said.pop("until")  # last, as written by hand
             texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(said))
     return texts
 
 
 def _note(name: str, amount: Amount) -> str:
-    """A note of a pattern as it is written by itself; those of a scale have no names."""
+    """A note of a pattern as it is written by itself; notes of a scale have no names, so their
+    frequency is written.
+    """
     return f"{amount.value!r}Hz" if "." in name else name
 
 
@@ -306,7 +311,7 @@ def _melody(
     last: float,
     until: str,
 ) -> Texts:
-    """A melody of a scene as a phrase as long as the scene, under a name that is free."""
+    """Write a melody of a scene as a phrase as long as the scene, under a free name."""
     falls = [(beat, hit) for beat, _, hit in strikes.falls(scene.piece.tempo_map)]
     rows = [row(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME]
     if not rows or at >= last:
@@ -319,7 +324,7 @@ def _melody(
 
 
 def _free(texts: Texts, name: str, section: str = "strikes") -> str:
-    """A name that a section has not: `rain`, `rain-2`, …"""
+    """A name that is free in a section: `rain`, `rain-2`, …"""
     said = edit.tree(texts.section(section))
     taken = said if isinstance(said, dict) else {}
     return free_name(name, taken)

@@ -1,4 +1,4 @@
-"""Where instruments sound: places between channels, rooms, fades."""
+"""Sets where instruments sound: positions between channels, rooms, fades."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.mixing import Fade
 from ergon.scores.reading.piece import Piece, Route
 
-_SOON = 0.02  # [s] in which a sound that is to come from silence falls silent
+_SOON = 0.02  # [s] to silence, before a fade in
 
 
 def treat(texts: Texts, piece: Piece, name: str, fields: Mapping[str, str]) -> Texts:
-    """Give the routes of an instrument other fields (`pan`, `gain`). Raises EditError."""
+    """Set fields (`pan`, `gain`) of the routes of an instrument. Raises EditError."""
     texts = structure.routed(texts, piece)
     for path in _routes(texts, name):
         for field, text in fields.items():
@@ -27,7 +27,7 @@ def treat(texts: Texts, piece: Piece, name: str, fields: Mapping[str, str]) -> T
 
 
 def send(texts: Texts, piece: Piece, name: str, room: str, level: str) -> Texts:
-    """Let an instrument sound in a room. Raises EditError."""
+    """Send an instrument to a room. Raises EditError."""
     texts = structure.routed(texts, piece)
     for path in _routes(texts, name):
         texts = texts.put((*path, "send", room), level)
@@ -35,7 +35,7 @@ def send(texts: Texts, piece: Piece, name: str, room: str, level: str) -> Texts:
 
 
 def room(texts: Texts, piece: Piece, name: str, fields: Mapping[str, str]) -> Texts:
-    """Add a room, or give one other fields. Raises EditError."""
+    """Add a room, or set fields of one. Raises EditError."""
     if not any(own.name == name for own in piece.mix.rooms):
         said: dict[str, edit.Tree] = {**({} if "t60" in fields else {"t60": "2s"}), **fields}
         return texts.put(("mix", "rooms", name), edit.flow(said))
@@ -47,8 +47,7 @@ def room(texts: Texts, piece: Piece, name: str, fields: Mapping[str, str]) -> Te
 def fade(
     texts: Texts, piece: Piece, name: str | None, at: float, end: float, *, is_in: bool
 ) -> Texts:
-    """Fade an instrument (None: everything) from its level on one beat to all or nothing on
-    another. Raises EditError."""
+    """Fade an instrument (None: everything) in or out, between two beats. Raises EditError."""
     if name is None:
         own = piece.mix.master.fade if piece.mix.master else ()
         path = ("mix", "master", "fade")
@@ -84,7 +83,7 @@ def level(fade: Fade, tempo: TempoMap, beat: float) -> float:
 
 
 def kept(texts: Texts, piece: Piece, start: float) -> Texts:
-    """The fades from the beat `start` on, told from there."""
+    """The fades from the beat `start` on, with positions counted from there."""
     tempo = piece.tempo_map
 
     def within(fade: Fade) -> list[edit.Tree]:
@@ -107,7 +106,7 @@ def kept(texts: Texts, piece: Piece, start: float) -> Texts:
 
 
 def _written(piece: Piece, route: Route) -> str:
-    """The name of a route's instrument, or of the one whose note it is."""
+    """The name of a route's instrument; for a note, that of the instrument it belongs to."""
     return next((own for own, notes in piece.families.items() if route.part in notes), route.part)
 
 

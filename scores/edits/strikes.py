@@ -1,4 +1,4 @@
-"""Changing what strikes modules from a beat on."""
+"""Changes strikes of modules from a beat on."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from ergon.scores.reading.piece import Hit, Piece, Strikes
 
 
 def strike(texts: Texts, piece: Piece, name: str, at: float, fields: Mapping[str, str]) -> Texts:
-    """Let strikes of a name fall from a beat on, in place of those of that name.
+    """Write strikes from a beat on; they replace earlier strikes of the same name.
 
-    `fields` are those of a score as texts; the modules in `to` stand apart by spaces, the
-    transformations in `do` by commas. What repeats and has no end goes on for ever. Raises
+    `fields` are those of a score as texts; modules in `to` are separated by spaces,
+    transformations in `do` by commas. Repeated strikes without an end continue for ever. Raises
     EditError.
     """
     own = named(piece, name)
@@ -50,7 +50,7 @@ def named(piece: Piece, name: str) -> list[Strikes]:
 
 
 def end(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
-    """End strikes at a beat; those that have not begun are taken away. Raises EditError."""
+    """End strikes at a beat; those that have not begun are removed. Raises EditError."""
     tempo = piece.tempo_map
     begin = tempo.resolve(strikes.at)
     path = ("strikes", strikes.name)
@@ -80,9 +80,10 @@ def only(
     until: float,
     moved: Callable[[float], str] | None,
 ) -> Texts:
-    """A melody of `entries` with those of its strikes that fall in a stretch; none: without it.
+    """A melody of `entries` with only the strikes between two beats; it is removed if none are
+    left.
 
-    `moved` writes their beats, where these are others than before. Raises EditError.
+    `moved` writes their beats if they change. Raises EditError.
     """
     path, tempo = ("strikes", strikes.name), piece.tempo_map
     falling = [(beat, hit) for beat, _, hit in strikes.falls(tempo)]
@@ -97,7 +98,7 @@ def only(
 
 
 def row(hit: Hit, at: str) -> edit.Tree:
-    """A strike of a melody as it is written."""
+    """A strike of a melody as an entry of a score."""
     low, high = hit.impulse
     impulse = f"{low!r}Ns" if low == high else f"{low!r}Ns..{high!r}Ns"
     return {"at": at, "what": [target.text for target in hit.to], "impulse": impulse}

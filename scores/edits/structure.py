@@ -1,4 +1,4 @@
-"""Instruments, keys, links, players and routes of a score: added and removed."""
+"""Adds and removes instruments, keys, links, players and routes of a score."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def key(texts: Texts, name: str, like: str) -> Texts:
 
 
 def player(texts: Texts, piece: Piece, name: str, key: str) -> Texts:
-    """Let a player take a key; a player who is new plays nothing yet. Raises EditError."""
+    """Let a player play a key; a new player has no part yet. Raises EditError."""
     if name not in piece.players:
         return texts.put(("players", name), edit.flow({"key": key}))
     if piece.players[name].hand != "virtual":
@@ -46,7 +46,7 @@ def player(texts: Texts, piece: Piece, name: str, key: str) -> Texts:
 
 
 def link(texts: Texts, kind: str, ends: Sequence[str], fields: Fields) -> tuple[Texts, str]:
-    """Join two modules by a link of a kind; also its name. Raises EditError."""
+    """Join two modules by a link of a kind; returns the link's name too. Raises EditError."""
     said = edit.tree(texts.section("instruments"))
     own = said.get(LINKS) if isinstance(said, dict) else None
     known = own.get("modules") if isinstance(own, dict) else None
@@ -60,7 +60,7 @@ def link(texts: Texts, kind: str, ends: Sequence[str], fields: Fields) -> tuple[
 def route(
     texts: Texts, piece: Piece, name: str, channels: Sequence[str], gain: str | None
 ) -> Texts:
-    """Let an instrument sound from channels, in place of where it did. Raises EditError."""
+    """Route an instrument to channels, in place of its earlier routes. Raises EditError."""
     texts = routed(texts, piece)
     to: edit.Tree = "nearest" if channels == ["nearest"] else [*channels]
     family = next((f for f, members in piece.families.items() if name in members), None)
@@ -81,10 +81,10 @@ def route(
 
 
 def remove(texts: Texts, piece: Piece, name: str) -> Texts:
-    """Remove what has a name, with what belongs to it alone.
+    """Remove a named thing, and what belongs to it alone.
 
-    A player goes with the part, a key with its couplings, an instrument with its routes. Raises
-    EditError.
+    A player is removed with the part, a key with its couplings, an instrument with its routes.
+    Raises EditError.
     """
     section, path = written_in(texts, name)
     if section == "players" and _has(texts, ("parts", name)):
@@ -104,13 +104,14 @@ def remove(texts: Texts, piece: Piece, name: str) -> Texts:
     for word in path[1:-1]:
         holder = holder.get(word) if isinstance(holder, dict) else None
     if len(path) > 2 and isinstance(holder, dict) and len(holder) == 1:
-        return remove(texts, piece, path[1])  # an instrument without modules is none
+        return remove(texts, piece, path[1])  # an instrument needs a module
     return texts.remove(path)
 
 
 def routed(texts: Texts, piece: Piece) -> Texts:
-    """The routes of a score written out, where it says none: each output has a channel of its
-    own."""
+    """Write out the default routes of a score that has none: each output has a channel of its
+    own.
+    """
     if piece.mix.routes:
         return texts
     channel = 0

@@ -1,4 +1,4 @@
-"""The texts of a version: a score, and the files that it uses."""
+"""The texts of a version: a score, and the files that it uses; with methods to edit them."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ def _remembering() -> Memory:
     return Memory(is_loose=True)
 
 
-Change = Callable[[Document, int], str]  # told how many items of its list a document lacks
+Change = Callable[[Document, int], str]  # gets the number of list items left out before
 _Find = Callable[[str, Section], Window | None]
 
 
 @dataclass(frozen=True, slots=True)
 class ListEdit:
-    """A change of the list at a path, from item `first` on; None: at its end."""
+    """A change of the list at a path, from item `first` on; None: an addition at its end."""
 
     path: edit.Path
     first: int | None
     change: Change
 
     def window(self, text: str, section: Section) -> Window | None:
-        """The items that are changed, as a text of their own; None where they cannot be."""
+        """The changed items as a text of their own; None if they cannot stand alone."""
         return last_items(text, section.name, section.value, self.path[1:], self.first)
 
 
 @dataclass(frozen=True, slots=True)
 class Texts:
-    """A score's name and text; `overlay` holds texts that stand for files, by their paths.
+    """A score's name and text; `overlay` holds texts in place of files, by their paths.
 
-    What they name lies within `bounds`, without them those of the score's folder. Texts that are
-    `sealed` hold every file that the score uses: nothing but takes and the library is read from the
-    disk. All that come from one another share a memory, for a line changes little.
+    Files that they name must lie within `bounds`, by default within the score's folder. `sealed`
+    texts hold every file that the score uses: only takes and the library are read from the disk.
+    Texts made from one another share a memory, because an edit changes little.
     """
 
     path: str
@@ -66,9 +66,9 @@ class Texts:
 
     @classmethod
     def read(cls, path: str | Path, bounds: Bounds | None = None) -> Texts:
-        """The score in a file and the files that it uses, line breaks as they are.
+        """The score in a file and the files that it uses, with line breaks as they are.
 
-        Files that are edited later change nothing. Raises OSError or EditError.
+        Later changes of the files have no effect. Raises OSError or EditError.
         """
         collector = Collector()
         text = decode(read_bounded(Path(path), MAX_BYTES), str(path), collector)
@@ -77,7 +77,9 @@ class Texts:
         return cls(str(path), text, bounds=bounds).complete()
 
     def complete(self) -> Texts:
-        """These texts sealed, with every file that they use; unchanged where one is missing."""
+        """These texts sealed, with every file that they use; unchanged if the score has
+        mistakes.
+        """
         loaded = self.load()
         if loaded.piece is None:
             return self
@@ -88,7 +90,7 @@ class Texts:
     def load(self) -> Loaded:
         """The piece that these texts describe, or their mistakes.
 
-        A sealed score without mistakes is read once.
+        The result of a sealed score without mistakes is kept.
         """
         known = self.memory.last
         if self.sealed and known is not None and known[0] == self:
@@ -119,7 +121,7 @@ class Texts:
         return opened
 
     def changed(self, text: str, file: str | None = None) -> Texts:
-        """These texts with another text of the score, or of a file."""
+        """These texts with a new text of the score, or of a file."""
         if file is None or file == self.path:
             return replace(self, text=text)
         return replace(self, overlay={**self.overlay, str(Path(file)): text})
@@ -141,8 +143,8 @@ class Texts:
     ) -> Texts:
         """Edit the lines of one section alone, which takes a tenth of the time.
 
-        Of a section that is missing these are the lines of the one below which it belongs. Where
-        they cannot stand alone (an alias) edit the whole text.
+        For a missing section, edit the lines of the section above its place. If the lines cannot
+        be read alone (an alias), edit the whole text.
         """
         if file is None or file == self.path:
             own = lines(self.text, str(section))
@@ -158,24 +160,23 @@ class Texts:
         return self.changed(change(self.document(file)), file)
 
     def _added_below(self, section: str, change: Callable[[Document], str]) -> str | None:
-        """The text with a section that it lacks; None where its place is not below another that
-        stands between two."""
+        """The text with a missing section added; None if its place is not between two sections."""
         known = names(self.text)
         rank = SECTIONS.index(section)
         above = [i for i, (name, *_) in enumerate(known[:-1]) if name in SECTIONS[:rank]]
         if not above:
             return None
         _, first, end = known[above[-1]]
-        below = f"{known[above[-1] + 1][0]}:\n"  # it says where the lines above end
+        below = f"{known[above[-1] + 1][0]}:\n"  # marks the end of the lines above
         text = change(edit.read(self.text[first:end] + below, self.path))
         if not text.endswith(below):
             return None
         return self.text[:first] + text.removesuffix(below) + self.text[end:]
 
     def edited_lists(self, edits: Sequence[ListEdit], file: str | None = None) -> Texts:
-        """Edit lists of one section, and no more of them is read than what changes.
+        """Edit lists of one section; only the items that change are parsed.
 
-        Where items cannot stand alone the section is edited.
+        If items cannot be read alone, the section is edited.
         """
         section = str(edits[0].path[0])
         return self._edited_alone(section, [(one.window, one.change) for one in edits], file)
@@ -183,7 +184,7 @@ class Texts:
     def _edited_line(
         self, path: edit.Path, change: Callable[[Document], str], file: str | None
     ) -> Texts:
-        """Edit a value below the line at which a path ends, and no more is read where it can be."""
+        """Edit the value at a path; if possible, only its line and those below it are parsed."""
 
         def window(text: str, section: Section) -> Window | None:
             return one_line(text, section.name, section.value, path[1:])
@@ -193,7 +194,9 @@ class Texts:
     def _edited_alone(
         self, name: str, edits: Sequence[tuple[_Find, Change]], file: str | None
     ) -> Texts:
-        """Edit windows of one section, each a text of its own; without one, the whole section."""
+        """Edit windows of one section, each parsed alone; an edit without a window edits the whole
+        section.
+        """
         own = lines(self.text, name) if file in (None, self.path) else None
         section = self._alone(name) if own is not None else None
         left, texts = [change for _, change in edits], self
@@ -208,7 +211,9 @@ class Texts:
         return texts
 
     def _splice(self, text: str, section: Section, window: _Find, change: Change) -> Splice | None:
-        """What a change puts into a section's text; None where it has no window of its own."""
+        """The result of a change in a section's text; None if the change has no window of its
+        own.
+        """
         with contextlib.suppress(EditError):
             if (part := window(text, section)) is not None:
                 return part.put_back(change(edit.read(part.text, self.path), part.first))
@@ -218,7 +223,9 @@ class Texts:
         return alone(self.text, self.path, Path(self.path).parent, name, self.memory)
 
     def section(self, name: str) -> Node | None:
-        """The node of a section of the score; its places count from the section's first line."""
+        """The node of a section of the score; its places may count from the section's first
+        line.
+        """
         if (section := self._alone(name)) is not None:
             return section.value
         read = self.load().files.get(self.path) if self.sealed else None
@@ -257,7 +264,8 @@ class Texts:
         def change(own: Document, lacks: int) -> str:
             return edit.remove(own, *(_shifted(path, lacks) for path in paths))
 
-        # With an item that stays a list is never empty.
+        # Include the item before the first one that is removed, so that the list never becomes
+        # empty.
         return self.edited_lists([ListEdit(found[0][0], min(firsts) - 1, change)], file)
 
 
@@ -266,7 +274,7 @@ def _whole(change: Change, own: Document) -> str:
 
 
 def _list_in(path: edit.Path) -> tuple[edit.Path, int | None]:
-    """The path of the first list on a path, and which item of it; None where there is no list."""
+    """The path of the first list on a path, and the item's index; None if there is no list."""
     for place, name in enumerate(path):
         if isinstance(name, int):
             return path[:place], name
@@ -274,6 +282,6 @@ def _list_in(path: edit.Path) -> tuple[edit.Path, int | None]:
 
 
 def _shifted(path: edit.Path, lacks: int) -> edit.Path:
-    """A path in a document that lacks the first items of its first list."""
+    """A path in a document that lacks the first `lacks` items of its first list."""
     at, first = _list_in(path)
     return path if first is None else (*at, first - lacks, *path[len(at) + 1 :])

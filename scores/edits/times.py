@@ -1,4 +1,4 @@
-"""The tempo from a beat on, and names of instants."""
+"""Sets the tempo from a beat on, and marks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from ergon.scores.reading.piece import Piece
 def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = None) -> Texts:
     """Set the tempo from a beat on: `72`, or `60 -> 84` over a length.
 
-    A ramp under way ends there; tempos that were to come go, their meters stay. Raises EditError.
+    A ramp under way ends there; later tempos are removed, but their meters stay. Raises
+    EditError.
     """
     over = None if over is None else _over(piece, at, over)
     begins = [piece.tempo_map.resolve(entry.at) for entry in piece.tempo]
@@ -52,12 +53,12 @@ def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = N
 
 
 def mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:
-    """Set a mark at a beat, in place of one with that name. Raises EditError."""
+    """Set a mark at a beat; it replaces a mark of the same name. Raises EditError."""
     return texts.put(("marks", name), written(piece, at))
 
 
 def _over(piece: Piece, at: float, over: str) -> str:
-    """The length of a ramp, in beats where the meter changes on its way: bars would be two."""
+    """The length of a ramp; in beats if it is in bars and the meter changes during the ramp."""
     try:
         length = parse_length(over)
     except TextError as error:
@@ -75,7 +76,7 @@ def _without(texts: Texts, number: int, name: str) -> Texts:
 
 
 def _cut(texts: Texts, piece: Piece, number: int, begin: float, at: float) -> Texts:
-    """End a ramp that is under way at a beat, on the tempo that it has reached."""
+    """End a ramp that is under way at a beat, at the tempo reached there."""
     entry, path, tempo = piece.tempo[number], place(texts, "tempo", number), piece.tempo_map
     if tempo.after(begin, entry.over or Length()) <= at + SAME:
         return texts

@@ -1,4 +1,4 @@
-"""One part of a piece as a network by itself, with some of its values replaced."""
+"""One part of a piece as a network by itself, with some values replaced."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ergon.scores.reading.piece import Key, Piece
 if TYPE_CHECKING:
     from ergon import _core
 
-# What moves the modes of a part, but for constants of laws; only numbers above 0 are moved.
+# Fields that affect the modes of a part, as do constants of laws; only numbers above 0 are changed.
 _FIELDS = ("M", "K", "f", "inharmonicity", "stiffness", "bending", "sigma0", "stretching")
 
 Where = tuple[str, str, int | None]  # module, field, place in a list from 1
@@ -26,9 +26,10 @@ Where = tuple[str, str, int | None]  # module, field, place in a list from 1
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A number of a module that may be moved: where it stands, and what it is [SI].
+    """A number [SI] of a module that may be changed, and where it is.
 
-    `place` counts from 1 in a list, such as `f` of MODES; None where the field is one number.
+    `place` is its index in a list, from 1, such as `f` of MODES; None if the field is one
+    number.
     """
 
     module: str
@@ -38,7 +39,7 @@ class Value:
 
     @property
     def where(self) -> Where:
-        """Where it stands: module, field and place."""
+        """Where the number is: module, field and place."""
         return self.module, self.field, self.place
 
 
@@ -54,7 +55,7 @@ class TunablePart:
         return self.piece.keys.get(self.name) or self.piece.instruments[self.name]
 
     def values(self) -> Iterator[Value]:
-        """Every number above 0 of its modules that may move its modes."""
+        """Every number above 0 of the part's modules that may affect its modes."""
         for module in self._own.modules:
             constants = module.fields.get("constants", {})
             for name, number in quantities(module):
@@ -65,25 +66,25 @@ class TunablePart:
                     yield Value(module.name, "f", number, place)
 
     def target(self, value: Value) -> str:
-        """The value as a line of a session and a table of automation name it: `bell.m.K`.
+        """The value's name in a line of a session and in a table of automation: `bell.m.K`.
 
-        A number of a list has its place there at the end: `bell.f.2`.
+        A number of a list has its place at the end: `bell.f.2`.
         """
         name = self.listed(value)
         return name if value.place is None else f"{name}.{value.place}"
 
     def listed(self, value: Value) -> str:
-        """The field that has the value, or the list in which it stands: `bell.f`."""
+        """The field of the value, or of the list that has it: `bell.f`."""
         return ".".join(filter(None, (self.name, value.module, value.field)))
 
     def text(self, value: Value) -> str:
-        """The value as a score says it, to the last bit."""
+        """The value as a score writes it, without loss of precision."""
         own = self._own
         is_ca = isinstance(own, Instrument) and own.ca_rate is not None
         return said(value.number, value.field, is_ca=is_ca)
 
     def edit(self, texts: Texts, values: Sequence[Value]) -> Texts:
-        """A score's texts with the values in them. Raises EditError."""
+        """A score's texts with the values set in them. Raises EditError."""
         lists: dict[str, dict[int, str]] = {}
         for value in values:
             if value.place is None:
@@ -95,7 +96,7 @@ class TunablePart:
         return texts
 
     def network(self, values: Mapping[Where, float]) -> _core.Network:
-        """It by itself, with numbers in place of those that stand there. Raises EngineError."""
+        """The part as a network by itself, with some numbers replaced. Raises EngineError."""
         own = self._own
         reach = own.reach if isinstance(own, Key) else 1.0
         ca_rate = own.ca_rate if isinstance(own, Instrument) else None
@@ -116,7 +117,8 @@ class TunablePart:
     def _is_inside(self, module: Module, assembly: Assembly) -> bool:
         if module.kind not in LINKS:
             return False
-        # A PROXY between masses of another part is not there, nor what follows one of its MATs.
+        # Links to a PROXY between masses of another part, or that follow a MAT of another part, are
+        # left out.
         ends = *module.fields["between"], *following.targets(module)
         return all((end.part, end.module) in assembly.mats for end in ends)
 

@@ -27,7 +27,7 @@ _EXAMPLE = "such as bell.m.K=1kN/m..9kN/m:32, seed=1..16 or bell.m.f=A3,C4"
 
 @dataclass(frozen=True, slots=True)
 class Varied:
-    """What varies, as `set` of a session names it, and the texts of its values."""
+    """A target, named as in `set` of a session, and the texts of its values."""
 
     target: str
     values: tuple[str, ...]
@@ -35,7 +35,7 @@ class Varied:
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """The values of one variant, in the order of what varies, and the score with them in it."""
+    """The values of one variant, in the order of the targets, and the score with them set."""
 
     values: tuple[str, ...]
     texts: Texts
@@ -43,7 +43,7 @@ class Variant:
 
 
 def parse(text: str) -> Varied:
-    """What `TARGET=VALUES` says: a list, or a range with its number of points. Raises EditError."""
+    """Read `TARGET=VALUES`: a list, or a range with its number of points. Raises EditError."""
     target, equals, said = text.partition("=")
     target, said = target.strip(), said.strip()
     if not equals or not target or not said:
@@ -59,7 +59,9 @@ def parse(text: str) -> Varied:
 
 
 def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ...]]:
-    """The values of every variant: all products, or pairs. Raises EditError."""
+    """The values of every variant: all combinations, or (zipped) one value of each. Raises
+    EditError.
+    """
     targets = [one.target for one in varied]
     if twice := next((name for name in targets if targets.count(name) > 1), None):
         raise EditError(f"{twice} varies twice; give all its values at once")
@@ -77,9 +79,9 @@ def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ..
 def variants(
     texts: Texts, targets: Sequence[str], values: Sequence[tuple[str, ...]]
 ) -> Iterator[Variant]:
-    """The score with each of the combined values in it; one with mistakes has no piece.
+    """The score with each of the combined values set; one with mistakes has no piece.
 
-    Raises EditError where a target is nothing that can be set.
+    Raises EditError if a target cannot be set.
     """
     begun = texts.load()
     for own in values:

@@ -1,8 +1,8 @@
-"""BVH files (Biovision): a skeleton, and how its joints turn from frame to frame.
+"""BVH files (Biovision): a skeleton, and the rotations of its joints in each frame.
 
-Positions of joints in space follow from turning each about the one before (Meredith & Maddock,
-Motion Capture File Formats Explained, University of Sheffield, 2001, 2.1). A channel of a position
-stands in the place of that part of the joint's offset. Lengths have no unit.
+Positions of joints in space follow from rotating each about its parent (Meredith & Maddock,
+Motion Capture File Formats Explained, University of Sheffield, 2001, 2.1). A position channel
+replaces that component of the joint's offset. Lengths have no unit.
 """
 
 from __future__ import annotations
@@ -26,12 +26,14 @@ from ergon.scores.gesture.take_file import (
 )
 
 _CHANNELS = tuple(f"{axis}{what}" for what in ("position", "rotation") for axis in "XYZ")
-_HIGH = 1e6  # of any length or angle: more is damage
+_HIGH = 1e6  # largest length or angle in an intact file
 
 
 @dataclass(slots=True)
 class _Joint:
-    """A joint: its name, the number of its parent, its offset, which numbers of a row are its."""
+    """A joint: its name, the index of its parent, its offset, and its channels in a row of
+    numbers.
+    """
 
     name: str
     parent: int | None
@@ -40,7 +42,7 @@ class _Joint:
 
 
 class _Text:
-    """The lines of a BVH file as words, with the number of the line."""
+    """Reads the lines of a BVH file as words, and keeps the line number."""
 
     def __init__(self, file: io.TextIOWrapper, path: Path) -> None:
         self._lines = lines(file, path)
@@ -48,7 +50,7 @@ class _Text:
         self.number = 0
 
     def words(self) -> list[str]:
-        """Those of the next line that says something."""
+        """The words of the next line that is not empty."""
         self.number, line = next(self._lines, (self.number, ""))
         return line.split()
 
@@ -66,7 +68,9 @@ class _Text:
 
 
 def read(path: Path) -> Motion:
-    """What a BVH file holds: its joints, and the ends of its limbs. Raises TakeError, OSError."""
+    """The motion in a BVH file: its joints, and the ends of its limbs. Raises TakeError,
+    OSError.
+    """
     with io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace") as file:
         text = _Text(file, path)
         joints, n_channels = _hierarchy(text)
@@ -135,7 +139,7 @@ def _hierarchy(text: _Text) -> tuple[list[_Joint], int]:
 
 
 def _motion(text: _Text) -> tuple[int, float]:
-    """How many frames there are, and how many a second."""
+    """The number of frames, and the frame rate [Hz]."""
     frames = text.words()
     if frames[:1] != ["Frames:"] or len(frames) != 2 or not frames[1].isdecimal():
         raise text.wrong("after MOTION comes `Frames:` and their number")
@@ -151,7 +155,7 @@ def _motion(text: _Text) -> tuple[int, float]:
 
 
 def _places(joints: list[_Joint], rows: Floats) -> Floats:
-    """Where joints are in each frame, (frames, joints, 3)."""
+    """Positions of the joints in each frame, (frames, joints, 3)."""
     n = len(rows)
     places, turns = np.empty((n, len(joints), 3)), np.empty((len(joints), n, 3, 3))
     for i, joint in enumerate(joints):

@@ -1,7 +1,7 @@
 """C3D files of motion capture: their points (The C3D File Format, C3D.org, 2008).
 
-A header of 512 bytes, parameters in groups, then frames: four words a point, and what analog
-channels measured meanwhile, which is passed over. Numbers are 16 bits or 32, of any of three
+A header of 512 bytes, parameters in groups, then frames: four words for each point, and samples
+of analog channels, which are skipped. Numbers have 16 or 32 bits, in the format of one of three
 processors.
 """
 
@@ -23,7 +23,7 @@ from ergon.scores.gesture.take_file import Floats, TakeError, opened
 _SECTOR = 512
 _DEC = 85
 _ORDERS = {84: "<", _DEC: "<", 86: ">"}  # Intel, DEC, MIPS
-_MANY = 0xFFFF  # frames that the header can say
+_MANY = 0xFFFF  # largest frame number of the header
 _SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}  # of a parameter's numbers, by its type
 _PARAMETERS_MAX = 1 << 17  # bytes: 255 sectors
 
@@ -46,7 +46,9 @@ class _Numbers:
         return float(self.reals(data[at : at + 4])[0])
 
     def reals(self, data: bytes) -> Floats:
-        """32 bits each. DEC's have their halves the other way round, and count four times."""
+        """Numbers of 32 bits. In DEC's format the two halves are swapped, and the value is four
+        times as large.
+        """
         if self._is_dec:
             halves = np.frombuffer(data, "<u2").reshape(-1, 2)[:, ::-1]
             return np.ascontiguousarray(halves).view("<f4")[:, 0].astype(np.float64) / 4
@@ -54,7 +56,7 @@ class _Numbers:
 
 
 def read(path: Path) -> Motion:
-    """What a C3D file holds. Raises TakeError and OSError."""
+    """The motion in a C3D file. Raises TakeError and OSError."""
     with opened(path) as file:
         size = os.fstat(file.fileno()).st_size
         head = file.read(_SECTOR)
@@ -67,7 +69,7 @@ def read(path: Path) -> Motion:
     first, last = numbers.word(head, 6), numbers.word(head, 8)
     n = _frames(first, last, values, numbers)
     is_real = scaling < 0
-    # POINT:SCALE is what the header says, too; real numbers are not scaled.
+    # POINT:SCALE repeats the header's scale; floating-point numbers are not scaled.
     factor = 1.0 if is_real else scaling
     width = 4 if is_real else 2
     frame = width * (4 * n_points + n_analog)
@@ -97,7 +99,7 @@ def read(path: Path) -> Motion:
 
 
 def _places(data: bytes, n: int, n_points: int, numbers: _Numbers, is_real: bool) -> Floats:
-    """Positions (n, points, 3); NaN where the fourth word of a point is negative."""
+    """Positions (n, points, 3); NaN if the fourth word of a point is negative."""
     if is_real:
         words = numbers.reals(data)
     else:
@@ -138,7 +140,7 @@ def _parameters(
 
 
 def _value(data: bytes, at: int) -> _Value | None:
-    """A parameter that begins there; None where it is damaged."""
+    """The parameter that begins at an offset; None if it is damaged."""
     if at + 2 > len(data):
         return None
     kind, n_dimensions = struct.unpack_from("bB", data, at)
@@ -158,7 +160,9 @@ def _text(values: dict[tuple[str, str], _Value], group: str, name: str) -> str:
 def _number(
     values: dict[tuple[str, str], _Value], group: str, name: str, numbers: _Numbers
 ) -> float | None:
-    """The first number of a parameter; an integer of two words is the frames of a long file."""
+    """The first number of a parameter; two 16-bit integers are one number, the frame count of a
+    long file.
+    """
     kind, _, data = values.get((group, name), (0, (), b""))
     if kind == 4 and len(data) >= 4:
         return numbers.real(data, 0)
@@ -168,7 +172,7 @@ def _number(
 
 
 def _frames(first: int, last: int, values: dict[tuple[str, str], _Value], numbers: _Numbers) -> int:
-    """How many frames there are; where the header cannot say it, a parameter does."""
+    """The number of frames; from parameters if it is too large for the header."""
     if last == _MANY:
         begin = _number(values, "TRIAL", "ACTUAL_START_FIELD", numbers)
         end = _number(values, "TRIAL", "ACTUAL_END_FIELD", numbers)

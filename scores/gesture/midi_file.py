@@ -1,4 +1,4 @@
-"""Notes of a MIDI file (Standard MIDI Files 1.0, RP-001), in beats: when, which, how hard."""
+"""Notes of a MIDI file (Standard MIDI Files 1.0, RP-001): time in beats, number and velocity."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _META, _END_OF_TRACK = 0xFF, 0x2F
 
 
 class MidiNote(NamedTuple):
-    """A note that begins: in beats, from 0; its number, 60 for C4, and velocity, 1 to 127."""
+    """The beginning of a note: in beats, from 0; its number, 60 for C4, and velocity, 1 to 127."""
 
     at: float
     number: int
@@ -88,18 +88,18 @@ def _channel(path: Path, channel: str | None) -> int | None:
 
 
 class _File:
-    """The bytes of a MIDI file, read with care."""
+    """The bytes of a MIDI file, parsed with checks."""
 
     def __init__(self, path: Path, data: bytes) -> None:
         self.path = path
         self.data = data
 
     def damaged(self, at: int, what: str) -> TakeError:
-        """What is wrong at a byte."""
+        """The error for damage at a byte."""
         return TakeError(f"the file is damaged at byte {at:,}: {what}", self.path)
 
     def header(self) -> tuple[int, list[tuple[int, int]]]:
-        """Ticks in a beat, and from where to where each track lies."""
+        """Ticks in a beat, and the first and last offset of each track."""
         data = self.data
         if data[:4] != b"MThd":
             raise TakeError("it is not a MIDI file: it does not begin with MThd", self.path)
@@ -123,13 +123,15 @@ class _File:
             stop = at + 8 + size
             if stop > len(data):
                 raise self.damaged(at + 4, f"a chunk of {size:,} bytes goes beyond the end")
-            if data[at : at + 4] == b"MTrk":  # others may come, and mean nothing here
+            if data[at : at + 4] == b"MTrk":  # other chunks are skipped
                 tracks.append((at + 8, stop))
             at = stop
         return division, tracks
 
     def track(self, span: tuple[int, int]) -> Iterator[tuple[int, int, int, int]]:
-        """Tick, channel from 1, number and velocity of each note; of other events number -1."""
+        """Tick, channel from 1, number and velocity of each note; other events have the number
+        -1.
+        """
         at, stop = span
         tick, status, count = 0, 0, 0
         while at < stop:
@@ -151,7 +153,7 @@ class _File:
                 if kind == _END_OF_TRACK:
                     yield tick, 0, -1, 0
                     return
-                status = 0  # a status does not hold beyond these
+                status = 0  # no running status after these
                 continue
             size = _DATA[status >> 4]
             content = self.data[at : at + size]
@@ -162,7 +164,7 @@ class _File:
             yield tick, (status & 0xF) + 1, content[0] if is_note else -1, content[-1]
 
     def message(self, status: int, at: int, stop: int) -> tuple[int, int]:
-        """The kind of a meta event, -1 of another message, and where it ends."""
+        """The kind of a meta event (-1 for other messages), and the offset of its end."""
         kind = -1
         if status == _META:
             if at >= stop:
@@ -176,7 +178,7 @@ class _File:
         return kind, at + size
 
     def variable(self, at: int, stop: int) -> tuple[int, int]:
-        """A number of variable length, and where it ends."""
+        """A number of variable length, and the offset of its end."""
         value = 0
         for place in range(at, min(at + 4, stop)):
             value = value << 7 | self.data[place] & 0x7F

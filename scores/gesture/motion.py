@@ -1,8 +1,9 @@
-"""What files of motion capture share: points that move in space, of which one goes one way.
+"""What files of motion capture have in common: points that move in space, of which one coordinate
+is read.
 
-A channel is a point and an axis: `RWRI.x`, or `RWRI.auto` for the straight line that its path is
-nearest to. Positions count from where the point is seen first, for the origin of a studio means
-nothing to a key. Where a point is hidden a spline runs across, for a moment.
+A channel is a point and an axis: `RWRI.x`, or `RWRI.auto` for the straight line that fits its
+path best. Positions count from where the point is first seen, because the origin of a studio
+means nothing to a key. A short gap in which the point is hidden is filled by a spline.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from ergon.scores.gesture.take_file import MAX_CHANNELS, MAX_SAMPLES, Floats, Ta
 AXES = ("x", "y", "z", "auto")
 BLOCK = 1 << 18  # numbers that are read at once
 _HIDDEN_MAX = 0.2  # s that a spline runs across
-_STRAIGHT = 0.8  # of the variance: less of it along one line, and no line stands for the path
+_STRAIGHT = 0.8  # smallest share of the variance along the line of `auto`
 _LISTED = 8
-_HIGH = 1e9  # of any unit: more is damage
+_HIGH = 1e9  # largest coordinate in an intact file, in any unit
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Points that a file holds; sizes: n frames.
+    """Points of a file; sizes: n frames.
 
-    `rate` [Hz] is None where the file does not tell it, `metres` what 1.0 in the file means, None
-    likewise. `blocks` gives positions as (frames, points, 3), some frames at a time, in the file's
+    `rate` [Hz] is None if the file does not state it, as is `metres`, the length of 1.0 in the
+    file. `blocks` gives positions as (frames, points, 3), some frames at a time, in the file's
     unit; a point that is not seen is NaN there.
     """
 
@@ -42,7 +43,7 @@ class Motion:
 
 
 def judged(motion: Motion, path: Path) -> Motion:
-    """The same, if it is of a size that a take may have. Raises TakeError."""
+    """The motion itself, if its size is one that a take may have. Raises TakeError."""
     if not motion.points:
         raise TakeError("the file holds no points that move", path)
     if len(motion.points) > MAX_CHANNELS:
@@ -53,7 +54,7 @@ def judged(motion: Motion, path: Path) -> Motion:
 
 
 def unlike(names: Sequence[str]) -> tuple[str, ...]:
-    """The names, where two are alike or one is empty with its number from 1."""
+    """The names; a name that is empty or taken gets its number, from 1."""
     taken: set[str] = set()
     told = []
     for i, name in enumerate(names, 1):
@@ -63,7 +64,7 @@ def unlike(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def positions(cells: Sequence[str], starts: Iterable[int], path: Path, number: int) -> list[float]:
-    """Three numbers from each of some cells on; nan for those that are empty. Raises TakeError."""
+    """Three numbers from each of the columns `starts` on; NaN for empty cells. Raises TakeError."""
     try:
         values = [float(cell or "nan") for at in starts for cell in cells[at : at + 3]]
     except ValueError:
@@ -74,7 +75,9 @@ def positions(cells: Sequence[str], starts: Iterable[int], path: Path, number: i
 
 
 def in_blocks(rows: Iterable[list[float]], n: int, path: Path) -> Iterator[Floats]:
-    """Rows of positions as (frames, points, 3). Raises TakeError where they are not `n`."""
+    """Rows of positions as (frames, points, 3). Raises TakeError if the number of rows is not
+    `n`.
+    """
     block: list[list[float]] = []
     n_rows = 0
     for row in rows:
@@ -125,7 +128,7 @@ def chosen(points: Sequence[str], channel: str | None, path: Path) -> tuple[int,
 
 
 def scale(of_file: float | None, unit: float | None, path: Path) -> float:
-    """What 1.0 in a file means [m], by the file or by who reads it. Raises TakeError."""
+    """The length of 1.0 in a file [m], by the file or by `unit`. Raises TakeError."""
     if of_file is not None and unit is not None:
         raise TakeError("the file states its own unit; remove `unit`", path, field="unit")
     metres = unit if of_file is None else of_file
@@ -142,7 +145,8 @@ def scale(of_file: float | None, unit: float | None, path: Path) -> float:
 def track(
     motion: Motion, channel: str | None, rate: float | None, unit: float | None, path: Path
 ) -> tuple[Floats, Floats, str | None]:
-    """Instants [s] and positions [m] of a channel, both (seen,), and what the spline runs across.
+    """Instants [s] and positions [m] of a channel, both (seen,), and a note on gaps that the spline
+    fills.
 
     Time begins with the file, not with the first frame in which the point is seen. Raises
     TakeError.
@@ -171,7 +175,9 @@ def track(
 
 
 def _hidden(seen: NDArray[np.intp], rate: float, point: str, path: Path) -> str | None:
-    """What is to be said of frames in which a point is not seen. Raises TakeError."""
+    """A note on frames in which a point is not seen; None if there are none. Raises TakeError for
+    long gaps.
+    """
     gaps = np.diff(seen)
     longest = int(gaps.argmax())
     if (gaps[longest] - 1) / rate > _HIDDEN_MAX:
@@ -188,9 +194,11 @@ def _hidden(seen: NDArray[np.intp], rate: float, point: str, path: Path) -> str 
 
 
 def _direction(places: Floats, point: str, path: Path) -> Floats:
-    """The line that a path is nearest to, (3,), of length 1; towards its farther end."""
+    """The direction of the straight line that fits a path best, a unit vector (3,), towards its
+    farther end.
+    """
     spread = places - places.mean(axis=0)
-    # As a part of the farthest, so that no square overflows or vanishes.
+    # Relative to the largest value, so that no square overflows or underflows.
     size = float(np.abs(spread).max())
     if not size:
         raise TakeError(f"'{point[:60]}' does not move", path, field="channel")

@@ -9,30 +9,30 @@ import numpy as np
 from ergon._core import Take
 from ergon.scores.gesture.take_file import Floats
 
-CUTOFF = 20.0  # Hz: what hands do lies below; what a sensor's steps add when differentiated, above
+CUTOFF = 20.0  # Hz: hands move below; differentiated sensor noise is above
 RATE = 50.0  # times the cutoff: samples a second at which derivatives are taken
 _CUTOFF_MAX = 0.45  # of the rate of the samples
-_TURN = 0.05  # of the range: less is no reversal
+_TURN = 0.05  # of the range: smallest reversal
 _STRIKE = 3.0  # times the rms of the acceleration
 _REMEMBERED = 4.0  # periods of the cutoff, after which the filter has forgotten
-_EDGE = 4  # samples beyond each end, of which two derivatives need two each
-_NEAR = 0.01  # s about a reversal, in which its acceleration is looked for
+_EDGE = 4  # samples beyond each end: two for each of two derivatives
+_NEAR = 0.01  # s before and after a reversal: its acceleration is the peak there
 _SAL_CUTOFF = 20.0  # Hz: 40π rad/s (Balasubramanian & others, 2012)
 _SAL_PADDED = 64  # times the length of a movement
-_STROKE_MIN, _STROKE_MAX = 0.02, 10.0  # s: of a stroke whose smoothness is told
+_STROKE_MIN, _STROKE_MAX = 0.02, 10.0  # s: strokes whose smoothness is computed
 
 
 @dataclass(frozen=True, slots=True)
 class MovementStats:
     """Figures of one movement, in SI units.
 
-    `low`, `high` and `rms` (about the mean) [m] are those of the positions, `path` [m] is how far
-    it goes in all. Speed [m/s] and acceleration [m/s²] are those below `cutoff` [Hz]. `centre` and
-    `bandwidth` [Hz] are mean and standard deviation of frequency by the power of the velocity.
-    `reversals` (n_reversals,) [s] are where it turns by a twentieth of its range, `strikes`
-    (n_strikes,) [s] those of them with three times the rms acceleration. `smoothness` is the median
-    spectral arc length of the strokes between reversals (below 0, nearer to 0 is smoother); None
-    without one.
+    `low`, `high` and `rms` (about the mean) [m] are those of the positions, `path` [m] is the
+    total distance. Speed [m/s] and acceleration [m/s²] are those below `cutoff` [Hz]. `centre`
+    and `bandwidth` [Hz] are mean and standard deviation of frequency by the power of the
+    velocity. `reversals` (n_reversals,) [s] are the instants at which it reverses by a twentieth
+    of its range, `strikes` (n_strikes,) [s] those of them with three times the rms acceleration.
+    `smoothness` is the median spectral arc length of the strokes between reversals (below 0,
+    nearer to 0 is smoother); None without a stroke.
     """
 
     duration: float
@@ -56,8 +56,8 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStat
     """Figures of positions x (n,) [m] at rising instants t (n,) [s].
 
     Derivatives are those of the spline that a score would play, after a fourth-order Butterworth
-    low-pass at `cutoff` [Hz], forward and backward; samples too slow for it are not filtered.
-    Raises EngineError.
+    low-pass at `cutoff` [Hz], forward and backward; samples with too low a rate for the filter
+    are not filtered. Raises EngineError.
     """
     t, x = np.asarray(t, float) - t[0], np.asarray(x, float)
     duration = float(t[-1])
@@ -99,9 +99,11 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStat
 
 
 def _smooth(t: Floats, x: Floats, cutoff: float, is_filtered: bool, n: int) -> Floats:
-    """Positions (n + 9,) at even instants of the spline through samples, four beyond each end.
+    """Positions (n + 9,) at even instants of the spline through the samples, four of them beyond
+    each end.
 
-    The samples go on beyond their ends reflected through them, for as long as the filter remembers.
+    The samples are extended by point reflection at both ends, for as long as the filter
+    remembers.
     """
     most = max(_REMEMBERED / cutoff, _EDGE * 2 * float(t[-1]) / n)
     before = min(len(t) - 1, int(np.searchsorted(t, most)))
@@ -119,7 +121,7 @@ def spectral_arc_length(speed: Floats, rate: float) -> float:
 
     Minus the length of the curve of |V(ω)|/|V(0)| over ω/ω_c, up to ω_c = 40π rad/s
     (Balasubramanian, Melendez-Calderon & Burdet, IEEE Transactions on Biomedical Engineering 59,
-    2012). The size of the speed does not count, nor rest before and after.
+    2012). The scale of the speed has no effect, nor has rest before and after.
     """
     n = 1 << int(np.ceil(np.log2(_SAL_PADDED * len(speed))))
     most = int(_SAL_CUTOFF / rate * n) + 1
@@ -128,7 +130,7 @@ def spectral_arc_length(speed: Floats, rate: float) -> float:
 
 
 def _slope(x: Floats) -> Floats:
-    """Differences a sample, exact for polynomials of the fourth degree, (n - 4,)."""
+    """Derivative in units per sample, exact for polynomials of the fourth degree, (n - 4,)."""
     return (8 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / 12
 
 
@@ -137,7 +139,9 @@ def _rms(x: Floats) -> float:
 
 
 def _spread(v: Floats, rate: float) -> tuple[float, float]:
-    """Mean frequency [Hz] by power, and its standard deviation, under a Hann window; 0 at rest."""
+    """Mean of the frequency [Hz] weighted by power, and its standard deviation, under a Hann
+    window; 0 at rest.
+    """
     power = np.abs(np.fft.rfft(v * np.hanning(len(v)))) ** 2
     if not power.any():
         return 0.0, 0.0
@@ -148,13 +152,13 @@ def _spread(v: Floats, rate: float) -> tuple[float, float]:
 
 
 def _reversals(x: Floats) -> list[int]:
-    """Samples at which a path turns round and then goes back by a part of its range."""
+    """Samples at which a path reverses and then goes back by a part of its range."""
     room = _TURN * float(np.ptp(x))
     if not room:
         return []
     ends = np.flatnonzero(np.diff(np.sign(np.diff(x)))) + 1
     turns: list[int] = []
-    way, low, high = 0, 0, 0  # the way it goes, and its farthest samples since it turned
+    way, low, high = 0, 0, 0  # direction; extreme samples since the last turn
     for i in (*ends.tolist(), len(x) - 1):
         low, high = (i if x[i] < x[low] else low), (i if x[i] > x[high] else high)
         if way >= 0 and x[i] < x[high] - room:

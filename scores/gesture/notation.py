@@ -26,9 +26,9 @@ from ergon.scores.gesture.points import (
     metres,
 )
 
-MAX_DEPTH = 8  # groups inside groups: more cannot be read aloud
+MAX_DEPTH = 8  # groups inside groups
 MAX_EVENTS = 500_000  # points after expansion: some 140 MB while they are read
-SAME = 1e-9  # beats, seconds and metres that are rounding, not music
+SAME = 1e-9  # tolerance for rounding: beats, seconds, metres
 
 _TOKEN = re.compile(r"(\()|(\))(?:\s*+\*\s*+([^\s()|]++))?|(\|)|([^\s()|]++)")
 
@@ -61,7 +61,7 @@ class _Event(NamedTuple):
 
 
 class _Group:
-    """An open bracket: what it holds so far, in times from its own start."""
+    """An open bracket: its events so far, in times from its own start."""
 
     def __init__(self, offset: int, most: int = MAX_EVENTS) -> None:
         self.offset = offset
@@ -71,7 +71,7 @@ class _Group:
         self.seconds = 0.0
 
     def point(self, match: re.Match[str], curve: str, offset: int) -> None:
-        """Add the point of `match`, refusing one that lies before the last."""
+        """Add the point of `match`. Raises TextError if it lies before the last."""
         word = match.group()
         x, x_unit, plus, t, part, t_unit = match.groups()
         x_metres = metres(x, x_unit, offset)
@@ -97,7 +97,7 @@ class _Group:
         self.events.append(_Event(self.beats, self.seconds, None, "", offset, 1))
 
     def repeat(self, group: "_Group", count: int, offset: int) -> None:
-        """Write out a closed group `count` times, each from the end of the one before."""
+        """Add the events of a closed group `count` times, each from the end of the one before."""
         if len(self.events) + count * len(group.events) > self.most:
             raise TextError(_too_many("this group makes", self.most), offset=offset, length=1)
         if max(self.beats + count * group.beats, self.seconds + count * group.seconds) > MAX_TIME:
@@ -113,7 +113,8 @@ class _Group:
         self.seconds += count * group.seconds
 
     def _advance(self, beats: float, seconds: float, offset: int, length: int) -> None:
-        # Beats and seconds compare only once a tempo is known; what is earlier in both is wrong.
+        # Beats and seconds can be compared only with a tempo; a point that is earlier in both is an
+        # error.
         early = beats < self.beats - SAME or seconds < self.seconds - SAME
         if early and beats <= self.beats + SAME and seconds <= self.seconds + SAME:
             raise TextError(
@@ -125,13 +126,13 @@ class _Group:
 
 
 def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
-    """Read one-line notation; `curve` leads into the points before the first curve word.
+    """Read one-line notation; `curve` is that of points before the first curve word.
 
     More than `most` points are refused. Raises TextError with the characters at fault.
     """
     poll()
     stack = [_Group(0, most)]
-    pending: tuple[str, int] | None = None  # a curve word that has led nowhere yet
+    pending: tuple[str, int] | None = None  # a curve word without its point
     for token in _TOKEN.finditer(text):
         opened, closed, count, bar, word = token.groups()
         if opened:
@@ -167,10 +168,10 @@ def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
 
 
 def parse_table(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
-    """Read rows `t x [curve]`; `curve` leads into the rows without a word.
+    """Read rows `t x [curve]`; `curve` is that of rows without a curve word.
 
-    More than `most` rows are refused. `#` starts a comment. Raises TextError with the characters at
-    fault.
+    More than `most` rows are refused. `#` starts a comment. Raises TextError with the characters
+    at fault.
     """
     poll()
     group = _Group(0)
@@ -223,12 +224,12 @@ def _close(stack: list[_Group], token: re.Match[str], count: str | None) -> None
 
 
 def _joined(events: list[_Event]) -> Notation:
-    """Check what only neighbours can tell, and leave out points that repeat the one before."""
+    """Check points against their neighbours, and leave out points that repeat the one before."""
     points: list[Point] = []
     checks: list[BarCheck] = []
     last: _Event | None = None
     events.reverse()
-    while events:  # each is let go as soon as it is a point: there may be a million
+    while events:  # popped, to free memory: there may be a million
         event = events.pop()
         x = event.x
         at = Time(event.beats, event.seconds)

@@ -1,7 +1,7 @@
-"""Arrays of an npz file, read without trusting it: nothing is unpacked before its size is judged.
+"""Arrays of an npz file that is not trusted: nothing is unpacked before its size is checked.
 
-The sizes that a zip file declares are held against the bytes that it has, an array's header against
-the size of its member. Arrays are unpacked a block at a time, and never unpickled.
+The sizes that a zip file declares are checked against the file's size, and an array's header
+against the size of its member. Arrays are unpacked a block at a time, and never unpickled.
 """
 
 from __future__ import annotations
@@ -29,12 +29,14 @@ from ergon.scores.gesture.take_file import (
 
 _BLOCK = 1 << 17  # numbers unpacked at once
 _READ_MAX = 1 << 21  # bytes: a block of the largest numbers, or the directory of all members
-_HEADER_MAX = 4096  # bytes of an array's header; that of a row takes 128
-_RATIO_MAX = 1032  # deflate makes a run of 258 bytes of two bits, and no more of any
+_HEADER_MAX = 4096  # bytes of an array's header; usually 128
+_RATIO_MAX = 1032  # deflate's highest ratio: 258 bytes from two bits
 
 
 class Row(NamedTuple):
-    """A one-dimensional array of numbers: its name, how many, and where its numbers begin."""
+    """A one-dimensional array of numbers: its name, length and type, and the offset of its
+    numbers.
+    """
 
     name: str
     length: int
@@ -44,7 +46,9 @@ class Row(NamedTuple):
 
 
 class _Bounded(io.BufferedReader):
-    """A file of which nobody reads much at once: zipfile believes the size of a directory."""
+    """A file that refuses large reads, because zipfile trusts the directory size that the file
+    declares.
+    """
 
     def read(self, size: int | None = -1, /) -> bytes:
         n_bytes = os.fstat(self.fileno()).st_size - self.tell()
@@ -57,7 +61,9 @@ class Npz:
     """The arrays of an open npz file, by their names without `.npy`."""
 
     def __init__(self, path: Path, archive: zipfile.ZipFile, size: int) -> None:
-        """Judge what the members of a file of `size` bytes say of themselves. Raises TakeError."""
+        """Check the sizes that members declare against the file's `size` in bytes. Raises
+        TakeError.
+        """
         self._path = path
         self._archive = archive
         self._members = archive.infolist()
@@ -66,7 +72,7 @@ class Npz:
             raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path)
         if sum(member.file_size for member in self._members) > MAX_BYTES:
             raise TakeError("the file has more than 1 GB when it is unpacked", path)
-        # Members that lie over one another would together have more bytes than the file.
+        # If members overlapped, they would together have more bytes than the file.
         if sum(member.compress_size for member in self._members) > size:
             raise TakeError("the members of the archive have more bytes than the file", path)
         for name, member in zip(self.names, self._members, strict=True):
@@ -77,16 +83,16 @@ class Npz:
                 raise TakeError(f"'{name[:40]}' has an impossible size", path)
 
     def row(self, index: int) -> Row | None:
-        """What the header of an array says; None where it is no row of numbers.
+        """The header of an array; None if it is not a one-dimensional array of numbers.
 
-        Raises TakeError where it cannot be read, or says more than fits or is there.
+        Raises TakeError if the header cannot be read, or declares more than fits or is there.
         """
         member, name = self._members[index], self.names[index]
         with _as_take_error(self._path), self._archive.open(member) as file:
             head = io.BytesIO(file.read(_HEADER_MAX))
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("error")  # what a parser of Python has doubts of is no header
+                warnings.simplefilter("error")  # warnings of Python's parser mean a bad header
                 old = npy.read_magic(head) == (1, 0)
                 read_header = npy.read_array_header_1_0 if old else npy.read_array_header_2_0
                 shape, _, dtype = read_header(head)
@@ -108,7 +114,7 @@ class Npz:
         with _as_take_error(self._path), self._archive.open(row.member) as file:
             file.read(row.offset)
             while True:
-                # At the end nothing is asked for once more: so the checksum is looked at.
+                # Read once more at the end, so that zipfile checks the checksum.
                 data = file.read(min(n_values, _BLOCK) * row.dtype.itemsize or 1)
                 if not n_values:
                     return
@@ -130,7 +136,7 @@ class Npz:
 
 @contextmanager
 def npz(path: Path) -> Iterator[Npz]:
-    """The arrays of a file while the block lasts. Raises TakeError, OSError."""
+    """The arrays of an open file, as a context. Raises TakeError, OSError."""
     with _Bounded(opened(path).detach()) as file:
         size = os.fstat(file.fileno()).st_size
         with _as_take_error(path):
@@ -141,7 +147,9 @@ def npz(path: Path) -> Iterator[Npz]:
 
 @contextmanager
 def _as_take_error(path: Path) -> Iterator[None]:
-    """Whatever zipfile and zlib raise of a damaged file: of a dozen kinds, and each has others."""
+    """Turn whatever zipfile and zlib raise for a damaged file, which is of many types, into
+    TakeError.
+    """
     try:
         yield
     except (TakeError, OSError, MemoryError):

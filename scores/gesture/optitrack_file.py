@@ -1,6 +1,6 @@
 """CSV files that OptiTrack's Motive exports: a line of names and values, rows of names, frames.
 
-Points are all that has three columns called Position, X, Y and Z: markers, rigid bodies, bones.
+Every column group with a Position of X, Y and Z is a point: markers, rigid bodies, bones.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ _HEADER_MAX = 16  # lines before the one that begins with Frame
 
 
 def is_optitrack(path: Path) -> bool:
-    """Whether a file begins as Motive's do. Raises TakeError, OSError."""
+    """Whether a file begins as files of Motive do. Raises TakeError, OSError."""
     with opened(path) as file:
         return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST)
 
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """Where the frames are: their first line, how many cells each has, and of each point its first
-    column."""
+    """The layout of the frames: their first line, the number of cells in each, and each point's
+    first column.
+    """
 
     path: Path
     first: int
@@ -52,7 +53,7 @@ class _Rows:
 
 
 def read(path: Path) -> Motion:
-    """What such a file holds; a point that is not seen has empty cells.
+    """The motion in a file of Motive; a point that is not seen has empty cells.
 
     Raises TakeError and OSError.
     """
@@ -92,7 +93,8 @@ def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
     if len(above) < 3 or any(len(row) > width for row in above[1:]):
         raise TakeError("this file of Motive has no rows of names above Frame", path, number)
     wide = [row + [""] * (width - len(row)) for row in above[1:]]
-    # Older files have no words before their rows: kinds first, names second.
+    # Older files have no labels before their header rows: the first is the kind, the second the
+    # name.
     names = next((row for row in wide if "Name" in row[:2]), wide[min(1, len(wide) - 1)])
     what = wide[-1]
     starts = [

@@ -1,4 +1,4 @@
-"""One written point: its position, its time, its curve word, and what can be wrong with them."""
+"""One written point: its position, its time, its curve word, and error messages for each."""
 
 import re
 from typing import Literal, get_args
@@ -12,7 +12,7 @@ Curve = Literal[Way, "throw"]
 CURVES: tuple[Curve, ...] = get_args(Curve)
 MAX_POSITION = 1e3  # m; a key travels millimetres
 
-# Dividing by a whole number rounds once, so 6mm is the very float 0.006.
+# Division by a whole number rounds once, so that 6mm is exactly the float 0.006.
 METRE = {"": 1e3, "mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6, "µm": 1e6, "μm": 1e6}
 BEAT = {"": 1.0, "beat": 1.0, "beats": 1.0}
 SECOND = {"s": 1.0, "ms": 1e3}
@@ -26,7 +26,7 @@ _ONLY_TIME = re.compile(_TIME)
 
 
 def curve_word(word: str, offset: int) -> str:
-    """Return `word` when it names a curve."""
+    """Return `word` if it names a curve. Raises TextError."""
     if word in CURVES:
         return word
     if _ONLY_POSITION.fullmatch(word):

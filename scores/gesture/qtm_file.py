@@ -1,7 +1,7 @@
 """TSV files that Qualisys Track Manager exports: a header of names and values, then rows in mm.
 
-3D data are three columns a marker; 6D data sixteen a body, the first three of which are where it
-is.
+3D data have three columns for each marker; 6D data have sixteen for each body, the first three
+of which are its position.
 """
 
 from __future__ import annotations
@@ -23,15 +23,16 @@ _WIDTHS = {"MARKER_NAMES": 3, "BODY_NAMES": 16}  # columns of each
 
 
 def is_qtm(path: Path) -> bool:
-    """Whether a file begins as QTM's do. Raises TakeError, OSError."""
+    """Whether a file begins as files of QTM do. Raises TakeError, OSError."""
     with opened(path) as file:
         return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST)
 
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """Where the rows of a file are: their first line, columns before the positions, and of each
-    marker or body."""
+    """The layout of the rows: their first line, the columns before the positions, and the columns
+    of each marker or body.
+    """
 
     path: Path
     names: list[str]
@@ -55,7 +56,7 @@ class _Rows:
 
 
 def read(path: Path) -> Motion:
-    """What such a file holds. A point that is not seen stands at 0, 0, 0, or has empty cells.
+    """The motion in a file of QTM. A point that is not seen is at 0, 0, 0, or has empty cells.
 
     Raises TakeError and OSError.
     """
@@ -95,7 +96,7 @@ def _header(path: Path) -> tuple[dict[str, list[str]], _Rows]:
             path,
         )
     number, cells = first[0], first[1].split("\t")
-    # Titles of columns may come first. Every line may end in a tab, and so does that of the names.
+    # Column titles may come first. Every line may end in a tab; then the line of names does too.
     has_titles = any(cell[:1].isalpha() for cell in cells)
     is_tabbed = not header[kind][-1].strip()
     leading = min(max(len(cells) - columns * len(names) - is_tabbed, 0), _LEADING_MAX)
@@ -113,7 +114,7 @@ def _count(values: list[str], path: Path) -> int:
 
 
 def _rate(values: list[str], path: Path) -> float | None:
-    """Frames a second; None of cameras that another clock drives."""
+    """The frame rate [Hz]; None if an external clock drives the cameras."""
     if values[:1] == ["EXT"]:
         return None
     try:
@@ -126,6 +127,6 @@ def _rate(values: list[str], path: Path) -> float | None:
 
 
 def _seen(each: Floats) -> Floats:
-    """The same, NaN for what stands at 0, 0, 0."""
+    """The positions, with NaN in place of 0, 0, 0."""
     each[(each == 0).all(axis=2)] = np.nan
     return each

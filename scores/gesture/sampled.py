@@ -1,4 +1,4 @@
-"""A gesture as positions at even times: what a hand that goes it does."""
+"""A gesture as positions at even times: those of a hand that follows it exactly."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 def sampled(points: Sequence[Point], beat: float, rate: float) -> NDArray[np.float64]:
     """Positions (n,) [m], `rate` a second, of points in beats of `beat` [s]; from 0 to the last.
 
-    The engine goes the path with a key of its own, so a `throw` here flies as a free mass does.
-    Raises TextError at the point that the engine refuses, or that no mass reaches.
+    The engine plays the path with a key of its own, so that a `throw` here flies like a free
+    mass. Raises TextError at the point that the engine refuses, or that no mass reaches.
     """
     t = [point.at.beats * beat + point.at.seconds for point in points]
     network = Network()
@@ -61,7 +61,7 @@ def sentence(error: EngineError) -> str:
 
 
 def refused_point(error: EngineError) -> int:
-    """The index of the point that the engine refuses in a gesture; 0 where it names none."""
+    """The index of the point that the engine refuses in a gesture; 0 if it names none."""
     named = re.search(r"\bpoint (\d+)", str(error))
     return int(named[1]) if named else 0
 

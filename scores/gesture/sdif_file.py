@@ -1,9 +1,9 @@
-"""SDIF files: movements that stand in columns of matrices, frame by frame at instants of their own.
+"""SDIF files: movements in columns of matrices, in frames that each have an instant.
 
 Sound Description Interchange Format (Wright & others, SDIF Specification, CNMAT, 1999; Virolle &
-Schwarz, SDIF Format Specification 3, IRCAM, 2006). A channel is `MATRIX.COLUMN`, by the name that
-the file gives the column (its 1TYP declarations) or by its number from 1. Where several streams or
-rows have it, their numbers follow: `XPOS.x stream 2 row 1`. Numbers have no unit.
+Schwarz, SDIF Format Specification 3, IRCAM, 2006). A channel is `MATRIX.COLUMN`, by the name
+that the file gives the column (its 1TYP declarations) or by its number from 1. If several
+streams or rows have it, their numbers follow: `XPOS.x stream 2 row 1`. Numbers have no unit.
 """
 
 from __future__ import annotations
@@ -40,14 +40,16 @@ _Key = tuple[bytes, int, int, int]  # matrix, stream, row, column; from 0
 
 @dataclass(slots=True)
 class Column:
-    """Values at instants [s], both rising with the frames."""
+    """Values and their instants [s], in the order of the frames."""
 
     t: array[float]
     x: array[float]
 
 
 def columns(path: Path) -> dict[str, Column]:
-    """All columns of a file by their names; no more than a take may have. Raises TakeError."""
+    """All columns of a file by name. Raises TakeError, also if there are more than a take may
+    have.
+    """
     found: dict[_Key, Column] = {}
     declared: dict[bytes, list[str]] = {}
     n_values = 0
@@ -72,7 +74,7 @@ def columns(path: Path) -> dict[str, Column]:
 
 
 def track(path: Path, channel: str | None, unit: float | None) -> tuple[Floats, Floats]:
-    """Instants [s] from the first on, and positions [m] from the first on, of a column."""
+    """Instants [s] and positions [m] of a column, both counted from its first value."""
     every = columns(path)
     if channel is None and len(every) == 1:
         (channel,) = every
@@ -116,7 +118,7 @@ def _named(found: dict[_Key, Column], declared: dict[bytes, list[str]]) -> dict[
 def _matrices(
     path: Path, declared: dict[bytes, list[str]]
 ) -> Iterator[tuple[bytes, float, int, Floats]]:
-    """Name, instant, stream and numbers of each matrix; what columns are called is put aside."""
+    """Name, instant, stream and numbers of each matrix; the names of columns go into `declared`."""
     with opened(path) as file:
         size = os.fstat(file.fileno()).st_size
         if file.read(4) != b"SDIF":
@@ -132,12 +134,12 @@ def _matrices(
                 continue
             t, stream, count = _FRAME.unpack_from(data)
             if not math.isfinite(t):
-                continue  # what holds for all of the file
+                continue  # it applies to the whole file
             yield from ((name, t, stream, x) for name, x in _of_frame(data, count, path))
 
 
 def _body(file: BufferedReader, size: int, path: Path) -> bytes:
-    """The bytes of a frame after its size."""
+    """The content of a frame, which follows its size."""
     said = file.read(4)
     length = int.from_bytes(said, "big")
     if len(said) < 4 or length > size - file.tell():
@@ -148,14 +150,14 @@ def _body(file: BufferedReader, size: int, path: Path) -> bytes:
 
 
 def _declare(data: bytes, declared: dict[bytes, list[str]]) -> None:
-    """What the file calls the columns of its matrices: `1MTD XPOS {x, y, z}`."""
+    """Read the names of columns that the file declares: `1MTD XPOS {x, y, z}`."""
     for name, titles in _DECLARED.findall(data[:_TEXT_MAX].decode("latin-1")):
         words = [word.strip() for word in titles.split(",")]
         declared[name.encode("latin-1")] = [word.replace(".", "_") for word in words if word]
 
 
 def _of_frame(data: bytes, count: int, path: Path) -> Iterator[tuple[bytes, Floats]]:
-    """Name and numbers of each matrix of a frame; other matrices are passed over."""
+    """Name and numbers of each matrix of a frame; matrices of other types are skipped."""
     at = _FRAME.size
     for _ in range(count):
         if at + _MATRIX.size > len(data):

@@ -1,7 +1,7 @@
 """Paths of a point in space: `(0, 0, 0)@0 smooth (6, 0, 2)@1/4` is a gesture for each axis.
 
-A point has a position for each axis, in brackets; all else is that of the notation of one axis, and
-what is wrong in it is told of by the same sentences.
+A point has a position for each axis, in brackets; everything else is as in the notation of one
+axis, with the same error messages.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.notation import MAX_EVENTS, Notation
 
-# Brackets without a time in them, which is what a group has, and with a comma.
+# Brackets with a comma and without a time (a group has times).
 _POSITIONS = re.compile(r"\(([^()|@]*,[^()|@]*)\)")
 _ALONE = re.compile(r"[^\s()|@]*@\S*")
 
 
 class _Brackets(NamedTuple):
-    """The positions of one point: where they begin and end, and where each of them lies."""
+    """The positions of one point: where the brackets begin and end, and the offset of each
+    position.
+    """
 
     start: int
     stop: int
@@ -30,7 +32,7 @@ class _Brackets(NamedTuple):
 
 
 class _Stood(NamedTuple):
-    """A position: where its brackets begin, where it begins itself, and its length."""
+    """A position in the text: where its brackets begin, where it begins itself, and its length."""
 
     start: int
     at: int
@@ -38,13 +40,15 @@ class _Stood(NamedTuple):
 
 
 def axes(text: str) -> int:
-    """How many positions the points of a notation have: 1 where it is no path in space."""
+    """The number of positions that each point of a notation has; 1 if it is not a path in space."""
     found = _POSITIONS.search(text)
     return 1 if found is None else found[1].count(",") + 1
 
 
 def played(name: str, known: Container[str]) -> tuple[str, ...]:
-    """The names by which a gesture is played: its own, or of a path those of its axes, `pour.x`."""
+    """The names by which a gesture is played: its own, or, for a path, those of its axes, such as
+    `pour.x`.
+    """
     return tuple(one for one in (name, *(f"{name}.{axis}" for axis in AXES)) if one in known)
 
 
@@ -68,7 +72,7 @@ def _brackets(match: re.Match[str]) -> _Brackets:
 
 
 def _check(text: str, points: Sequence[_Brackets], n_axes: int) -> None:
-    """Each point has as many positions as the first, two or three, and a time."""
+    """Check that each point has as many positions as the first, two or three, and a time."""
     for start, stop, parts in points:
         written = text[start:stop]
         if not 2 <= len(parts) <= len(AXES):
@@ -88,14 +92,15 @@ def _check(text: str, points: Sequence[_Brackets], n_axes: int) -> None:
 
 
 def _along(text: str, points: Sequence[_Brackets], axis: int, curve: str, most: int) -> Notation:
-    """The notation along one axis, with places where they are written."""
+    """The notation along one axis, with offsets into the text as written."""
     pieces: list[str] = []
     end = 0
-    # Where each position stands in what is read, beside its brackets and itself as written.
+    # By the offset of a position in the text that is parsed: where it is in the text as written.
     begins: dict[int, _Stood] = {}
     for start, stop, parts in points:
         at, part = parts[axis]
-        # Of the same length, the position next to its time: so all other places stay.
+        # The replacement has the same length, with the position next to its time, so that other
+        # offsets stay.
         pieces += (text[end:start], part.rjust(stop - start))
         begins[stop - len(part)] = _Stood(start, at, len(part))
         end = stop

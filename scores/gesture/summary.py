@@ -1,4 +1,4 @@
-"""What a file of measured curves holds, told a block at a time: tables, or motion capture."""
+"""Summarises a file of measured curves block by block: tables, or motion capture."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Column:
     last: float = math.nan
 
     def add(self, block: Floats | Sequence[float]) -> None:
-        """Further values."""
+        """Include further values."""
         if not len(block):
             return
         if math.isnan(self.first):
@@ -39,7 +39,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """So many rows of these columns."""
+    """The number of rows, and the columns."""
 
     n_rows: int
     columns: tuple[Column, ...]
@@ -89,7 +89,7 @@ def _table(path: Path) -> Table:
 
 
 def _added(columns: Sequence[Column], block: list[list[float]]) -> int:
-    """Every column's values of some rows; how many rows they are."""
+    """Add some rows to the columns; returns their number."""
     n_rows = len(block)
     for column, values in zip(columns, zip(*block, strict=True), strict=False):
         column.add(values)
@@ -98,7 +98,7 @@ def _added(columns: Sequence[Column], block: list[list[float]]) -> int:
 
 
 def _npz(path: Path) -> Table:
-    """Its rows of numbers; what else there is in it is nothing that is played."""
+    """The number arrays of an npz file; other arrays cannot be played and are left out."""
     columns = []
     n_rows = 0
     with npz(path) as arrays:
@@ -124,7 +124,9 @@ def _csv(path: Path) -> Table:
 
 
 def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
-    """A summary of points that move: three columns each, in metres where the file tells a unit."""
+    """A reader that summarises moving points: three columns each, in metres if the file tells a
+    unit.
+    """
 
     def points(path: Path) -> Table:
         motion = opening(path)
@@ -144,7 +146,9 @@ def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
 
 
 def _sdif(path: Path) -> Table:
-    """Each column has instants of its own; the longest tells how many."""
+    """Columns of an SDIF file. Each has instants of its own; the row count is that of the
+    longest.
+    """
     columns, times = [], Column("t [s]")
     n_rows = 0
     for name, own in sdif_file.columns(path).items():

@@ -1,4 +1,4 @@
-"""What all files of takes share: how large they may be, what is wrong with one, its lines."""
+"""What all files of takes share: size limits, errors, reading of lines."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ MAX_CHANNELS = 1024
 
 
 class TakeError(TextError):
-    """A take that cannot be read: the `field` of it at fault, and the `line` (from 1) of a CSV."""
+    """A take that cannot be read, with the `field` at fault, and the `line` (from 1) of a text
+    file.
+    """
 
     def __init__(
         self,
@@ -34,7 +36,7 @@ class TakeError(TextError):
         suggestion: str | None = None,
         field: str = "file",
     ) -> None:
-        """Name the file, and the line where there is one."""
+        """Prefix the message with the file, and with the line if there is one."""
         place = path.name if line is None else f"{path.name}:{line}"
         super().__init__(f"{place}: {message}", suggestion=suggestion)
         self.line = line
@@ -42,7 +44,9 @@ class TakeError(TextError):
 
 
 def opened(path: Path) -> BufferedReader:
-    """The bytes of a file that is no larger than a take may be. Raises TakeError, OSError."""
+    """Open a file for reading, unless it is larger than a take may be. Raises TakeError,
+    OSError.
+    """
     file = open_regular(path)
     if os.fstat(file.fileno()).st_size > MAX_BYTES:
         file.close()
@@ -51,7 +55,9 @@ def opened(path: Path) -> BufferedReader:
 
 
 def lines(file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
-    """The lines of a CSV that say something, numbered from 1. Raises TakeError."""
+    """The lines of a text file without empty lines and comments, numbered from 1. Raises
+    TakeError.
+    """
     number = 0
     while line := file.readline(MAX_LINE):
         number += 1

@@ -1,15 +1,16 @@
-"""Captured movements: recordings, tables, WAV, motion capture, in bounded memory.
+"""Captured movements: recordings, tables, WAV, motion capture, read in bounded memory.
 
 * take: a recording of live hands; an axis is called by its player, or its key.
 * CSV, TSV: a header `t [s],x [mm]`, then rows; `,`, `;` or tab between columns, `#` before
   comments.
-* WAV: channels are numbered from 1; 1.0 is one `unit` (1 m unless said).
+* WAV: channels are numbered from 1; 1.0 is one `unit` (1 m by default).
 * npz: one-dimensional arrays, `t` in seconds and channels in metres, or named `x [mm]`.
-* C3D, BVH, TSV of Qualisys, CSV of OptiTrack (`motion.py`): a point and an axis, such as `RWRI.x`.
+* C3D, BVH, TSV of Qualisys, CSV of OptiTrack (`motion.py`): a point and an axis, such as
+  `RWRI.x`.
 * SDIF (`sdif_file.py`): a column of a matrix, such as `XPOS.x`.
 
-CSV and npz files without `t` need a `rate`, BVH and SDIF files a `unit`, for they tell none. GMS
-files would have a row in `_READERS` too: no description of how their bytes lie is public.
+CSV and npz files without `t` need a `rate`, BVH and SDIF files a `unit`, because they state
+none. GMS files cannot be read, because no description of their format is public.
 """
 
 import io
@@ -48,7 +49,7 @@ _WAV_ORDER: dict[bytes, Literal["little", "big"]] = {
 
 
 class Samples(NamedTuple):
-    """Positions `x` [m] at rising instants `t` [s], both (n,), and what is damaged."""
+    """Positions `x` [m] at rising instants `t` [s], both (n,), and a note on damage."""
 
     t: Floats
     x: Floats
@@ -62,10 +63,10 @@ def read(
     rate: float | None = None,
     unit: float | None = None,
 ) -> Samples:
-    """Read one channel of a captured movement; it may be left out where a file has one.
+    """Read one channel of a captured movement; `channel` may be left out if the file has only one.
 
-    `rate` [Hz] times files without instants of their own; `unit` [m] is what 1.0 means in files
-    that tell no unit. Raises TakeError.
+    `rate` [Hz] is the sample rate of files without instants; `unit` [m] is the length of 1.0 in
+    files that state no unit. Raises TakeError.
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
@@ -80,7 +81,7 @@ def read(
     try:
         if not path.is_file():
             raise TakeError("the file does not exist", path)
-        # Of large numbers a damaged file has many; what comes of them is judged below.
+        # A damaged file may have huge numbers; the result is checked below.
         with np.errstate(all="ignore"):
             samples = reader(path, channel, rate, unit)
     except OSError as error:
@@ -252,10 +253,10 @@ def _read_wav(path: Path, channel: str | None, rate: float | None, unit: float |
 
 
 def _judge_wav(path: Path) -> None:
-    """Refuse what libsndfile would read all the same. Raises TakeError.
+    """Refuse WAV files that libsndfile would read without an error. Raises TakeError.
 
-    It is silent where a file ends before its samples do, and it decodes what a file of any name
-    holds: MP3 within a WAV file too, with remarks on stdout.
+    It gives no error if a file ends before its samples do, and it decodes any content whatever
+    the file's name, such as MP3 within a WAV file, with messages on stdout.
     """
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
@@ -274,7 +275,7 @@ def _judge_wav(path: Path) -> None:
                 if tag not in (_PCM, _FLOAT):
                     raise TakeError(f"this WAV file is coded (format {tag}); PCM is read", path)
             elif name == b"data" and tag is not None:
-                # A size that was never filled in: what a program leaves that streams.
+                # Programs that stream leave 0 or 0xFFFFFFFF as the size.
                 if length not in (0, 0xFFFFFFFF) and start + length > size:
                     raise TakeError("the file is shorter than its header says", path)
                 return
@@ -320,14 +321,14 @@ def _read_recording(
         raise TakeError(str(error), path) from None
     axis = 0 if channel is None and len(recording.axes) == 1 else _axis(recording, channel, path)
     ticks = recording.ticks()
-    # From its own beginning: a hand is recorded in the middle of a piece, and trimmed by ear.
+    # Time counts from the recording's beginning, which may lie in the middle of a piece.
     t = (ticks - ticks[:1]).astype(np.float64) * recording.frames / recording.rate
     x = np.ascontiguousarray(recording.positions()[:, axis])
     return _checked(t, x, path)._replace(damage=recording.damage)
 
 
 def _axis(recording: _core.Recording, channel: str | None, path: Path) -> int:
-    """The axis of a name: its own, or its player's or key's where they have no other."""
+    """The axis with a name: its own, or that of its player or key if they have only one axis."""
     columns = {name: (i, "m") for i, name in enumerate(recording.names)}
     if channel not in columns:
         indices = [i for i, axis in enumerate(recording.axes) if channel and channel in axis]

@@ -18,10 +18,10 @@ from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.points import instant, metres
 
 NOW = Time()
-LARGEST = 1e4  # of a scale or stretch; a key is not a crane
+LARGEST = 1e4  # of a scale or stretch
 # A jittered point keeps a tenth of the way to its neighbour free, so that order survives a rubato.
 JITTER_ROOM = 0.45
-SAME = 1e-9  # [s]: instants that are reckoned in different ways
+SAME = 1e-9  # [s]: tolerance for rounding of instants
 
 _TIME = re.compile(rf"({NUMBER})(?:/({NUMBER}))?({UNIT})")
 _POSITION = re.compile(rf"({NUMBER})({UNIT})")
@@ -29,14 +29,14 @@ _RATIO = re.compile(rf"([+-]?)({NUMBER})(?:/({NUMBER}))?")
 
 
 class Chance(Protocol):
-    """Where draws come from: `ergon._core.Chance`."""
+    """The source of random draws: `ergon._core.Chance`."""
 
     def uniform(self, low: float, high: float) -> float:
         """Draw a number between `low` and `high`."""
 
 
 class Middle:
-    """Draws the middle: a length, and what has nothing to draw, need no chance."""
+    """Draws the middle of each range: for lengths, which must not depend on chance."""
 
     def uniform(self, low: float, high: float) -> float:
         """The middle."""
@@ -57,7 +57,7 @@ class Transform:
 
 @dataclass(frozen=True, slots=True)
 class TakeTransform:
-    """What is left of transformations on a take: x·scale at t·stretch, moved by `shift`.
+    """The sum of transformations of a take: x·scale at t·stretch, moved by `shift`.
 
     `front` and `back` [s] of the take, as it was captured, are left out.
     """
@@ -78,7 +78,7 @@ class _Shaped(NamedTuple):
 def parse_do(text: str, start: int = 0) -> Transform:
     """Read one transformation, such as `scale 0.5` or `jitter 4ms 0.2mm`.
 
-    Raises TextError with offsets into the text, `start` characters further on.
+    Raises TextError with offsets into the text plus `start`.
     """
     words = [(w.group(), start + w.start()) for w in re.finditer(r"\S+", text)]
     if not words:
@@ -120,7 +120,7 @@ def parse_chain(text: str) -> tuple[Transform, ...]:
 def apply(
     points: Sequence[Point], transforms: Sequence[Transform], chance: Chance, beat: float = 1.0
 ) -> tuple[tuple[Point, ...], tuple[str, ...]]:
-    """Transform `points` left to right; also return sentences about what was lost.
+    """Transform `points` left to right; also return a sentence for each loss of points.
 
     `beat` is the duration [s] of a beat at the start of the occurrence.
     """
@@ -134,7 +134,7 @@ def apply(
 
 
 def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTransform:
-    """Sum up transformations of a take. Raises TextError for those that need written points.
+    """Combine transformations of a take. Raises TextError for those that need written points.
 
     `beat` is the duration [s] of a beat at the start of the occurrence.
     """
@@ -187,7 +187,7 @@ def _shift(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _Sh
 def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _Shaped:
     """Leave out the points before an instant, which becomes the start; the last point stays.
 
-    How the first that is left is reached is a matter of joining.
+    The first point that is left gets the curve of the gesture's first point.
     """
     start = t.time.beats * beat + t.time.seconds
     later = (i for i, p in enumerate(points) if p.at.beats * beat + p.at.seconds >= start - SAME)
@@ -203,7 +203,7 @@ def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _S
 
 
 def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _Shaped:
-    """Play the way back between the first and the last point's instants.
+    """Play the points backward, between the first and the last point's instants.
 
     The curve that led into point i now leads into point i-1.
     """
@@ -221,8 +221,8 @@ def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) ->
 def _jitter(points: tuple[Point, ...], t: Transform, chance: Chance, beat: float) -> _Shaped:
     """Move every point but the first by a draw in time, then one in position.
 
-    A point never comes nearer than a tenth of the way to its neighbours: its draw is cut off at
-    JITTER_ROOM of the way there. A hold stays where the point before it went.
+    A point moves at most JITTER_ROOM of the way to a neighbour, so that a tenth of the way stays
+    between them. A hold keeps the moved position of the point before it.
     """
     reach = t.time.beats * beat + t.time.seconds
     clock = [p.at.beats * beat + p.at.seconds for p in points]
@@ -242,8 +242,7 @@ def _jitter(points: tuple[Point, ...], t: Transform, chance: Chance, beat: float
 def _quantise(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _Shaped:
     """Move points to the nearest multiple of q beats, halves later; merge those that meet.
 
-    What is left of points that meet has the position of the last, reached by the last curve among
-    theirs that is no hold.
+    The merged point has the position of the last; its curve is the last that is not a hold.
     """
     q = t.amount
     result: list[Point] = []
@@ -318,7 +317,7 @@ _Read = Callable[[str, int, str], float | Time]
 
 
 class _Verb(NamedTuple):
-    """How a transformation is written, and what it does."""
+    """How a transformation is written, and the function that applies it."""
 
     example: str
     arguments: tuple[tuple[str, _Read], ...]

@@ -1,8 +1,8 @@
-"""What a pattern leaves to chance, by number: no draw depends on another, or on what was played.
+"""Random draws of a pattern, by number: no draw depends on another, or on what was played.
 
-Every draw is keyed by the score's seed, by who plays what, by the group in the pattern and by the
-number of the round or place, so that a piece that is entered in the middle draws what it would have
-drawn on the way there.
+Every draw is keyed by the score's seed, by who plays what, by the group in the pattern and by
+the number of the round or place, so that a piece that starts in the middle makes the same draws
+as one that plays from the beginning.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from threading import Lock
 
 from ergon import _core
 
-_WALKS = 256  # paths that are kept: to know where a walk is, all of it is drawn
+_WALKS = 256  # walks that are kept: each must be drawn from its beginning
 _WALKING = Lock()
 
 
@@ -39,8 +39,9 @@ class Draws:
         return order
 
     def walks(self, site: int, turn: int, count: int) -> int:
-        """Where a walk among `count` items is: from the first on, each time one back, none or one
-        ahead; at an end it turns."""
+        """The position of a random walk among `count` items: it starts at the first, and each turn
+        moves it by -1, 0 or +1; a step beyond an end is reflected.
+        """
         if count == 1:
             return 0
         path = _walk(self.seed, self.who, site, count)
@@ -52,11 +53,11 @@ class Draws:
         return path[turn]
 
     def happens(self, probability: float, place: int, member: int = 0) -> bool:
-        """Whether what has a probability happens."""
+        """Whether an event with a given probability happens."""
         return self._chance("chance", member, place).uniform(0.0, 1.0) < probability
 
     def transforms(self, place: int) -> _core.Chance:
-        """Where the transformations of what is played in a place draw from."""
+        """The source of chance for the transformations of what is played in a place."""
         return self._chance("do", 0, place)
 
     def _chance(self, kind: str, member: int, occurrence: int) -> _core.Chance:
@@ -69,5 +70,5 @@ def _one_of(chance: _core.Chance, count: int) -> int:
 
 @lru_cache(maxsize=_WALKS)
 def _walk(seed: int, who: str, site: int, count: int) -> array[int]:
-    """The beginning of a walk, as far as it was asked for."""
+    """The part of a walk that has been drawn so far."""
     return array("H", [0])

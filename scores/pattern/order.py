@@ -3,10 +3,10 @@
     pattern := [choose | walk | shuffle] item+
     item    := (name | '~' | '(' pattern ')') ['*' count]
 
-Every item of the outermost pattern takes one step, `~` rests for one. A group takes one step too,
-which its items share evenly; with a count it is written out so many times and takes a step for each
-of its items, as a group of the gesture notation does. `choose` and `walk` play one of their items
-in each round and take one step; `shuffle` plays all of them in an order of its own in each round.
+Every item of the outermost pattern takes one step, `~` rests for one. A group takes one step
+too, which its items share evenly; a group with a count is repeated, and each of its items takes
+a step, as in the gesture notation. `choose` and `walk` play one of their items in each round and
+take one step; `shuffle` plays all of them in a new order in each round.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
 
 Way = Literal["in turn", "choose", "walk", "shuffle"]
-WAYS: tuple[Way, ...] = get_args(Way)[1:]  # that are written; `in turn` goes without saying
+WAYS: tuple[Way, ...] = get_args(Way)[1:]  # those with a keyword; `in turn` is the default
 
 REST = "~"
 MAX_DEPTH = 8  # groups inside groups, as in the notation of gestures
@@ -42,10 +42,10 @@ class Leaf:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Items that share `span` steps; `site` tells its draws from those of other groups.
+    """Items that share `span` steps; `site` identifies the group in random draws.
 
-    `steps` is how many steps the group would take if it stood alone, `places` how many items begin
-    in a round at most.
+    `steps` is how many steps the group would take if it stood alone, `places` the largest number
+    of items that begin in one round.
     """
 
     way: Way
@@ -83,9 +83,10 @@ class _Open(NamedTuple):
 
 
 def parse(text: str, called: Called | None = None) -> Group:
-    """Read a pattern; `called` makes a name of a word and its offset, or several.
+    """Read a pattern; `called` returns the name or names that a word at an offset stands for.
 
-    Without it words are names of gestures and takes. Raises TextError with the characters at fault.
+    Without `called` words are names of gestures and takes. Raises TextError with the characters
+    at fault.
     """
     called = called or name_of
     alone = text.strip()
@@ -148,7 +149,7 @@ def _leaves(word: str, offset: int, called: Called) -> list[Leaf]:
 
 
 def name_of(word: str, offset: int) -> str:
-    """The word, where it may be the name of a gesture or a take. Raises TextError."""
+    """The word, if it may be the name of a gesture or a take. Raises TextError."""
     if not all(NAME.fullmatch(part) for part in word.split(".")):
         message = f"'{word[:40]}' is not the name of a gesture or a take"
         near = nearest(word, WAYS)
@@ -174,7 +175,7 @@ def _not_empty(group: _Open, length: int = 1) -> None:
 
 
 class _Maker:
-    """Writes counts out, and numbers the groups."""
+    """Expands repetition counts, and numbers the groups."""
 
     def __init__(self) -> None:
         self.sites = 0

@@ -14,15 +14,15 @@ from ergon.scores.pattern.order import Group, Leaf
 from ergon.scores.pattern.rhythm import EVEN, Euclid, swung
 from ergon.scores.pattern.turns import Turn
 
-_ROUNDS = 1024  # of one line that are kept
+_ROUNDS = 1024  # kept for each line
 
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """What a line plays step by step; `skip` places are left out at its beginning.
+    """What a line plays step by step; the first `skip` places are left out.
 
-    `swing` is the share that the first of two steps takes of both, `chance` the probability of each
-    place; None: everything is played.
+    `swing` is the share of two steps that the first one takes, `chance` the probability that a
+    place is played (None: every place is).
     """
 
     order: Group
@@ -38,7 +38,7 @@ class Pattern:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it says no more than the name of what is played, every time."""
+        """Whether the pattern is one name without options."""
         single = self.order.way == "in turn" and len(self.order.items) == 1
         item = self.order.items[0]
         is_name = single and isinstance(item, Leaf) and item.name is not None
@@ -46,20 +46,22 @@ class Pattern:
 
 
 class Place(NamedTuple):
-    """Where an item of a round begins, in steps from the round's beginning; None rests."""
+    """Where an item of a round begins, in steps from the round's beginning; the name of a rest is
+    None.
+    """
 
     at: Fraction
     name: str | None = None
 
 
 class Course:
-    """A pattern as it goes: its places by number, from 0, without end.
+    """The places of a pattern, numbered from 0, without end.
 
     What happens in a place depends on the pattern, the draws and the place's number alone.
     """
 
     def __init__(self, pattern: Pattern, draws: Draws) -> None:
-        """Of a pattern, with draws of its own."""
+        """Take the pattern, and the draws of its line."""
         self.pattern = pattern
         self.draws = draws
         self._round = lru_cache(_ROUNDS)(self._drawn)
@@ -85,13 +87,15 @@ class Course:
         return swung(step, into, self.pattern.swing)
 
     def round(self, place: int) -> int:
-        """The round in which a place is: of the names or, with a Euclidean rhythm, of that."""
+        """The round in which a place is: of the Euclidean rhythm if there is one, else of the
+        names.
+        """
         if self.pattern.euclid is not None:
             return self.step(place)[0] // self.pattern.euclid.pulses
         return (place + self.pattern.skip) // self.pattern.order.places
 
     def places_of(self, rounds: int) -> int:
-        """How many places so many rounds have, less those that are skipped."""
+        """The number of places in so many rounds, without those that are skipped."""
         order, euclid = self.pattern.order, self.pattern.euclid
         if euclid is None:
             return rounds * order.places - self.pattern.skip
@@ -100,7 +104,7 @@ class Course:
         return turns * order.places + partial - self.pattern.skip
 
     def played(self, place: int) -> str | None:
-        """The name of what is played in a place; None: it rests."""
+        """The name that is played in a place; None for a rest."""
         name, number = self.named(place), place + self.pattern.skip
         chance = self.pattern.chance
         if name is None or (chance is not None and not self.draws.happens(chance, number)):
@@ -108,7 +112,7 @@ class Course:
         return name
 
     def named(self, place: int) -> str | None:
-        """The name in a place, whether chance lets it be played or not; None: a rest."""
+        """The name in a place, whether chance lets it be played or not; None for a rest."""
         turn, within = divmod(place + self.pattern.skip, self.pattern.order.places)
         return self._names(turn)[within]
 
@@ -150,14 +154,14 @@ def _names(item: Leaf | Group, draws: Draws, turn: int) -> Iterator[str | None]:
 
 
 def _places(order: Group, draws: Draws | None, turn: int) -> Iterator[Place]:
-    """Every place of a round; without draws nothing is told but when they are."""
+    """Every place of a round; without draws only the instants are valid, not the names."""
     return _of(order, Fraction(0), Fraction(order.steps), draws, turn)
 
 
 def _of(
     item: Leaf | Group, at: Fraction, width: Fraction, draws: Draws | None, turn: int
 ) -> Iterator[Place]:
-    """The places of an item that begins at a step and lasts for some."""
+    """The places of an item that begins at step `at` and lasts for `width` steps."""
     if isinstance(item, Leaf):
         yield Place(at, item.name)
         return
@@ -171,7 +175,7 @@ def _of(
         for place in _of(chosen, at, width, draws, turn):
             last = place.at
             yield place
-        # Every round has as many places: what another item would need rests.
+        # Every round has the same number of places: those that a longer item would need are rests.
         yield from (Place(last, None) for _ in range(item.places - chosen.places))
         return
     members = range(len(item.items))

@@ -63,7 +63,9 @@ def parse_swing(text: str) -> float:
 
 
 def swung(step: int, into: float, share: float) -> float:
-    """Where a point of a step is, when the first of every two steps takes this share of both."""
+    """Where a point of a step is, if the first of every two steps takes the share `share` of
+    both.
+    """
     if share == EVEN:
         return step + into
     whole = step - step % 2
@@ -74,7 +76,9 @@ def swung(step: int, into: float, share: float) -> float:
 
 @lru_cache(maxsize=64)
 def _positions(rhythm: Euclid) -> tuple[int, ...]:
-    """Bjorklund's algorithm: what is left over is shared out until at most one group is left."""
+    """Bjorklund's algorithm: append the left-over groups to the others, one each, until at most one
+    is left over.
+    """
     pulses, steps = rhythm.pulses, rhythm.steps
     heads: list[list[bool]] = [[True] for _ in range(pulses)]
     tails: list[list[bool]] = [[False] for _ in range(steps - pulses)]

@@ -1,4 +1,6 @@
-"""Searching beats that are worked out one by one: as few as possible are asked for."""
+"""Searches in rising sequences of beats that are computed on demand: as few as possible are asked
+for.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +10,15 @@ from math import isfinite
 
 
 def n_before(beats: Sequence[float], beat: float) -> int:
-    """How many of some rising beats lie before another."""
+    """The number of `beats`, which rise, that lie before `beat`."""
     return first_from(beats.__getitem__, len(beats), beat)
 
 
 def first_from(at: Callable[[int], float], count: int, wanted: float) -> int:
-    """The first of `count` numbers whose value is not below the one that is wanted.
+    """The first index below `count` at which `at` is not below `wanted`.
 
-    `at` rises with its number; the search begins where an even line has the value. Returns `count`
-    where all are below.
+    `at` must rise with the index; the search begins where linear interpolation puts the value.
+    Returns `count` if all values are below.
     """
     if not count or (first := at(0)) >= wanted:
         return 0

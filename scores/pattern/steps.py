@@ -1,4 +1,4 @@
-"""When the places of a pattern begin: beats by number, worked out where they are asked for."""
+"""When the places of a pattern begin: beats by number, computed on demand."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TOO_MANY = f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gesture
 
 
 class Steps(Sequence[float]):
-    """Beats on which the places of a line begin, those that rest too.
+    """Beats on which the places of a line begin, rests included.
 
     `course` says what is played there.
     """
@@ -35,9 +35,10 @@ class Steps(Sequence[float]):
         count: int,
         again: Callable[[Course], Steps],
     ) -> None:
-        """So many places, each on its beat, `last` that of the last one.
+        """Take `count` places, each on the beat that `beat` gives; `last` becomes the beat of the
+        last one.
 
-        `again` makes them of another course.
+        `again` makes the steps of another course.
         """
         self.course = course
         self.beat = beat
@@ -46,7 +47,7 @@ class Steps(Sequence[float]):
         self._again = again
 
     def with_seed(self, seed: int) -> Steps:
-        """The same line where all chance derives from another number."""
+        """The same line with all chance derived from another seed."""
         course = self.course
         if course.draws.seed == seed:
             return self
@@ -57,7 +58,8 @@ class Steps(Sequence[float]):
         return self._count
 
     def part(self, first: int, last: int, at: Callable[[float], str]) -> dict[str, str | None]:
-        """What a line says that has its places from `first` up to `last` alone, at the same beats.
+        """Fields of a line that has only the places from `first` to before `last`, at the same
+        beats.
 
         `at` writes a beat.
         """
@@ -94,11 +96,11 @@ def steps(
     length: Callable[[str], Time | None] = lambda name: None,
     room: int = MAX_OCCURRENCES,
 ) -> Steps:
-    """The places of a line that begins on beat `at`, a step `every` so often.
+    """The places of a line that begins on beat `at`, with one step per `every`.
 
     Without `every` a Euclidean rhythm lasts a bar, and plain names follow each other after their
-    own `length`. Without `times` (rounds) and `until` there is one round. `room` is how many more
-    places the piece may have. Raises TextError.
+    own `length`. Without `times` (rounds) and `until` there is one round. `room` is how many
+    more places the piece may have. Raises TextError.
     """
     poll()
     times = 1 if times is None and until is None else times
@@ -128,7 +130,9 @@ def steps(
 
 
 def _even(tempo: TempoMap, at: float, course: Course, every: Length) -> Callable[[int], float]:
-    """A step `every` so often; what is entered after some places begins with the next."""
+    """Steps of the length `every`; if places are skipped, the first one that is left begins at
+    `at`.
+    """
     first = course.position(0) if course.pattern.skip else 0.0
 
     def beat(place: int) -> float:
@@ -145,7 +149,7 @@ def _end_to_end(
     most: int,
     until: float | None,
 ) -> Callable[[int], float]:
-    """Every place when what the one before plays has ended."""
+    """Each place begins when the gesture of the place before has ended."""
     order = course.pattern.order
     lasting = []
     for item in order.items:

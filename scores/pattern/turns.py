@@ -1,4 +1,4 @@
-"""What happens in some rounds only: `4th do mirror`, `3rd do scale 0.5, reverse`."""
+"""Transformations of some rounds only: `4th do mirror`, `3rd do scale 0.5, reverse`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ergon.scores.gesture.transforms import ARITY, Transform, parse_do
 ORDINAL = re.compile(r"([0-9]{1,4})(?:st|nd|rd|th)")
 _CLAUSE = re.compile(rf"\s*+(?:{ORDINAL.pattern})\s++do(?:\s++|$)")
 _NEXT = re.compile(rf"(?<=\s)every\s+(?={ORDINAL.pattern}(?:\s|$))")
-# A transformation: from its word up to a comma or the word of the next.
+# One transformation: from its word up to a comma or to the word of the next transformation.
 _WORDS = "|".join(ARITY)
 _ONE = re.compile(rf"[^\s,]+(?:\s+(?!(?:{_WORDS})(?:[\s,]|$))[^\s,]+)*")
 
@@ -25,9 +25,9 @@ class Turn:
 
 
 def parse(text: str, start: int = 0) -> tuple[Turn, ...]:
-    """Read `4th do mirror`, and more of it after `every`.
+    """Read `4th do mirror`, and further clauses that begin with `every`.
 
-    Raises TextError with offsets into the text, `start` characters further on.
+    Raises TextError with offsets into the text plus `start`.
     """
     turns = []
     offset = 0

@@ -15,13 +15,13 @@ from ergon.scores.pattern.order import Group, parse
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """A value in SI units, or a factor of what the parameter has of its own."""
+    """A value in SI units, or a factor of the parameter's own value."""
 
     value: float
     is_factor: bool = False
 
     def of(self, own: float) -> float:
-        """The value, where the parameter's own is known."""
+        """The value, given the parameter's own."""
         return self.value * own if self.is_factor else self.value
 
 
@@ -30,8 +30,8 @@ def parse_values(
 ) -> tuple[Group, Mapping[str, Amount]]:
     """Read a pattern of values: its order, and the amount of each of its names.
 
-    `read` reads a quantity, `x1.5` is a factor; of pitches `A3.minor` is a scale or a chord. Raises
-    TextError with the characters at fault.
+    `read` reads a quantity, `x1.5` is a factor; among pitches `A3.minor` is a scale or a chord.
+    Raises TextError with the characters at fault.
     """
     amounts: dict[str, Amount] = {}
 

@@ -1,7 +1,7 @@
 """A play in words: `lean every 8 times 2 do scale 0.5, mirror until C layer`, `knock lean every 1`.
 
-The words are the fields of a part and the transformations; the REPL says the same after `plays`,
-and a row of a part's table after its position.
+The words are the fields of a part and the transformations; the REPL reads the same words after
+`plays`, and a row of a part's table has them after its position.
 """
 
 import re
@@ -20,7 +20,7 @@ from ergon.scores.pattern.turns import parse as parse_turns
 
 Called = Callable[[str, int], str]
 
-# An option and what follows it; None for a flag.
+# Options, each with an example of its value; None for a flag.
 OPTIONS = {
     "at": "A",
     "every": "1",
@@ -38,12 +38,12 @@ OPTIONS = {
     "rate": "4kHz",
     "layer": None,
 }
-# Written as `every 4th do mirror`: one word more would be one more to learn.
+# The option that is written `every 4th do mirror`: it has no keyword of its own.
 NTH = "nth"
-# Options of a pattern, which may be names of gestures too: the first word of a play is a name.
+# Options of a pattern that may also be names of gestures: the first word of a play is a name.
 _OF_PATTERNS = ("chance", "euclid", "swing", "skip")
 _KNOWN = (*OPTIONS, "do", *ARITY)
-_SIGNS = frozenset(",()*~")  # of a text that is not one name
+_SIGNS = frozenset(",()*~")  # signs that a single name does not have
 _WORD = re.compile(r",|[^\s,]+")
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
 
@@ -59,7 +59,7 @@ class Word(NamedTuple):
 class PlayWords:
     """What is played, its options as written (a flag is `true`), and its transformations.
 
-    `order` is what is played as a pattern; None where that is one name.
+    `order` is what is played as a pattern; None if that is one name.
     """
 
     what: Word
@@ -70,16 +70,16 @@ class PlayWords:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row of a part's table: where, and what is played there."""
+    """A row of a part's table: a position, and what is played there."""
 
     at: Word
     play: PlayWords
 
 
 def parse(text: str, start: int = 0, called: Called | None = None) -> PlayWords:
-    """Read a play; `called` makes a name of a word and its offset.
+    """Read a play; `called` returns the name that a word at an offset stands for.
 
-    Raises TextError with offsets into the text, `start` characters further on.
+    Raises TextError with offsets into the text plus `start`.
     """
     words = [Word(w.group(), w.start()) for w in _WORD.finditer(text)]
     if not words or (words[0].text in (*OPTIONS, "do", ",") and words[0].text not in _OF_PATTERNS):
@@ -137,9 +137,9 @@ def parse(text: str, start: int = 0, called: Called | None = None) -> PlayWords:
 def _order(
     text: str, words: list[Word], start: int, called: Called | None
 ) -> tuple[Word, Group | None]:
-    """What is played, and as a pattern unless it is one name."""
+    """What is played, and its pattern unless it is one name."""
     for before, word in pairwise(words):
-        if word.text[0].isdigit():  # a value: the word before it was to be an option
+        if word.text[0].isdigit():  # a value: the word before it is a misspelt option
             raise _unknown(word if before is words[0] else before, start)
     first, last = words[0], words[-1]
     what = Word(text[first.offset : last.offset + len(last.text)], start + first.offset)
@@ -158,7 +158,7 @@ def _order(
 
 
 def parse_strikes(text: str, known: Mapping[str, str]) -> tuple[list[Word], dict[str, Word]]:
-    """Read modules, and options of strikes, of which `known` has an example each.
+    """Read modules, and the options of strikes; `known` has an example of each option's value.
 
     Raises TextError.
     """
@@ -180,7 +180,7 @@ def parse_strikes(text: str, known: Mapping[str, str]) -> tuple[list[Word], dict
 def _value(
     text: str, words: list[Word], i: int, start: int, known: Mapping[str, str | None]
 ) -> tuple[str, int, Word]:
-    """The option at a word, where its value ends, and the value; of a flag `true`."""
+    """The option at word `i`, the index after its value, and the value (`true` for a flag)."""
     word, offset = words[i]
     if known[word] is None:
         return word, i + 1, Word("true", offset)
@@ -228,7 +228,7 @@ def rows(text: str) -> Iterator[tuple[str, int]]:
 
 
 def parse_row(row: str, offset: int = 0, called: Called | None = None) -> Row:
-    """Read `at` and the words of a play. Raises TextError, `offset` characters further on."""
+    """Read `at` and the words of a play. Raises TextError with offsets plus `offset`."""
     cells = row.split()
     at = cells[0]
     lead = row.index(at)
@@ -255,7 +255,7 @@ def parse_row(row: str, offset: int = 0, called: Called | None = None) -> Row:
 
 
 def _end_of_turns(words: list[Word], first: int) -> int:
-    """Where `every 4th do mirror` ends, and all that follows it and is written so."""
+    """The index after `every 4th do mirror` and all further clauses of that form."""
     stop = first
     while len(words) > stop + 1 and words[stop].text == "every":
         if not ORDINAL.fullmatch(words[stop + 1].text):
@@ -272,7 +272,7 @@ def _end_of_turns(words: list[Word], first: int) -> int:
 
 
 def _end_of_transform(words: list[Word], first: int) -> int:
-    """Where the transformation that begins at `first` ends: with its last argument."""
+    """The index after the transformation that begins at word `first`, with its arguments."""
     stop = first + 1
     limit = stop + ARITY.get(words[first].text, 0)
     while stop < min(limit, len(words)) and words[stop].text not in (*_KNOWN, ","):

@@ -1,4 +1,4 @@
-"""Which parameters of which modules may change while a piece plays, and what is said of others.
+"""Which parameters of which modules may change while a piece plays, and why others may not.
 
 `scores/staging/automating.py` changes them.
 """
@@ -16,20 +16,21 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
 
-# By the kind of a module; a generator is led as a whole.
+# By the kind of a module; a generator changes as a whole.
 PARAMETERS: Mapping[str, tuple[str, ...]] = {
     **{name: kind.gliding for name, kind in KINDS.items() if kind.gliding},
     "INSTRUMENT": ("f",),
 }
 ALL = tuple(dict.fromkeys(chain.from_iterable(PARAMETERS.values())))
-# What a factor of the pitch of an instrument leaves as it is, so that such an instrument stays.
+# Fields that a factor of the pitch does not scale: an instrument that has one cannot glide as a
+# whole.
 _STIFFENING = ("hardening", "stretching")
 
 
 def found(
     name: str, keys: Mapping[str, Any], instruments: Mapping[str, Any]
 ) -> tuple[str, Module, bool] | None:
-    """The part, the module and whether its values are algorithmic, by a name such as `bell.s`."""
+    """The part, the module and whether its values are algorithmic, for a name such as `bell.s`."""
     words = name.split(".")
     for count in range(len(words), 0, -1):  # names that a file brings in have dots themselves
         part = ".".join(words[:count])
@@ -47,20 +48,22 @@ def found(
 
 
 def whole(owner: Any) -> Module | None:
-    """An instrument of several modules as one module with its named pitch; None without one."""
+    """An instrument of several modules as one module with its named pitch; None if it has no named
+    pitch.
+    """
     if not isinstance(owner, Instrument) or owner.pitch is None:
         return None
     return Module("", "INSTRUMENT", {"f": owner.pitch, "modules": owner.modules}, owner.place)
 
 
 def moved(owner: Instrument) -> list[Module]:
-    """The modules that the pitch of an instrument moves: those that `transpose` moves."""
+    """The modules whose pitch moves with that of the instrument: those that `transpose` moves."""
     able = PARAMETERS.keys() - {"INSTRUMENT"}
     return [one for one in owner.modules if one.kind in able and not is_slow(one.kind, one.fields)]
 
 
 def _stays(module: Module) -> str | None:
-    """Why an instrument with a module cannot glide as a whole; None where it can."""
+    """Why an instrument with this module cannot glide as a whole; None if it can."""
     if module.kind == "LNL" and (module.fields["law"] or module.fields["points"]):
         return f"the law of its LNL {module.name} does not change while it plays"
     if module.kind == "MODES":
@@ -74,7 +77,7 @@ def _stays(module: Module) -> str | None:
 
 
 def refusal(module: Module, parameter: str, *, is_ca: bool) -> str | None:
-    """Why a parameter of a module cannot change while it plays; None where it can."""
+    """Why a parameter of a module cannot change while it plays; None if it can."""
     own = PARAMETERS.get(module.kind, ())
     if module.kind == "INSTRUMENT" and not is_ca and parameter == "f":
         why = next(filter(None, map(_stays, module.fields["modules"])), None)
@@ -104,7 +107,7 @@ def refusal(module: Module, parameter: str, *, is_ca: bool) -> str | None:
 
 
 def reader(module: Module, parameter: str) -> Callable[[str], float]:
-    """What reads a value of a parameter."""
+    """The function that reads a value of a parameter."""
     if module.kind == "BANK":
         return _only_factor
     if parameter in ("f", "t60"):

@@ -44,7 +44,7 @@ class Swing:
 class Automation:
     """A parameter that follows a pattern of `amounts`, a swing or a curve between two positions.
 
-    Of `points` without times (`to` with `over`) there is one, reached in a length along a `way`.
+    A glide (`to` with `over`) has one of the `points`, which is reached within `over`.
     """
 
     target: Target
@@ -58,7 +58,7 @@ class Automation:
     swing: Swing | None
     place: Place
     at_place: Place
-    struck: str = ""  # whose strikes sound with each value, which is there when they fall
+    struck: str = ""  # strikes that the values are for; set before they fall
     points: tuple[CurvePoint, ...] = field(default=(), metadata={"hash_omits_empty": True})
     over: Length | None = field(default=None, metadata={"hash_omits_empty": True})
 
@@ -119,7 +119,9 @@ _OF_LFO = ("range", "period", "shape", "phase")
 
 
 def check(values: Values) -> bool:
-    """Whether the fields that one kind needs are there; reports."""
+    """Whether the fields of the written kind (`set` or `lfo`) are there, and no others; reports an
+    error if not.
+    """
     kinds = values.written("set", "lfo")
     if len(kinds) != 1:
         values.error("E103", "automation needs either `set` or `lfo`, and a parameter")
@@ -146,7 +148,7 @@ def check(values: Values) -> bool:
 
 
 def made(values: Values, target: Target, module: Module, parameter: str) -> Automation | None:
-    """The automation of a parameter that is known; None after a report."""
+    """The automation of a known parameter; None if an error was reported."""
     v, pattern, swing = values, None, None
     amounts: Mapping[str, Amount] = {}
     points: tuple[CurvePoint, ...] = ()
@@ -224,7 +226,9 @@ def one_amount(text: str, module: Module, parameter: str) -> Amount:
 
 
 def parse_range(text: str, read: Callable[[str], float]) -> tuple[Amount, Amount]:
-    """Read `0.8..1.2` (factors of the own value) or `1kN/m..3kN/m`. Raises TextError."""
+    """Read `0.8..1.2` (factors of the parameter's own value) or `1kN/m..3kN/m`. Raises
+    TextError.
+    """
     low, dots, high = (part.strip() for part in text.partition(".."))
     if not dots or not low or not high:
         message = f"{quote(text.strip())} is not a range such as 0.8..1.2 or 1kN/m..3kN/m"

@@ -1,4 +1,4 @@
-"""From what was read to the objects of a piece, checking what fields mean together."""
+"""Makes the objects of a piece from the values that were read, and checks their fields together."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _one_of(values: Values, *groups: tuple[str, ...]) -> bool:
 
 
 def key(values: Values, files: Files) -> Key:
-    """A key; `calib:` gives what is not written here."""
+    """A key; `calib:` supplies what is not written here."""
     measured = calibration.of(values, files)
     if measured is not None:
         values = calibration.over(values, measured)
@@ -101,9 +101,10 @@ def key(values: Values, files: Files) -> Key:
 
 
 def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:
-    """A gesture with its points, at most `room`, by "" or, of a path in space, by each axis.
+    """Gestures with at most `room` points: one by the name "", or one for each axis of a path in
+    space.
 
-    None after a report.
+    None if an error was reported.
     """
     if not _one_of(values, ("notation",), ("points",)):
         return None
@@ -136,7 +137,7 @@ _NOT_OF_INPUTS = ("velocity", "depth", "trim", "smooth", "rate", "unit")
 
 
 def take(values: Values, files: Files) -> TakeFile | None:
-    """A take; its file must be there, its content is read when it is played."""
+    """A take; its file must exist, and its content is read when it is played."""
     v, who = values, f"{values.context.of('file')}: "
     if v.written("input"):
         return _input(v, files, who)
@@ -174,7 +175,7 @@ def take(values: Values, files: Files) -> TakeFile | None:
 
 
 def _input(v: Values, files: Files, who: str) -> TakeFile | None:
-    """An input; what it lacks, or has too much, is reported."""
+    """An input; missing fields and those that do not belong to it are reported."""
     for name in v.written(*_NOT_OF_INPUTS):
         v.error("E111", f"{v.context.of(name)}: an input has no {name}; remove it", name)
     told = v["input"] == OSC
@@ -289,27 +290,29 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
 
 
 def _said_of_all(v: Values, to: tuple[Target, ...]) -> dict[str, Any]:
-    """The fields of strikes that any may have."""
+    """The fields that strikes of every kind may have."""
     said = ("at", "until", "every", "times", "impulse", "mass", "speed")
     return {"name": v.context.name, "to": to, "place": v.place, **{name: v[name] for name in said}}
 
 
 def _check_force(values: Values) -> None:
-    """How strong strikes are: by `impulse`, or by both `mass` and `speed`; reports."""
+    """Check that strikes have either `impulse`, or both `mass` and `speed`; reports errors."""
     _one_of(values, ("impulse",), ("mass", "speed"))
     if len(said := values.written("mass", "speed")) == 1:
         values.error("E103", f"{values.context.of('')} needs both mass and speed", said[0])
 
 
 def passing_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
-    """Strikes of what passes the targets that their names reach."""
+    """Strikes by a sweep or along a path, on the targets that their names reach."""
     _check_force(values)
     said = _said_of_all(values, to)
     return Strikes(**said, length=values["for"], passing=passing(values))
 
 
 def _at_start(read: notation.Notation, said: str, text: Scalar) -> notation.Notation:
-    """What was read, with its places at the beginning where names of values were replaced."""
+    """The notation; its places are set to the beginning if names of values were replaced in the
+    text.
+    """
     if said == text.text:
         return read
     points = tuple(replace(point, offset=0, length=1) for point in read.points)
@@ -322,7 +325,7 @@ def _pitches(text: str) -> tuple[Group, Mapping[str, Amount]]:
 
 
 def melody(values: Values, hits: tuple[Hit, ...], length: Length | None) -> Strikes:
-    """A melody whose strikes are known, in `length` that of a phrase."""
+    """A melody whose strikes are known; `length` is that of a phrase."""
     v = values
     targets = dict.fromkeys(target for hit in hits for target in hit.to)
     return Strikes(
@@ -339,7 +342,7 @@ def melody(values: Values, hits: tuple[Hit, ...], length: Length | None) -> Stri
 
 
 def player(values: Values) -> Player:
-    """A player; a note says what plays for a live one."""
+    """A player; for a live one a note says what plays in its place."""
     v = values
     if v["hand"] == "live":
         substitute = f"its stand-in {v['standin']}" if v["standin"] else "its part"
@@ -351,7 +354,7 @@ def player(values: Values) -> Player:
 
 
 def coupling(values: Values, number: int) -> Coupling | None:
-    """A coupling; its link gets the keys as its two ends."""
+    """A coupling of two keys, whose names are not looked up yet."""
     v = values
     link = v.given.get(v.kind)
     if not isinstance(link, Values) or len(v["couple"]) != 2:
@@ -375,7 +378,7 @@ def tempo(values: Values) -> TempoEntry:
 
 
 def layout(name: str, folder: Path, asked: Place, files: Files) -> Layout | None:
-    """Loudspeakers of a file; None after a report."""
+    """The loudspeakers of a layout file; None if an error was reported."""
     document = files.required(name, folder, asked)
     if document is None or document.root is None:
         return None
@@ -395,7 +398,7 @@ def _speaker(written: Values | tuple[float, ...]) -> tuple[float, float, float]:
 
 
 def mix(values: Values | None, files: Files) -> Mix:
-    """The mix; without one every output has a channel of its own."""
+    """The mix; without a `mix` section every output has a channel of its own."""
     if values is None:
         return Mix(0, None, (), None, None)
     folder = values.node.document.folder
@@ -461,7 +464,7 @@ def _route(values: Values) -> Route:
 
 
 def accuracy(values: Values | None) -> Accuracy:
-    """What the planner may spend: one measure of exactness, and work."""
+    """The limits of the planner: one measure of exactness, and work."""
     if values is None:
         return Accuracy()
     if values.written("method") or values.written("error") or values.written("cents"):
@@ -476,7 +479,7 @@ def accuracy(values: Values | None) -> Accuracy:
 
 
 def render(values: Values | None, files: Files) -> RenderSpec:
-    """What is written; not outside of where the score may write."""
+    """The file to write; a file outside the folder of the score is reported."""
     if values is None:
         return RenderSpec(None, 24, "auto", None, None)
     if values["file"] is not None:

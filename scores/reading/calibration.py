@@ -1,4 +1,4 @@
-"""A measured key: what its calibration file adds to what a score says of it."""
+"""A measured key: adds what its calibration file says to what the score says of the key."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DECAY = 3.0 * log(10.0)  # σ·T60
 
 
 def of(values: Values, files: Files) -> Values | None:
-    """What was measured of the key; None without `calib`, or after a report."""
+    """The measured values of the key; None without `calib`, or if an error was reported."""
     if values["calib"] is None:
         return None
     folder = values.nodes["calib"].document.folder
@@ -33,7 +33,7 @@ def of(values: Values, files: Files) -> Values | None:
 def over(values: Values, measured: Values) -> Values:
     """The fields of a key, with measured ones where the key itself writes none.
 
-    A key begins at its rest, if it says nothing else.
+    A key begins at its measured rest position, unless it says otherwise.
     """
     given, nodes = dict(values.given), dict(values.nodes)
     has_place = values.context.place is not None
@@ -49,7 +49,7 @@ def over(values: Values, measured: Values) -> Values:
 
 
 def whole(cel: Module, measured: Values) -> tuple[Module, ...]:
-    """A key's CEL, the parts that swing on it, and its dry friction."""
+    """The modules of a key: its CEL, the modes that swing on it, and its dry friction."""
     modes = [mode for mode in measured["modes"] or () if mode is not MISSING]
     mass = cel.fields["M"]
     if isinstance(mass, float) and modes:
@@ -69,7 +69,7 @@ def whole(cel: Module, measured: Values) -> tuple[Module, ...]:
 
 
 def of_hand(measured: Values) -> tuple[float, float, float | None] | None:
-    """Mass [kg] without what swings on it, damping [N·s/m] and delay [s] of the real key."""
+    """Mass without modes [kg], damping [N·s/m] and delay [s] of the real key."""
     modes = [mode for mode in measured["modes"] or () if mode is not MISSING]
     mass, damping = measured["M"], measured["Z"]
     if not isinstance(mass, float) or not isinstance(damping, float):
@@ -111,7 +111,7 @@ def _dry(measured: Values) -> tuple[Module, ...]:
 
 
 def _inside(place: Place, values: Values) -> bool:
-    """Whether a place lies in the node of these values, not in one that `like` brought."""
+    """Whether a place lies in the node of these values, not in a node that `like` brought in."""
     node = values.node
     first, last = node.place, node.document.place(max(node.start, node.end - 1))
     position = (place.line, place.column)

@@ -1,4 +1,4 @@
-"""A score as a whole: every name leads somewhere, every instant exists, every rule is kept."""
+"""Checks a score as a whole: every name is known, every instant exists, every rule is kept."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from ergon.scores.reading.uses import Names, Uses
 
 
 class Checker:
-    """Builds the piece of one score whose names are read; reports all that is wrong."""
+    """Builds the piece of one score whose names were read, and reports all mistakes."""
 
     def __init__(self, names: Names, uses: Uses) -> None:
         """Take what was read."""
@@ -48,7 +48,7 @@ class Checker:
         self.matter = Matter(names, uses, self.part_names, self.gestures_and_takes)
 
     def piece(self) -> Piece:
-        """The whole piece; its values are good only when nothing was reported."""
+        """The whole piece; its values are valid only if no error was reported."""
         score = self.score
         if not score.written("ergon"):
             message = "the format version is missing; write `ergon: 1` in the first line"
@@ -104,7 +104,7 @@ class Checker:
     # --- what other scores play ------------------------------------------------------------------
 
     def _included(self, times: Times, n_links: int) -> list[tuple[Include, Played]]:
-        """What is included, with all that it names."""
+        """The lines of `include:` with what their scores play."""
         found: list[tuple[Include, Played]] = []
         n_lines = 0
         taken = {v.context.name: None for v in self._own("strikes")}
@@ -164,7 +164,7 @@ class Checker:
         return player
 
     def _plays(self, known: dict[int, tuple[Play, tuple[str, ...]]]) -> list[Play]:
-        """The lines of all parts; what they name, where it is not `known`, is noted there."""
+        """The lines of all parts; the names that a line uses are added to `known`."""
         plays: list[Play] = []
         section = self.score.nodes.get("parts")
         entries = getattr(section, "entries", {})
@@ -221,7 +221,9 @@ class Checker:
         return made
 
     def _aslant(self, values: Values, names: Sequence[Name], who: str) -> Strikes | None:
-        """Strikes on points along a direction: on each coordinate by its share; reports."""
+        """Strikes on points along a direction: each coordinate gets its share; None if an error was
+        reported.
+        """
         along = values["along"]
         length = math.hypot(*along)
         if length == 0.0:
@@ -278,7 +280,7 @@ class Checker:
             self.collector.error("E304", message, target.place)
 
     def _reach_led(self) -> None:
-        """What automation changes belongs to the piece."""
+        """Mark the parts that automation changes as reached: they belong to the piece."""
         for values in self.score["automation"] or ():
             if isinstance(values, Values):
                 words = str(values["set"] or values["lfo"] or "").split(".")
@@ -292,7 +294,7 @@ class Checker:
         head, _, parameter = str(name).rpartition(".")
         known = automatable.found(head, self.matter.keys, self.matter.instruments)
         if known is None and head and parameter in automatable.ALL:
-            # What the head reaches, or what is wrong with it.
+            # Find the target of `head`, or report what is wrong with it.
             target = self.part_names.target(Name(head, name.place), "mat", "automation")
             if target is None:
                 return None
@@ -350,7 +352,7 @@ class Checker:
 
 
 def _of_level(name: str) -> str | None:
-    """Where a level is moved that automation was asked to move."""
+    """Help for automation that was asked to change a level; None for other names."""
     if "gain" not in str(name).replace(".", " ").split():
         return None
     return "to change a level over time, use `fade` of its route: fade: [{at: 1|1, gain: 0dB}, …]"

@@ -14,7 +14,7 @@ from ergon.scores.gesture import notation
 from ergon.scores.gesture.points import Way
 from ergon.scores.pattern.values import Amount
 
-MAX_POINTS = 1_000  # written out
+MAX_POINTS = 1_000  # with repetitions
 _VALUE = re.compile(r"(?<![^\s(])[^\s()|@]+(?=@)")
 
 
@@ -42,7 +42,7 @@ def amount_of(word: str, read: Callable[[str], float]) -> Amount:
 def parse_curve(text: str, read: Callable[[str], float]) -> tuple[CurvePoint, ...]:
     """Read `A3@0 smooth C4@2`. Raises TextError with the characters at fault."""
     amounts: list[Amount] = []
-    moved: list[tuple[int, int]] = []  # where the text goes on: in what is read, and as written
+    moved: list[tuple[int, int]] = []  # (offset in the parsed text, offset as written)
     pieces, at, length = [], 0, 0
     for match in _VALUE.finditer(text):
         try:
@@ -52,7 +52,7 @@ def parse_curve(text: str, read: Callable[[str], float]) -> tuple[CurvePoint, ..
             raise
         if amount not in amounts:
             amounts.append(amount)
-        # A gesture's position stands for the value: its number in metres.
+        # Write each value as a position of a gesture: its index in metres.
         for part in (text[at : match.start()], f"{amounts.index(amount)}m"):
             pieces.append(part)
             length += len(part)

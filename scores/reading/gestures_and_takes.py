@@ -14,7 +14,7 @@ from ergon.scores.reading.uses import Entry, Names, Uses, called
 
 
 class GesturesAndTakes:
-    """What players can play, by name; made when the piece is known to need it."""
+    """What players can play, by name; each is made when something in the piece plays it."""
 
     def __init__(self, names: Names, uses: Uses) -> None:
         """Take what was read."""
@@ -32,7 +32,9 @@ class GesturesAndTakes:
         return {name: made for name, made in self._made.items() if made is not None}
 
     def own(self, place: Place) -> None:
-        """Make those that the score itself defines; `place` is that of the score."""
+        """Make the gestures and takes that the score itself defines; `place` is that of the
+        score.
+        """
         for name, entry in self._tables["gestures"].items():
             if entry.brought is None:
                 self._gesture(name, entry)
@@ -46,7 +48,7 @@ class GesturesAndTakes:
                 self.take(name, entry)
 
     def play(self, name: str) -> bool:
-        """Make the gesture or take of a name; False where there is none."""
+        """Make the gesture or take of a name; False if there is none."""
         gestures, takes = self._tables["gestures"], self._tables["takes"]
         if name in gestures:
             self._gesture(name, gestures[name])
@@ -61,7 +63,7 @@ class GesturesAndTakes:
         return True
 
     def reach(self, name: Name, who: str) -> bool:
-        """Make what `who` plays; False after a report that there is none of that name."""
+        """Make what `who` plays; False if an error was reported because nothing has that name."""
         is_there = self.play(name)
         if name in self._paths:
             axes = ", ".join(self._paths[name])
@@ -74,7 +76,7 @@ class GesturesAndTakes:
         return is_there
 
     def take(self, name: str, entry: Entry) -> None:
-        """Make a take, but for a MIDI file: strikes and keys play its notes."""
+        """Make a take, unless it is a MIDI file: strikes and keys play the notes of a MIDI file."""
         if name not in self.takes and isinstance(entry.values, Values):
             made = build.take(entry.values, self._uses.files)
             if made is not None and not melodies.is_midi(entry.values):
@@ -92,7 +94,7 @@ class GesturesAndTakes:
                 self._paths[name] = tuple(axes)
 
     def _is_axis(self, name: str) -> bool:
-        """Whether a name is that of an axis of a path in space, or of one that has mistakes."""
+        """Whether a name is that of an axis of a path in space, or of a path that has mistakes."""
         head, _, axis = name.rpartition(".")
         entry = self._tables["gestures"].get(head)
         if entry is None or axis not in AXES:
@@ -101,7 +103,7 @@ class GesturesAndTakes:
         return name in self._made or (self._made[head] is None and head not in self._paths)
 
     def _pressed(self, name: str, entry: Entry) -> None:
-        """A MIDI take that a hand plays is a gesture."""
+        """Make a gesture of a MIDI take that a hand plays."""
         if name not in self._made:
             self.take(name, entry)
             self._keep(name, midi_gesture.gesture(entry.values, self._uses.files, self._room))

@@ -1,4 +1,4 @@
-"""`include:` what another score plays, from a position on, under names of its own."""
+"""`include:` plays another score from a position on, with a prefix for its names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Coupling, Piece, Play, Player, Strikes
 
 MAX_INCLUDED = 200_000  # lines of parts, strikes, automation and couplings of a piece
-# Sections of a file that is included which yield to those of the score that includes it.
+# Sections of an included file that are ignored: those of the including score hold.
 YIELDING = ("tempo", "rates")
 
 INCLUDE = Record(
@@ -81,7 +81,7 @@ def includes(score: Values) -> list[Include]:
 
 
 def transposed(values: Any, include: Include) -> Any:
-    """An instrument as `transpose` of an include moves it, on top of its own."""
+    """An instrument moved by the `transpose` of an include, after its own `transpose`."""
     interval: Interval | None = include.values["transpose"]
     if interval is None or not isinstance(values, Values):
         return values
@@ -94,7 +94,7 @@ def transposed(values: Any, include: Include) -> Any:
 def played(piece: Piece, include: Include, first_link: int, collector: Collector) -> Played:
     """What a piece plays, from the position of an include on and under its prefix.
 
-    `first_link` is the number of couplings before. Reports pitches that it cannot transpose.
+    `first_link` is the number of couplings before. Reports pitches that cannot be transposed.
     """
     _check_pitches(piece, include, collector)
     named = _named(include.prefix)
@@ -167,7 +167,7 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
 
 
 def _check_pitches(piece: Piece, include: Include, collector: Collector) -> None:
-    """E304 where a piece sets pitches that do not move with its instruments."""
+    """Report E304 if a piece sets pitches that do not move with its instruments."""
     if include.values["transpose"] is None:
         return
     place = include.values.place_of("transpose")
@@ -196,7 +196,9 @@ def _named(prefix: str) -> Callable[[str], str]:
 
 
 def _moved(start: Position, tempo: TempoMap) -> Callable[[Position], Position]:
-    """Positions of a file, by its own bars and marks, as beats and seconds after `start`."""
+    """A function from positions of a file, in its own bars and marks, to beats and seconds after
+    `start`.
+    """
 
     def moved(own: Position) -> Position:
         seconds = own.plus.seconds

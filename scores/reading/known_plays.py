@@ -1,4 +1,4 @@
-"""When the lines of parts play, as far as it was worked out before."""
+"""When the lines of parts play, as far as it was computed before."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 from ergon.notation.text.memory import Memory
 from ergon.scores.reading.piece import Gesture, Piece, Play
 
-# Of a line, by its identity: the line itself (so that no other has its number), and its beats.
+# By the id of a line: the line itself (which keeps the id from being reused), and its beat.
 Begins = dict[int, tuple[Play, float]]
-Starts = dict[int, tuple[Play, Sequence[float] | None, int]]  # with their number
-Played = dict[int, tuple[Play, tuple[str, ...]]]  # the gestures and takes that it names
+Starts = dict[int, tuple[Play, Sequence[float] | None, int]]  # with the number of beats
+Played = dict[int, tuple[Play, tuple[str, ...]]]  # the gestures and takes that a line names
 
 _KEPT = "begins", "starts", "names"
 
@@ -20,20 +20,20 @@ class KnownPlays:
     """The beats of lines, kept in a memory while the `times` of the piece are the same."""
 
     def __init__(self, memory: Memory | None, file: str, times: Any) -> None:
-        """Of the score in a file. Without a memory nothing is known."""
+        """Take the score's file. Without a memory nothing is known."""
         self._memory = memory
         self._begins, self._starts, self._names = (f"{of} {file}" for of in _KEPT)
         self._times = times
         self._played: Played = {}
 
     def names(self) -> Played:
-        """What lines play; what is found out of others is to be added."""
+        """The names that lines play; the caller adds those of new lines."""
         if self._memory is not None:
             self._played = self._memory.held(self._names, None) or {}
         return self._played
 
     def begins(self) -> Begins:
-        """On which beats lines begin."""
+        """The beats on which lines begin."""
         if self._memory is None:
             return {}
         return self._memory.held(self._begins, self._times) or {}
@@ -45,7 +45,7 @@ class KnownPlays:
             self._memory.hold(self._begins, self._times, kept)
 
     def starts(self, piece: Piece) -> Starts:
-        """The beats of all occurrences of lines; none where what they play has changed."""
+        """The beats of all occurrences of lines; empty if a gesture that they play has changed."""
         if self._memory is None:
             return {}
         known = self._memory.held(self._starts, (self._times, piece.seed))

@@ -1,4 +1,4 @@
-"""A score's text to a checked piece, and everything that is wrong with it."""
+"""Reads a score's text to a checked piece, with everything that is wrong with it."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from ergon.scores.reading.uses import Names, Uses
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """The piece (None when there are errors), what was found, and the files for showing lines."""
+    """The piece (None if there are errors), the diagnostics, and the files for showing lines."""
 
     piece: Piece | None
     diagnostics: list[Diagnostic]
     files: Mapping[str, Document]
     left_out: Mapping[Severity, int]
-    names: Names | None = None  # those that the score defines or brings in; None: it has no text
-    uses: Uses | None = None  # what was used to find them
+    names: Names | None = None  # names it defines or brings in; None without a text
+    uses: Uses | None = None  # the reader of these names
 
     @property
     def has_errors(self) -> bool:
@@ -52,9 +52,10 @@ def load(
 ) -> Loaded:
     """Check a score. With `text`, `path` only names it (and its folder); `-` is standard input.
 
-    `overlay` gives texts that stand for files; where it is `sealed` it has all of them, but for the
-    library; `memory` is of who reads again what hardly changes. What the score names lies within
-    `bounds`, without them those of its folder. Nothing is raised for what a composer wrote.
+    `overlay` gives texts in place of files; if `sealed`, texts are read only from there and from
+    the library. `memory` is for callers that read nearly the same score again. Files that the
+    score names must lie within `bounds`, by default within its folder. Mistakes in the score
+    raise nothing.
     """
     collector = Collector() if memory is None else memory.begin()
     where = Path(path)
@@ -73,6 +74,6 @@ def load(
             piece = Checker(names, uses).piece()
     if collector.has_errors():
         piece = None
-        if memory is not None and memory.is_loose:  # mistakes are told with their places
+        if memory is not None and memory.is_loose:  # read again, for the places of mistakes
             return load(path, text=text, overlay=overlay, bounds=bounds, sealed=sealed)
     return Loaded(piece, collector.finish(), files.documents, collector.left_out(), names, uses)

@@ -47,7 +47,7 @@ class Matter:
         self._score = names.score
         self._rates = Rates(names.score)
         self._written: dict[str, tuple[Entry, Values]] = {}
-        # Before their names are looked up, whether they belong to the piece or not.
+        # Parts whose names are not looked up yet, whether they belong to the piece or not.
         self.by_name: dict[str, Key | Instrument] = {}
         self.keys: dict[str, Key] = {}
         self.instruments: dict[str, Instrument] = {}
@@ -59,11 +59,11 @@ class Matter:
 
     @property
     def motion(self) -> float | None:
-        """The least frames a second of what is only seen [Hz]; None: those of the sound."""
+        """The lowest rate of parts that are only seen [Hz]; None: the audio rate."""
         return self._rates.motion
 
     def read(self) -> None:
-        """All keys and instruments by name, so that modules can reach each other."""
+        """Read all keys and instruments by name, so that modules can reach each other."""
         for section in ("keys", "instruments"):
             for name, entry in self._names.tables[section].items():
                 if name in self._written:
@@ -98,7 +98,7 @@ class Matter:
         self.by_name[name] = part_object
 
     def _with_files(self, values: Values) -> Values:
-        """The values with what is in the files that BANK, MODES, MESH and BUT name."""
+        """The values, completed by the content of files that BANK, MODES, MESH and BUT name."""
 
         def read(file: str, place: Place, decoder: Decoder = decode) -> Document | None:
             files = self._uses.files
@@ -127,7 +127,7 @@ class Matter:
         return own
 
     def _notes(self, name: str, entry: Entry, values: Values, selves: frozenset[str]) -> None:
-        """An instrument of each note, which is called by it: `string.F3`."""
+        """Make an instrument for each note, with the note in its name: `string.F3`."""
         notes = values["notes"]
         if notes is None:
             self._part_names.broken.add(name)
@@ -155,10 +155,10 @@ class Matter:
             make = partial(build.key, files=self._uses.files)
         memory = self._uses.files.memory
         is_file_read = section == "keys" and values["calib"] is not None
-        # What begins with another is merged anew.
+        # Values that were merged (`like`, `from`) are new objects each time: they are not kept.
         if memory is None or values is not entry.values or is_file_read:
             return make(values)
-        # Under its name, for an alias is one node of several names.
+        # The key has the name too, because one node may have several names (a YAML alias).
         named = tuple(lets(values.node.document).names.items())
         key = section, values.node, values.context.name, named
         return memory.made(key, partial(make, values))
@@ -203,8 +203,9 @@ class Matter:
         self.instruments = {n: self.instruments[n] for n in order if n in self.instruments}
 
     def _resolved(self, part: Part, takes: dict[str, Entry]) -> tuple[Module, ...]:
-        """The modules of a part with their names looked up: as before, where nothing that they can
-        reach has changed."""
+        """The modules of a part with their names looked up: those from before if nothing that they
+        can reach has changed.
+        """
 
         entry, values = self._written[part.name]
         written = self.by_name[part.name].modules
@@ -222,7 +223,7 @@ class Matter:
         drives = any(module.kind in ("ENX", "ENF", "LNL") for module in written)
         if memory is None or drives or self._part_names.broken:
             return make()[0]
-        # What is kept holds the parts, so that no other has the number of one of them.
+        # The kept value holds the parts, so that their ids are not reused.
         key = rules.modules, part.name, part.prefix, part.selves, tuple(map(id, known))
         own, reached, _ = memory.made(key, make)
         self._part_names.reached |= reached
@@ -242,7 +243,9 @@ class Matter:
                 self._collector.error("E301", message, place, word=key.struck, names=names_of)
 
     def laws(self, modules: tuple[Module, ...], home: Names) -> dict[str, LawText]:
-        """Laws that modules may name: those of the file that they are from, and those that ship."""
+        """Laws that modules may name: those that ship, those of the score, and those of the
+        modules' own file.
+        """
         has_named_law = any(
             m.kind == "LNL" and (is_name(m.fields["law"]) or is_name(m.fields["damping"]))
             for m in modules
@@ -267,7 +270,7 @@ class Matter:
 
 
 def _bodies(values: Values) -> dict[str, Values]:
-    """The fields of each module as written, for places inside laws."""
+    """The fields of each module as written, to report places inside laws."""
     bodies = {
         name: body.given[body.kind]
         for name, body in (values["modules"] or {}).items()

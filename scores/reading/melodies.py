@@ -1,4 +1,6 @@
-"""From `entries` and `play` of strikes to hits: rows, transformed, with what they reach."""
+"""Turns `entries` and `play` of strikes into hits: transformed rows, with the targets they
+reach.
+"""
 
 from __future__ import annotations
 
@@ -37,12 +39,14 @@ _ONLY = {"transpose": "play", "do": "play", "width": "path"}
 
 
 def kind_of(values: Values) -> str:
-    """The field that says of what kind strikes are; "" of those that have none of these fields."""
+    """The field that tells the kind of strikes; "" if there is no such field."""
     return next(iter(values.written(*_OWN)), "")
 
 
 def is_whole(values: Values) -> bool:
-    """Whether strikes have the fields that their kind needs, and no others; reports."""
+    """Whether strikes have the fields that their kind needs, and no others; reports an error if
+    not.
+    """
     v, kind = values, kind_of(values)
     needed = _NEEDED.get(kind, ("to", "at"))
     for name in needed:
@@ -63,7 +67,7 @@ def is_whole(values: Values) -> bool:
 def hits_of(
     values: Values, part_names: PartNames, phrases: Mapping[str, Any], files: Files
 ) -> tuple[tuple[Hit, ...], Length | None] | None:
-    """The hits of a melody and, of a phrase, its length; None after a report."""
+    """The hits of a melody and, of a phrase, its length; None if an error was reported."""
     who = f"strikes {quote(values.context.name)}"
     if kind_of(values) == "entries":
         voices = Voices(part_names, values["to"] or ())
@@ -84,7 +88,9 @@ def hits_of(
 def played(
     phrase: Values, values: Values, voices: Voices, files: Files
 ) -> tuple[Sequence[Row], Voices, Length] | None:
-    """The rows of a phrase as strikes play them, and its length; None after a report."""
+    """The rows of a phrase as strikes play them, with the notes they may name and the phrase's
+    length; None if an error was reported.
+    """
     rows: tuple[Row, ...] | None
     length: Length | None
     if is_midi(phrase):
@@ -131,7 +137,7 @@ def voiced(made: Strikes, values: Values, voices: Voices, who: str) -> Strikes:
             message = f"{who}: {quote(word)} is not a note such as A3, by which members are called"
             voices.part_names.collector.error("E304", message, place)
             continue
-        if step:  # `A3.minor.7`: of a scale, so many semitones above its root
+        if step:  # `A3.minor.7`: a step of a scale, in semitones above the root
             root = notes.name(note + int(step.rpartition(".")[2]))
         row = Row(Length(), (Name(root, place),), None, place)
         found[word] = voices.targets(row, who)
@@ -140,13 +146,13 @@ def voiced(made: Strikes, values: Values, voices: Voices, who: str) -> Strikes:
 
 
 def is_midi(take: Any) -> bool:
-    """Whether a take is written that is a MIDI file."""
+    """Whether a value is a take whose file is a MIDI file."""
     is_take = isinstance(take, Values) and take.record.noun == "take"
     return is_take and PurePath(take["file"] or "").suffix.lower() in SUFFIXES
 
 
 def midi_notes(take: Values, files: Files) -> MidiNotes | None:
-    """The notes of a MIDI file; None after a report."""
+    """The notes of a MIDI file; None if an error was reported."""
     who, folder = f"{take.context.of('file')}: ", take.nodes["file"].document.folder
     path = files.locate(take["file"], folder, take.place_of("file"), who, is_text=False)
     if path is None:
@@ -160,7 +166,7 @@ def midi_notes(take: Values, files: Files) -> MidiNotes | None:
 
 
 def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | None:
-    """The notes of a MIDI file as a phrase, and its length; None after a report."""
+    """The notes of a MIDI file as a phrase, and its length; None if an error was reported."""
     found = midi_notes(take, files)
     if found is None:
         return None
@@ -173,13 +179,15 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
 
 
 def between(velocity: int, ends: tuple[float, float]) -> float:
-    """What a velocity from 1 to 127 means between two values, evenly, as decimals are written."""
+    """The value between two ends for a velocity from 1 to 127, linear, computed in exact
+    fractions.
+    """
     low, high = (Fraction(repr(end)) for end in ends)
     return float(low + (high - low) * (velocity - 1) / 126)
 
 
 def _strong(rows: Sequence[Row], impulse: Any, values: Values) -> tuple[Row, ...] | None:
-    """Rows, each with an impulse: its own, or that of the one before."""
+    """Rows, each with an impulse: its own, or that of the row before."""
     found = []
     for row in rows:
         impulse = row.impulse or impulse

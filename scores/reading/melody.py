@@ -46,7 +46,7 @@ _HELP = "an entry says `what` is struck; `to`, beside `entries`, is whose notes 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A strike as written: where, what by name, how strong (None: as the one before)."""
+    """A strike as written: time, names of what is struck, and impulse (None: as the row before)."""
 
     at: Position | Length
     what: tuple[Name, ...]
@@ -57,7 +57,7 @@ class Row:
 
 
 class WhatShape(Reference):
-    """Names apart by spaces, or as a list."""
+    """Names separated by spaces, or as a list."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
@@ -83,7 +83,7 @@ class WhatShape(Reference):
 
 
 def _is_impulse(word: str, node: Scalar, *, is_alone: bool) -> bool:
-    """Whether the last word of a row is an impulse, and none of what is struck."""
+    """Whether the last word of a row is an impulse, not a name of what is struck."""
     if _IMPULSE.match(word):
         return True
     try:
@@ -93,7 +93,7 @@ def _is_impulse(word: str, node: Scalar, *, is_alone: bool) -> bool:
 
 
 def _struck(word: str, start: int, node: Scalar, name: str, context: Context) -> Name | None:
-    """What a word strikes: as written, or the note that it stands for."""
+    """The name that a word strikes: the word itself, or the note that it stands for."""
     try:
         note = note_of(word, node.document)
     except TextError as error:
@@ -192,7 +192,9 @@ class Entries(Shape):
 
 
 def length_of(rows: Sequence[Row], written: Length | None) -> Length | None:
-    """The length of a phrase; without one to the next whole beat, None where that is not known."""
+    """The length of a phrase; if none is written, up to the next whole beat; None if entries are
+    not all in beats.
+    """
     if written is not None:
         return written
     last = 0.0
@@ -251,7 +253,7 @@ def _shift(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
 
 
 def _reverse(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
-    """From the last to the first, between their instants."""
+    """The rows in reverse order, within the same time span."""
     at = [(a.bars, a.beats, a.seconds) for a in map(_length, rows)]
     if sum(any(unit) for unit in zip(*at, strict=True)) > 1:
         message = "'reverse' needs entries in one unit: all in beats, in bars or in seconds"
@@ -271,7 +273,9 @@ def _quantise(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
 
 
 def _from(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
-    """Those from an instant on, which becomes the beginning; the first has an impulse by then."""
+    """Rows from an instant on, which becomes the beginning; every row has its own impulse
+    already.
+    """
     for row in rows:
         later = _less(_length(row), t)
         if min(later.beats, later.seconds) >= 0.0:
@@ -279,7 +283,7 @@ def _from(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
 
 
 def _less(length: Length, t: Transform) -> Length:
-    """A length without the one that `from` leaves out, in its unit."""
+    """A length minus the time of `from`, in the same unit."""
     other = length.seconds if t.time.beats else length.beats
     if length.bars or other:
         message = "'from' needs entries and a length in its own unit: all in beats or in seconds"
@@ -316,14 +320,16 @@ _ACTS: Mapping[str, Callable[[Sequence[Row], Transform], Iterator[Row]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Voices:
-    """What the words of a melody reach: notes of `to`, or modules by their full names."""
+    """The targets of the words of a melody: notes of the instruments `to`, or modules by full
+    names.
+    """
 
     part_names: PartNames
     to: tuple[Name, ...]
     _known: dict[str, list[Target]] = field(default_factory=dict, init=False, compare=False)
 
     def mirrored(self, row: Row, first: Row) -> Row:
-        """A row upside down about the first note of a phrase. Raises TextError."""
+        """A row mirrored in pitch about the first note of a phrase. Raises TextError."""
         about = next((note for word in first.what if (note := self._note(word)) is not None), None)
         if about is None:
             raise TextError(f"{quote(' '.join(first.what))} has no note to mirror about")
@@ -331,11 +337,11 @@ class Voices:
         return self.renamed(row, what)
 
     def renamed(self, row: Row, what: Sequence[Name]) -> Row:
-        """A row with other notes, which remembers those that were written."""
+        """A row with other notes; `before` keeps those that were written."""
         return replace(row, what=tuple(what), before=row.before or row.what)
 
     def moved(self, word: Name, semitones: int) -> Name:
-        """A note, or a module of one, so many semitones higher. Raises TextError."""
+        """A note, or a module of one, moved by so many semitones. Raises TextError."""
         note = self._note(word)
         if note is None:
             raise TextError(f"{quote(word)} has no note that could be transposed")
@@ -353,14 +359,14 @@ class Voices:
         return tuple(target for name in names for target in self._reached(name, who))
 
     def _reached(self, name: Name, who: str) -> list[Target]:
-        """What a name reaches, which most rows of a table share but for its place."""
+        """The targets of a name, kept for further rows, which differ only in their place."""
         known = self._known.get(name)
         if known is not None:
             return [Target(t.part, t.module, t.first, t.count, t.text, name.place) for t in known]
         found = self.part_names.targets(name, "mats", who)
         if len(found) == len(
             self.part_names.members(name)
-        ):  # else each row tells what is not there
+        ):  # else each row reports what is missing
             self._known[name] = found
         return found
 
@@ -403,7 +409,7 @@ class Voices:
         return None if place is None else notes.number(words[place])
 
     def _place(self, words: list[str]) -> Any:
-        """Which of the words of a name is its note."""
+        """The index of the word in a name that is its note; None if there is none."""
         if len(words) == 1:
             return 0 if notes.number(words[0]) is not None else None
         for count in range(1, len(words)):

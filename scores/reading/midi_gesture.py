@@ -1,4 +1,4 @@
-"""Notes of a MIDI file as a gesture: each presses the key, as deep as it is hard."""
+"""Notes of a MIDI file as a gesture: each note presses the key, deeper for a higher velocity."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ergon.scores.reading.melodies import between, midi_notes
 from ergon.scores.reading.piece import UNSAID, Gesture
 
 _REACH = 0.125  # [beats] from rest to the depth of a note, and back
-_ROOM = 0.45  # of the way to the next note, where that is nearer
+_ROOM = 0.45  # at most this share of the way to the next note
 
 
 def gesture(take: Values, files: Files, room: int) -> Gesture | None:
-    """The gesture of a MIDI take with at most `room` points; None after a report."""
+    """The gesture of a MIDI take with at most `room` points; None if an error was reported."""
     who = take.context.of("")
     if take["depth"] is None:
         take.error("E103", f"{who} has no 'depth': how far notes press a key, such as 2mm..8mm")
@@ -34,7 +34,9 @@ def gesture(take: Values, files: Files, room: int) -> Gesture | None:
 def _points(
     notes: Sequence[MidiNote], depth: tuple[float, float], length: float
 ) -> tuple[Point, ...]:
-    """At rest but for `_REACH` around each instant; of notes at one instant the hardest counts."""
+    """The key is at rest except within `_REACH` of each note; of simultaneous notes the hardest
+    counts.
+    """
     hardest: dict[float, int] = {}
     for note in notes:
         hardest[note.at] = max(note.velocity, hardest.get(note.at, 0))

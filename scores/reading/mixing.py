@@ -1,4 +1,4 @@
-"""Rooms, fades and radiation of a mix: their tables, and what they are once read."""
+"""Rooms, fades and radiation of a mix: their tables, and the objects that are read from them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ergon.notation.text.values import Place
 
 SOUND = 343.0  # [m/s]
 AIR = 1.204  # density [kg/m³]
-_FLAT = 200.0, 6000.0  # where a room that decays evenly is said to [Hz]
+_FLAT = 200.0, 6000.0  # frequencies for a room with a single t60 [Hz]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +51,9 @@ class Radiation:
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """A room: mean way from wall to wall [m], decays as pairs of frequency [Hz] and time [s].
+    """A room: mean path from wall to wall [m], decays as pairs of frequency [Hz] and time [s].
 
-    Channels are counted from 1; none are all.
+    Channels are counted from 1; an empty tuple means all channels.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Points of a piece by their names, for what looks at it from outside."""
+"""Points of a piece by name, for code that observes it from outside."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `like:` and `from:` begin with under one's own values: fields merge module by module."""
+"""Merges fields module by module: one's own values over those of `like:` and `from:`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from ergon.instruments.transpose import at_note, pitch
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.notes import number
 
-# What is written here replaces what stands for the same in the other: K for f, a table for a line.
+# Groups of fields that exclude each other: writing one group removes the others of the base (K for
+# f, a table for a line).
 _EXCLUSIVE: Mapping[str, tuple[tuple[tuple[str, ...], ...], ...]] = {
     "key": ((("K", "Z"), ("f", "t60"), ("modules", "struck")),),
     "gesture": ((("notation",), ("points",)),),
@@ -27,15 +28,15 @@ _LAW = ("law", "damping", "points")
 
 
 def overlaid(base: Values, own: Values) -> Values:
-    """The base's fields under one's own; those of a module too; transformations add up.
+    """The base's fields under one's own, also within modules; transformations are appended.
 
-    An `f` of one's own is moved by one's own `transpose`, as the base is already.
+    An `f` of one's own is moved by one's own `transpose`; that of the base is moved already.
     """
     hidden = _hidden(own, own.record.noun) | {"transpose"}
-    if own.written("notes"):  # other notes, of which nothing was said yet
+    if own.written("notes"):  # members of the base have no meaning for other notes
         hidden.add("members")
     body = own.given.get(own.kind)
-    if isinstance(body, Values):  # what a generator itself says goes before what is said beside it
+    if isinstance(body, Values):  # fields inside a generator precede those beside it
         hidden.update(body.written("f", "t60", "M"))
         if body.written("K", "Z"):
             hidden.update(("f", "t60"))
@@ -60,7 +61,7 @@ def overlaid(base: Values, own: Values) -> Values:
 
 
 def member(values: Values, note: int) -> Values | None:
-    """What a note of an instrument has of its own, as it is written."""
+    """The fields that are written for one note of an instrument."""
     for word, own in (values["members"] or {}).items():
         if number(word) == note:
             assert isinstance(own, Values)
@@ -69,7 +70,9 @@ def member(values: Values, note: int) -> Values | None:
 
 
 def at(values: Values, note: str) -> Values:
-    """An instrument with notes at one of them, with what this has of its own."""
+    """An instrument with notes at one of its notes, with the fields that are written for that
+    note.
+    """
     base, own = at_note(values, note), member(values, number(note) or 0)
     if own is None:
         return base
@@ -99,11 +102,11 @@ def _modules(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _fields(kind: str, base: Any, own: Any) -> Any:
-    """The fields of one module over those of another of its kind."""
+    """The fields of one module over those of a base module of the same kind."""
     if not isinstance(base, Values) or not isinstance(own, Values):
         return own
     hidden, free = _hidden(own, kind), {**base.free, **own.free}
-    if kind == "PLATE":  # of what sets its pitch one gives way
+    if kind == "PLATE":  # one of the fields that set its pitch is dropped
         sets = "tension" if base.written("tension") else "thickness"
         hidden |= {sets} if own.written("f") and not own.written(sets) else set()
         hidden |= (

@@ -67,7 +67,7 @@ def _made(
 
 
 class Played(NamedTuple):
-    """What is played as written, its spaces evened, and its order where that is not one name."""
+    """What is played: its text with single spaces, and its pattern unless it is one name."""
 
     text: str
     order: Group | None
@@ -127,7 +127,7 @@ PLAY = Record(
     _play,
     meant={"repeat": "times"},
 )
-# How the value of each word is read, here and at the prompt.
+# The shape that reads each word's value, here and at the prompt.
 SHAPES = {f.name: f.shape for f in (_AT, *_OPTIONS)}
 
 
@@ -191,7 +191,7 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
     what, until = row.play.what, row.play.options.get("until")
     text = " ".join(what.text.split())
     at = _place(row.at, node)
-    # In a literal block both words stand in one line of the file.
+    # In a literal block a row is one line of the file, so the column follows from that of `at`.
     column = at.column + what.offset - row.at.offset
     is_block = node.style == "|"
     place = Place(at.file, at.line, column, len(what.text)) if is_block else _place(what, node)

@@ -1,4 +1,4 @@
-"""The fields of a pattern: what parts, strikes and automation have alike."""
+"""The fields of a pattern: those that parts, strikes and automation have in common."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _EUCLID = Text(
 )
 _SWING = Text(parse_swing, "a share of two steps, such as 0.6, 2/3 or 60%", is_value=True)
 _SKIP = k.integer(0, MAX_OCCURRENCES, "5")
-# How the places of a pattern follow each other, of gestures and of strikes.
+# Rhythm and chance of the places of a pattern; gestures and strikes have the same fields.
 OF_PATTERN = (
     Field("chance", k.CHANCE, "chance of each place of the pattern", shown="1"),
     Field("euclid", _EUCLID, "a Euclidean rhythm: pulses and steps", shown="every step"),

@@ -28,9 +28,10 @@ from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.mixing import Fade, Radiation, Room
 from ergon.scores.reading.sweep_fields import Passing
 
-# Fields that came later: the hash of a score omits an empty one, so that it stays what it was.
+# Fields that were added later: a digest omits them if empty, so that digests of older scores do not
+# change.
 OMIT_EMPTY = {"hash_omits_empty": True}
-_WHOLE = 1e-9  # by so much a number of frames may be below a whole one: rounding
+_WHOLE = 1e-9  # tolerance for rounding of a number of frames
 
 REFERENCE = 0.1  # of full scale: -20 dBFS; see Output.reference
 
@@ -64,8 +65,8 @@ class Key:
     """A force-feedback key: a small network with one struck MAT.
 
     `{M, K, Z}` is one CEL with the name "". `travel` [m]; the piece sees `reach` times the key's
-    movement. Its springs pull once `every` so many frames. `measured` is what its calibration says
-    of the real key: mass without what swings on it [kg], damping [N·s/m], delay [s] where known.
+    movement. Its springs act once in `every` frames. `measured` is what its calibration says of
+    the real key: mass without modes [kg], damping [N·s/m], delay [s] if known.
     """
 
     name: str
@@ -80,7 +81,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class PlayingOptions:
-    """How a gesture is played; None leaves it to the gesture, and there to the defaults.
+    """How a gesture is played; None stands for the gesture's own option, or for the default.
 
     `grain` [s] (None: dense), `join` [s], `force_limit` [N].
     """
@@ -93,7 +94,7 @@ class PlayingOptions:
     layer: bool | None = None
 
     def over(self, other: PlayingOptions) -> PlayingOptions:
-        """These options, completed by another."""
+        """These options; those that are None are taken from `other`."""
         if self == UNSAID:
             return other
         pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
@@ -106,7 +107,7 @@ DEFAULT_MANNER = PlayingOptions("open", "event", None, 0.02, None, False)
 
 @dataclass(frozen=True, slots=True)
 class Gesture:
-    """A narrative gesture: points, how it is played, and what is done to it."""
+    """A narrative gesture: points, options of playing, and transformations."""
 
     name: str
     points: tuple[Point, ...]
@@ -125,11 +126,12 @@ class Gesture:
 
 @dataclass(frozen=True, slots=True)
 class SoundInput:
-    """An input of a sound card, its channel from 1, or one whose values come by OSC.
+    """An input of a sound card with its channel from 1, or (`channel` None) one whose values come
+    by OSC.
 
-    Full scale is `gain` [N] of a force, [m] of a length; no more than `clamp` [N or m] acts. A card
-    passes a high-pass at `highpass` [Hz] before, values by OSC have none: each is reached within
-    `glide` [s].
+    Full scale is `gain` [N] for a force, [m] for a length; values are limited to ±`clamp` [N or
+    m]. The signal of a card first passes a high-pass at `highpass` [Hz]; values by OSC are not
+    filtered, and each is reached within `glide` [s].
     """
 
     channel: int | None
@@ -142,10 +144,11 @@ class SoundInput:
 
 @dataclass(frozen=True, slots=True)
 class TakeFile:
-    """A captured movement in a file; `trim` [s], `smooth` [Hz], `rate` [Hz] where it has no t.
+    """A captured movement in a file; `trim` [s], `smooth` [Hz], `rate` [Hz] for a file without a
+    time column.
 
-    `unit` [m] is what 1.0 means where the file does not tell. Of an `input` the file, if there is
-    one, holds what is heard where no card is.
+    `unit` [m] is what 1.0 means if the file does not tell. The file of an `input` is optional,
+    and is heard if there is no sound card.
     """
 
     name: str
@@ -161,7 +164,7 @@ class TakeFile:
 
     @property
     def card_channel(self) -> int | None:
-        """The channel of the sound card that it is, from 1; None where it is none."""
+        """The channel of the sound card, from 1; None for a take that is not an input of a card."""
         return None if self.input is None else self.input.channel
 
     @property
@@ -172,7 +175,7 @@ class TakeFile:
 
 @dataclass(frozen=True, slots=True)
 class Hit:
-    """One strike of a melody: at a position, or so long after the beginning of a phrase.
+    """One strike of a melody: at a position, or at a time after the beginning of a phrase.
 
     The impulse [N·s] lies between two values.
     """
@@ -182,17 +185,18 @@ class Hit:
     impulse: tuple[float, float]
     place: Place
     what: str = ""  # as it is written
-    # How far chance moves it, earlier or later.
+    # The largest random displacement, earlier or later.
     jitter: Length = field(default=Length(), metadata=OMIT_EMPTY)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Strikes:
-    """Ergons that hit modules directly: a Poisson `rate` [Hz] for each, or `every` so often.
+    """Ergons that hit modules directly: for each target at a Poisson `rate` [Hz], or one per
+    `every`.
 
-    Impulses [N·s] lie between two values; or a `mass` [kg] arrives at a `speed` [m/s]. A melody has
-    `hits`; with a `length` it is a phrase that begins at `at`, `every` so often; so
-    does what passes an instrument (`passing`).
+    Impulses [N·s] lie between two values; or a `mass` [kg] arrives at a `speed` [m/s]. A melody
+    has `hits`. With a `length` it is a phrase: it begins at `at` and again every `every`, as do
+    a sweep and a path (`passing`).
     """
 
     name: str
@@ -209,26 +213,26 @@ class Strikes:
     place: Place
     pattern: Pattern | None = field(default=None, metadata=OMIT_EMPTY)
     notes: Mapping[str, Amount] = field(default_factory=dict, metadata=OMIT_EMPTY)  # of the pattern
-    # Where the notes of the pattern are those of an instrument: what each name of it strikes.
+    # If the pattern's notes are those of an instrument: the targets of each note name.
     voices: Mapping[str, tuple[Target, ...]] = field(default_factory=dict, metadata=OMIT_EMPTY)
     hits: tuple[Hit, ...] = field(default=(), metadata=OMIT_EMPTY)
     length: Length | None = field(default=None, metadata=OMIT_EMPTY)
     passing: Passing | None = field(default=None, metadata=OMIT_EMPTY)
-    # Along a direction of length 1: `to` are the coordinates of all points, axis by axis.
+    # Direction as a unit vector; `to` then has the coordinates of all points, axis by axis.
     along: tuple[float, ...] = field(default=(), metadata=OMIT_EMPTY)
 
     @property
     def has_rounds(self) -> bool:
-        """Whether strikes fall in rounds: those of a melody, or of what passes an instrument."""
+        """Whether strikes come in rounds: those of a melody, a sweep or a path."""
         return bool(self.hits) or self.passing is not None
 
     @property
     def who(self) -> str:
-        """Whose draws a pattern makes."""
+        """The name that keys the random draws of the strikes."""
         return f"strikes/{self.name}"
 
     def rounds(self, tempo: TempoMap) -> list[float]:
-        """Beats on which rounds begin: a phrase every time it is played. Raises TextError."""
+        """Beats on which rounds begin: one for each time a phrase is played. Raises TextError."""
         if self.length is None:
             return [0.0]
         until = None if self.until is None else tempo.resolve(self.until)
@@ -239,7 +243,7 @@ class Strikes:
         return starts(tempo, at, own, every=every, times=times, until=until)
 
     def falls(self, tempo: TempoMap) -> Iterator[tuple[float, int, Hit]]:
-        """Every strike of a melody: its beat, its number and what it strikes. Raises TextError."""
+        """Every strike of a melody: its beat, its number and its hit. Raises TextError."""
         until = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
         for turn, start in enumerate(self.rounds(tempo)):
             for number, hit in enumerate(self.hits):
@@ -249,7 +253,7 @@ class Strikes:
                     yield beat, turn * len(self.hits) + number, hit
 
     def steps(self, piece: Piece) -> Steps:
-        """When a pattern strikes: its places. Raises TextError."""
+        """The places of the pattern, on which it strikes. Raises TextError."""
         assert self.pattern is not None
         tempo = piece.tempo_map
         at = tempo.resolve(self.at)
@@ -311,12 +315,14 @@ class Play:
 
     @property
     def chains(self) -> tuple[tuple[Transform, ...], ...]:
-        """Its transformations, and those of a pattern's rounds that have more."""
+        """Its chains of transformations: its own, and those of the rounds of a pattern that have
+        more.
+        """
         turns = () if self.pattern is None else self.pattern.turns
         return (self.do, *((*self.do, *turn.do) for turn in turns))
 
     def course(self, seed: int) -> Course:
-        """What a pattern plays in each of its places, when chance derives from a seed."""
+        """What a pattern plays in each of its places, with all chance derived from `seed`."""
         assert self.pattern is not None
         return Course(self.pattern, Draws(seed, f"{self.player}/{self.what}"))
 
@@ -341,7 +347,7 @@ class Route:
 
 @dataclass(frozen=True, slots=True)
 class Master:
-    """What happens to all channels; ratios of full scale."""
+    """Processing of all channels together; levels are ratios of full scale."""
 
     normalise: float | None
     limit: float | None
@@ -366,8 +372,8 @@ class Mix:
     def reference(self, *, is_measured: bool = False) -> float | None:
         """The ratio of full scale at which reference quantities are heard.
 
-        None where samples are in SI units: a score gives `gain` or `normalise`, or a file of
-        floats `is_measured`.
+        None if samples are in SI units: if the score gives `gain` or `normalise`, or if a file
+        of floats is written (`is_measured`).
         """
         master = self.master
         if master is not None and master.reference is not None:
@@ -394,10 +400,11 @@ METHODS: tuple[Method, ...] = get_args(Method)
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """How exact the sound is: by one method, within an error [dB], or within cents up to a pitch.
+    """The required exactness: by one method, within an error [dB], or within cents up to a pitch.
 
-    Without any of these by ear. `upto` [Hz]; `cpu` is the most work, 1.0 one core at real time.
-    `is_unguarded`: no frame of CA is computed finer, also where links stiffen too much.
+    Without any of these, errors stay inaudible. `upto` [Hz]; `cpu` is the most work, 1.0 one
+    core at real time. `is_unguarded`: no frame of CA is computed finer, even if links stiffen
+    too much.
     """
 
     method: Method | None = None
@@ -430,15 +437,16 @@ class Piece:
     accuracy: Accuracy
     place: Place
     tempo_map: TempoMap = field(compare=False, repr=False)
-    # Of each part: the beats on which it is played; None where a take's file says how long it is.
+    # For each line of the parts, the beats on which it is played; None if only a take's file tells
+    # its length.
     starts: tuple[Sequence[float] | None, ...] = field(default=(), compare=False, repr=False)
     automation: tuple[Automation, ...] = field(default=(), metadata=OMIT_EMPTY)
-    # Lines that a session runs, by the name of their block; nothing else reads them.
+    # Lines of a session by the name of their block; only sessions read them.
     blocks: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False, repr=False)
-    # Instruments with notes: the names of their members.
+    # The names of the members of each instrument with notes.
     families: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False, repr=False)
 
-    # The least frames a second of what is only seen [Hz]; None: as many as of the sound.
+    # The lowest rate of parts that are only seen [Hz]; None: the audio rate.
     motion: float | None = field(default=None, metadata=OMIT_EMPTY)
 
     # What strikes may play: the names of phrases, and of takes that are MIDI files.
@@ -446,7 +454,7 @@ class Piece:
 
     @property
     def motion_every(self) -> int:
-        """In how many frames what is only seen goes once."""
+        """The number of frames from one step of parts that are only seen to the next."""
         return 1 if self.motion is None else max(1, floor(self.rate / self.motion + _WHOLE))
 
     def modules(self) -> Iterator[tuple[str, Module]]:
@@ -469,9 +477,10 @@ class Piece:
 
 
 def is_same_matter(one: Piece, other: Piece) -> bool:
-    """Whether their modules are the same and heard in the same way, whatever is played on them.
+    """Whether two pieces have the same modules, heard in the same way, whatever is played on them.
 
-    Text, comments and places do not count, as in `Piece.digest`; a hash takes ten times as long.
+    Text, comments and places do not count, as in `Piece.digest`; comparing digests would take
+    ten times as long.
     """
     return is_same(_of_matter(one), _of_matter(other))
 
@@ -479,7 +488,7 @@ def is_same_matter(one: Piece, other: Piece) -> bool:
 def is_same(one: Any, other: Any) -> bool:
     """Whether two values of pieces have the same digest.
 
-    Most parts of two versions are one object.
+    Fast, because most parts of two versions are the same object.
     """
     if one is other or one == other:
         return True
@@ -506,7 +515,7 @@ def digest_of(value: Any) -> str:
     return sha.hexdigest()
 
 
-_NOT_VALUES = {  # where a thing is written, or its text beside its value
+_NOT_VALUES = {  # places and texts do not count
     Point: ("offset", "length"),
     Transform: ("offset", "length"),
     Gesture: ("bar_checks", "written"),
@@ -518,18 +527,19 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
     Instrument: ("pitch",),
     Layout: ("is_equidistant", "title"),  # the file that is hashed by its path
     Key: ("measured",),
-    # What follows from the others, or is never computed.
+    # Fields that follow from the others, or that do not change what is computed.
     Piece: ("tempo_map", "starts", "blocks", "families", "phrases"),
     RenderSpec: ("file",),
 }
 
 
-# Names in a digest stay, for recordings and frozen parts carry digests of earlier versions.
+# Type names in a digest do not change, because recordings and frozen parts carry digests of earlier
+# versions.
 _HASHED_AS: Mapping[type, str] = {PlayingOptions: "Manner"}
 
 
 def _earlier(value: Any) -> Any:
-    """The fields of a module without later ones that have their defaults."""
+    """The fields of a module, without fields that were added later and have their defaults."""
     if not isinstance(value, Mapping):
         return value
     return {
@@ -540,7 +550,7 @@ def _earlier(value: Any) -> Any:
 
 
 def _chunks(value: Any) -> Iterator[bytes]:
-    """A value as bytes, without ambiguity: every item says its type, every group its size."""
+    """A value as unambiguous bytes: every item says its type, every group its size."""
     if is_dataclass(value) and not isinstance(value, type):
         if isinstance(value, (Place, Scalar)):
             return

@@ -1,4 +1,4 @@
-"""How a gesture is played: fields that gestures and the entries of parts have alike."""
+"""How a gesture is played: the fields that gestures and entries of parts have in common."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DO = Either(
         Text(parse_do, "a transformation, such as scale 0.5", types=("string",), has_values=True)
     ),
 )
-# What holds where neither says a thing is DEFAULT_MANNER.
+# An option that neither the gesture nor the entry writes is that of DEFAULT_MANNER.
 OF_GESTURE = (
     Field(
         "touch",
@@ -37,12 +37,12 @@ OF_GESTURE = (
     Field("force_limit", k.FORCE, "the strongest force of one ergon", shown="none"),
     Field("layer", k.TRUTH, "play over the earlier gesture instead of cutting it", shown="false"),
 )
-OF_ENTRY = tuple(replace(field, shown=None) for field in OF_GESTURE)  # unsaid: the gesture's own
+OF_ENTRY = tuple(replace(field, shown=None) for field in OF_GESTURE)  # default: the gesture's own
 _NAMES = frozenset(field.name for field in OF_GESTURE)
 
 
 def playing_options(given: Mapping[str, Any]) -> PlayingOptions:
-    """The options that were written; None where nothing was."""
+    """The options that were written; an option that was not is None."""
     if _NAMES.isdisjoint(given):  # most rows of most tables
         return UNSAID
     return PlayingOptions(**{name: value for name, value in given.items() if name in _NAMES})

@@ -1,21 +1,25 @@
-"""Rates of keys, of instruments and of what is only seen: the audio rate by whole numbers."""
+"""Rates of keys, of instruments and of parts that are only seen: the audio rate divided by whole
+numbers.
+"""
 
 from __future__ import annotations
 
 from ergon.notation.tables.fields import Values
 from ergon.scores.reading.sections import RATE
 
-_WHOLE = 1e-6  # by so much a fraction may be off a whole one: what the digits of a rate leave
+_WHOLE = 1e-6  # relative tolerance: rates are written with few digits
 
 
 class Rates:
-    """The audio rate [Hz], and what it is divided by for keys and for single parts.
+    """The audio rate [Hz], and its divisors for keys and for single parts.
 
-    `motion` is the least rate of what is only seen [Hz]; None: the audio rate.
+    `motion` is the lowest rate of parts that are only seen [Hz]; None: the audio rate.
     """
 
     def __init__(self, score: Values) -> None:
-        """Read `rates:`; reports a rate of gestures that is no fraction, and one too high."""
+        """Read `rates:`; reports a gesture rate that does not divide the audio rate, and a motion
+        rate above it.
+        """
         rates = score["rates"]
         self.audio: float = rates["audio"] if rates else RATE
         is_said = rates is not None and rates.written("gesture")
@@ -23,11 +27,11 @@ class Rates:
         self.motion = _motion(self.audio, rates) if rates else None
 
     def of_key(self, values: Values) -> int:
-        """Frames from kick to kick of a key; 1: at every frame."""
+        """Frames between two steps of a key's springs; 1: at every frame."""
         return self._own(values) or self.gesture
 
     def of_instrument(self, values: Values) -> int:
-        """Frames from kick to kick of an instrument; 1: at every frame."""
+        """Frames between two steps of an instrument's springs; 1: at every frame."""
         return self._own(values) or 1
 
     def _own(self, values: Values) -> int | None:
@@ -35,7 +39,9 @@ class Rates:
 
 
 def _motion(audio: float, rates: Values) -> float | None:
-    """The least rate of what is only seen; None where none is written, and after a report."""
+    """The lowest rate of parts that are only seen; None if none is written, or if an error was
+    reported.
+    """
     rate = rates["motion"] if rates.written("motion") else None
     if not isinstance(rate, float):
         return None
@@ -47,7 +53,7 @@ def _motion(audio: float, rates: Values) -> float | None:
 
 
 def _every(audio: float, values: Values, name: str) -> int:
-    """What the audio rate is divided by; 1 after a report."""
+    """The divisor of the audio rate; 1 if an error was reported."""
     rate = values[name]
     if not isinstance(rate, float):
         return 1  # reported already

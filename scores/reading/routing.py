@@ -1,4 +1,4 @@
-"""Routes of a mix: each leads from an output that there is, to rooms that there are."""
+"""Looks up the routes of a mix: each must lead from an existing output to existing rooms."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ergon.scores.reading.piece import Key, Mix, Route
 
 
 def routed(mix: Mix, parts: Mapping[str, Key | Instrument], part_names: PartNames) -> Mix:
-    """A mix whose routes name the instruments of `parts`, by the names that are known."""
+    """A mix whose routes name instruments of `parts`, as `part_names` knows them."""
     written = (each for route in mix.routes for each in _each_note(route, part_names))
     found = (_route(route, parts, part_names, mix.rooms) for route in written)
     return replace(mix, routes=tuple(route for route in found if route is not None))
@@ -32,7 +32,9 @@ def _route(
     part_names: PartNames,
     rooms: Sequence[Room],
 ) -> Route | None:
-    """A route from an instrument, or from the output of it that it names; None: from none."""
+    """A route from an instrument, or from one of its outputs; None if there is no such
+    instrument.
+    """
     part, out = str(route.part), None
     if part not in parts and "." in part:
         part, _, out = part.rpartition(".")
@@ -58,7 +60,9 @@ def _route(
 def _treated(
     route: Route, instrument: Instrument, rooms: Sequence[Room], part_names: PartNames
 ) -> None:
-    """A route sends to rooms that there are, radiates accelerations, and brings masses nearest."""
+    """Check a route: its rooms must exist, `radiate` needs accelerations, and `nearest` needs
+    masses.
+    """
     known = tuple(room.name for room in rooms)
     for name, _ in route.sends:
         if name not in known:

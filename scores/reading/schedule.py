@@ -1,4 +1,6 @@
-"""When every gesture begins, as far as text tells: how many there are, and where bars lie."""
+"""When every gesture begins, as far as the score's text tells: the number of occurrences, and bar
+checks.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from ergon.scores.pattern.steps import steps
 from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.piece import Gesture, Piece, Play, Strikes
 
-# How long a gesture is, and what was lost by its transformations, a sentence each.
+# The length of a gesture, and one sentence for each thing that its transformations lost.
 _Length = tuple[Time, tuple[str, ...]]
 _NOTHING: tuple[str, ...] = ()
 
@@ -24,9 +26,9 @@ MAX_STRIKES = 2_000_000  # in a piece: some 340 MB
 def schedule(
     piece: Piece, begins: Sequence[float], known: KnownPlays, collector: Collector
 ) -> tuple[Sequence[float] | None, ...]:
-    """Beats on which each line of the parts is played; None where only a take's file can tell.
+    """Beats on which each line of the parts is played; None if only a take's file can tell.
 
-    `begins` are the beats of their first times; what is `known` of lines is not worked out again.
+    `begins` are the beats on which the lines begin; lines in `known` are not computed again.
     Reports occurrences without end, bar checks that are not on a bar (W311), and points that
     transformations lose (W315).
     """
@@ -61,7 +63,7 @@ def _line(
     room: int,
     collector: Collector,
 ) -> Sequence[float] | None:
-    """Beats on which a line is played; None where only a take's file can tell."""
+    """Beats on which a line is played; None if only a take's file can tell."""
     if play.pattern is not None:
         return _pattern(piece, play, at, lengths, room, collector)
     beats = None
@@ -128,7 +130,9 @@ def _beats(
 
 
 def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) -> float:
-    """How many strikes there are; refuses more than are left before any is drawn."""
+    """The number of strikes; reports an error if there are more than `left`, before any is
+    drawn.
+    """
     tempo = piece.tempo_map
     start = tempo.resolve(strikes.at)
     if strikes.until is not None:
@@ -176,7 +180,7 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
 
 
 def _left(strikes: Strikes, count: float, left: float, collector: Collector) -> float:
-    """How many strikes there are; 0 after a report that they are too many."""
+    """`count`; 0 if an error was reported because it is above `left`."""
     if count <= left:
         return count
     message = f"strikes {quote(strikes.name)}: the piece has more than {MAX_STRIKES:,} strikes"
@@ -215,7 +219,7 @@ def _length(
 
 
 def _bars(piece: Piece, gesture: Gesture, found: list[float], collector: Collector) -> None:
-    """A '|' in a notation should be on a bar where it is first played."""
+    """Check that each '|' in a notation is on a bar line when the gesture is first played."""
     tempo = piece.tempo_map
     for start in found:
         for check in gesture.bar_checks:

@@ -1,4 +1,4 @@
-"""JSON Schema (draft 7) for editors, from the tables that the checker reads with."""
+"""JSON Schema (draft 7) for editors, made from the tables that the checker uses."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The tables of a score: every section (`keys`, `parts`, `mix` …), every field.
 
-The checker, the JSON Schema, the reference and the language server are made from them.
+The checker, the JSON Schema, the reference and the language server use these tables.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ from ergon.scores.reading.piece import METHODS
 from ergon.scores.reading.playing_options import DO, OF_GESTURE
 from ergon.scores.reading.sweep_fields import FIELDS as PASSING_FIELDS
 
-RATE = 44100.0  # frames a second of a score that says nothing
+RATE = 44100.0  # default frames a second
 MAX_CHANNELS = 1024
-MAX_SEED = 2**64 - 1  # the generator's key holds 64 bits of it
+MAX_SEED = 2**64 - 1  # the random generator's key has 64 bits
 CURVE = choice(*CURVES)
 
 
@@ -81,14 +81,14 @@ GESTURE = Record(
 
 @dataclass(frozen=True)
 class GestureShape(Shape):
-    """A bare notation is a gesture with nothing else said."""
+    """A gesture: a notation alone, or a table of fields."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if not isinstance(node, Scalar) or node.is_empty:
             return GESTURE.read(node, name, context)
         values = Values(GESTURE, node, context)
-        # A block is a table: nobody writes one line of notation below a '|'.
+        # A literal block ('|') without '@' is a table of points.
         field = "points" if node.style == "|" and "@" not in node.text else "notation"
         values.given[field] = values.nodes[field] = node
         return values
@@ -102,7 +102,7 @@ class GestureShape(Shape):
         return "points such as 0mm@0 smooth 6mm@1/8, or a gesture's fields"
 
     def chosen(self, node: Node) -> Shape:
-        """The table of fields, unless a notation stands alone."""
+        """The table of fields, unless the node is a notation alone."""
         return self if isinstance(node, Scalar) and not node.is_empty else GESTURE
 
 
@@ -206,7 +206,7 @@ PHRASE = Record(
 
 @dataclass(frozen=True)
 class MelodyShape(Shape):
-    """Fields of a record, or a list or a table that stands for its `entries`."""
+    """A record, or its `entries` alone as a list or a table."""
 
     record: Record
 
@@ -232,7 +232,7 @@ class MelodyShape(Shape):
         return f"{self.record.words()}, or its entries alone"
 
     def chosen(self, node: Node) -> Shape:
-        """The fields, unless entries stand alone."""
+        """The record, unless the node is its entries alone."""
         is_bare = not isinstance(node, Mapping) and not (isinstance(node, Scalar) and node.is_empty)
         return self.record.by_name["entries"].shape.chosen(node) if is_bare else self.record
 
@@ -403,7 +403,7 @@ MAX_BLOCK = 50  # lines that a block has at most
 
 
 def _line(text: str) -> str:
-    """A line of a session, which is read when the block is run."""
+    """A line of a session; it is parsed when the block is run."""
     if not text.strip() or "\n" in text.strip():
         raise TextError("a block is a list of lines, each a line of a session", length=len(text))
     return text.strip()
@@ -493,7 +493,7 @@ LAYOUT = Record(
 
 
 def _own_fields(table: Record) -> tuple[str, ...]:
-    """What stands in such a file alone: a score that has it is one of them, not a score."""
+    """Fields that only such a file has: a score with one of them is a file of that kind."""
     return tuple(f.name for f in table.fields if f.name not in ("ergon", "title"))
 
 

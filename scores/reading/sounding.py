@@ -1,4 +1,4 @@
-"""A piece under the names by which its keys and instruments sound: those they had at first."""
+"""A piece under the names by which its keys and instruments sound: the names they had first."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _NAMED |= {Key: ("name",), Instrument: ("name",)}
 
 
 class SoundingNames:
-    """By what names the parts of a piece sound, where these are other than their own.
+    """The names by which the parts of a piece sound, if they differ from their own.
 
-    `names` are those of parts that were renamed. A part that has a name which sounds for another
-    one sounds under a new name.
+    `names` are those of parts that were renamed. If another part takes a name that a renamed
+    part still sounds by, that other part sounds by a new name.
     """
 
     def __init__(self, names: Mapping[str, str] | None = None) -> None:
         """Keep the names that differ."""
         self.names = {own: old for own, old in (names or {}).items() if own != old}
-        self._known: dict[int, tuple[Any, Any]] = {}  # with what they are of, so that it stays
+        self._known: dict[int, tuple[Any, Any]] = {}  # by id, with the original, which keeps its id
 
     def __eq__(self, other: object) -> bool:
         """Whether the names are the same."""
@@ -35,7 +35,7 @@ class SoundingNames:
     __hash__ = None  # type: ignore[assignment]
 
     def of(self, name: str) -> str:
-        """By what name a part, or what is reached through one (`bell.m`), sounds."""
+        """The name by which a part, or something reached through it (`bell.m`), sounds."""
         if not self.names:
             return name
         head, dot, rest = name.partition(".")
@@ -51,18 +51,18 @@ class SoundingNames:
         return found
 
     def shown(self, name: str, known: Iterable[str]) -> str:
-        """The name of the part, of those that are known, that sounds by a name."""
+        """The own name, among `known`, of the part that sounds by `name`."""
         if not self.names:
             return name
         return next((own for own in known if self.of(own) == name), name)
 
     def renamed(self, old: str, new: str) -> SoundingNames:
-        """After a part was given another name."""
+        """The names after a part was renamed."""
         rest = {own: name for own, name in self.names.items() if own != old}
         return SoundingNames({**rest, new: self._of(old)})
 
     def piece(self, piece: Piece) -> Piece:
-        """The piece under the names by which it sounds."""
+        """The piece with all names replaced by those by which its parts sound."""
         if not self.names:
             return piece
         before, self._known = self._known, {}
@@ -80,7 +80,7 @@ class SoundingNames:
         return replace(piece, **{**made, **parts}, families=families)
 
     def _made(self, value: Any, before: dict[int, tuple[Any, Any]]) -> Any:
-        """A value with the names in it replaced; the value itself where there are none."""
+        """A value with its names replaced; the value itself if there are none."""
         if isinstance(value, (tuple, list)):
             items = [self._made(one, before) for one in value]
             is_same = all(a is b for a, b in zip(items, value, strict=True))

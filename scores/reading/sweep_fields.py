@@ -1,4 +1,4 @@
-"""The fields of strikes by a sweep over an instrument, or by a point on a path, as written.
+"""The fields of strikes by a sweep over an instrument, or along a path, as written.
 
 Which members they strike, and when, is computed by `scores/staging/sweep_members.py`.
 """
@@ -16,7 +16,7 @@ from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import Text, choice
 from ergon.notation.text.errors import TextError, quote
 
-# What a front goes along, by the word for its direction, and whether it goes from high to low.
+# By the word for a direction: the coordinate that the front moves along, and whether it falls.
 SWEEPS = {
     "outward": ("radius", False),
     "inward": ("radius", True),
@@ -39,11 +39,12 @@ Point = tuple[float, float]  # radius (1: the farthest member), azimuth [degrees
 
 @dataclass(frozen=True, slots=True)
 class Passing:
-    """What passes the members of an instrument, once in `length`; each is struck as it is passed.
+    """A sweep over an instrument, or a path across it, which lasts `length`; members are struck as
+    they are passed.
 
-    Either a front goes along `sweep`, a word of SWEEPS, or a head goes along `path`, evenly from
-    point to point in radius and azimuth, and passes what it comes nearer to than `width` / 2. Of
-    those that are passed each is struck with the probability `chance`.
+    Either a front moves along `sweep`, a word of SWEEPS; or a point moves along `path`, linearly
+    from point to point in radius and azimuth, and passes the members that come nearer than
+    `width` / 2. A passed member is struck with the probability `chance`.
     """
 
     sweep: str | None
@@ -58,12 +59,12 @@ class Passing:
 
     @property
     def most_visits(self) -> int:
-        """How often one member is passed at most."""
+        """The largest number of times that one member is passed."""
         return 1 if self.sweep is not None else ceil(_turns(self.path)) + 1
 
 
 def _turns(path: tuple[Point, ...]) -> float:
-    """Turns of a path round the middle, and points at which it may turn back."""
+    """The number of turns of a path round the middle, plus the points at which it may turn back."""
     return sum(abs(b - a) for (_, a), (_, b) in pairwise(path)) / 360.0 + len(path) - 2
 
 
@@ -115,7 +116,7 @@ FIELDS = (
 
 
 def passing(values: Values) -> Passing:
-    """What passes, of strikes with `sweep` or `path`."""
+    """The sweep or path of strikes with `sweep` or `path`."""
     chance: Any = values["chance"]
     return Passing(
         values["sweep"], values["path"] or (), values["width"], 1.0 if chance is None else chance

@@ -1,4 +1,4 @@
-"""When things are: the tempo map of a score, and whether every position in it exists."""
+"""The tempo map of a score, and whether every position in it exists."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from ergon.scores.reading.piece import Mark, Piece, TempoEntry
 
 
 class Times:
-    """Tempo entries and marks of a score; `map` is a plain one when they do not fit."""
+    """Tempo entries and marks of a score; `map` is a default one if they contain errors."""
 
     def __init__(self, score: Values, collector: Collector, memory: Memory | None = None) -> None:
-        """Read them and make the map. What was checked before at the same times is in a memory."""
+        """Read them and make the map. `memory` keeps what was checked before at the same times."""
         self.collector = collector
         lines = [v for v in score["tempo"] or () if isinstance(v, Values)]
         self._lines = [(v, build.tempo(v)) for v in lines]
@@ -48,7 +48,7 @@ class Times:
             good &= self._mark_exists(mark.at, mark.place)
         for values, entry in self._lines:
             good &= self._mark_exists(entry.at, values.place_of("at"))
-            good &= all(name in values.given for name in values.nodes)  # else it is reported
+            good &= all(name in values.given for name in values.nodes)  # a missing one was reported
         if not good or len(positions) != len(self._known):
             return TempoMap()
         entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
@@ -57,7 +57,7 @@ class Times:
         except TempoError as error:
             values = self._lines[error.entry][0]
             self.collector.error("E305", f"tempo: {error.message}", values.place_of(error.field))
-        except TextError as error:  # a position in a circle of marks or before the beginning
+        except TextError as error:  # marks in a circle, or a position before 0
             values = self._lines[_first_wrong(entries, positions)][0]
             self.collector.error("E305", f"tempo: {error.message}", values.place_of("at"))
         return TempoMap((), {mark.name: Position() for mark in self.marks})
@@ -78,7 +78,9 @@ class Times:
         return False
 
     def _difference(self, word: str) -> tuple[str | None, str | None]:
-        """What `c-gap` is meant for where `c` is a mark, or a help where it can be nothing."""
+        """A suggestion for an unknown mark such as `c-gap` if `c` is a mark, or else a help
+        text.
+        """
         parts = word.split("-")
         for count in range(len(parts) - 1, 0, -1):
             mark, rest = "-".join(parts[:count]), parts[count:]
@@ -91,7 +93,7 @@ class Times:
         return None, None
 
     def _beats(self, at: Position | None, place: Callable[[], Place]) -> float | None:
-        """Beats of a position; None after a report."""
+        """Beats of a position; None if there is none, or if an error was reported."""
         if at is None or (at.mark is not None and not self._mark_exists(at, place())):
             return None
         try:
@@ -101,13 +103,13 @@ class Times:
             return None
 
     def exists(self, at: Position, place: Place) -> bool:
-        """Whether a position exists; reports."""
+        """Whether a position exists; reports an error if not."""
         return self._beats(at, lambda: place) is not None
 
     def check(self, score: Values, piece: Piece) -> list[float]:
-        """Every position in the piece exists, and nothing ends before it begins.
+        """Check that every position in the piece exists, and that nothing ends before it begins.
 
-        Returns the beats on which the lines of the parts begin; 0 after a report.
+        Returns the beats on which the lines of the parts begin; 0 if an error was reported.
         """
         begins = []
         for mark in self.marks:
@@ -154,7 +156,9 @@ class Times:
 
 
 def _first_wrong(entries: list[Entry], marks: dict[str, Position]) -> int:
-    """The entry whose position cannot be placed: the end of the shortest list that fails."""
+    """The index of the first entry whose position cannot be resolved: entries up to and including
+    it fail.
+    """
 
     def fails(count: int) -> bool:
         try:

@@ -1,4 +1,4 @@
-"""Names across files: `use:` brings them in, `like:` and `from:` begin with another's values."""
+"""Names across files: `use:` brings them in, `like:` and `from:` start from another's values."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ergon.scores.reading.sections import SCORE
 
 # Sections whose names other files may use.
 SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
-# Sections that say what happens, which a file that is used brings to nobody.
+# Sections of events: `use:` does not bring them in.
 PLAYED = ("strikes", "automation", "duet", "parts")
 MAX_USES = 20  # files deep
 MAX_NAMES = 20_000  # that other files bring to one
@@ -34,7 +34,9 @@ _Named = TypeVar("_Named", Gesture, TakeFile, Key | Instrument)
 
 @dataclass(slots=True)
 class Entry:
-    """A named thing as written, the names that it may use, and their prefix as seen from here."""
+    """A named thing as written, the names that it may use, and their prefix in the file that uses
+    it.
+    """
 
     values: Any  # Values or a finished object, or MISSING
     home: Names
@@ -43,7 +45,7 @@ class Entry:
 
     @property
     def place(self) -> Place | None:
-        """Where it is written; of a finished object where it is brought in."""
+        """Where it is written; for a finished object, where it is brought in."""
         return self.values.place if isinstance(self.values, Values) else self.brought
 
 
@@ -68,7 +70,7 @@ class Uses:
     """Reads a score and all the files that it uses."""
 
     def __init__(self, files: Files, collector: Collector) -> None:
-        """Start with nothing read."""
+        """Start with no file read."""
         self.files = files
         self.collector = collector
         self._read: dict[str, Names] = {}
@@ -103,7 +105,7 @@ class Uses:
     def _bring(
         self, names: Names, file: str, place: Place, prefix: str, include: Include | None = None
     ) -> Names | None:
-        """Bring in the names of a file, which are returned; None after a report."""
+        """Bring in the names of a file, and return them; None if an error was reported."""
         if len(self._open) > MAX_USES:
             message = f"`use:` is nested more than {MAX_USES} files deep"
             self.collector.error("E105", message, place)
@@ -143,7 +145,7 @@ class Uses:
         return used if used.score is not None else None
 
     def _tell_unplayed(self, score: Values, file: str, place: Place, *, is_played: bool) -> None:
-        """W330 where a file that is used has sections that only a score of its own plays."""
+        """Report W330 if a file has sections that are not used, for it is not played by itself."""
         unplayed = [section for section in (YIELDING if is_played else PLAYED) if score[section]]
         if unplayed:
             message = f"what {file} says in {_and(unplayed)} is left out"
@@ -169,9 +171,10 @@ class Uses:
             self.collector.error("E303", message, place, help="use: {c: file} brings in c.name")
 
     def resolved(self, section: str, entry: Entry) -> tuple[Values | None, frozenset[str]]:
-        """What was written with `like:` and `from:` followed, and the names that mean itself there.
+        """The values with `like:` and `from:` followed, and the names that refer to the thing
+        itself there.
 
-        The values are None after a report.
+        The values are None if an error was reported.
         """
         chain: list[Values] = []
         while True:
@@ -273,5 +276,5 @@ def _and(words: Sequence[str]) -> str:
 
 
 def called(made: _Named, name: str) -> _Named:
-    """The thing under the name by which this score knows it."""
+    """The thing with the name that this score gives it."""
     return made if made.name == name else replace(made, name=name)

@@ -1,1 +1,1 @@
-"""From a checked piece to the network and the timeline that play it."""
+"""Builds, from a checked piece, the network and the timeline that play it."""

@@ -1,6 +1,6 @@
-"""From `automation:` to points in time through which the engine moves parameters.
+"""Turns `automation:` into points in time through which the engine moves parameters.
 
-Which may move is decided by `scores/reading/automatable.py`.
+Which parameters may move is decided by `scores/reading/automatable.py`.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from ergon.scores.reading.automation import Automation, Shape, Swing
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.parameter_values import Led, Points, Where
 
-# A value that a pattern sets is reached in this time [s]: a jump would click.
+# Time in which a value set by a pattern is reached [s]: a jump would click.
 GLIDE = 0.02
 MAX_POINTS = 200_000
-GRID = _core.GRID  # frames from one place at which the engine has points to the next
-# How far back the value that holds at a beat is looked for, in places of its pattern.
+GRID = _core.GRID  # frames between the instants of the engine's points
+# How many places of its pattern are searched backward for the value that holds at a beat.
 _BACK = 256
-# The pitch of a note is there so many frames before its strike: a place of the engine's grid.
+# The pitch of a note is reached this many frames before its strike: one step of the engine's grid.
 _EARLY = 64
-# A swing is drawn by straight pieces, sixteen in each quarter: sin(j π / 32).
+# A swing is approximated by straight segments, sixteen in each quarter: sin(j π / 32).
 _QUARTER = (
     *(0.0, 0.0980171403295606, 0.19509032201612825, 0.29028467725446233, 0.3826834323650898),
     *(0.47139673682599764, 0.5555702330196022, 0.6343932841636455, 0.7071067811865475),
@@ -40,13 +40,15 @@ _QUARTER = (
 _HALF = (*_QUARTER[:-1], *reversed(_QUARTER))
 _SINE = (*_HALF[:-1], *(0.0 - x for x in _HALF))
 _PIECES = len(_SINE) - 1
-# Places on the engine's grid at which a glide has points of its own, at most.
+# The largest number of positions on the engine's grid at which a glide has points of its own.
 _PLACES = 1_024
 
 
 @dataclass(slots=True)
 class _Curve:
-    """A parameter over time: instants [s], rising, and values; it stays before and after them."""
+    """A parameter over time: rising instants [s] and values; constant before the first and after
+    the last.
+    """
 
     own: float
     t: list[float] = field(default_factory=list)
@@ -54,12 +56,12 @@ class _Curve:
     within: set[float] = field(default_factory=set)  # instants inside glides
 
     def to(self, instant: float, value: float) -> None:
-        """Go on to a value, evenly from the last point."""
+        """Add a value, reached linearly from the last point."""
         self.t.append(max(instant, self.t[-1]) if self.t else instant)
         self.x.append(value)
 
     def set(self, instant: float, value: float, stop: float = math.inf) -> None:
-        """Set a value from an instant on, reached soon after, or by `stop`."""
+        """Set a value from an instant on; it is reached within GLIDE, or by `stop`."""
         self.to(instant, self.x[-1] if self.x else self.own)
         self.to(min(instant + GLIDE, stop), value)
 
@@ -76,7 +78,7 @@ class _Curve:
 def automated(
     piece: Piece, since: float, until: float, collector: Collector
 ) -> dict[Where, Points]:
-    """The points of each module with automation, for the beats from `since` to `until`."""
+    """The points of each automated module, for the beats from `since` to `until`."""
     lines: dict[Where, dict[str, list[Automation]]] = {}
     for one in (*piece.automation, *_notes(piece)):
         where = one.target.part, one.target.module
@@ -113,7 +115,9 @@ def automated(
 
 
 def _points(led: Led, curves: Mapping[str, _Curve], whole: _Curve | None) -> Points:
-    """The points of a module some of whose parameters are led, as a part of a `whole` that is."""
+    """The points of a module with automated parameters, which may also follow the automation of a
+    `whole` instrument.
+    """
     all_curves = [*curves.values(), *([] if whole is None else [whole])]
     known: dict[tuple[float, ...], tuple[float, ...]] = {}
     points = []
@@ -130,10 +134,11 @@ def _points(led: Led, curves: Mapping[str, _Curve], whole: _Curve | None) -> Poi
 
 
 def _chords(points: Points, within: Container[float]) -> Points:
-    """Points whose chords have the means of the curve that they lie on, to fourth order.
+    """Points moved so that their chords have the same means as the curve through them, to fourth
+    order.
 
-    What is led goes straight from point to point, and a pitch that is a little too high all the
-    way would end on another phase.
+    The engine interpolates linearly, and a pitch that is slightly too high all the way would end
+    with a wrong phase.
     """
     made = list(points)
     for at in range(1, len(points) - 1):
@@ -145,7 +150,7 @@ def _chords(points: Points, within: Container[float]) -> Points:
 
 
 def value_on(piece: Piece, where: Where, parameter: str, beat: float) -> float:
-    """The value of a parameter on a beat, as automation leads it."""
+    """The value of a parameter on a beat, with automation applied."""
     led = Led.of(piece, where)
     assert led is not None
     lines = [
@@ -158,7 +163,7 @@ def value_on(piece: Piece, where: Where, parameter: str, beat: float) -> float:
 
 
 def _notes(piece: Piece) -> Iterator[Automation]:
-    """The pitches of strikes that have notes."""
+    """Automation of the pitches of strikes that have notes."""
     tempo = piece.tempo_map
     for one in piece.strikes:
         if not one.notes or one.pattern is None:
@@ -177,7 +182,7 @@ def led_on(
 ) -> dict[Where, Points]:
     """The points of a stage that takes over at `start` [s] from one with other points.
 
-    What is as before goes on to the last bit; what differs goes over within `GLIDE`.
+    Points that do not change continue bit by bit; others are reached within `GLIDE`.
     """
     found: dict[Where, Points] = {}
     for where in {**before, **after}:
@@ -198,18 +203,18 @@ def led_on(
 
 
 def _is_same(old: Points, new: Points, start: float) -> bool:
-    """Whether two rows of points are one from an instant on, as far as both go."""
+    """Whether two sequences of points are equal from an instant on, as far as both go."""
     old_from, new_from = (
         max(0, bisect_right(points, start, key=lambda point: point[0]) - 1) for points in (old, new)
     )
     old, new = old[old_from:], new[new_from:]
-    if len(old) == 1 or len(new) == 1:  # one of them stays
+    if len(old) == 1 or len(new) == 1:  # one of them is constant
         return all(point[1:] == old[0][1:] for point in (*old, *new))
     return all(one == other for one, other in zip(old, new, strict=False))
 
 
 def value_at(points: Points, instant: float) -> tuple[float, ...]:
-    """The numbers of an instant [s]."""
+    """The numbers at an instant [s], interpolated linearly."""
     after = bisect_right(points, instant, key=lambda point: point[0])
     if after in (0, len(points)):
         return points[0 if after == 0 else -1][1:]
@@ -226,7 +231,9 @@ def _curve(
     until: float,
     collector: Collector,
 ) -> _Curve:
-    """One parameter: its lines one after another, its own value where there is none."""
+    """The curve of one parameter: its automation entries one after another, its own value in
+    between.
+    """
     tempo, curve, ended = piece.tempo_map, _Curve(own), -math.inf
     order = sorted(lines, key=lambda one: tempo.resolve(one.at))
     for one, following in zip(order, [*order[1:], None], strict=True):
@@ -257,7 +264,7 @@ def _curve(
 
 
 def _set(piece: Piece, one: Automation, curve: _Curve, stop: float, since: float) -> float:
-    """Add the values of a pattern to a curve; the beat on which the pattern ends."""
+    """Add the values of a pattern to a curve; returns the beat on which the pattern ends."""
     tempo = piece.tempo_map
     places = one.steps(tempo, piece.seed)
     course = places.course
@@ -284,10 +291,10 @@ def _set(piece: Piece, one: Automation, curve: _Curve, stop: float, since: float
 
 
 def _glide(piece: Piece, one: Automation, curve: _Curve, begin: float, stop: float) -> None:
-    """Add a glide or a written curve, as far as the beat `stop`; the value stays at its end."""
+    """Add a glide or a written curve up to the beat `stop`; afterwards the value stays."""
     tempo, here = piece.tempo_map, piece.tempo_map.seconds(begin)
     if isinstance(tempo, Standing):
-        if here < NEVER:  # where it is on the beat at which the piece stands
+        if here < NEVER:  # the value on the beat at which the piece stands
             goes = Shifted(tempo, 0.0)
             moving = _Curve(curve.own, [goes.seconds(begin)], [curve.at(here)])
             _glide(replace(piece, tempo_map=goes), one, moving, begin, stop)
@@ -310,14 +317,14 @@ def _glide(piece: Piece, one: Automation, curve: _Curve, begin: float, stop: flo
     path = list(zip(instants, values, ways, strict=True))
     last = min(instants[-1], tempo.seconds(stop))
     step = GRID / piece.rate
-    if one.over is not None:  # it sets out from the value that holds on the grid before it
+    if one.over is not None:  # it starts from the value on the grid before it
         curve.to(math.floor(here / step) * step, curve.at(here))
     first = max(curve.t[-1], here) if curve.t else here
     places = range(math.floor(first / step) + 1, math.ceil(last / step))
     if len(path) > 1 and len(places):
         stride = -(-len(places) // _PLACES)
         times = [place * step for place in places[::stride]]
-        # A corner has no curvature.
+        # Points near a corner are not corrected for curvature.
         near = stride * step * (1.0 + SAME)
         curve.within.update(t for t in times if all(abs(t - at) > near for at in instants))
         for t, value in zip(times, _core.path_values(path, times), strict=True):
@@ -334,7 +341,7 @@ def _inverse(value: float) -> float:
     return 1.0 / value
 
 
-# A glide goes evenly in pitch and in damping, whatever numbers say them.
+# Scales on which glides are linear: ln f for pitch, 1/t60 for damping.
 _SCALES: Mapping[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
     "f": (_core.ln, _core.exp),
     "t60": (_inverse, _inverse),
@@ -344,7 +351,7 @@ _SCALES: Mapping[str, tuple[Callable[[float], float], Callable[[float], float]]]
 def _swing(
     piece: Piece, swing: Swing, curve: _Curve, span: tuple[float, float], since: float
 ) -> None:
-    """Add a swing to a curve, from one period before the beat `since` on."""
+    """Add a swing to a curve, starting one period before the beat `since`."""
     tempo, own = piece.tempo_map, curve.own
     low, high = swing.low.of(own), swing.high.of(own)
     begin, stop = span
@@ -353,7 +360,7 @@ def _swing(
         return tempo.after(begin, swing.period.times(number / _PIECES))
 
     first = 0
-    if since > begin:  # where in the swing it is, found by halving: the tempo may have changed
+    if since > begin:  # bisection: the tempo may have changed
         first = max(0, first_from(beat_of, 1 << 24, since) - _PIECES)
     offset = round(swing.phase * _PIECES)
     for number in range(first, first + MAX_POINTS):
@@ -369,7 +376,9 @@ def _swing(
 
 
 def _share(shape: Shape, place: int) -> float:
-    """How far from the low end to the high one a swing is, at a piece of its period."""
+    """The position of a swing between its low end (0) and its high end (1), at a segment of its
+    period.
+    """
     if shape == "sine":
         return 0.5 + 0.5 * _SINE[place]
     if shape == "square":

@@ -1,4 +1,4 @@
-"""The network of a piece's modules, with its couplings and what is heard of them."""
+"""The network of a piece's modules, with its couplings and its outputs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OVER = -math.inf  # the end of a coupling that acts no longer
 
 @dataclass(frozen=True, slots=True)
 class BuiltNetwork:
-    """What is: the modules of a piece, the LIA of each coupling, and what is heard of them."""
+    """The modules of a piece as a network, the LIA of each coupling, and the outputs."""
 
     piece: Piece
     assembly: Assembly
@@ -31,7 +31,7 @@ class BuiltNetwork:
         return self.assembly.network
 
     def points_in_space(self) -> Iterator[list[int]]:
-        """Of each point in space its coordinates, as MATs, axis by axis."""
+        """The coordinates of each point in space, as MATs, axis by axis."""
         for name, instrument in self.piece.instruments.items():
             for module in instrument.modules:
                 firsts = self.assembly.points.get((name, module.name))
@@ -40,22 +40,23 @@ class BuiltNetwork:
                         yield [first + i for first in firsts]
 
     def of(self, piece: Piece, silent: Container[str] = ()) -> BuiltNetwork | None:
-        """The same modules as another piece's, if they are the same and heard in the same way.
+        """This network for another piece, if its modules and how they are heard are the same; else
+        None.
 
         `silent` are the instruments that are not listened to.
         """
         if silent != self.listening.silent:
             return None
         if not is_same_matter(self.piece, piece) or fades(self.piece) != fades(piece):
-            return None  # the tempo moves fades
+            return None  # fades depend on the tempo
         return replace(self, piece=piece)
 
 
 def build_network(piece: Piece, silent: Container[str]) -> BuiltNetwork:
     """The network of a piece; the `silent` instruments are not listened to.
 
-    Raises EngineError, with each module that is refused as one of its `refusals` if they are
-    several.
+    Raises EngineError for the first refused module; if several are refused, its `refusals` has
+    one error for each.
     """
     refused: list[_core.EngineError] = []
     assembly = Assembly(seed=piece.seed, refused=refused)
@@ -70,8 +71,8 @@ def build_network(piece: Piece, silent: Container[str]) -> BuiltNetwork:
 
 
 def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
-    """Keys, instruments and couplings; returns the LIA of each coupling."""
-    # Links reach the <M> points of other parts: all of those first.
+    """Add keys, instruments and couplings; returns the LIA of each coupling."""
+    # Links reach the <M> points of other parts, so all of these are added first.
     for name, key in piece.keys.items():
         assembly.part(name, key.modules, reach=key.reach, every=key.every)
     for name, made in piece.instruments.items():
@@ -90,7 +91,7 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
 
 
 def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
-    """From when to when [s] each coupling acts; until `OVER` what does so no longer."""
+    """When each coupling begins and ends to act [s]; the end is `OVER` if it has ended already."""
     tempo = piece.tempo_map
     for coupling in piece.duet:
         until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))

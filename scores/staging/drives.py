@@ -14,7 +14,7 @@ from ergon.scores.staging.takes import Takes
 
 
 def sounds_in(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str, tuple[int, float]]:
-    """The inputs: the number and the length [s] of the file of each, by name."""
+    """The inputs by name: the number of each, and the length [s] of its file."""
     found: dict[str, tuple[int, float]] = {}
     for name, take in piece.takes.items():
         if (own := take.input) is None:
@@ -36,12 +36,14 @@ def sounds_in(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str,
 
 
 def input_number(name: str) -> int:
-    """The engine's number of an input whose values come by OSC: the same in every version."""
+    """The engine's number of an OSC input; it is derived from the name, so that it is the same in
+    every version.
+    """
     return int.from_bytes(sha256(name.encode()).digest()[:8])
 
 
 def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, int]) -> None:
-    """ENX and ENF: imposed positions and forces, by a constant, a take or an input."""
+    """Impose positions (ENX) and forces (ENF) by a constant, a take or an input."""
     tempo = piece.tempo_map
     keys = [(name, key.modules, key.reach) for name, key in piece.keys.items()]
     instruments = [(name, i.modules, 1.0) for name, i in piece.instruments.items()]
@@ -51,7 +53,7 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
                 continue
             mat = assembly.mat(module.fields["to"])
             is_position = module.kind == "ENX"
-            # Behind a lever positions are seen times s, forces divided by it.
+            # Behind a lever positions are multiplied by s, and forces divided by s.
             scale = reach if is_position else 1.0 / reach
             source, at = module.fields["from"], module.fields["at"]
             constant = source * scale if isinstance(source, float) else None
@@ -61,7 +63,7 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
                 known = piece.takes.get(str(source))
                 take = None if known is None or known.input else hands.takes.get(str(source))
                 if take is None:
-                    continue  # what is wrong with it was reported
+                    continue  # reported already
             hands.timeline.drive(
                 mat,
                 "position" if is_position else "force",

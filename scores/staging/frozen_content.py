@@ -1,4 +1,6 @@
-"""What the sound of an instrument is a function of: what a frozen part must agree with."""
+"""Everything that determines the sound of an instrument: a frozen part is valid while it is the
+same.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +13,9 @@ from ergon.scores.staging.listening import heard
 
 
 def joined(piece: Piece, part: str) -> set[str]:
-    """The keys and instruments that hang together with an instrument by links, itself included.
+    """The keys and instruments that links connect to an instrument, directly or not, with itself.
 
-    Links to fixed points count too: what is said here of more than is needed is never wrong.
+    Links to fixed points count too: a larger group than needed does no harm.
     """
     near: dict[str, set[str]] = {}
     for one, other in _pairs(piece):
@@ -28,9 +30,9 @@ def joined(piece: Piece, part: str) -> set[str]:
 
 
 def content(piece: Piece, part: str) -> tuple[Any, ...]:
-    """The values that the outputs of an instrument are a function of, as values of a piece.
+    """The values of a piece that determine the outputs of an instrument.
 
-    What happens between its outputs and the loudspeakers is not among them.
+    Processing between its outputs and the loudspeakers is not included.
     """
     parts = joined(piece, part)
     players = {name: one for name, one in piece.players.items() if one.key in parts}
@@ -67,7 +69,7 @@ def _hits(strikes: Strikes, parts: Collection[str]) -> bool:
 
 
 def _pairs(piece: Piece) -> Iterator[tuple[str, str]]:
-    """Parts that touch each other, or of which one listens to the other."""
+    """Pairs of parts that a link joins, or of which one listens to the other."""
     for part, module in piece.modules():
         yield from ((part, target.part) for target in _targets(module))
     for coupling in piece.duet:

@@ -1,4 +1,4 @@
-"""From what players play to gestures on the timeline, every occurrence in its place in time."""
+"""Puts what players play on the timeline, as gestures, each occurrence at its instant."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from ergon.scores.staging.takes import Takes
 
 _DRAWN = ("jitter",)  # transformations that each occurrence draws anew
 
-# What is put on a timeline at most: 1.4 kB for each occurrence, and 0.1 kB for each of its points.
+# The most that is put on a timeline: 1.4 kB for each occurrence, and 0.1 kB for each of its points.
 MAX_PLAYED = 200_000
 MAX_POINTS = 750_000
 
@@ -59,7 +59,7 @@ class StagedGesture(NamedTuple):  # there may be a million: a tuple is made four
     start: float
     stop: float
     place: Place
-    # Its points on this occurrence: instants [s] and positions [m].
+    # The points of this occurrence: instants [s] and positions [m].
     t: Sequence[float] = ()
     x: Sequence[float] = ()
     curves: tuple[Curve, ...] = ()  # the ways into them
@@ -68,21 +68,21 @@ class StagedGesture(NamedTuple):  # there may be a million: a tuple is made four
 
     @property
     def throws(self) -> tuple[int, ...]:
-        """Indices of points that are thrown to."""
+        """Indices of the points that are reached by a throw."""
         if "throw" not in self.curves:
             return ()
         return tuple(i for i, curve in enumerate(self.curves) if i and curve == "throw")
 
 
 class Sources(Sequence[Place]):
-    """Places in the score by the number that comes back with an ergon; looked up when asked for."""
+    """Places in the score by the number that each ergon carries; they are computed on demand."""
 
     def __init__(self) -> None:
-        """Start with none."""
+        """Start without places."""
         self._of: list[Callable[[], Place]] = []
 
     def add(self, place: Callable[[], Place]) -> int:
-        """A number for a place."""
+        """Add a place; returns its number."""
         self._of.append(place)
         return len(self._of) - 1
 
@@ -103,7 +103,7 @@ class Sources(Sequence[Place]):
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """A written gesture on its key, but for the instant at which it begins."""
+    """A written gesture on its key, relative to its start."""
 
     key: str
     times: list[Time]
@@ -114,8 +114,9 @@ class _Shape:
 
 
 class Window(NamedTuple):
-    """What of a piece is played: occurrences that begin on beats `since` ≤ beat < `until`, and end
-    after the instant `after` [s]."""
+    """The part of a piece that is played: occurrences that begin on beats `since` ≤ beat < `until`,
+    and end after the instant `after` [s].
+    """
 
     since: float = -math.inf
     until: float = math.inf
@@ -127,7 +128,7 @@ ALL = Window()
 
 @dataclass(slots=True)
 class Hands:
-    """Puts plays on the timeline."""
+    """Puts plays on the timeline of the engine."""
 
     piece: Piece
     timeline: _core.Timeline
@@ -144,7 +145,7 @@ class Hands:
     _played: Counter[str] = field(default_factory=Counter)
 
     def key(self, name: str, struck: int) -> None:
-        """A key whose struck MAT is known."""
+        """Add a key, by the MAT that ergons strike."""
         self._keys[name] = self.timeline.key(name, struck), struck
 
     def other(self, piece: Piece, window: Window) -> Hands:
@@ -162,9 +163,9 @@ class Hands:
         )
 
     def play_parts(self, piece: Piece, still: Container[str] = ()) -> None:
-        """All occurrences of the lines of a piece, but on keys that stay `still`.
+        """Put all occurrences of the lines of a piece on the timeline, except on the keys `still`.
 
-        Of lines that are over before the window chance counts the occurrences, and that is all.
+        Lines that end before the window only advance the counts from which chance draws.
         """
         since, counts = self.window.since - SAME, self._occurrences
         for play, beats in zip(piece.parts, piece.starts, strict=True):
@@ -180,12 +181,12 @@ class Hands:
             self.play(play, beats)
 
     def play(self, play: Play, starts: Sequence[float] | None) -> None:
-        """All occurrences of one line of a part, on the beats `starts`, rising.
+        """Put all occurrences of one line of a part on the timeline, on the rising beats `starts`.
 
-        Without them it is a take, and one begins where the one before ends.
+        Without `starts` the line is a take that repeats end to end.
         """
         if self._key_of(play) not in self._keys:
-            return  # of a piece that had a key more
+            return  # the piece of the stage lacks this key
         if isinstance(starts, Steps):
             self._play_pattern(play, starts.with_seed(self.piece.seed))
         elif (gesture := self.piece.gestures.get(play.what)) is not None:
@@ -198,7 +199,7 @@ class Hands:
                 self._put_take(play, take, start)
 
     def _play_pattern(self, play: Play, places: Steps) -> None:
-        """What a pattern plays in its places within the window."""
+        """Put what a pattern plays in its places within the window on the timeline."""
         course = places.course
         since, until = self.window.since - SAME, self.window.until - SAME
         if places.last < since:
@@ -228,7 +229,9 @@ class Hands:
                 self._put_take(one, take, start)
 
     def _due(self, play: Play, starts: Sequence[float]) -> Sequence[float]:
-        """Those within the window; chance counts the ones before it as well."""
+        """The starts within the window; those before it are counted, because chance draws by
+        number.
+        """
         if self.window is ALL:
             return starts
         first = bisect_left(starts, self.window.since - SAME)
@@ -236,7 +239,7 @@ class Hands:
         return starts[first : bisect_left(starts, self.window.until - SAME)]
 
     def _room(self, play: Play, starts: Sequence[float], points: int = 1) -> Sequence[float]:
-        """Those for which the timeline has room; none after a report."""
+        """The starts, if the timeline has room for them; none if an error was reported."""
         _core.poll()
         self._played["occurrences"] += len(starts)
         self._played["points"] += len(starts) * points
@@ -258,7 +261,7 @@ class Hands:
         return starts
 
     def standin(self, player: Player) -> None:
-        """A live hand's stand-in, from the beginning of the piece."""
+        """Play a live hand's stand-in from the beginning of the piece."""
         name, place = str(player.standin), player.place
         play = Play(
             player.name, name, Position(), None, 1, None, (), PlayingOptions(), place, place, None
@@ -266,7 +269,7 @@ class Hands:
         self.play(play, (0.0,))
 
     def _ends(self, play: Play, take: _core.Take) -> list[float]:
-        """Beats on which a take is played end to end."""
+        """Beats on which a take begins if it repeats end to end."""
         tempo = self.piece.tempo_map
         at = tempo.resolve(play.at)
         until = None if play.until is None else tempo.resolve(play.until)
@@ -316,7 +319,7 @@ class Hands:
                 t[0],
                 t[-1],
                 play.place,
-                array("d", t),  # a quarter of what a list of floats takes
+                array("d", t),  # a quarter of the memory of a list
                 shape.x,
                 shape.curves,
                 shape.options["layer"],
@@ -332,7 +335,8 @@ class Hands:
         start: float,
         chance: Chance | None,
     ) -> _Shape:
-        """A gesture as it is played from a beat on; worked out once where nothing is drawn.
+        """A gesture as it is played from a beat on; kept for further occurrences if nothing in it
+        is random.
 
         Without a `chance` of its own it draws by the number of its occurrence.
         """
@@ -372,7 +376,9 @@ class Hands:
         )
 
     def _options_of(self, play: Play, gesture: Gesture) -> _Options:
-        """How a gesture is played by a line; lines without words of their own share it."""
+        """The options by which a line plays a gesture; lines without options of their own share one
+        object.
+        """
         if play.manner is not UNSAID:
             return self._options(play, play.manner.over(gesture.manner).over(DEFAULT_MANNER))
         key = play.player, gesture.name
@@ -431,7 +437,7 @@ class Hands:
             "force_limit": None if limit is None else limit / self._reach(play),
             "layer": manner.layer,
         }
-        return cast(_Options, options)  # DEFAULT_MANNER has left nothing unsaid
+        return cast(_Options, options)  # DEFAULT_MANNER has all options
 
     def _source(self, gesture: Gesture, point: Point) -> int:
         key = gesture.name, point.offset

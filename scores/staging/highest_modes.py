@@ -1,4 +1,4 @@
-"""The highest mode of each string and plate, and how many masses would reach higher."""
+"""The highest mode of each string and plate, and how many masses a higher one would need."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.built_network import BuiltNetwork
 from ergon.scores.staging.parameter_values import Points, Where
 
-FULL = 5_000.0  # [Hz] a body that stops below sounds dull
+FULL = 5_000.0  # [Hz] a body without modes above sounds dull
 _MOST_RADIUS = 400
-_BODIES_MAX = 256  # of a score: so many are looked at
+_BODIES_MAX = 256  # bodies of a score that are checked
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,9 @@ class HighestMode:
 
 
 def highest_modes(piece: Piece, built: BuiltNetwork) -> list[HighestMode]:
-    """Those of the first 256 bodies of instruments in SI units, in the order of the score."""
+    """The highest modes of the first 256 bodies of instruments in SI units, in the order of the
+    score.
+    """
     return list(_each(piece, built))
 
 
@@ -52,9 +54,11 @@ def _each(piece: Piece, built: BuiltNetwork) -> Iterator[HighestMode]:
 
 
 def stops_low(modes: list[HighestMode]) -> list[Diagnostic]:
-    """W331 for each body whose highest mode lies below 5 kHz, with the masses that would do.
+    """Report W331 for each body whose highest mode is below 5 kHz, with the number of masses that
+    would suffice.
 
-    Once for each place in a file, for notes and copies have it in common; never for the library's.
+    Each place in a file is reported once, because notes and copies share it; the library is not
+    reported.
     """
     lowest: dict[Place, HighestMode] = {}
     for one in modes:
@@ -75,7 +79,7 @@ def stops_low(modes: list[HighestMode]) -> list[Diagnostic]:
 def passes_limit(
     piece: Piece, built: BuiltNetwork, paths: Mapping[Where, Points]
 ) -> list[Diagnostic]:
-    """W332 for each body that automation leads past what one step a frame can follow, and when.
+    """Report W332 for each body that automation leads beyond what one step a frame can follow.
 
     The scheme is stable up to a mode at the rate over pi.
     """
@@ -105,7 +109,7 @@ def passes_limit(
 
 
 def _instant(points: Points, factor: float) -> float:
-    """When the first number of points first comes to a factor, which it passes [s]."""
+    """The instant at which the first number of the points first reaches a factor [s]."""
     for (t0, low, _), (t1, high, _) in pairwise(points):
         if low < factor <= high:
             return t0 + (t1 - t0) * (factor - low) / (high - low)
@@ -113,12 +117,13 @@ def _instant(points: Points, factor: float) -> float:
 
 
 def _enough(one: HighestMode) -> str:
-    """What to write, so that the highest mode is at about 5 kHz."""
+    """What to write so that the highest mode is at about 5 kHz."""
     module, fields = one.module, one.module.fields
     masses, more = member_count(module.kind, fields), FULL / one.hertz
     if module.kind == "STRING":
         return f"`masses: {ceil(masses * more)}`"
-    # The highest mode of a lattice goes by its spacing, of one that bends by the square of that.
+    # The highest mode of a lattice is inversely proportional to its spacing; if the plate bends, to
+    # the square of it.
     side = sqrt(more) if fields["bending"] is not None else more
     if fields["shape"] == "rectangle":
         across, up = (ceil(count * side) for count in fields["sides"])

@@ -1,4 +1,6 @@
-"""What a score may say and can hardly mean: pitches, gaps and stiffnesses out of reach."""
+"""Warnings about values that are valid but hardly intended: extreme pitches, gaps and
+stiffnesses.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,9 @@ from ergon.scores.reading.piece import Key, Piece
 
 
 def implausible(piece: Piece) -> list[Diagnostic]:
-    """W326 to W329 and W333, where each is written.
+    """Report W326 to W329 and W333, each where it is written.
 
-    Instruments under `units: ca` say nothing in SI.
+    Instruments under `units: ca` have no SI values to check.
     """
     scene = _Scene.of(piece)
     found: list[Diagnostic] = []
@@ -36,7 +38,9 @@ def implausible(piece: Piece) -> list[Diagnostic]:
 
 
 def _pitches(piece: Piece, name: str, module: Module) -> Iterator[Diagnostic]:
-    """W326 for strings and plates; a cell above half of the rate is refused (E309)."""
+    """Report W326 for strings and plates; a CEL above half of the rate is refused elsewhere
+    (E309).
+    """
     f, highest = module.fields.get("f"), 0.5 * piece.rate
     if module.kind in ("STRING", "PLATE") and isinstance(f, float) and f > highest:
         message = (
@@ -48,7 +52,7 @@ def _pitches(piece: Piece, name: str, module: Module) -> Iterator[Diagnostic]:
 
 
 def _gains(name: str, bristle: Module) -> Iterator[Diagnostic]:
-    """W333 where friction with memory may give energy (Barabanov and Ortega, 2000)."""
+    """Report W333 if friction with memory may generate energy (Barabanov and Ortega, 2000)."""
     f = bristle.fields
     level, static = f["Fc"], f["Fs"]
     if not isinstance(level, float) or not isinstance(static, float) or level <= 0.0:
@@ -67,7 +71,7 @@ def _gains(name: str, bristle: Module) -> Iterator[Diagnostic]:
 
 @dataclass
 class _Scene:
-    """Modules and keys, as far as the ends of links go."""
+    """Modules and keys by name, to look up the ends of links."""
 
     keys: dict[str, Key]
     modules: dict[tuple[str, str], Module] = field(default_factory=dict)
@@ -84,19 +88,22 @@ class _Scene:
         return own
 
     def gaps(self, name: str, but: Module) -> Iterator[Diagnostic]:
-        """W327 where a contact is pressed from the beginning, W329 where it is too wide."""
+        """Report W327 for a contact that is pressed at the beginning, W329 for one that the travel
+        cannot close.
+        """
         ends = (self.modules[end.part, end.module] for end in but.fields["between"])
         if any("axes" in end.fields for end in ends):
-            return  # points in space come from where they are
+            return  # points in space start where they are
         sign = 1.0 if but.fields["side"] == "below" else -1.0
         place = but.places.get("gap", but.place)
-        pressed, nearest = -inf, -inf  # of one over a range that of its points which is deepest
+        pressed, nearest = -inf, -inf  # the deepest of the points of a range
         for one in singles(but):
             (a, b), gap = one.fields["between"], one.fields["gap"]
             start = sign * (self._start(a) - self._start(b)) - gap
             pressed = max(pressed, start) if gap < 0.0 else pressed
             (low_a, high_a), (low_b, high_b) = self._travel(a), self._travel(b)
-            # The deepest that travels allow; what has no travel of its own stays where it begins.
+            # The deepest overlap that the travels allow; an end without a travel stays where it
+            # begins.
             nearest = max(nearest, (high_a - low_b if sign > 0 else high_b - low_a) - gap)
         if pressed > 0.0:
             message = (
@@ -115,7 +122,7 @@ class _Scene:
             yield Diagnostic("W329", message, place, None, help)
 
     def stiffness(self, piece: Piece, name: str, link: Module) -> Iterator[Diagnostic]:
-        """W328 where the two ends swing against each other, or touch, in less than a frame."""
+        """Report W328 if half a period of the two ends, or a touch, is shorter than a frame."""
         field = KINDS[link.kind].scaled[0]
         stiffness = link.fields.get(field)
         if not isinstance(stiffness, float) or stiffness <= 0.0:
@@ -124,7 +131,7 @@ class _Scene:
         if is_contact and (link.fields["exponent"] != 1.0 or link.fields["contact"] == "magic"):
             return
         ends = link.fields["between"]
-        # Where one mass meets a range, all of these pull on it together.
+        # If one mass is linked to a range, all its links pull on it together.
         inverse = sum(size(ends) / end.count / self._mass(end) for end in ends)
         if inverse == 0.0:
             return
@@ -151,18 +158,20 @@ class _Scene:
         return key.reach * low, key.reach * high
 
     def _start(self, end: Target) -> float:
-        """Where a single mass begins [m]; members of generators begin at 0."""
+        """The initial position of a single mass [m]; members of generators begin at 0."""
         module = self.modules[end.part, end.module]
         start = module.fields.get("X0")
         reach = self.keys[end.part].reach if end.part in self.keys else 1.0
         return reach * start if isinstance(start, float) else 0.0
 
     def _mass(self, end: Target) -> float:
-        """Of one MAT [kg], as the piece sees it; endless where nothing moves it."""
+        """The mass of one MAT [kg], as the piece sees it; infinite if it is fixed or its position
+        imposed.
+        """
         module = self.modules[end.part, end.module]
         if module.kind == "SOL" or (end.part, end.module, end.first) in self.imposed:
             return inf
-        if module.kind == "PROXY":  # as light as it is at its lightest mass
+        if module.kind == "PROXY":  # bound by its lightest mass
             shares = module.fields["shares"] or (1.0,)
             inverse = max(1.0 / self._mass(own) for own in module.fields["of"])
             inverse *= sum(share * share for share in shares)

@@ -1,4 +1,4 @@
-"""From an instrument's outputs and the mix's routes to taps of the network and channels."""
+"""Turns an instrument's outputs and the mix's routes into taps of the network and channels."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """From a tap of the network to a channel (from 0); `gain` is a ratio.
+    """A way from a tap of the network to a channel (from 0); `gain` is a ratio.
 
-    `quantity` is what the tap hears at the reference level, in SI units.
+    `quantity` is what the tap gives at the reference level, in SI units.
     """
 
     part: str
@@ -49,11 +49,12 @@ class Listening:
     ways: list[Way] = field(default_factory=list)
     rooms: tuple[Room, ...] = ()
     fade: Curve = ()  # of all channels
-    # Instruments whose taps hear nothing: somebody else knows what they sound like.
+    # Instruments whose taps give silence, because their sound is known from elsewhere (frozen
+    # parts).
     silent: Container[str] = ()
 
     def taps(self, part: str) -> list[int]:
-        """Taps that an instrument is heard by, rising."""
+        """The taps of an instrument, rising."""
         return sorted({way.tap for way in self.ways if way.part == part})
 
     def parts(self) -> list[str]:
@@ -69,10 +70,11 @@ class Listening:
         reference: float | None = None,
         parts: Collection[str] | None = None,
     ) -> _core.Mixer:
-        """A fresh mixer of all ways, or of some parts'; `highpass` [Hz] where a way has none.
+        """A new mixer of all ways, or of those of some parts; `highpass` [Hz] is for ways without
+        their own.
 
-        `reference` is the ratio of full scale at which reference quantities are heard; None leaves
-        SI units.
+        `reference` is the ratio of full scale at which reference quantities are heard; None
+        leaves SI units.
         """
         mixer = _core.Mixer(rate, n_out, self.n_channels)
         for room in self.rooms:
@@ -80,7 +82,7 @@ class Listening:
             mixer.room(room.name, channels, size=room.size, t60=room.t60, gain=room.gain)
         if self.fade:
             mixer.fade(self.fade)
-        # The routes of an instrument are a group: its gain may be moved while it sounds.
+        # The routes of an instrument form a group, whose gain may change while it sounds.
         groups = {name: group for group, name in enumerate(self.parts())}
         for way in self.ways:
             if parts is None or way.part in parts:
@@ -99,7 +101,7 @@ class Listening:
 
 
 def check_rooms(piece: Piece, collector: Collector) -> None:
-    """E202 where a room cannot fade as it is written."""
+    """Report E202 if a room's decay cannot be realised."""
     for room in piece.mix.rooms:
         try:
             _core.Mixer(piece.rate, 1, 1).room(room.name, [0], size=room.size, t60=room.t60)
@@ -108,7 +110,7 @@ def check_rooms(piece: Piece, collector: Collector) -> None:
 
 
 def heard(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
-    """What reaches loudspeakers, and by which route."""
+    """The outputs that reach loudspeakers, each with its route and its instrument."""
     routes = piece.mix.routes or tuple(_unsaid(piece))
     return [(route, *one) for route in routes for one in _of(piece, route)]
 
@@ -116,7 +118,7 @@ def heard(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
 def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Listening:
     """Add the taps that the piece's routes need to the network. Raises EngineError.
 
-    The taps of `silent` instruments are there and hear nothing.
+    Taps of `silent` instruments exist, but give silence.
     """
     all_heard = heard(piece)
     master = piece.mix.master
@@ -137,7 +139,8 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
             name = instrument.name, output.name
             if name not in taps:
                 taps[name] = _tap(listening, assembly, name, output)
-            # As many outputs as channels: one each, in order; else each output to all channels.
+            # With as many outputs as channels, each output has one channel, in order; else each
+            # goes to all channels.
             is_one_each = alone[route] == len(route.to) and route.pan is None
             channels = route.to[index : index + 1] if is_one_each else route.to
             _ways(listening, piece, taps[name], (c - 1 for c in channels), route, output)
@@ -148,9 +151,9 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
 
 
 def _unsaid(piece: Piece) -> Iterator[Route]:
-    """Without routes every output has a channel of its own, in the order written.
+    """The default routes: every output has a channel of its own, in the order written.
 
-    The notes of an instrument are heard from the same ones.
+    The notes of an instrument share its channels.
     """
     family = piece.note_families()
     channels: dict[tuple[str, str], int] = {}
@@ -193,7 +196,7 @@ def _ways(
 
 
 def fades(piece: Piece) -> list[Curve]:
-    """The fades of a piece, by its frames."""
+    """The fades of a piece in frames: that of the master, then those of the routes."""
     master = piece.mix.master
     return [
         _curve(piece, master.fade if master else ()),
@@ -202,7 +205,7 @@ def fades(piece: Piece) -> list[Curve]:
 
 
 def _curve(piece: Piece, fade: Fade) -> Curve:
-    """A fade by the frames of the piece."""
+    """A fade with its instants in frames of the piece."""
     tempo = piece.tempo_map
     instants = (tempo.seconds(tempo.resolve(point.at)) for point in fade)
     frames = (floor(max(-_NEVER, min(t, _NEVER)) * piece.rate + 0.5) for t in instants)
@@ -210,7 +213,7 @@ def _curve(piece: Piece, fade: Fade) -> Curve:
 
 
 def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output: Output) -> int:
-    """One output as one tap: the sum of what it listens to."""
+    """Add a tap for an output: the sum of its targets."""
     positions: list[_Range] = []
     forces: list[_Range] = []
     ground: list[_Range] = []
@@ -242,7 +245,7 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
 
 
 def _gauge(assembly: Assembly, name: tuple[str, str], ends: Sequence[Target]) -> int:
-    """A link that does nothing, by whose length a distance is heard; its index."""
+    """Add a link without a force, whose length is the distance that is heard; returns its index."""
     part, own = name
     assembly.network.part(part)
     a, b = (assembly.coordinates(end) for end in ends)
@@ -262,7 +265,7 @@ def _nearest(
     output: Output,
     route: Route,
 ) -> None:
-    """Each member to the loudspeaker that lies nearest to it: one tap for each loudspeaker."""
+    """Route each member to the loudspeaker nearest to it: one tap for each loudspeaker."""
     room = output.nearest or piece.mix.layout
     assert room is not None
     ears = Loudspeakers(room, instrument.placing)
@@ -284,12 +287,12 @@ def _nearest(
 
 
 def targets_of(instrument: Instrument, output: Output) -> Sequence[Target]:
-    """What an output listens to."""
+    """The targets of an output."""
     return output.targets or _everything(instrument)
 
 
 def _everything(instrument: Instrument) -> list[Target]:
-    """All members of an instrument's banks: what `SOF: {nearest: …}` listens to."""
+    """All members of an instrument's banks, which `SOF: {nearest: …}` listens to."""
     return [
         Target(instrument.name, module.name, 0, module.fields["count"], "", module.place)
         for module in instrument.modules

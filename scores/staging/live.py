@@ -1,4 +1,4 @@
-"""Keys in real hands: live from a device, played by a stand-in's gesture, or from a recording."""
+"""Keys in real hands: moved live from a device, by a stand-in's gesture, or from a recording."""
 
 from __future__ import annotations
 
@@ -20,28 +20,29 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    # Players whose hands are real: where each was at every tick (n_ticks,) [m], if that is known.
+    # Players whose hands are real, with the position at every tick (n_ticks,) [m] if it is known.
     Real = Mapping[str, NDArray[np.float64] | None]
 
-# A device is asked so often unless its player says otherwise [Hz].
+# How often a device is read unless its player has a `tick` [Hz].
 TICK = 1000.0
 _BLOCK = 4096  # frames
-# Positions of a hand that are known beforehand at most: 80 MB, held three times over.
+# The most positions of a hand that are known beforehand: 80 MB, held three times over.
 MAX_TICKS = 10_000_000
-# Frames of a key that moves at most, an hour at 44.1 kHz: their path takes some 20 s of CPU time.
+# The most frames computed for the path of a key, an hour at 44.1 kHz: some 20 s of CPU time.
 MAX_FRAMES = 160_000_000
-# Where a key is no longer depends on what was played so long before: it has swung back [s].
+# Time after which the position of a key no longer depends on what was played before [s].
 _SETTLED = 5.0
-# Between two gestures so far apart a key that has come to rest is not computed [s].
+# In a pause between gestures that is longer than this, a key at rest is not computed [s].
 _PAUSE = 60.0
-_AT_REST = 1e-12  # as far as it still moves there [m]
+_AT_REST = 1e-12  # largest movement of a key at rest [m]
 
 
 @dataclass(frozen=True, slots=True)
 class LiveHand:
-    """A real hand on a key. `standin` (n_ticks,) [m] is what plays while nobody is there.
+    """A real hand on a key. `standin` (n_ticks,) [m] are the positions that play while nobody is
+    there.
 
-    Its part, or what stands in for it, lasts `ticks`.
+    The player's part, or the stand-in, lasts `ticks`.
     """
 
     player: str
@@ -55,7 +56,9 @@ class LiveHand:
 
 
 def stand_ins(piece: Piece) -> dict[str, None]:
-    """Live players whose take moves their key as it was captured: alone on it, with no part."""
+    """Live players whose take moves the key as it was captured: they have no part, and their key no
+    other player.
+    """
     players_with_part = {play.player for play in piece.parts}
     keys = [player.key for player in piece.players.values()]
     return {
@@ -77,7 +80,9 @@ def join(
     *,
     rests: bool = False,
 ) -> Iterator[LiveHand]:
-    """Put every real hand on its key; where nobody is there its part plays, or it `rests`."""
+    """Put every real hand on its key; without a person the player's part plays, or the key
+    `rests`.
+    """
     import numpy as np
 
     tick_frames = _tick_frames(piece, real, collector)
@@ -98,7 +103,9 @@ def join(
 def _with_standin(
     recorded: NDArray[np.float64] | None, standin_path: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """What is known of a hand; before it was there its stand-in, which `known` marks by NaN."""
+    """The recorded positions of a hand; where they are NaN, before it was there, those of the
+    stand-in.
+    """
     import numpy as np
 
     if recorded is None:
@@ -112,7 +119,7 @@ def _with_standin(
 
 
 def check_players(piece: Piece, real: Real, collector: Collector) -> None:
-    """Raise StageError where a real hand plays whom the piece does not have."""
+    """Raise StageError if a real hand plays for a player that the piece does not have."""
     for name in real:
         if name not in piece.players:
             message = f"{quote(name)} plays on a device, and this score has no player of that name"
@@ -122,9 +129,9 @@ def check_players(piece: Piece, real: Real, collector: Collector) -> None:
 
 
 def held(piece: Piece, real: Real) -> Piece:
-    """The piece as it is computed where hands are real: of their keys the struck MAT alone.
+    """The piece with the keys in real hands reduced to their struck MAT.
 
-    The real key has what swings on it and what it rubs on; what was measured of these stays out.
+    The real key has its own modes and friction, so those that were measured are left out.
     """
     keys = {
         name: replace(piece.keys[name], modules=own)
@@ -135,13 +142,13 @@ def held(piece: Piece, real: Real) -> Piece:
 
 
 def _struck(key: Key) -> tuple[Module, ...]:
-    """The modules of a key that a hand holds; those that are written all stay."""
-    is_measured = key.struck == ""  # its CEL and what belongs to it have no names of their own
+    """The modules of a key in a real hand: the CEL of a measured key, or all that are written."""
+    is_measured = key.struck == ""  # then the module of the CEL has no name
     return tuple(own for own in key.modules if not is_measured or own.name == "")
 
 
 def _tick_frames(piece: Piece, real: Real, collector: Collector) -> int:
-    """Frames of a tick: all hands share one."""
+    """Frames in a tick: all hands share one rate."""
     ticks = {piece.players[name].tick or TICK: piece.players[name] for name in real}
     if len(ticks) > 1:
         player = [*ticks.values()][-1]
@@ -168,7 +175,7 @@ def _is_alone(piece: Piece, player: Player, real: Real, collector: Collector) ->
 def standin(
     piece: Piece, player: Player, tick_frames: int, collector: Collector
 ) -> NDArray[np.float64]:
-    """Where the player's part, or its stand-in, takes the key by itself, at every tick [m]."""
+    """Positions of the key at every tick if the player's part, or its stand-in, plays alone [m]."""
     import numpy as np
 
     alone = _alone(piece, player)
@@ -176,7 +183,7 @@ def standin(
     hands.play_parts(alone)
     if not alone.parts and player.standin:
         hands.standin(player)
-    # A part that is shifted to before the beginning is over when the piece begins.
+    # A part that is shifted to before the beginning has ended when the piece begins.
     end = max([0.0, *(gesture.stop for gesture in hands.gestures)])
     n_ticks = int(end * piece.rate) // tick_frames + 2
     if n_ticks > MAX_TICKS:
@@ -204,9 +211,9 @@ def standin(
 def leading(
     piece: Piece, name: str, spans: Sequence[tuple[Piece, Window]], tick_frames: int, ticks: range
 ) -> tuple[NDArray[np.float64], list[tuple[float, float]]]:
-    """Where a player's part takes its key by itself while stretches of this and other pieces last.
+    """Positions of a player's key while stretches of this and other pieces play, its part alone.
 
-    At each of the `ticks` (n_ticks,) [m], and from when to when [s] it plays in them.
+    At each of the `ticks` (n_ticks,) [m], with the start and end [s] of each gesture.
     """
     collector = Collector()
     first = max(0, ticks.start - int(_SETTLED * piece.rate) // tick_frames)
@@ -227,7 +234,7 @@ def leading(
 
 
 def _key(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Network, Hands]:
-    """The network of a player's key, which hears where it is, and hands on it."""
+    """The network of a player's key, with its position as output, and hands on it."""
     key = piece.keys[player.key]
     assembly = Assembly(seed=piece.seed)
     for add in (assembly.part, assembly.joins):
@@ -241,7 +248,7 @@ def _key(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Netw
 
 
 def _path(simulation: _core.Simulation, tick_frames: int, n_ticks: int) -> NDArray[np.float64]:
-    """Where it is at each of the next ticks (n_ticks,) [m]."""
+    """The position at each of the next ticks (n_ticks,) [m]."""
     import numpy as np
 
     block = max(1, _BLOCK // tick_frames)
@@ -257,9 +264,9 @@ def _path(simulation: _core.Simulation, tick_frames: int, n_ticks: int) -> NDArr
 def _sparse_path(
     network: _core.Network, hands: Hands, tick_frames: int, n_ticks: int
 ) -> NDArray[np.float64] | None:
-    """Where a key is at every tick (n_ticks,) [m]; long pauses at rest are not computed.
+    """Positions of a key at every tick (n_ticks,) [m]; long pauses at rest are not computed.
 
-    None where more than `MAX_FRAMES` would have to be computed.
+    None if more than `MAX_FRAMES` would have to be computed.
     """
     import numpy as np
 
@@ -277,7 +284,7 @@ def _sparse_path(
         at, first = busy_until, begins - round(rate) // tick_frames
         anew = _core.Simulation(network, hands.timeline, start=first * tick_frames)
         rest = _path(anew, tick_frames, 2)
-        # A key that does not begin at rest does not begin anew.
+        # A new simulation that does not start at rest cannot replace the one that has come to rest.
         if np.ptp(rest) > _AT_REST:
             n_moving += begins - busy_until
         while at < first and np.ptp(rest) <= _AT_REST:
@@ -297,11 +304,11 @@ def _sparse_path(
 
 
 def _pauses(hands: Hands, tick_frames: int, n_ticks: int) -> Iterator[tuple[int, int]]:
-    """Between which ticks no gesture is played for long: after the last one, before the next."""
+    """Long pauses without gestures, as the tick after the last one and the tick of the next."""
     rate, stop = hands.piece.rate, 0.0
     for gesture in sorted(hands.gestures, key=lambda gesture: gesture.start):
         if gesture.start > stop + _PAUSE:
-            # A throw may take a key on after the end of its gesture.
+            # A throw may move a key beyond the end of its gesture.
             yield (
                 int(stop * rate) // tick_frames + 1,
                 min(n_ticks, int(gesture.start * rate) // tick_frames),
@@ -310,7 +317,7 @@ def _pauses(hands: Hands, tick_frames: int, n_ticks: int) -> Iterator[tuple[int,
 
 
 def _alone(piece: Piece, player: Player) -> Piece:
-    """The piece with nothing in it but one player's part, on a key without a lever."""
+    """The piece reduced to one player's part, on a key without a lever."""
     own_parts = [
         pair
         for pair in zip(piece.parts, piece.starts, strict=True)

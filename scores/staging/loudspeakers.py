@@ -1,4 +1,4 @@
-"""From places on an instrument's bench to the loudspeakers of a room."""
+"""Maps places on an instrument's bench to the loudspeakers of a room."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ _ON_THE_BENCH = Placing(1.0, (0.0, 0.0), None)
 
 
 class Loudspeakers:
-    """Which loudspeaker of a room lies nearest to a place on an instrument's bench."""
+    """Finds the loudspeaker of a room that is nearest to a place on an instrument's bench."""
 
     def __init__(self, room: Layout, placing: Placing | None) -> None:
-        """`placing` None: as it lies on the bench, 1 m across in the middle of the plan."""
+        """Take the room; without `placing` a body of 1 m is 1 m wide, in the middle of the plan."""
         self._placing = placing or _ON_THE_BENCH
         self._is_in_space = self._placing.height is not None
         self._speakers = room.speakers
@@ -21,7 +21,7 @@ class Loudspeakers:
             self._speakers = tuple((*plan(place), 0.0) for place in room.speakers)
 
     def nearest(self, place: tuple[float, float]) -> int:
-        """Its index, from 0; of several that are as near the first."""
+        """The index of the nearest loudspeaker, from 0; the first if several are equally near."""
         placing = self._placing
         x = placing.across * place[0] + placing.at[0]
         y = placing.across * place[1] + placing.at[1]

@@ -1,4 +1,4 @@
-"""Which gestures cut others: one at a time per key, unless it is a layer."""
+"""Finds gestures that cut others: a key plays one at a time, unless it is a layer."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.hands import StagedGesture
 
-# What jitter moves at the seam of two repetitions is no cut that anyone wrote [s].
+# Overlaps up to this time, which jitter makes between repetitions, are not reported [s].
 _SEAM = 0.02
 
 
 def check_overlaps(piece: Piece, gestures: Sequence[StagedGesture], collector: Collector) -> None:
-    """Report gestures that begin before the one before has ended (W310), and layers over a tracked
-    gesture (W313), once for each line."""
+    """Report gestures that begin before the previous one has ended (W310), and layers over a
+    tracked gesture (W313), once for each line.
+    """
     keys: dict[str, list[StagedGesture]] = {}
     for gesture in gestures:
         keys.setdefault(gesture.key, []).append(gesture)

@@ -1,7 +1,8 @@
-"""What leads the parameters of a module: its numbers for given values, as the engine takes them.
+"""The numbers by which the engine changes a module, for given values of its parameters.
 
-The numbers are K, Z and M of a CEL; factors of K and of Z for links and for the links of a STRING
-or a PLATE; the square of the factor of all frequencies and the factor of all decay rates of a BANK.
+The numbers are K, Z and M of a CEL; factors of K and of Z for links and for the links of a
+STRING or a PLATE; the square of the factor of all frequencies and the factor of all decay rates
+of a BANK.
 """
 
 from __future__ import annotations
@@ -25,12 +26,14 @@ Where = tuple[str, str]  # a part and one of its modules
 Point = tuple[float, ...]  # an instant [s] and numbers
 Points = Sequence[Point]
 
-_FOR_EVER = 1e9  # the t60 of what does not fade [s]
+_FOR_EVER = 1e9  # the t60 without decay [s]
 _BODIES = ("STRING", "PLATE")
 
 
 class Led:
-    """A module some of whose parameters are led; `scale` turns its values into the piece's."""
+    """A module with automated parameters; `scale` turns its values into those that the piece
+    sees.
+    """
 
     def __init__(self, module: Module, scale: float) -> None:
         """Take a module."""
@@ -41,7 +44,7 @@ class Led:
 
     @classmethod
     def of(cls, piece: Piece, where: Where) -> Led | None:
-        """A module of a piece; None where it is not."""
+        """A module of a piece; None if it does not exist."""
         name, module_name = where
         key = piece.keys.get(name)
         part = key or piece.instruments.get(name)
@@ -55,12 +58,12 @@ class Led:
 
     @property
     def cost(self) -> int:
-        """How many places of the engine a point takes."""
+        """How many entries a point takes in the engine."""
         kind = self.module.kind
         return member_count(kind, self.module.fields) if kind == "BANK" else 1
 
     def numbers(self, said: Mapping[str, float]) -> tuple[float, ...]:
-        """Its numbers where some parameters have other values."""
+        """The module's numbers, if some parameters have the values `said`."""
         kind = self.module.kind
         if kind == "CEL":
             return _tied(self.module, self.own, said, self.scale)
@@ -77,14 +80,16 @@ class Led:
         return tuple(said[name] / self.own[name] if name in said else 1.0 for name in scaled)
 
     def transposed(self, numbers: tuple[float, ...], ratio: float) -> tuple[float, ...]:
-        """Its numbers where all times are divided by a ratio, as `transpose` does."""
+        """The numbers with all times divided by a ratio, as `transpose` does."""
         stiffness, viscosity, *rest = numbers
         return (stiffness * ratio * ratio, viscosity * ratio, *rest)
 
     def put(
         self, timeline: _core.Timeline, assembly: Assembly, where: Where, points: Points
     ) -> None:
-        """Let the engine lead it. Raises EngineError."""
+        """Put the points on the timeline, so that the engine moves the module. Raises
+        EngineError.
+        """
         kind = self.module.kind
         if kind == "CEL":
             timeline.path(assembly.mats[where], [(t, k, z, m) for t, k, z, m in points])
@@ -98,7 +103,7 @@ class Led:
 
 
 def _own(module: Module) -> dict[str, float]:
-    """The parameters of a module as they are."""
+    """The parameters of a module as written."""
     fields = module.fields
     if module.kind == "INSTRUMENT":
         return {"f": float(fields["f"])}
@@ -124,7 +129,7 @@ def _own(module: Module) -> dict[str, float]:
 def _tied(
     module: Module, own: Mapping[str, float], said: Mapping[str, float], scale: float
 ) -> tuple[float, float, float]:
-    """K, Z and M of a CEL some of whose parameters have other values."""
+    """K, Z and M of a CEL, if some parameters have the values `said`."""
     fields: dict[str, Any] = dict(module.fields)
     if said.keys() & {"f", "t60"} and not fields.get("f"):
         fields |= own
@@ -139,7 +144,7 @@ def _tied(
 
 
 def _square_and_sigma(values: Mapping[str, float]) -> tuple[float, float]:
-    """The square of the lowest frequency without losses [1/s²] and the decay rate [1/s]."""
+    """The square of the lowest angular frequency without losses [1/s²] and the decay rate [1/s]."""
     omega, t60 = TWO_PI * values["f"], values["t60"]
     sigma = LN_1000 / t60 if t60 < _FOR_EVER else 0.0
     return omega * omega + sigma * sigma, sigma

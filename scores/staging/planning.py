@@ -1,4 +1,6 @@
-"""A plan within the accuracy that a piece asks for, and what would fit where it costs too much."""
+"""Makes a plan within the accuracy that a piece asks for, and tells what would fit if it costs too
+much.
+"""
 
 from __future__ import annotations
 
@@ -10,27 +12,27 @@ from typing import Protocol, TypedDict
 from ergon import _core
 from ergon.scores.reading.piece import Accuracy, Method
 
-# What is offered where a plan costs too much, the most exact first [dB].
+# Errors that are offered if a plan costs too much, the most exact first [dB].
 _LOOSER = (-80.0, -60.0, -40.0, -20.0)
-# Parts of the allowance of work for trials: of the plan that is asked for and, where its cost is
-# bounded, of each that is looser. They add up to 1.
+# Shares of the work for trials: for the requested plan and, if its cost is bounded, for each looser
+# one. They add up to 1.
 _SHARE, _LOOSER_SHARE = 0.5, 0.125
-# What a draft leaves out is below the sound by so much, as errors of its contacts may be [dB].
+# The error that a draft may have: omitted modes are this far below the sound [dB].
 _DRAFT = -20.0
-# Methods of meshes, whose errors are known from trials alone.
+# Methods of meshes, whose errors are known only from trials.
 _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
 
-# What accuracy by ear allows of pitches, T60 and third octaves.
+# What accuracy by ear allows for pitches, T60 and third octaves.
 _BY_EAR = (3.0, 0.05, 1.0)  # [cents, of T60, dB]
-# Mean difference of third octaves that rounding alone makes where a motion is chaotic [dB]: ALIKE
-# in core-rs/engine/src/plan/trial/search.rs.
+# Mean difference of third octaves that rounding alone causes in a chaotic motion [dB]: ALIKE in
+# core-rs/engine/src/plan/trial/search.rs.
 _ALIKE = 2.0
 
 Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
 
 
 class Store(Protocol):
-    """What trials of earlier plans found."""
+    """Keeps the results of trials of earlier plans."""
 
     def get(self, key: str) -> _core.TrialRecord | None:
         """The record that was kept under a key."""
@@ -39,11 +41,11 @@ class Store(Protocol):
         """Keep a record."""
 
     def forget(self) -> None:
-        """Remove what was used least recently, until the rest is within bounds."""
+        """Remove the records used least recently, until the rest is within bounds."""
 
 
 class _CountedStore:
-    """A store that knows whether all that was asked for was there."""
+    """A store that counts the records it found, and the new ones."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -65,9 +67,9 @@ class _CountedStore:
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A plan, the accuracy that it was made for, and what is to be said of it (code and sentence).
+    """A plan, the accuracy it was made for, and notes on it (code and sentence).
 
-    `is_kept`: all that its trials would find was kept from before.
+    `is_kept`: all results of its trials were kept from before.
     """
 
     plan: _core.Plan
@@ -89,7 +91,9 @@ class _Budget(TypedDict):
 
 
 class Watched(TypedDict, total=False):
-    """Parts that are looked at, and in how many frames what nobody hears of them goes once."""
+    """Parts that are computed to be seen, and the frames from step to step of those that nobody
+    hears.
+    """
 
     seen: Sequence[str]
     seen_every: int
@@ -102,7 +106,7 @@ def _budget(wished: Accuracy) -> _Budget:
 
 
 class _Planner:
-    """Plans of one piece, of which trials of earlier plans may tell."""
+    """Makes plans of one piece, using results of earlier trials."""
 
     def __init__(
         self,
@@ -118,16 +122,13 @@ class _Planner:
         self._like = like
 
     def plan(self, wished: Accuracy, share: float = 1.0) -> _core.Plan:
-        """A plan, whose trials take a share of the work."""
+        """A plan whose trials take a share of the work."""
         how = _budget(wished)
         store, like, watched = self._store, self._like, self._watched
         return _core.Plan(*self._of, **how, **watched, store=store, like=like, share=share)
 
     def finish(self) -> bool:
-        """Forget trials of earlier plans that these did not use.
-
-        Whether no trial had to be played anew.
-        """
+        """Let the store remove old records; returns whether no trial had to be run."""
         if self._store is None:
             return False
         self._store.forget()
@@ -147,15 +148,15 @@ def make(
     is_draft: bool = False,
     watched: Watched | None = None,
 ) -> Planned:
-    """The cheapest plan that is exact enough. Raises EngineError where there is none.
+    """The cheapest plan that is exact enough. Raises EngineError if there is none.
 
-    A draft is the cheapest that is stable, whatever the accuracy: it is made without trials.
+    A draft is the cheapest stable plan, whatever the accuracy; it is made without trials.
 
-    Where `cpu` alone is given: the most exact plan that it can pay for. What is as in a plan that
-    it is to be `like` is computed as there. Not `is_foreseen`: hands or a session play too. Work
-    takes `correction` times as long here as the table of costs says: so much is told, and asked of
-    `cpu` where the accuracy is given too; what is computed rests on the table alone. Parts that are
-    `watched` are computed even if nobody hears them.
+    With `cpu` alone, the plan is the most exact that fits. Parts that are the same in the plan
+    `like` are computed as there. `is_foreseen` is False if hands or a session play too. Real
+    work is `correction` times that in the table of costs: notes use it, and so does the
+    comparison with `cpu` if an accuracy is given too; the choice of methods uses the table
+    alone. Parts that are `watched` are computed even if nobody hears them.
     """
     watched = watched or Watched()
     if pins is not None:
@@ -198,7 +199,7 @@ def make(
 
 
 def draft_error(plan: _core.Plan) -> str:
-    """What is known of the error of a plan that was made without trials, as a sentence."""
+    """A sentence on the known error of a plan that was made without trials."""
     rows = [row for row in plan.rows() if row.cost > 0.0]
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
     tried = [row for row in rows if row.what in _BY_TRIAL or row.what in ("stepped", "e4")]
@@ -211,7 +212,7 @@ def draft_error(plan: _core.Plan) -> str:
 
 
 def _percent(part: float) -> str:
-    """A part of a core [%], with two digits at least and no exponent."""
+    """A part of a core [%], with at least two digits and without an exponent."""
     percent = 100 * part
     digits = 0 if percent >= 10 or percent <= 0 else 1 - math.floor(math.log10(percent))
     shown = f"{percent:.{digits}f}"
@@ -219,7 +220,9 @@ def _percent(part: float) -> str:
 
 
 def _cut_short(plan: _core.Plan, error: float | None) -> list[str]:
-    """Parts whose trials ended because the allowance was spent, and what is known of them."""
+    """A sentence for parts whose trials ended at the work limit, with what is known of their
+    error.
+    """
     found: dict[tuple[float | None, float | None], list[str]] = {}
     for row in plan.rows():
         if row.cut_short:
@@ -239,9 +242,9 @@ def _cut_short(plan: _core.Plan, error: float | None) -> list[str]:
 
 
 def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list[str]:
-    """Parts whose error stays above what is asked for, is not known, or holds for some time only.
+    """A sentence for parts whose error is above `error`, unknown, or known for some time only.
 
-    Once an island. Where hands or a session play, nobody knows any error beforehand.
+    One sentence for each island. If hands or a session play, no error is known beforehand.
     """
     if error is None:
         return []
@@ -277,7 +280,7 @@ def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list
 
 
 def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
-    """Parts of which more is heard of an error than pitch by ear, or to so many cents, allows."""
+    """A sentence for parts whose audible error is above what is allowed by ear, or in cents."""
     share = 1.0 if cents is None else cents / _BY_EAR[0]
     most_cents, most_t60, most_db = allowed = [share * value for value in _BY_EAR]
     islands: dict[str, list[str]] = {}
@@ -305,7 +308,7 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
 
 
 def said_of(heard: _core.AudibleError) -> str:
-    """What is heard of an error, as part of a sentence."""
+    """The audible error as part of a sentence."""
     return (
         f"pitches are off by up to {heard.cents:.2g} cents, T60 by {100 * heard.t60:.2g}% and "
         f"audible third octaves by {heard.third_octave_db:.2g} dB"
@@ -315,7 +318,7 @@ def said_of(heard: _core.AudibleError) -> str:
 def wished(
     accuracy: Accuracy, *, method: str | None, error: float | None, cents: float | None
 ) -> Accuracy:
-    """What the command line asks for instead of the score; `cpu` stays."""
+    """The accuracy with what the command line asks for in place of the score's; `cpu` stays."""
     if method is None and error is None and cents is None:
         return accuracy
     upto = accuracy.upto if cents is not None else None

@@ -1,4 +1,4 @@
-"""A piece prepared: the network, and the timeline of all that will happen in it."""
+"""Prepares a piece: the network, and the timeline of all events in it."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
 LONGEST_TAIL = 60.0  # [s] of a score whose tail is `auto`
-MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
+MAX_SECONDS = 24 * 3600.0  # a day; a longer piece is a mistake
 
 
 class Earlier(Protocol):
-    """A stage that was prepared before: what of it may be used again."""
+    """A stage that was prepared before, whose results may be reused."""
 
     built: BuiltNetwork
     takes: Mapping[Hashable, _core.Take]
@@ -44,7 +44,7 @@ class Earlier(Protocol):
 
 
 class Span(NamedTuple):
-    """A stretch of a session: what a piece says of it is played."""
+    """A stretch of a session: the part of a piece that it plays."""
 
     piece: Piece
     window: Window
@@ -52,7 +52,7 @@ class Span(NamedTuple):
 
 @dataclass(slots=True)
 class Ready:
-    """All of a piece but what computes it. `collector` holds warnings and notes."""
+    """A piece without its simulation. `collector` holds warnings and notes."""
 
     built: BuiltNetwork
     timeline: _core.Timeline
@@ -65,7 +65,7 @@ class Ready:
 
     @property
     def network(self) -> _core.Network:
-        """What is."""
+        """The network of the modules."""
         return self.built.network
 
 
@@ -78,13 +78,12 @@ def prepare(
     like: Earlier | None = None,
     start: int = 0,
 ) -> Ready:
-    """What is and what will happen in a piece. Raises StageError with every mistake found.
+    """Build the network and the timeline of a piece. Raises StageError with every mistake found.
 
-    `real`: players whose hands are real, and where each was at every tick, if that is known;
-    `silent`: instruments that are not listened to; `spans`: what is played by parts of this piece
-    and of others before it, all of this one if nothing is said; `like`: a stage whose takes, and
-    whose network where it is the same, are used again; `start`: the frame at which this takes over
-    from it.
+    `real`: players whose hands are real, with their position at every tick if it is known;
+    `silent`: instruments that are not listened to; `spans`: what parts of this piece and of
+    earlier ones play, by default all of this one; `like`: a stage whose takes, and whose network
+    if it is the same, are reused; `start`: the frame at which this stage takes over from `like`.
     """
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
@@ -98,7 +97,7 @@ def prepare(
             timeline.leave_unguarded()
         takes = Takes(piece, collector, like.takes if like else {})
         hands = Hands(piece, timeline, takes, collector)
-        # What a session plays has no end that its parts could stand in until.
+        # A session has no end up to which a stand-in could play.
         rests = spans is not None
         live = tuple(join(piece, real, assembly, timeline, collector, rests=rests))
         played = [Span(piece, ALL)] if spans is None else spans
@@ -130,7 +129,7 @@ def prepare(
 def _automate(
     piece: Piece, spans: Sequence[Span] | None, n_frames: int, collector: Collector
 ) -> dict[Where, Points]:
-    """The points of modules with automation, as far as the piece or its last stretch goes."""
+    """The points of automated modules, up to the end of the piece or of its last stretch."""
     tempo = piece.tempo_map
     if not piece.automation and not any(strikes.notes for strikes in piece.strikes):
         return {}
@@ -144,7 +143,7 @@ def _automate(
 
 
 def _length(piece: Piece, live: Sequence[LiveHand]) -> float:
-    """When the last of what real hands are to do ends [s]."""
+    """When the parts of real hands have ended [s]."""
     return max((hand.tick_frames * hand.ticks / piece.rate for hand in live), default=0.0)
 
 
@@ -156,7 +155,7 @@ def _play(
     real: Real,
     spans: Sequence[Span],
 ) -> float:
-    """Put everything virtual that happens on the timeline; returns when the last of it ends [s]."""
+    """Put all virtual events on the timeline; returns when the last one ends [s]."""
     timeline = hands.timeline
     live_keys = {piece.players[name].key for name in real}
     for name, key in piece.keys.items():
@@ -196,7 +195,7 @@ def _within(piece: Piece, window: Window) -> tuple[float, float]:
 
 
 def _frames(piece: Piece, end: float, collector: Collector) -> int:
-    """⌈(end + tail)·rate⌉ frames; a whole number of frames is not rounded up by its last bit."""
+    """⌈(end + tail)·rate⌉ frames; rounding errors do not add a frame."""
     tail = piece.render.tail
     seconds = end + (LONGEST_TAIL if tail == "auto" else tail)
     if seconds > MAX_SECONDS:

@@ -1,4 +1,6 @@
-"""A piece whose outputs are measured points: single masses, ends of contacts, heard members."""
+"""A piece whose outputs are points to measure: single masses, ends of contacts, members that are
+heard.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ _NAME = "measured points"  # no instrument of a score has a name with a space
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A MAT that is measured, by the number of its output; `name` is from outside its part."""
+    """A MAT that is measured, by the number of its output; `name` is its full name."""
 
     name: str
     output: int
@@ -26,7 +28,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """A BUT, or one point of a BUT over a range: its striker `a` and what this strikes, `b`.
+    """A BUT, or one point of a BUT over a range: `a` strikes `b`.
 
     `whole` is the name of the BUT as it is written.
     """
@@ -40,7 +42,7 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class Rubbing:
-    """An LNL with friction, in SI units: the ends of its elongation x_b - x_a."""
+    """An LNL with friction, in SI units; its elongation is x_b - x_a."""
 
     name: str
     whole: str
@@ -51,7 +53,9 @@ class Rubbing:
 
 @dataclass(frozen=True, slots=True)
 class Probed:
-    """A piece that plays the same, heard by its points; `left_out` contacts and points are not."""
+    """The piece with outputs at its points; `left_out` counts contacts and points without an
+    output.
+    """
 
     piece: Piece
     points: tuple[Point, ...]
@@ -61,7 +65,9 @@ class Probed:
 
 
 def probed(piece: Piece) -> Probed:
-    """The piece with an output for each end of a contact, each single mass and heard member."""
+    """The piece with an output for each end of a contact, each single mass and each member that is
+    heard.
+    """
     contacts, rubbings = list(_contacts(piece)), list(_rubbings(piece))
     ends = (end for _, _, module in (*contacts, *rubbings) for end in module.fields["between"])
     targets = {_identity(target): target for target in (*ends, *_single(piece))}
@@ -120,14 +126,14 @@ def _rubbings(piece: Piece) -> Iterator[tuple[str, str, Module]]:
 
 
 def _named(part: str, module: Module) -> Iterator[tuple[str, str, Module]]:
-    """Each single link of a link, by its name and that of the whole."""
+    """The single links of a link, each with its name and that of the whole."""
     whole = ".".join(filter(None, (part, module.name)))
     for one in singles(module):
         yield ".".join(filter(None, (part, one.name))), whole, one
 
 
 def _single(piece: Piece) -> Iterable[Target]:
-    """Modules of one mass, and the members of others that outputs of the piece listen to."""
+    """Modules of one mass, and single members that outputs of the piece listen to."""
     for part, module in piece.modules():
         is_one = module.kind in HOLDERS and member_count(module.kind, module.fields) == 1
         if is_one and module.kind != "SOL" and "axes" not in module.fields:

@@ -1,8 +1,8 @@
-"""Which instruments can be computed before a performance: those that no live hand can feel.
+"""Finds which instruments can be computed before a performance: those that no live hand can feel.
 
-Nothing passes between two islands of a network, so what hangs together by links is frozen together
-or not at all. A fixed or imposed point ends an island; a live hand's key does not: it is felt.
-`rendering/frozen.py` writes the parts.
+Nothing passes between two islands of a network, so modules that links connect are frozen
+together or not at all. A fixed or imposed point ends an island, but a live hand's key does not,
+because the hand feels the force. `rendering/frozen.py` writes the parts.
 """
 
 from __future__ import annotations
@@ -30,13 +30,15 @@ class Link(NamedTuple):
     place: Place
 
     def __str__(self) -> str:
-        """`gong.b (piece.yaml:12:7)`."""
+        """The link with its place: `gong.b (piece.yaml:12:7)`."""
         return f"{self.name} ({self.place})"
 
 
 @dataclass(frozen=True, slots=True)
 class Tie:
-    """What keeps `part` from being frozen: `links` lead from it to a live `player` or `other`."""
+    """Why `part` cannot be frozen: `links` lead from it to a live `player`, or to another
+    instrument `other`.
+    """
 
     part: str
     links: tuple[Link, ...]
@@ -45,7 +47,7 @@ class Tie:
     other: str | None = None
 
     def __str__(self) -> str:
-        """A sentence that names the links."""
+        """The reason as a sentence that names the links."""
         way = ", ".join(map(str, self.links))
         if self.player is not None:
             if not way:
@@ -58,7 +60,7 @@ class Tie:
 
 
 def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[Tie]:
-    """Why instruments cannot be frozen; none where they can. `players`: whose hands are live."""
+    """Reasons why instruments cannot be frozen; empty if they can. `players` have live hands."""
     web = _Web(piece)
     hands = {}
     for player in players:
@@ -75,9 +77,9 @@ def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[T
 
 
 class _Web:
-    """Points and the links between them.
+    """Points and the links between them, as a graph.
 
-    A string or a plate is one point, for it moves as a whole, and so is a module in space.
+    A string, a plate or a module in space is one point, because it moves as a whole.
     """
 
     def __init__(self, piece: Piece) -> None:
@@ -127,7 +129,7 @@ class _Web:
         self._links.setdefault(b, []).append((a, link))
 
     def _is_alone(self, module: Module) -> bool:
-        """Whether what it imposes is the whole point."""
+        """Whether the imposed point is a point of its own here, not part of a whole module."""
         target = module.fields["to"]
         return (target.part, target.module) not in self._wholes
 
@@ -144,7 +146,7 @@ class _Web:
         return self.assembly.members(target)
 
     def heard(self, piece: Piece, part: str) -> set[int]:
-        """Points whose movement an instrument's outputs hear."""
+        """Points whose movement an instrument's outputs give."""
         points: set[int] = set()
         for _, instrument, output in heard(piece):
             if instrument.name != part:
@@ -163,7 +165,7 @@ class _Web:
         hands: Mapping[int, tuple[str, str]],
         others: Mapping[int, str],
     ) -> Tie | None:
-        """The shortest way to a live hand, or else to an instrument that is not frozen."""
+        """The shortest path to a live hand, or else to an instrument that is not frozen."""
         came: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start))
         queue = deque(came)
         path = None
@@ -183,7 +185,7 @@ class _Web:
 
 
 def _way(mat: int, came: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, ...]:
-    """The links from where the search began to a point."""
+    """The links on the path from the start of the search to a point."""
     links: list[Link] = []
     while (step := came[mat]) is not None:
         mat, link = step

@@ -1,4 +1,4 @@
-"""Stages of pieces that the engine refuses when every module is stepped as written."""
+"""Stages of pieces that the engine refuses if every module is stepped as written."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
     from ergon.scores.gesture.transforms import Transform
     from ergon.scores.staging.planning import Store
 
-# Ergons are recorded at up to so many times the audio rate; and at up to so many where nothing else
-# records them: a second then takes some minutes.
+# Ergons are recorded at up to this multiple of the audio rate; and at up to the second if nothing
+# else can record them: a second of sound then takes some minutes.
 _FINE, _FINEST = 64, 4096
 
 
 def stage_or_plan(piece: Piece, **options: Any) -> Stage:
-    """Stage every module as written, or by a plan where the engine refuses that.
+    """Stage every module as written, or by a plan if the engine refuses that.
 
-    So a command that needs no plan accepts what `render` accepts. `options` are those of `stage`.
-    Raises StageError.
+    A command that needs no plan then accepts the same pieces as `render`. `options` are those of
+    `stage`. Raises StageError.
     """
     try:
         return stage(piece, **options)
@@ -33,15 +33,13 @@ def stage_or_plan(piece: Piece, **options: Any) -> Stage:
 
 
 def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | None = None) -> Stage:
-    """Stage a piece whose simulation records its ergons.
+    """Stage a piece so that its simulation records its ergons.
 
-    Where the scheme is unstable at the audio rate and a plan plays the piece all the same, the rate
-    of the stage is the lowest of 2, 4, 8 … 64 times the audio rate that the engine accepts. Where
-    none of them is enough, contacts are computed several times a frame; where that is not enough
-    either, the simulation is that of the plan, and where ergons strike inside a body of the plan
-    the rate is up to 4096 times the audio rate.
-    Raises StageError with the mistakes of the plan where no plan plays the piece, as `check` does,
-    and with those found at the audio rate where none of all this is enough.
+    If the scheme is unstable at the audio rate but a plan can play the piece, these ways are
+    tried in turn: 2, 4, 8 … 64 times the audio rate; contacts computed several times a frame;
+    the simulation of the plan; and, if ergons strike inside a body of the plan, up to 4096 times
+    the audio rate. Raises StageError with the mistakes of the plan if no plan plays the piece,
+    as `check` does, and with those found at the audio rate if none of these ways works.
     """
     try:
         return stage(piece, seed=seed, record=True)
@@ -58,7 +56,9 @@ def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | Non
 
 
 def _ways(piece: Piece, store: Store | None) -> Iterator[dict[str, Any]]:
-    """Options of `stage` that may record the ergons of a piece, in the order to be tried."""
+    """Options of `stage` that may record the ergons of a piece, in the order in which they are
+    tried.
+    """
     multiples = [2**doubling for doubling in range(1, _FINEST.bit_length())]
     yield from ({"piece": _at_multiple(piece, times)} for times in multiples if times <= _FINE)
     yield {"piece": piece, "fine_contacts": True}

@@ -1,4 +1,4 @@
-"""What the engine refuses to play, in the place where it is written."""
+"""Reports modules that the engine refuses, at the place where they are written."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ from ergon.scores.reading.piece import Piece
 
 
 class StageError(ErgonError):
-    """The engine does not play the piece; `diagnostics` say why, each with its place."""
+    """The engine refuses the piece; `diagnostics` give the reasons, each with its place."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
-        """Take what was found."""
+        """Take the diagnostics."""
         super().__init__("\n".join(found.message for found in diagnostics))
         self.diagnostics = list(diagnostics)
 
 
 def place_of(piece: Piece, name: str | None) -> Place:
-    """Where the module that the engine names is written, or taken from another file."""
+    """Where the module that the engine names is written; if in another file, where its part is
+    written.
+    """
     name = name or ""
     links = [("duet", duet.link, duet.link.place) for duet in piece.duet]
     keys = [(key.name, module, key.place) for key in piece.keys.values() for module in key.modules]
@@ -40,6 +42,6 @@ def refuse(piece: Piece, collector: Collector, error: _core.EngineError) -> None
 
 
 def refused(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:
-    """Return all that was found, with what the engine refuses now."""
+    """An error with all diagnostics, including this refusal."""
     refuse(piece, collector, error)
     return StageError(collector.finish())

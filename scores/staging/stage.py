@@ -1,4 +1,4 @@
-"""A piece on its stage: the network, the timeline, and the simulation that plays them."""
+"""A staged piece: the network, the timeline, and the simulation that plays them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _WHEN_STIFF = "reduce K or the law, weaken the strikes, or raise the rate"
 _BY_METHOD = (
     "reduce K or the law, weaken the strikes, raise the rate, or leave the method to the plan"
 )
-_LOOKED_AT = 5.0  # [s] of a tail that is `auto`, where nothing is rendered
+_LOOKED_AT = 5.0  # [s] of a tail `auto` that is analysed
 
 
 @dataclass(slots=True)
@@ -51,19 +51,19 @@ class Stage:
     takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
     paths: Mapping[Where, Points] = field(default_factory=dict)  # of modules with automation
     planned_for: Accuracy | None = None
-    # After this frame a render ends where the sound has faded; None: at `n_frames`.
+    # From this frame on a render may end when the sound has faded; None: it ends at `n_frames`.
     fades_from: int | None = None
-    placed: Sequence[Placed] = ()  # heard beside what is computed
-    timeline: _core.Timeline | None = None  # what happens
+    placed: Sequence[Placed] = ()  # frozen outputs, mixed with the computed ones
+    timeline: _core.Timeline | None = None  # all events
 
     @property
     def network(self) -> _core.Network:
-        """What is."""
+        """The network of the modules."""
         return self.built.network
 
     @property
     def listening(self) -> Listening:
-        """What is heard of it, and where."""
+        """The taps of the network and the ways from them to channels."""
         return self.built.listening
 
     @property
@@ -73,14 +73,16 @@ class Stage:
 
     @property
     def n_looked_at(self) -> int:
-        """Frames to the end, or to 5 s after the last event where the sound says the end."""
+        """Frames that are analysed: all, or up to 5 s after the last event if the tail is
+        `auto`.
+        """
         if self.fades_from is None:
             return self.n_frames
         return min(self.n_frames, self.fades_from + int(_LOOKED_AT * self.rate + 0.5))
 
     @property
     def n_channels(self) -> int:
-        """Loudspeakers."""
+        """Number of loudspeakers."""
         return self.listening.n_channels
 
     def mixer(
@@ -90,10 +92,10 @@ class Stage:
         reference: float | None = None,
         parts: Collection[str] | None = None,
     ) -> _core.Mixer:
-        """A fresh mixer, of all instruments or of some `parts`.
+        """A new mixer of all instruments, or of some `parts`.
 
-        `highpass` [Hz] is for routes that say nothing of their own; `reference` is the ratio of
-        full scale at which reference quantities are heard, None where samples are in SI units.
+        `highpass` [Hz] is for routes without their own; `reference` is the ratio of full scale
+        at which reference quantities are heard, None for samples in SI units.
         """
         mixer = self.listening.mixer(
             self.rate, self.simulation.n_out, highpass=highpass, reference=reference, parts=parts
@@ -105,7 +107,7 @@ class Stage:
     def stems(
         self, *, highpass: float | None = None, reference: float | None = None
     ) -> list[tuple[str, _core.Mixer]]:
-        """A fresh mixer for every instrument that is heard, with all of its notes."""
+        """A new mixer for every instrument that is heard, with all its notes."""
         family = self.piece.note_families()
         heard: dict[str, list[str]] = {}
         for part in self.listening.parts():
@@ -116,32 +118,37 @@ class Stage:
         ]
 
     def fault(self, error: _core.DivergedError) -> Diagnostic:
-        """A part that went non-finite while it ran, in the place where it is written."""
+        """A diagnostic for a part that became non-finite during the run, at the place where it is
+        written.
+        """
         return Diagnostic("E401", str(error), place_of(self.piece, error.module), None, self._hint)
 
     @property
     def _hint(self) -> str:
-        """What to do where a part is too stiff for its steps."""
+        """The help text for a part that is too stiff for its steps."""
         planned_for = self.planned_for
         is_chosen = planned_for is not None and planned_for.method is not None
         return _BY_METHOD if is_chosen else _WHEN_STIFF
 
     def gains(self) -> list[Diagnostic]:
-        """Modules that made energy so far, each in the place where it is written (W404)."""
+        """Modules that have generated energy so far, each at the place where it is written
+        (W404).
+        """
         return [
             Diagnostic("W404", gain.sentence, place_of(self.piece, gain.name), None, self._hint)
             for gain in self.simulation.gains()
         ]
 
 
-# MATs by part, module and member (-1: the middle one), and the engine's number of each.
+# MATs that may be struck, by part, module and member (-1: the middle one), with the engine's
+# number.
 StrikePoints = Sequence[tuple[str, str, int, int]]
 
 
 class Placed(NamedTuple):
-    """Outputs that were computed before, and the taps that they are added to.
+    """Outputs that were computed before, and the taps to which they are added.
 
-    Their first frame is heard at frame `begins` of the engine.
+    Their first frame is frame `begins` of the engine.
     """
 
     frozen: _core.FrozenOutputs
@@ -151,11 +158,11 @@ class Placed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Going:
-    """A stage that takes over while another sounds: at frame `start`, where it is `like` it.
+    """A stage that takes over from the running stage `like`, at frame `start`.
 
-    `spans` is what is played, by parts of this piece and of those before it; None: all of it.
-    `glides` are parameters that are still on their way. `strike_points` are MATs that may be struck
-    while it plays.
+    `spans` is what parts of this piece and of earlier ones play; None: all of it. `glides` are
+    parameters that are still gliding. `strike_points` are MATs that may be struck while it
+    plays.
     """
 
     spans: Sequence[Span] | None = None
@@ -185,17 +192,19 @@ def stage(
     is_draft: bool = False,
     is_seen: bool = False,
 ) -> Stage:
-    """Build all that plays a piece: module by module, or `planned` within its accuracy.
+    """Build the network, timeline and simulation of a piece: module by module, or `planned` within
+    its accuracy.
 
-    A draft is planned without trials, and cheaply instead.
+    A draft (`is_draft`) is planned without trials, for the lowest cost.
 
-    A ledger is kept of every module alone, a stream of ergons where none strikes inside a body.
-    With `fine_contacts` and no plan contacts are computed several times a frame. `pins` are the
-    choices of an earlier plan, `store` keeps plans, `real` the players whose hands are real, with
-    what is known of them, `silent` the instruments that are not listened to. A part that leaves all
-    bounds ends the run, or is muted alone. Work takes `correction` times as long as the table of
-    costs says. Where all of it `is_seen`, what nobody hears is computed too. What is `going` is to
-    take over from another stage. Raises StageError with every mistake that the engine finds.
+    A ledger is available only without a plan, and recording only if no ergon strikes inside a
+    body. With `fine_contacts` and without a plan, contacts are computed several times a frame.
+    `pins` are the choices of an earlier plan, `store` keeps results of trials, `real` has the
+    players whose hands are real with their known positions, `silent` the instruments that are
+    not listened to. `on_fault` says whether a diverging part ends the run or is muted. Work
+    takes `correction` times as long as in the table of costs. With `is_seen` parts that nobody
+    hears are computed too. `going` describes the takeover from another stage. Raises StageError
+    with every mistake that the engine finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
@@ -265,19 +274,19 @@ def _add_glides(piece: Piece, ready: Ready, going: Going) -> None:
     try:
         for glide in going.glides:
             if glide.written in ready.paths:
-                continue  # automation leads it
+                continue  # automation changes it
             glide.put(ready.timeline, ready.built.assembly)
     except _core.EngineError as error:
         raise refused(piece, ready.collector, error) from error
 
 
 def _add_strike_points(piece: Piece, ready: Ready, going: Going) -> None:
-    """Name the MATs that may be struck while it plays."""
+    """Register the MATs that may be struck while the stage plays."""
     assembly = ready.built.assembly
     try:
         for part, module, member, number in going.strike_points:
             first = assembly.mats.get((part, module))
-            if first is not None:  # nobody hears what is left out
+            if first is not None:  # it may be left out of the network
                 mat = ready.network.centre(first) if member < 0 else first + member
                 ready.timeline.strike_point(mat, number)
     except _core.EngineError as error:
@@ -285,7 +294,9 @@ def _add_strike_points(piece: Piece, ready: Ready, going: Going) -> None:
 
 
 def _report_unused_rates(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
-    """Report parts that have a rate of their own and go at the audio rate all the same (N403)."""
+    """Report parts with a rate of their own that are computed at the audio rate all the same
+    (N403).
+    """
     for name, why in dict.fromkeys(plan.stay()):
         part = piece.keys.get(name) or piece.instruments[name]
         message = f"{quote(name)} is computed at the audio rate, not at a rate of its own: {why}"
@@ -293,7 +304,9 @@ def _report_unused_rates(piece: Piece, plan: _core.Plan, collector: Collector) -
 
 
 def _report_motion(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
-    """Report what is only seen and goes at the audio rate, or that nothing is only seen (N403)."""
+    """Report parts that are only seen but computed at the audio rate, or that there are none
+    (N403).
+    """
     rows = plan.seen()
     for row in rows:
         if row.stays is not None:

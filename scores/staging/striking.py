@@ -1,4 +1,4 @@
-"""From `strikes:` to ergons on the timeline."""
+"""Puts `strikes:` on the timeline as ergons."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ ANY = (-math.inf, math.inf)
 
 @dataclass(frozen=True, slots=True)
 class Striking:
-    """Strikes whose names have become MATs; `source` comes back with their ergons."""
+    """Strikes with their targets as MATs; their ergons carry `source`."""
 
     piece: Piece
     timeline: _core.Timeline
     strikes: Strikes
     mats: Sequence[int]
     source: int
-    within: tuple[float, float] = ANY  # instants [s] at which there may be any
-    assembly: Assembly | None = None  # where the targets of a melody and of what passes are
+    within: tuple[float, float] = ANY  # interval of instants [s]
+    assembly: Assembly | None = None  # for targets of melodies, sweeps and paths
 
     def play(self, collector: Collector) -> float:
         """Put the strikes on the timeline; returns when they end [s]."""
@@ -75,7 +75,9 @@ class Striking:
         return 0.0
 
     def _axes(self) -> Iterator[Striking]:
-        """The same strikes on each axis, by its share of the impulse: chance draws alike on all."""
+        """The strikes of each axis, with its share of the impulse; random draws are the same on all
+        axes.
+        """
         strikes = self.strikes
         n = len(self.mats) // len(strikes.along)
         low, high = strikes.impulse or (0.0, 0.0)
@@ -84,7 +86,7 @@ class Striking:
             yield replace(self, strikes=own, mats=self.mats[axis * n : (axis + 1) * n])
 
     def _by_pattern(self, places: Steps) -> float:
-        """Strikes in the places of a pattern; chance leaves out each member by itself."""
+        """Strike in the places of a pattern; chance is drawn for each member separately."""
         course, tempo = places.course, self.piece.tempo_map
         pattern = course.pattern
 
@@ -103,7 +105,9 @@ class Striking:
         return tempo.seconds(places[-1]) if places else 0.0
 
     def _voice(self, name: str) -> Sequence[int]:
-        """What a name of the pattern strikes: everything, unless it is a note of an instrument."""
+        """The MATs that a name of the pattern strikes: all, unless it is a note of an
+        instrument.
+        """
         if not self.strikes.voices:
             return self.mats
         return [mat for one in self.strikes.voices[name] for mat in self._members(one)]
@@ -126,7 +130,7 @@ class Striking:
         return end
 
     def _passed(self, passing: Passing) -> float:
-        """The strikes of what passes the members, once in every round."""
+        """Strike the members that a sweep or a path passes, in every round."""
         strikes, tempo, end = self.strikes, self.piece.tempo_map, 0.0
         draws = Draws(self.piece.seed, strikes.who)
         assert self.assembly is not None
@@ -146,14 +150,14 @@ class Striking:
         return end
 
     def _members(self, target: Target) -> Sequence[int]:
-        """The MATs of a target; none where it is left out."""
+        """The MATs of a target; none if it is not in the network."""
         made = self.assembly
         if made is None or (target.part, target.module) not in made.mats:
             return ()
         return made.members(target)
 
     def _each(self, at: float, stop: float | None) -> float:
-        """Strikes at written instants: all members at once, once or `every` so often."""
+        """Strike all members at written instants: once, or once per `every`."""
         strikes, tempo = self.strikes, self.piece.tempo_map
         beats = [at]
         if strikes.every is not None:

@@ -1,4 +1,4 @@
-"""Which members of an instrument a sweep or a point on a path passes, and when."""
+"""Computes which members of an instrument a sweep or a path passes, and when."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     _Floats = NDArray[np.float64]
 
-# Chords of a path: with 2° they leave the circle by 1.5e-4 of its radius.
+# The length of a chord of a path: with 2° it leaves the circle by 1.5e-4 of its radius.
 _STEP = 2.0  # [degrees]
 
 Visit = tuple[float, int]  # share of the way, from 0 to 1, and index of the member
@@ -28,9 +28,9 @@ Visit = tuple[float, int]  # share of the way, from 0 to 1, and index of the mem
 def visits(
     passing: Passing, network: _core.Network, parts: Sequence[str], mats: Sequence[int]
 ) -> list[Visit]:
-    """When each MAT of some parts is passed, in the order of time, then of the MATs.
+    """The instants at which the MATs of some parts are passed, in order of time, then of the MATs.
 
-    Places count from the middle of the bench. Raises TextError where a front goes by pitch and a
+    Positions count from the middle of the bench. Raises TextError if a sweep goes by pitch and a
     MAT has none.
     """
     if not mats:
@@ -48,7 +48,7 @@ def visits(
 
 
 def _along(quantity: str, places: _Floats) -> list[float]:
-    """Where each place lies on the way of a front, from 0 to 1."""
+    """The position of each place along a sweep, from 0 to 1."""
     if quantity == "angle":  # a turn, from the front to the left
         azimuths = (angles((x, y, 0.0))[0] for x, y in places.tolist())
         return [azimuth / 360.0 % 1.0 for azimuth in azimuths]
@@ -58,13 +58,13 @@ def _along(quantity: str, places: _Floats) -> list[float]:
 
 
 def _stretched(values: Sequence[float]) -> list[float]:
-    """The least value as 0, the greatest as 1."""
+    """Values scaled so that the least is 0 and the greatest 1."""
     low, high = min(values), max(values)
     return [(value - low) / (high - low) if high > low else 0.0 for value in values]
 
 
 def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) -> list[float]:
-    """ln(K/M) of each CEL: an even front passes octaves in equal times."""
+    """ln(K/M) of each CEL: a linear sweep then passes octaves in equal times."""
     elements = network.elements(parts)
     ties = {
         elements.mats[slot]: (stiffness, elements.masses[slot])
@@ -86,7 +86,7 @@ def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) 
 
 
 def _by_path(path: tuple[Point, ...], width: float, places: _Floats) -> list[Visit]:
-    """Each time that the head comes nearer to a member than half its width: when it is nearest."""
+    """Every pass of a member within half the width of the moving point, at its nearest approach."""
     x, y = places[:, 0], places[:, 1]
     square = float((x * x + y * y).max())
     scale = 1.0 / sqrt(square) if square > 0.0 else 1.0

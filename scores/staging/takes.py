@@ -1,4 +1,4 @@
-"""Takes that a piece plays: their files are read, and splined, once."""
+"""Takes that a piece plays: each file is read, and its spline computed, once."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Takes:
-    """Takes of a piece, read and splined when first needed, if they were not `before`.
+    """Takes of a piece, read and splined when first needed, unless they are in `before`.
 
-    Those that are needed are in `files`, each by all that it is made of.
+    `files` gets the takes that are needed, each by the values that it is made of.
     """
 
     piece: Piece
@@ -33,11 +33,11 @@ class Takes:
     _read: dict[str, _core.Take | None] = field(default_factory=dict)
 
     def of(self, piece: Piece) -> Takes:
-        """Those of another piece, from the same files."""
+        """The takes of another piece, sharing the files that were read."""
         return Takes(piece, self.collector, self.before, self.files)
 
     def get(self, name: str) -> _core.Take | None:
-        """The take; None after a report."""
+        """The take; None if an error was reported."""
         if name not in self._read:
             self._read[name] = self._load(self.piece.takes[name])
         return self._read[name]
@@ -50,9 +50,10 @@ class Takes:
         return take_read
 
     def sound(self, name: str) -> NDArray[np.float64] | None:
-        """What an input hears where no card is (n_frames,), full scale 1; None after a report.
+        """The samples that an input gives without a sound card (n_frames,), full scale 1; None if
+        an error was reported.
 
-        A file at another rate goes to that of the piece by a natural quintic spline.
+        A file at another rate is resampled by a natural quintic spline.
         """
         take, rate = self.piece.takes[name], self.piece.rate
         if take.path is None:
@@ -80,7 +81,7 @@ class Takes:
                 message = f"take {quote(take.name)}: {take.path.name}: {samples.damage}"
                 self.collector.error("W314", message, take.places.get("file", take.place))
             made = _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
-            if samples.damage is None:  # else it is told again
+            if samples.damage is None:  # else the damage would be reported again
                 self.files[made_of] = made
             return made
         except TakeError as error:
@@ -98,7 +99,7 @@ class Takes:
 
 
 def _channel(take: TakeFile, path: Path) -> Samples:
-    """The channel of a file that an input hears: of its own number where there are several."""
+    """The channel of a file for an input: the one with the input's number if there are several."""
     if take.channel is not None or take.card_channel is None:
         return read(path, take.channel)
     try:
@@ -111,7 +112,7 @@ def _channel(take: TakeFile, path: Path) -> Samples:
 
 
 def _made_of(take: TakeFile) -> Hashable:
-    """What a take is made of: while this is the same, so is the take."""
+    """A key for a take: as long as it is the same, the take is the same."""
     if take.path is None:
         return take.input
     try:

@@ -1,4 +1,6 @@
-"""Whether gestures stay within the travel of their keys: paths exactly, throws rehearsed."""
+"""Checks whether gestures stay within the travel of their keys: paths exactly, throws by
+rehearsal.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +16,15 @@ from ergon.scores.reading.piece import Key, Piece
 from ergon.scores.staging.hands import StagedGesture
 
 _SLACK = 1e-9  # metres: a written point on the very end of the travel is inside
-# Nearer to a multiple of half the key's period the strike that meets the next point grows without
-# bound: |sin ωΔt| of 0.2 takes five times the strike of a quarter period.
+# Near a multiple of half the key's period the strike that meets the next point grows without bound:
+# |sin ωΔt| of 0.2 takes five times the strike of a quarter period.
 _SINGULAR = 0.2
-# A line's throws are rehearsed so often, each way of playing it once: chance and tempo may make
-# every occurrence another.
+# A line's throws are rehearsed at most this often, each distinct occurrence once: chance and tempo
+# may make every occurrence different.
 _REHEARSALS = 64
 _BLOCK = 4096  # frames computed at once: of a rehearsal nothing is kept but its extremes
-# A rehearsal takes at most so many frames where that leaves it enough of them a period of the key,
-# or a second where the key has many.
+# A rehearsal takes about this many frames at most, unless that leaves fewer than 64 in a period of
+# the key, or fewer than 1000 in a second if the key is not one underdamped CEL.
 _FRAMES = 1 << 21
 _LONGEST = 24 * 3600.0  # [s]
 _LEAST_RATE, _PER_PERIOD = 1000.0, 64.0
@@ -34,10 +36,10 @@ def check_travel(
     gestures: Sequence[StagedGesture],
     collector: Collector,
 ) -> None:
-    """Report gestures that leave the travel (E307) and throws that hardly can be aimed (W312).
+    """Report gestures that leave the travel (E307) and throws that can hardly be aimed (W312).
 
-    Each distinct gesture is looked at once, alone on its free key, up to 64 of a line that throws;
-    each line of a part is reported once, for its farthest swing.
+    Each distinct gesture is checked once, alone on its free key, up to 64 for a line with
+    throws; each line of a part is reported once, for its farthest swing.
     """
     seen: set[tuple[object, ...]] = set()
     rehearsed: Counter[Place] = Counter()
@@ -47,7 +49,7 @@ def check_travel(
     for gesture, (low, high) in zip(gestures, timeline.ranges(), strict=True):
         least, most = limits[gesture.key]
         if gesture.stop - gesture.start > _LONGEST:
-            continue  # longer than a piece may be, which is told elsewhere
+            continue  # too long for a piece: reported elsewhere
         is_inside = low >= least - _SLACK and high <= most + _SLACK
         if gesture.layer or (is_inside and "throw" not in gesture.curves):
             continue
@@ -80,7 +82,7 @@ def check_travel(
 
 
 def _limits(key: Key) -> tuple[float, float]:
-    """Both ends of a key's travel as the piece sees them; without a travel there is no end."""
+    """Both ends of a key's travel as the piece sees them; infinite without a travel."""
     least, most = key.travel or (-math.inf, math.inf)
     return least * key.reach, most * key.reach
 
@@ -106,9 +108,10 @@ def _sentence(
 
 
 def _rehearse(piece: Piece, key: Key, gesture: StagedGesture) -> tuple[float, float, float]:
-    """Lowest and highest position of the free key, and when the farthest is [s after the start].
+    """Lowest and highest position of the free key, and the instant of the farthest one [s after the
+    start].
 
-    A long one is rehearsed at a lower rate: its throws take as many frames as its paths do.
+    A long gesture is rehearsed at a lower rate, because every frame of it is computed.
     """
     seconds = gesture.stop - gesture.start
     rate = min(piece.rate, max(_FRAMES / max(seconds, 1.0), _least_rate(key)))
@@ -137,7 +140,7 @@ def _rehearsed(
     network.listen("key", positions=[(struck, 1, 1.0)])
     timeline = _core.Timeline(network, rate)
     index = timeline.key(key.name, struck)
-    # Time to join the first point, wherever it is.
+    # Time to reach the first point, wherever it is.
     lead = 0.05
     t = [time - gesture.start + lead for time in gesture.t]
     timeline.gesture(index, t, list(gesture.x), gesture.curves)
@@ -157,7 +160,7 @@ def _rehearsed(
 
 
 def _leg(gesture: StagedGesture, at: float) -> str:
-    """`0.125 s and 0.375 s`: the two points of the throw during which an instant falls."""
+    """The two points of the throw during which an instant falls: `0.125 s and 0.375 s`."""
     for i in gesture.throws:
         begin, end = (gesture.t[j] - gesture.start for j in (i - 1, i))
         if begin <= at <= end + 1e-3:
@@ -184,7 +187,9 @@ def _singular(key: Key, gesture: StagedGesture) -> str | None:
 
 
 def _own_frequency(key: Key) -> float | None:
-    """ω of a key that is one underdamped CEL [rad/s]: for a warning, so libm's last bit is free."""
+    """ω of a key that is one underdamped CEL [rad/s], used in a warning only, so its last bit does
+    not matter.
+    """
     if len(key.modules) != 1 or key.modules[0].kind != "CEL":
         return None
     f = key.modules[0].fields

@@ -1,4 +1,4 @@
-"""Instruments that nobody hears, and instruments that are heard but that nothing moves."""
+"""Finds instruments that nobody hears, and instruments that are heard but that nothing moves."""
 
 from __future__ import annotations
 
@@ -13,28 +13,29 @@ from ergon.scores.staging.listening import heard, targets_of
 
 
 class _Groups:
-    """Keys and instruments that hang together by links."""
+    """Groups of keys and instruments that links connect."""
 
     def __init__(self) -> None:
         self._above: dict[str, str] = {}
 
     def of(self, part: str) -> str:
-        """The part that stands for a group."""
+        """The part that represents a group."""
         while part in self._above:
             part = self._above[part]
         return part
 
     def join(self, a: str, b: str) -> None:
-        """Two parts hang together."""
+        """Put two parts in one group."""
         a, b = self.of(a), self.of(b)
         if a != b:
             self._above[a] = b
 
 
 def unused(piece: Piece) -> list[Diagnostic]:
-    """W321 where an instrument reaches no output that is heard, W322 where nothing moves it.
+    """Report W321 if an instrument reaches no output that is heard, W322 if nothing moves it.
 
-    Both are said only of a piece in which another instrument is heard, or is played.
+    W321 is reported only if the piece has some output that is heard, W322 only if it has parts
+    or strikes.
     """
     groups = _Groups()
     links = {}
@@ -86,7 +87,7 @@ def _listened(piece: Piece, links: dict[tuple[str, str], tuple[str, ...]]) -> It
 
 
 def _moved(piece: Piece) -> Iterator[str]:
-    """Parts that a hand, a strike, a drive or a beginning elsewhere moves."""
+    """Parts that are moved by a hand, a strike, a drive or an initial state."""
     for play in piece.parts:
         yield piece.players[play.player].key
     for player in piece.players.values():
@@ -99,4 +100,4 @@ def _moved(piece: Piece) -> Iterator[str]:
         if module.kind in ("ENX", "ENF") and isinstance(to, Target):
             yield to.part
         if module.fields.get("X0") or module.fields.get("V0"):
-            yield part  # in space X0 is written always, and springs and gravity move
+            yield part  # in space: X0 is always written; springs and gravity move it

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from ergon.instruments.model import Module, Target
     from ergon.scores.reading.piece import Piece
 
-# Of a CEL k, z, m; of a link K, or a factor where it has none; of a STRING or PLATE K and Z of its
-# links, but for a factor that stays.
+# CEL: K, Z, M. Link: K, or a factor if it has no K. STRING or PLATE: K and Z of its links, up to a
+# constant factor.
 _Values = tuple[float, ...]
-_LEAVES = 0.02  # [s] in which a link that was removed lets go
+_LEAVES = 0.02  # [s] in which a removed link fades out
 _POINTS = ("MAS", "CEL", "SOL")
 TWO_PI = 6.283185307179586
 _BODIES = ("STRING", "PLATE")
@@ -29,9 +29,9 @@ _TUNING = ("f", "t60", "M", "X0", "V0")
 
 @dataclass(frozen=True, slots=True)
 class Glide:
-    """A module's parameters go evenly from `before` to `after` between two instants [s].
+    """A linear change of a module's parameters from `before` to `after` between two instants [s].
 
-    `own` is the K that a link has in the network, where it is not the one after.
+    `own` is the K that a link has in the network, if it is not the one in `after`.
     """
 
     part: str
@@ -44,30 +44,30 @@ class Glide:
 
     @property
     def written(self) -> tuple[str, str]:
-        """The part and the module as the score has it: a link over a range is one."""
+        """The part and the module as the score names them: a link over a range is one module."""
         return self.part, self.module.partition(".")[0]
 
     @property
     def factors(self) -> tuple[float, float]:
-        """Of a link: the factors of its force at both ends."""
+        """The factors of a link's force at the beginning and the end."""
         own = self.after[0] if self.own is None else self.own
         return self.before[0] / own, self.after[0] / own
 
     def at(self, instant: float) -> _Values:
-        """Where they are."""
+        """The values at an instant."""
         share = min(1.0, max(0.0, (instant - self.start) / (self.stop - self.start)))
         pairs = zip(self.before, self.after, strict=True)
         return tuple(before + (after - before) * share for before, after in pairs)
 
     @property
     def body_factors(self) -> tuple[float, float]:
-        """K and Z of a body's links before, as factors of what they are after."""
+        """The initial K and Z of a body's links, as factors of the final ones."""
         pairs = zip(self.before, self.after, strict=True)
         k, z = (before / after if after else 1.0 for before, after in pairs)
         return k, z
 
     def put(self, timeline: _core.Timeline, assembly: Assembly) -> None:
-        """Let it happen on a timeline. Raises EngineError."""
+        """Put the glide on a timeline. Raises EngineError."""
         where = self.part, self.module
         if len(self.before) == 3:
             k, z, m = self.before
@@ -84,9 +84,10 @@ class Glide:
 def glides(
     before: Piece, after: Piece, running: Iterable[Glide], start: float, seconds: float
 ) -> tuple[Glide, ...]:
-    """What glides from `start` [s] on, when a piece takes over from another: for so many seconds
-    what differs, and what is `running` already to its end. A link that is new comes from no force,
-    where it joins what was there before."""
+    """Glides from `start` [s] on, when a piece takes over from another: values that differ glide
+    for `seconds`, `running` glides to the same values go on to their end. A new link fades in
+    from no force if it joins parts that were there before.
+    """
     old, new = dict(_values(before)), dict(_values(after))
     forms = dict(_forms(before)), dict(_forms(after))
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
@@ -109,14 +110,14 @@ def glides(
             values = _of(module) or (1.0,)
             now = (0.0,) if current is None else current.at(start)
             made = Glide(*where, now, values, start, start + seconds)
-            if made.written not in found:  # else all of its links glide already
+            if made.written not in found:  # else the whole link over a range glides already
                 found[where] = current if current is not None and current.after == values else made
     return tuple(found.values())
 
 
 @dataclass(frozen=True, slots=True)
 class LeavingLink:
-    """A link that was removed, and lets go of what it joins."""
+    """A link that was removed, and fades out."""
 
     module: Module
     glide: Glide
@@ -129,8 +130,9 @@ def leaving(
     earlier: Iterable[LeavingLink],
     start: float,
 ) -> tuple[LeavingLink, ...]:
-    """Links that let go from `start` [s] on, where both their ends stay, and `earlier` ones that
-    still do."""
+    """Links that fade out from `start` [s] on if both their ends stay, and `earlier` ones that
+    still do.
+    """
     kept = _links(after)
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
     found = [one for one in earlier if one.glide.stop > start]
@@ -150,7 +152,7 @@ def leaving(
 
 
 def with_leaving(piece: Piece, links: Iterable[LeavingLink]) -> Piece:
-    """A piece, and links that let go."""
+    """A piece with the links that fade out."""
     instruments = dict(piece.instruments)
     for one in links:
         name, module = one.glide.part, one.module
@@ -160,9 +162,9 @@ def with_leaving(piece: Piece, links: Iterable[LeavingLink]) -> Piece:
 
 
 def _links(piece: Piece) -> dict[tuple[str, str], Module]:
-    """The links of instruments, by (part, module), but for those of discrete networks.
+    """The links of instruments by (part, module), except those of discrete networks (`units: ca`).
 
-    A link over a range is there once for each member.
+    A link over a range has an entry for each member.
     """
     return {
         (part.name, one.name): one
@@ -175,7 +177,7 @@ def _links(piece: Piece) -> dict[tuple[str, str], Module]:
 
 
 def _stays(end: Target, before: Piece, after: Piece) -> bool:
-    """Whether what an end names is there in both pieces, and has as many members."""
+    """Whether the module at an end exists in both pieces, with the same number of members."""
     old, new = _named(end, before), _named(end, after)
     if old is None or new is None or old.kind != new.kind:
         return False
@@ -189,7 +191,7 @@ def _named(end: Target, piece: Piece) -> Module | None:
 
 
 def _joins(module: Module, before: Piece) -> bool:
-    """Whether a link has an end in a part that another piece has too."""
+    """Whether a link has an end in a part that the earlier piece has too."""
     ends = {end.part for end in module.fields["between"]}
     return any(end in before.keys or end in before.instruments for end in ends)
 
@@ -203,13 +205,15 @@ def _values(piece: Piece) -> Iterator[tuple[tuple[str, str], _Values]]:
                 yield (key.name, module.name), tuple(value * scale for value in values)
     for instrument in piece.instruments.values():
         for module in instrument.modules:
-            # Algorithmic parameters are what they are at their rate: they are set at once.
+            # Parameters under `units: ca` belong to their rate: they are set at once.
             if instrument.ca_rate is None and (values := _of(module)) is not None:
                 yield (instrument.name, module.name), values
 
 
 def _forms(piece: Piece) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
-    """What is not pitch, decay or mass of the STRINGs and PLATEs of a piece."""
+    """The fields of the STRINGs and PLATEs of a piece except pitch, decay, mass and initial
+    state.
+    """
     for instrument in piece.instruments.values():
         for module in instrument.modules:
             if module.kind in _BODIES:
@@ -239,9 +243,9 @@ def _of(module: Module) -> _Values | None:
 
 
 def _of_body(fields: Mapping[str, Any]) -> _Values | None:
-    """K and Z of the links of a STRING or PLATE, but for a factor that its form says."""
+    """K and Z of the links of a STRING or PLATE, up to a factor that depends on its form."""
     t60, mass = fields.get("t60"), float(fields["M"])
     if t60 is not None and not isinstance(t60, float):
-        return None  # its dampers follow from all of its modes
+        return None  # its dampers depend on all its modes
     omega, sigma = TWO_PI * float(fields["f"]), LN_1000 / t60 if t60 else 0.0
     return mass * (omega * omega + sigma * sigma), mass * sigma

@@ -1,4 +1,4 @@
-//! numpy, loaded before the core is given its first array; arrays of numbers.
+//! Early import of numpy, and conversion of vectors to numpy arrays.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -6,10 +6,10 @@ use std::thread;
 use numpy::{Complex64, Element, IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 
-/// Load numpy and its interface for C, once, in a thread of its own.
+/// Import numpy and its C interface, once, in a separate thread.
 ///
-/// Handlers of signals run in the main thread alone. There one that raises would end the import, and what looks for the
-/// interface panics.
+/// Signal handlers run only in the main thread. A handler that raises during the import there would abort it, and the
+/// numpy crate panics if it cannot load the C interface.
 pub(crate) fn load_numpy(py: Python<'_>) {
     static IS_LOADED: AtomicBool = AtomicBool::new(false);
     if IS_LOADED.swap(true, Ordering::Relaxed) {
@@ -18,10 +18,10 @@ pub(crate) fn load_numpy(py: Python<'_>) {
     let load = || {
         Python::attach(|py| {
             let array = PyArray1::<f64>::zeros(py, 1, false);
-            drop(array.readonly()); // its check of borrows is looked for as well
+            drop(array.readonly()); // also loads the shared borrow checker
         });
     };
-    // Without a thread, or where numpy cannot be loaded, the first array says so.
+    // If the thread cannot start or numpy cannot be loaded, the first use of an array reports the error.
     let _ = py.detach(|| {
         thread::Builder::new()
             .spawn(load)
@@ -46,7 +46,7 @@ impl<'py> IntoPyObject<'py> for Complexes {
     }
 }
 
-/// A row of numbers.
+/// A one-dimensional array of numbers.
 #[derive(Clone)]
 pub(crate) struct Numbers<T>(pub(crate) Vec<T>);
 

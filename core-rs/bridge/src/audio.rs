@@ -1,4 +1,4 @@
-//! Sound cards: frames to be heard, and a recorder of what a JACK client sends.
+//! Sound outputs, and a recorder of what a JACK client sends.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use crate::error::said;
 use crate::frames::rows;
 
-/// How often a wait looks whether Ctrl-C was pressed.
+/// Time between two checks for Ctrl-C during a wait.
 const LOOK: Duration = Duration::from_millis(50);
 const NAP: Duration = Duration::from_micros(500);
 
@@ -18,10 +18,10 @@ fn failed(error: AudioError) -> PyErr {
     said(error)
 }
 
-/// An output for frames of float32.
+/// A sound output that takes frames of float32.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct AudioOut {
-    /// Only ever reached by who holds the object alone; the lock is for the type.
+    /// Only accessed through `&mut self`, never locked; the mutex only makes the type `Sync`.
     feed: Mutex<Feed>,
     output: Output,
     n_channels: usize,
@@ -57,24 +57,24 @@ impl AudioOut {
         .map_err(failed)
     }
 
-    /// Frames that the ring takes now.
+    /// Free frames of the ring.
     #[getter]
     fn room(&mut self) -> usize {
         self.feed().room()
     }
 
-    /// Begin when so many frames wait, and begin again so after an underrun.
+    /// Begin, and begin again after an underrun, once the ring holds `n_frames`.
     fn set_prefill(&mut self, n_frames: usize) {
         self.feed().set_prefill(n_frames);
     }
 
-    /// Give frames, (n_frames, n_channels), without waiting; how many were taken.
+    /// Write frames (n_frames, n_channels) without waiting; the number of frames that were taken.
     fn push(&mut self, frames: PyReadonlyArray2<'_, f32>) -> PyResult<usize> {
         let frames = rows(&frames, "frames", self.n_channels)?;
         Ok(self.feed().push(frames))
     }
 
-    /// Give all frames, (n_frames, n_channels), waiting for room.
+    /// Write all frames (n_frames, n_channels), waiting for room.
     fn play(&mut self, py: Python<'_>, frames: PyReadonlyArray2<'_, f32>) -> PyResult<()> {
         let mut frames = rows(&frames, "frames", self.n_channels)?;
         while !frames.is_empty() {
@@ -85,7 +85,7 @@ impl AudioOut {
         Ok(())
     }
 
-    /// No more will come: wait until all was heard; false when `limit` [s] came first.
+    /// Mark the end and wait until all frames were heard; False if `limit` [s] passes first.
     fn finish(&mut self, py: Python<'_>, limit: f64) -> PyResult<bool> {
         self.feed().close();
         let until = Instant::now() + Duration::from_secs_f64(limit.clamp(0.0, 1e6));
@@ -101,7 +101,7 @@ impl AudioOut {
         }
     }
 
-    /// Stop; a file is finished and gets its name.
+    /// Close the output; a file gets its final name.
     fn close(&mut self, py: Python<'_>) -> PyResult<()> {
         let output = &mut self.output;
         py.detach(|| output.close()).map_err(failed)
@@ -112,7 +112,7 @@ impl AudioOut {
         self.output.shared().panic();
     }
 
-    /// Sound again.
+    /// Sound again, faded in.
     fn release(&self) {
         self.output.shared().release();
     }
@@ -139,7 +139,7 @@ impl AudioOut {
         }
     }
 
-    /// What happened.
+    /// All events so far.
     #[getter]
     fn events(&self) -> Vec<AudioEvent> {
         let events = self.output.events().into_iter();
@@ -152,31 +152,31 @@ impl AudioOut {
             .collect()
     }
 
-    /// Whether something takes the frames.
+    /// Whether a card or server takes frames.
     #[getter]
     fn alive(&self) -> bool {
         self.output.shared().alive()
     }
 
-    /// Whether the server runs as fast as it is fed.
+    /// Whether the JACK server runs as fast as it can.
     #[getter]
     fn freewheeling(&self) -> bool {
         self.output.shared().freewheeling()
     }
 
-    /// How often the ring went empty.
+    /// Number of underruns.
     #[getter]
     fn underruns(&self) -> u64 {
         self.output.shared().underruns()
     }
 
-    /// Frames of silence that this put in.
+    /// Frames of silence that underruns put in.
     #[getter]
     fn missing(&self) -> u64 {
         self.output.shared().missing()
     }
 
-    /// Frames that were given to the card.
+    /// Frames of the score that went to the card.
     #[getter]
     fn played(&self) -> u64 {
         self.output.shared().played()
@@ -188,7 +188,7 @@ impl AudioOut {
         self.output.shared().discarded()
     }
 
-    /// Late cycles that the server told of.
+    /// Late cycles that the server, the card or the silent clock reported.
     #[getter]
     fn xruns(&self) -> u64 {
         self.output.shared().xruns()
@@ -202,7 +202,7 @@ impl AudioOut {
     }
 }
 
-/// Push for a while; returns what is left.
+/// Push frames for at most `LOOK`; returns those that are left.
 fn pushed<'a>(feed: &mut Feed, mut frames: &'a [f32]) -> &'a [f32] {
     let until = Instant::now() + LOOK;
     while !frames.is_empty() && Instant::now() < until {
@@ -214,7 +214,7 @@ fn pushed<'a>(feed: &mut Feed, mut frames: &'a [f32]) -> &'a [f32] {
     frames
 }
 
-/// Play frames, (n_frames, n_channels), on what `spec` names and wait until they were heard; says where.
+/// Play frames (n_frames, n_channels) to their end; the output as a sentence.
 #[pyfunction]
 #[pyo3(signature = (frames, rate, spec = "auto"))]
 pub(crate) fn play_frames(
@@ -250,29 +250,29 @@ pub(crate) struct AudioInfo {
     block: u32,
     /// [s]
     latency: f64,
-    /// All of it.
+    /// All of the above in words.
     sentence: String,
 }
 
-/// Something that happened to an output.
+/// An event of an output, e.g. an underrun or a server that died.
 #[pyclass(frozen, get_all, module = "ergon._core")]
 pub(crate) struct AudioEvent {
-    /// Since it was opened [s].
+    /// Time since the output was opened [s].
     at: f64,
     frame: u64,
     sentence: String,
 }
 
-/// A sound system, whether it is there or not.
+/// A sound system, available or not.
 #[pyclass(frozen, get_all, module = "ergon._core")]
 pub(crate) struct AudioBackend {
     name: String,
     available: bool,
-    /// What it is, or why it is not there.
+    /// What it is, or why it is not available.
     sentence: String,
 }
 
-/// What there is to play on. Starts no server.
+/// Every sound system that ergon knows; starts no server.
 #[pyfunction]
 pub(crate) fn survey_audio(py: Python<'_>) -> Vec<AudioBackend> {
     let found = py.detach(audio::survey).into_iter();
@@ -289,7 +289,7 @@ pub(crate) fn survey_audio(py: Python<'_>) -> Vec<AudioBackend> {
         .collect()
 }
 
-/// A JACK client that records what another one sends.
+/// A JACK client that records another client.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct JackCapture {
     capture: Option<audio::Capture>,
@@ -298,7 +298,7 @@ pub(crate) struct JackCapture {
 
 #[pymethods]
 impl JackCapture {
-    /// Records at most `n_frames` frames.
+    /// Record at most `n_frames` frames.
     #[new]
     fn new(py: Python<'_>, name: &str, n_channels: usize, n_frames: usize) -> PyResult<Self> {
         let capture = py
@@ -310,7 +310,7 @@ impl JackCapture {
         })
     }
 
-    /// Connect to the outputs of client `source`, waiting for them up to `limit` [s]; whether all are.
+    /// Connect to the outputs of client `source`, waiting up to `limit` [s]; whether all are connected.
     fn connect(&self, py: Python<'_>, source: &str, limit: f64) -> PyResult<bool> {
         let capture = self.open()?;
         let limit = Duration::from_secs_f64(limit.clamp(0.0, 60.0));
@@ -323,13 +323,13 @@ impl JackCapture {
         Ok(self.open()?.recorded())
     }
 
-    /// Let the server run as fast as its clients do, or by its clock again.
+    /// Let the server run as fast as its clients, or by its clock again; whether it agreed.
     fn freewheel(&self, py: Python<'_>, on: bool) -> PyResult<bool> {
         let capture = self.open()?;
         Ok(py.detach(|| capture.freewheel(on)))
     }
 
-    /// End; the frames, (n_frames, n_channels).
+    /// End the recording; its frames, (n_frames, n_channels).
     fn finish<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let capture = self.capture.take();
         let capture = capture.ok_or_else(|| said("the recording has ended"))?;

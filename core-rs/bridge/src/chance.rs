@@ -1,11 +1,12 @@
-//! Keyed chance.
+//! Keyed random numbers.
 
 use ergon_engine::chance;
 use pyo3::prelude::*;
 
 use crate::error::said;
 
-/// PCG64 keyed by SHA-256 of (seed, kind, name, member, occurrence): no draw depends on another.
+/// Random numbers: PCG64 keyed by SHA-256 of (seed, kind, name, member, occurrence), so that no stream depends on
+/// another.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct Chance(chance::Chance);
 
@@ -16,7 +17,7 @@ impl Chance {
         Self(chance::Chance::new(seed, kind, name, member, occurrence))
     }
 
-    /// A number from low to high, all as likely.
+    /// A number from low to high, uniformly.
     fn uniform(&mut self, low: f64, high: f64) -> PyResult<f64> {
         check(
             low.is_finite() && high.is_finite(),
@@ -25,14 +26,14 @@ impl Chance {
         Ok(self.0.uniform(low, high))
     }
 
-    /// A number from low to high, both above zero, every octave as likely.
+    /// A number from low to high, both above zero, whose logarithm is uniform.
     fn logarithmic(&mut self, low: f64, high: f64) -> PyResult<f64> {
         let fit = low > 0.0 && high > 0.0 && low.is_finite() && high.is_finite();
         check(fit, "low and high must be finite and above zero")?;
         Ok(self.0.logarithmic(low, high))
     }
 
-    /// A waiting time with this mean.
+    /// A number with an exponential distribution of this mean.
     fn exponential(&mut self, mean: f64) -> PyResult<f64> {
         check(
             mean >= 0.0 && mean.is_finite(),

@@ -1,4 +1,4 @@
-//! Where a written curve leads, instant by instant.
+//! Values of a written curve at given instants.
 
 use ergon_engine::gesture::profile::{Point, Profile};
 use ergon_engine::gesture::written::Approach;

@@ -1,4 +1,4 @@
-//! SOV and SOA from positions that were heard elsewhere.
+//! Derivatives for SOV and SOA outputs, from positions that were computed elsewhere.
 
 use ergon_engine::derivative;
 use numpy::PyReadwriteArray2;
@@ -8,7 +8,7 @@ use crate::error::hertz;
 use crate::frames::rows_mut;
 use crate::network::Network;
 
-/// The outputs of a network that are differentiated, from positions at some rate.
+/// SOV and SOA of a network, from positions at a given rate.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct Derivatives {
     own: derivative::Derivatives,
@@ -26,7 +26,7 @@ impl Derivatives {
         })
     }
 
-    /// In place, (n_frames, n_out).
+    /// Replace in frames (n_frames, n_out) the positions of each SOV and SOA by their derivatives, in place.
     fn process(&mut self, mut frames: PyReadwriteArray2<'_, f64>) -> PyResult<()> {
         self.own
             .process(rows_mut(&mut frames, "frames", self.n_out)?, self.n_out);

@@ -1,4 +1,4 @@
-//! Devices and the machine they are plugged into: looked at, tried, measured. Playing them is `perform`'s.
+//! Haptic devices and the host machine: opening, testing and measuring them. `perform` plays them.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -18,16 +18,16 @@ use crate::error::{UnsureError, refused, said, with};
 use crate::guardian;
 use crate::named::Range;
 
-/// How often a wait looks for Ctrl-C.
+/// Longest time between two checks for Ctrl-C during a measurement.
 const LOOK: Duration = Duration::from_millis(20);
-/// No measurement is longer [ticks].
+/// Longest measurement [ticks].
 const TICKS_MAX: f64 = 1e8;
 
-/// (number of the axis, sign, zero, gain, range, greatest force)
+/// The fields of an `AxisCalibration`: (number of the axis, sign, zero, gain, range, greatest force).
 pub(crate) type AxisOf = (usize, f64, f64, f64, (f64, f64), f64);
 pub(crate) type Opened = Box<dyn live::Device>;
 
-/// What is known of an axis; EngineError where it cannot be so.
+/// The calibration of an axis; EngineError if its values are impossible.
 pub(crate) fn axis(found: AxisOf) -> PyResult<(usize, Axis)> {
     let (number, sign, offset, gain, (low, high), force_max) = found;
     let sound = sign.abs() == 1.0
@@ -54,7 +54,7 @@ pub(crate) fn axis(found: AxisOf) -> PyResult<(usize, Axis)> {
     Ok((number, axis))
 }
 
-/// Work in a thread of its own, which is told to stop by Ctrl-C.
+/// Run `work` in a separate thread, which Ctrl-C tells to stop.
 fn aside<T: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> T + Send) -> PyResult<T> {
     let stop = AtomicBool::new(false);
     py.detach(|| {
@@ -87,7 +87,7 @@ fn ticks(seconds: f64, period: f64) -> PyResult<usize> {
     }
 }
 
-/// Serial ports: (path, (vendor, product, name, serial number) of what came by USB) each.
+/// Every serial port of this machine.
 #[pyfunction]
 #[allow(clippy::type_complexity)]
 pub(crate) fn serial_ports(py: Python<'_>) -> Vec<SerialPort> {
@@ -112,7 +112,7 @@ pub(crate) struct SerialPort {
     usb: Option<UsbBoard>,
 }
 
-/// What a board on USB says of itself.
+/// What a USB board reports about itself.
 #[pyclass(frozen, get_all, from_py_object, module = "ergon._core")]
 #[derive(Clone)]
 pub(crate) struct UsbBoard {
@@ -122,13 +122,13 @@ pub(crate) struct UsbBoard {
     serial: String,
 }
 
-/// What the board on a serial port is called wherever it is plugged in; None where that is not certain.
+/// A name of the board on a serial port that does not depend on the port; None if unknown.
 #[pyfunction]
 pub(crate) fn serial_identity(py: Python<'_>, path: &str) -> Option<String> {
     py.detach(|| ports::identity(path))
 }
 
-/// Wake like the physics thread for so many seconds, a period [s] apart.
+/// Wake like the physics thread every `period` [s] for `seconds` [s].
 #[pyfunction]
 pub(crate) fn checkup(py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
     let ticks = ticks(seconds, period)?;
@@ -138,7 +138,7 @@ pub(crate) fn checkup(py: Python<'_>, seconds: f64, period: f64) -> PyResult<Che
     Ok(Checkup::new(found.map_err(said)?, Stats::default()))
 }
 
-/// A device that is open, to be looked at and tried.
+/// An open device, for tests and calibration.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Device {
     device: Mutex<Option<Opened>>,
@@ -167,7 +167,7 @@ impl Device {
         self.spec.dof
     }
 
-    /// m or rad.
+    /// Unit of positions: m or rad.
     #[getter]
     fn unit(&self) -> &'static str {
         match self.spec.unit {
@@ -207,13 +207,13 @@ impl Device {
         self.spec.touch_gated
     }
 
-    /// Whether it has no clock of its own.
+    /// Whether it runs in lockstep: it has no clock of its own.
     #[getter]
     fn lockstep(&self) -> bool {
         self.open().as_ref().is_some_and(|own| own.in_lockstep())
     }
 
-    /// Which way an axis goes when it is pushed a little: 1 or -1.
+    /// The sign of an axis, found by a small force, in ticks of `period` [s]: 1 or -1.
     fn direction(&self, py: Python<'_>, axis: usize, period: f64) -> PyResult<f64> {
         self.has(axis)?;
         let pulse = Pulse::of(&self.spec);
@@ -226,7 +226,7 @@ impl Device {
         })
     }
 
-    /// Least and greatest position of each axis while it is moved for so long (n_axes, 2) [m or rad].
+    /// Least and greatest position of each axis during `seconds` [s] of motion by hand, (n_axes, 2) [m or rad].
     fn ends<'py>(
         &self,
         py: Python<'py>,
@@ -244,7 +244,7 @@ impl Device {
         PyArray2::from_vec2(py, &rows).map_err(said)
     }
 
-    /// Send zero forces for so many seconds, a period [s] apart, and time the replies.
+    /// Send zero forces every `period` [s] for `seconds` [s], and time the replies.
     fn checkup(&self, py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
         let ticks = ticks(seconds, period)?;
         let (found, stats) = self.with(py, |own, stop| -> (Result<_, Gone>, Stats) {
@@ -256,7 +256,7 @@ impl Device {
         Ok(Checkup::new(found.map_err(said)?, stats))
     }
 
-    /// Let go of it.
+    /// Close the device; forces are zero.
     fn close(&self, py: Python<'_>) {
         let device = self.open().take();
         py.detach(|| drop(device));
@@ -291,7 +291,7 @@ impl Device {
         py: Python<'_>,
         work: impl FnOnce(&mut Opened, &AtomicBool) -> T + Send,
     ) -> PyResult<T> {
-        // Not held while it works: whoever asks meanwhile is told that it is closed.
+        // The lock is not held during the work: other callers meanwhile get the error that the device is closed.
         let device = self.open().take();
         let mut device = device.ok_or_else(|| said("the device is closed"))?;
         let done = aside(py, |stop| (work(&mut device, stop), device));
@@ -301,7 +301,7 @@ impl Device {
     }
 }
 
-/// What a checkup found.
+/// Timings that `checkup` measured.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Checkup {
     found: Measured,
@@ -310,48 +310,48 @@ pub(crate) struct Checkup {
 
 #[pymethods]
 impl Checkup {
-    /// SCHED_FIFO priority that the thread had; None: scheduled like any other.
+    /// SCHED_FIFO priority that the thread got; None: no real-time priority.
     #[getter]
     fn priority(&self) -> Option<i32> {
         self.found.granted.fifo
     }
 
-    /// Whether memory stays in RAM.
+    /// Whether memory is locked in RAM.
     #[getter]
     fn locked(&self) -> bool {
         let Granted { locked, .. } = self.found.granted;
         locked
     }
 
-    /// How long it took [s].
+    /// Duration of the measurement [s].
     #[getter]
     fn seconds(&self) -> f64 {
         self.found.seconds
     }
 
-    /// How late each tick began (n_ticks,) [s].
+    /// Lateness of each tick [s], (n_ticks,); empty in lockstep.
     fn lateness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         seconds(py, &self.found.lateness)
     }
 
-    /// From each force to its reply (n_replies,) [s].
+    /// Time from each force to its reply [s], (n_replies,).
     fn round_trips<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         seconds(py, &self.found.round_trips)
     }
 
-    /// Forces without a reply.
+    /// Forces without a reply within 20 ms.
     #[getter]
     fn unanswered(&self) -> u64 {
         self.found.unanswered
     }
 
-    /// Bytes that belonged to no packet.
+    /// Received bytes that belong to no packet.
     #[getter]
     fn garbage(&self) -> u64 {
         self.stats.garbage
     }
 
-    /// How much faster the device's clock goes than ours [1e-6].
+    /// How much faster the device's clock runs than the host's [1e-6].
     #[getter]
     fn drift_ppm(&self) -> Option<f64> {
         self.stats.drift_ppm

@@ -1,4 +1,4 @@
-//! Emulated devices, served until they are over or somebody presses Ctrl-C.
+//! Emulated devices, served until their time is over or Ctrl-C is pressed.
 
 use std::cell::RefCell;
 use std::time::Duration;
@@ -23,7 +23,8 @@ const TRANSPORTS: Words<fn(u16) -> Transport> = &[
     ("ws", Transport::WebSocket),
 ];
 
-/// Serve an emulated device and tell what happens, at last its periods, packets and the hash of its positions.
+/// Emulate a device until Ctrl-C or for `seconds` [s], and report to `tell`; at the end the periods, packets and the
+/// hash of all positions.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
 #[pyo3(signature = (protocol, transport, tell, *, port=0, paths, hand, axes, mass, stiffness, damping, travel,
@@ -95,7 +96,7 @@ pub(crate) fn emulate(
     run(py, options, &tell)
 }
 
-/// An empty path is a finger that rests.
+/// The hand that follows `path`; an empty path is a resting finger.
 fn going(path: &PyReadonlyArray1<'_, f64>, (stiffness, damping): (f64, f64)) -> Hand {
     let path = path.as_array().to_vec();
     if path.is_empty() {
@@ -110,7 +111,8 @@ fn going(path: &PyReadonlyArray1<'_, f64>, (stiffness, damping): (f64, f64)) -> 
 
 fn run(py: Python<'_>, options: Options, tell: &Py<PyAny>) -> PyResult<()> {
     let (outcome, error) = py.detach(|| {
-        // A signal's exception comes up wherever Python runs next: in what is told, or when it is asked for.
+        // A signal handler's exception appears at the next run of Python code: a call of `tell`, or `check_signals`.
+        // The first one is kept.
         let error = RefCell::new(None);
         let python = |call: &dyn Fn(Python<'_>) -> PyResult<()>| {
             if error.borrow().is_none() {
@@ -134,7 +136,7 @@ fn run(py: Python<'_>, options: Options, tell: &Py<PyAny>) -> PyResult<()> {
         packets,
         hash,
     } = outcome.map_err(|error| refused("emulate", error))?;
-    // Told after Ctrl-C too.
+    // The summary is also sent after Ctrl-C.
     let over = format!("{periods} {packets} {hash:016x}");
     tell.call1(py, ("over", over))?;
     error.map_or(Ok(()), Err)

@@ -1,4 +1,4 @@
-//! The engine's errors as Python exceptions, with their places as attributes.
+//! The engine's errors as Python exceptions with attributes that locate the fault.
 
 use std::fmt::Display;
 
@@ -30,7 +30,7 @@ create_exception!(
     "An axis whose direction could not be measured."
 );
 
-/// `error` with `module` and what `attributes` sets, as the stub promises them.
+/// `error` with `module`, an empty `refusals`, and whatever `attributes` sets: the attributes that the stub declares.
 pub(crate) fn with(
     error: PyErr,
     module: Option<&str>,
@@ -42,7 +42,7 @@ pub(crate) fn with(
         value.setattr("refusals", Vec::<PyErr>::new())?;
         attributes(value)
     });
-    // An attribute that cannot be set (no memory left) is itself what to report.
+    // If an attribute cannot be set (out of memory), that error is returned instead.
     set.err().unwrap_or(error)
 }
 
@@ -78,7 +78,8 @@ pub(crate) fn refused(module: &str, message: impl Display) -> PyErr {
     )
 }
 
-/// EngineError or UnstableError, naming the module; of several faults an EngineError with each as one of its `refusals`.
+/// EngineError or UnstableError that names the module; for several faults, an EngineError with each fault in
+/// `refusals`.
 pub(crate) fn from_engine(error: network::Error) -> PyErr {
     let message = error.to_string();
     match error {
@@ -97,7 +98,7 @@ pub(crate) fn from_engine(error: network::Error) -> PyErr {
     }
 }
 
-/// DivergedError, naming the module and the frame.
+/// DivergedError that names the module and the frame.
 pub(crate) fn from_fault(fault: Fault) -> PyErr {
     let raised = DivergedError::new_err(fault.to_string());
     with(raised, Some(&fault.module), |raised| {
@@ -105,13 +106,13 @@ pub(crate) fn from_fault(fault: Fault) -> PyErr {
     })
 }
 
-/// EngineError of a file that cannot be written: its module is "record".
+/// EngineError for a file that cannot be written; its `module` is "record".
 pub(crate) fn unrecorded(sentence: impl Display) -> PyErr {
     let raised = EngineError::new_err(sentence.to_string());
     with(raised, Some("record"), |_| Ok(()))
 }
 
-/// The value that a word stands for; EngineError with the words there are.
+/// The value of a word in the table `words`; EngineError that lists the known words.
 pub(crate) fn word<T: Copy>(what: &str, given: &str, words: &[(&str, T)]) -> PyResult<T> {
     let found = words
         .iter()
@@ -123,12 +124,12 @@ pub(crate) fn word<T: Copy>(what: &str, given: &str, words: &[(&str, T)]) -> PyR
     })
 }
 
-/// A rate; EngineError unless it is one.
+/// A rate; EngineError if `rate` is not a possible rate [Hz].
 pub(crate) fn hertz(rate: f64) -> PyResult<Rate> {
     Rate::new(rate).map_err(|error| refused("rate", error))
 }
 
-/// EngineError with a sentence about no module in particular.
+/// EngineError with a sentence and without a module.
 pub(crate) fn said(sentence: impl Display) -> PyErr {
     with(EngineError::new_err(sentence.to_string()), None, |_| Ok(()))
 }

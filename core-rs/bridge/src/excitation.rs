@@ -1,4 +1,4 @@
-//! Keys that are pushed to find out what they are made of.
+//! Excitation of real and emulated keys by given forces, to measure their models.
 
 use std::time::Duration;
 
@@ -17,11 +17,11 @@ use crate::error::{refused, said, word};
 use crate::perform::RecordOf;
 use crate::status::tripped;
 
-/// (where the key is kept, from there to the nearer end, stiffness and damping of the guide and of the brake, by how much
-/// the brake slows down)
+/// The guide: (centre, where the key is kept [m]; distance from there to the nearer end [m]; (stiffness, damping) of
+/// the guide; the same of the brake; deceleration by the brake [m/s²]).
 type GuideOf = (f64, f64, (f64, f64), (f64, f64), f64);
 
-/// Push an axis of a device by forces (n_ticks,), and let go of it.
+/// Push an axis of a device by forces (n_ticks,) [N], then let go of it.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
 #[pyo3(signature = (device, axis, force, rate, frames, guide, *, sign=1, still=0, force_step=0.0, tells_touch=true,
@@ -97,13 +97,13 @@ pub(crate) fn excite(
     Ok(Excited(found))
 }
 
-/// A key that was pushed: columns of its ticks, and why they ended.
+/// The record of a key that `excite` pushed: its ticks as columns, and why they ended.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Excited(metrology::Excited);
 
 #[pymethods]
 impl Excited {
-    /// Why it ended: done, touched, gate closed, not finite, unplugged, silent, shared, stopped or a trip.
+    /// Why the ticks ended: done, touched, gate closed, not finite, unplugged, silent, shared, stopped or a trip.
     #[getter]
     fn end(&self) -> &'static str {
         match self.0.end {
@@ -119,22 +119,22 @@ impl Excited {
         }
     }
 
-    /// Asked for, with guide and brake (n,) [N].
+    /// Forces that were asked for, with those of guide and brake (n,) [N].
     fn asked<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |row| row.asked)
     }
 
-    /// As it went over the wire (n,) [N].
+    /// Forces as they went over the wire, after all safety stages (n,) [N].
     fn sent<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |row| row.sent)
     }
 
-    /// Of the reply to each force (n,) [m].
+    /// Positions of the replies to the forces (n,) [m].
     fn positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |row| row.position)
     }
 
-    /// Whether there was a reply (n,).
+    /// Whether there was a reply to each force (n,).
     fn fresh<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         self.column(py, |row| row.fresh)
     }
@@ -144,7 +144,7 @@ impl Excited {
         self.column(py, |row| row.clock)
     }
 
-    /// Whether the brake pushed (n,).
+    /// Whether the brake pushed instead of the written force (n,).
     fn braked<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         self.column(py, |row| row.braked)
     }
@@ -160,7 +160,7 @@ impl Excited {
     }
 }
 
-/// An emulated device in this process, in lockstep, whose keys move as a model says.
+/// An emulated device in this process, in lockstep, behind the driver of its protocol; its keys move by `model`.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
 #[pyo3(signature = (protocol, model, *, rate, travel=0.1, force_max=20.0, resolution=0.0, noise=0.0, force_step=0.0, seed=0,

@@ -1,4 +1,4 @@
-//! Faults made on emulated devices, and how soon the force ends.
+//! Faults made on emulated devices, and the time until the force is zero.
 
 use ergon_live::faults::{self, Measurement, Outcome};
 use pyo3::prelude::*;
@@ -31,7 +31,7 @@ impl FaultMeasurement {
         self.0.emulator.name()
     }
 
-    /// From the fault to zero force [s]; None: it does not end, or the fault is not made here.
+    /// Time from the fault to zero force [s]; None: the force does not end, or the fault is excluded.
     #[getter]
     fn seconds(&self) -> Option<f64> {
         match self.0.outcome {
@@ -40,7 +40,7 @@ impl FaultMeasurement {
         }
     }
 
-    /// The longest that is allowed [s]; None where no bound is set.
+    /// Longest time allowed [s]; None: no bound is set.
     #[getter]
     fn bound(&self) -> Option<f64> {
         self.0.bound.ok()
@@ -73,7 +73,7 @@ impl FaultMeasurement {
         self.0.rise[0]
     }
 
-    /// Whether time, force or growth is beyond its bound.
+    /// Whether time, force or growth exceeds its bound.
     #[getter]
     fn exceeds(&self) -> bool {
         self.0.exceeds()

@@ -1,4 +1,4 @@
-//! From the loudspeakers of one room to other channels.
+//! Conversion of loudspeaker channels to other channels.
 
 use ergon_engine::mix::fold;
 use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyUntypedArrayMethods};
@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use crate::error::said;
 use crate::frames::{rows, rows_mut};
 
-/// Filters from each channel that comes in to each that goes out.
+/// Filters from each input channel to each output channel.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct Fold(pub(crate) fold::Fold);
 
@@ -21,13 +21,13 @@ impl Fold {
         fold::Fold::new(n_in, n_out, &all).map(Self).map_err(said)
     }
 
-    /// Frames that sound on after the last that came in.
+    /// Frames that sound on after the last input frame.
     #[getter]
     fn tail(&self) -> usize {
         self.0.tail()
     }
 
-    /// (n_frames, n_in) into (n_frames, n_out), which is overwritten.
+    /// Filter frames (n_frames, n_in) into `output` (n_frames, n_out), which is overwritten.
     fn process(
         &mut self,
         py: Python<'_>,

@@ -1,11 +1,11 @@
-//! Shapes of blocks of frames, checked with a sentence.
+//! Access to blocks of frames as slices, with a readable error for a wrong shape.
 
 use numpy::{Element, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::error::said;
 
-/// The rows of a C-contiguous (n_frames, `columns`) array that is only read.
+/// The samples of a C-contiguous (n_frames, `columns`) array, read-only.
 pub(crate) fn rows<'a, T: Element>(
     array: &'a PyReadonlyArray2<'_, T>,
     name: &str,
@@ -15,7 +15,7 @@ pub(crate) fn rows<'a, T: Element>(
     Ok(array.as_slice()?)
 }
 
-/// The rows of a C-contiguous (n_frames, `columns`) array that is filled.
+/// The samples of a C-contiguous (n_frames, `columns`) array, writable.
 pub(crate) fn rows_mut<'a, T: Element>(
     array: &'a mut PyReadwriteArray2<'_, T>,
     name: &str,

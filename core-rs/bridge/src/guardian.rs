@@ -1,4 +1,4 @@
-//! The guardian of a Haply: this very library, in a Python of its own.
+//! The guardian process of a Haply: this library, run by a separate Python interpreter.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 
 use crate::error::said;
 
-/// Loads the library from the file that its host has loaded, and nothing else: no site, no package.
+/// Loads only the library file that the host process uses, without `site` and without the package.
 const LOAD: &str = "\
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
@@ -18,14 +18,14 @@ core = module_from_spec(spec)
 spec.loader.exec_module(core)
 core.guard_haply()";
 
-/// Be the guardian of a Haply whose host is at the other end of the standard input, until the host is gone.
+/// Run as the guardian process of a Haply, until the host at the standard input is gone.
 #[pyfunction]
 pub(crate) fn guard_haply(py: Python<'_>) -> PyResult<()> {
     py.detach(guardian::serve).map_err(said)
 }
 
-/// Say what starts a guardian, before a device is opened. Where Python is a part of another program there is none to
-/// start, and a Haply is refused.
+/// Register the command that starts a guardian, before a device is opened. If Python is embedded in another program, no
+/// guardian can be started, and a Haply is refused.
 pub(crate) fn ready(py: Python<'_>) {
     static ONCE: Once = Once::new();
     if ONCE.is_completed() {

@@ -1,4 +1,4 @@
-//! The path of a real key, and the derivatives of the path.
+//! Path of a real key by its model, and the derivatives of the path.
 
 use ergon_engine::key_model::KeyModel;
 use numpy::ndarray::Array2;
@@ -10,7 +10,7 @@ use crate::work::computing;
 
 type PathAndJacobian<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 
-/// Positions (n,) under forces (n,), and their derivatives (n, columns).
+/// Path (n,) [m] of a real key under forces (n,) [N], and the derivatives of the path (n, columns).
 #[pyfunction]
 #[pyo3(signature = (parameters, force, rate, *, columns=None, steps=None))]
 pub(crate) fn key_path<'py>(
@@ -36,7 +36,7 @@ pub(crate) fn key_path<'py>(
     Ok((path.into_pyarray(py), jacobian.into_pyarray(py)))
 }
 
-/// Derivatives of positions with respect to the forces of some ticks (n, ticks).
+/// Derivatives [m/N] of the path of `key_path` with respect to the forces of some ticks, (n, ticks).
 #[pyfunction]
 #[pyo3(signature = (parameters, force, rate, ticks, *, steps=None))]
 pub(crate) fn key_force_derivatives<'py>(

@@ -47,23 +47,23 @@ impl Law {
         self.0.force(d, v)
     }
 
-    /// Energy stored at elongation d [J]; zero at d = 0.
+    /// Stored energy [J] at elongation d [m]; zero at d = 0.
     fn potential(&self, d: f64) -> f64 {
         self.0.potential(d)
     }
 
-    /// Whether damping·v < 0 somewhere in |d| <= d_max, |v| <= v_max: the link can give energy.
+    /// Whether the link can give energy: damping·v < 0 somewhere in |d| <= d_max, |v| <= v_max.
     fn is_active(&self, d_max: f64, v_max: f64) -> bool {
         self.0.is_active(d_max, v_max)
     }
 
-    /// Its operations as rows (operation, a, b, c); None where it has no expression.
+    /// The operations, in order; None for `points`.
     fn rows(&self) -> Option<Vec<LawRow>> {
         let rows = self.0.rows()?;
         Some(rows.iter().map(named_row).collect())
     }
 
-    /// The same law, its runs computed by native code at `address`.
+    /// The same law, computed by native code of its rows at `address`.
     fn native(&self, address: usize) -> PyResult<Self> {
         if address == 0 || self.0.rows().is_none() {
             return Err(PyValueError::new_err("this law has no native code"));
@@ -74,7 +74,8 @@ impl Law {
         Ok(Self(law))
     }
 
-    /// Forces of a run of links at elongations d and rates v, written to `out`; all (n_links,).
+    /// Write forces [N] for elongations d [m] and their rates v [m/s] into `out`, all (n_links,); computed `times`
+    /// times.
     #[pyo3(signature = (d, v, out, times=1))]
     fn forces(
         &self,
@@ -111,14 +112,16 @@ pub(crate) fn named_row(row: &law::Row) -> LawRow {
     }
 }
 
+/// The native code at `address` as a function.
+///
 /// # Safety
-/// Machine code of that signature begins at `address`, which is not 0.
+/// Machine code with the signature of [`law::Entry`] begins at `address`, which is not 0.
 pub(crate) unsafe fn entry(address: usize) -> law::Entry {
     // SAFETY: as above.
     unsafe { std::mem::transmute(address) }
 }
 
-/// Addresses of the core's functions that native code of a law calls.
+/// The functions of the core, with their addresses, that native code of a law calls.
 #[pyfunction]
 pub(crate) fn law_functions() -> Vec<LawFunction> {
     let functions = law::FUNCTIONS.iter();

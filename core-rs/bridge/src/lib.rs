@@ -1,7 +1,7 @@
-//! `ergon._core`: the only door between Python and the engine.
+//! `ergon._core`: the only interface between Python and the engine.
 //!
-//! A function here does three things: check shapes, let go of the GIL, call the engine. What may take
-//! long is called by `work::computing`, which ends it on Ctrl-C. Anything longer belongs in `ergon-engine`.
+//! A function here does three things: check shapes, release the GIL, call the engine. Computations that may take long
+//! run inside `work::computing`, which ends them on Ctrl-C. Anything more belongs in `ergon-engine`.
 
 mod arrays;
 mod audio;

@@ -1,4 +1,4 @@
-//! The last thing before the loudspeakers.
+//! The limiter at the end of the output chain.
 
 use ergon_engine::mix::limiter;
 use numpy::PyReadwriteArray2;
@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use crate::error::said;
 use crate::frames::rows_mut;
 
-/// Look-ahead limiter: 5 ms ahead, 50 ms release, sample peak; all channels by one gain.
+/// Look-ahead limiter of sample peaks: 5 ms ahead, 50 ms release, one gain for all channels.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct Limiter(limiter::Limiter);
 
@@ -20,13 +20,13 @@ impl Limiter {
             .map_err(said)
     }
 
-    /// How many frames what comes out is late.
+    /// Delay of the output [frames].
     #[getter]
     fn latency(&self) -> usize {
         self.0.latency()
     }
 
-    /// In place, (n_frames, n_channels); what comes out is `latency` frames late.
+    /// Limit frames (n_frames, n_channels) in place; the output is `latency` frames late.
     fn process(&mut self, py: Python<'_>, mut frames: PyReadwriteArray2<'_, f64>) -> PyResult<()> {
         let frames = rows_mut(&mut frames, "frames", self.0.n_channels())?;
         py.detach(|| self.0.process(frames));

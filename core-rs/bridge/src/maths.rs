@@ -1,4 +1,4 @@
-//! The engine's own transcendentals: what a score computes must not depend on the machine's libc.
+//! The engine's own elementary functions: values that a score computes must not depend on the machine's libc.
 
 use ergon_engine::maths;
 use pyo3::prelude::*;

@@ -1,4 +1,4 @@
-//! How loud it is.
+//! Level meter.
 
 use ergon_engine::mix::meter;
 use numpy::PyReadonlyArray2;
@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use crate::error::said;
 use crate::frames::rows;
 
-/// Peak and integrated loudness (ITU-R BS.1770) of what passes.
+/// Peak and integrated loudness (ITU-R BS.1770) of all frames so far.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct Meter(meter::Meter);
 
@@ -18,7 +18,7 @@ impl Meter {
         meter::Meter::new(rate, n_channels).map(Self).map_err(said)
     }
 
-    /// Listen to (n_frames, n_channels).
+    /// Measure frames (n_frames, n_channels).
     fn process(&mut self, py: Python<'_>, frames: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
         let frames = rows(&frames, "frames", self.0.n_channels())?;
         py.detach(|| self.0.process(frames));

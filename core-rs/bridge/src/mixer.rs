@@ -1,4 +1,4 @@
-//! Outputs to channels.
+//! Mixer from outputs to channels.
 
 use std::sync::Arc;
 
@@ -12,13 +12,13 @@ use pyo3::prelude::*;
 use crate::error::said;
 use crate::frames::{rows, rows_mut};
 
-/// Samples of outputs that were computed before, which mixers share.
+/// Samples of outputs that were computed before; mixers share them.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct FrozenOutputs(Arc<frozen::FrozenOutputs>);
 
 #[pymethods]
 impl FrozenOutputs {
-    /// The samples (n_frames, n_out) are copied.
+    /// Copy samples (n_frames, n_out).
     #[new]
     fn new(samples: PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
         let n_out = samples.shape()[1];
@@ -41,8 +41,9 @@ impl Mixer {
         Self(mixer::Mixer::new(rate, n_out, n_channels))
     }
 
-    /// Add gain · output to a channel or a room (from 0); highpass [Hz] is a Butterworth of order 2, delay in frames, curve
-    /// (frame, gain, whether smooth). The gain of a group of routes may be moved while they sound.
+    /// Add gain · output to a channel or a room (from 0). `highpass` [Hz] is a Butterworth of order 2, `delay` is in
+    /// frames, and `curve` is a gain over the frames of the piece: (frame, ratio, whether it is reached smoothly).
+    /// `set_gain` changes the gain of a `group` of routes.
     #[pyo3(signature = (out, channel, gain = 1.0, highpass = None, group = 0, *, delay = 0, curve = None, to_room = false))]
     #[expect(clippy::too_many_arguments)]
     fn route(
@@ -71,7 +72,8 @@ impl Mixer {
             .map_err(said)
     }
 
-    /// Add a room heard by channels: size [m], t60 as (frequency [Hz], time [s]) twice; its index.
+    /// Add a room that some channels (from 0) hear: `size` [m], `t60` as two pairs (frequency [Hz], decay time [s]);
+    /// its index.
     #[pyo3(signature = (name, channels, *, size, t60, gain = 1.0))]
     fn room(
         &mut self,
@@ -96,24 +98,23 @@ impl Mixer {
         self.0.freeze(&frozen.0, &outputs, begins).map_err(said)
     }
 
-    /// Set a gain of all channels over the frames of the piece: (frame, gain, whether smooth).
+    /// Set a gain of all channels over the frames of the piece, as the `curve` of a route.
     fn fade(&mut self, curve: Vec<(i64, f64, bool)>) {
         self.0.fade(through(curve));
     }
 
-    /// Let the gain of a group glide to another over 20 ms, from the next multiple of 64 frames on.
+    /// Let the gain of a group glide to `gain` in 20 ms, from the next multiple of 64 frames on.
     fn set_gain(&mut self, group: usize, gain: f64) {
         self.0.set_gain(group, gain);
     }
 
-    /// Go on as `old` stands, with its gains and filters; `outputs`: which output here each of its outputs has become,
-    /// where they are not the same.
+    /// Take the gains and filters of `old` over; `outputs`: for each output of `old` the output here, if they differ.
     #[pyo3(signature = (old, outputs = None))]
     fn take_over(&mut self, old: &mut Self, outputs: Option<Vec<Option<usize>>>) {
         self.0.take_over(&mut old.0, outputs.as_deref());
     }
 
-    /// (n_frames, n_out) -> (n_frames, n_channels).
+    /// Mix frames (n_frames, n_out) into mixed (n_frames, n_channels).
     fn process(
         &mut self,
         py: Python<'_>,

@@ -1,4 +1,4 @@
-//! What moves, as chunks of bytes; motion files.
+//! Motion of a simulation as chunks of bytes; motion files.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -18,13 +18,13 @@ use crate::named::{LookContact, LookRun, MotionChunk};
 use crate::simulation::Simulation;
 use crate::timeline::Timeline;
 
-/// What can be seen of a simulation.
+/// What can be seen of a simulation: every mass, whatever computes it.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct MotionLook(Look, Vec<String>);
 
 #[pymethods]
 impl MotionLook {
-    /// Of a simulation, which is not changed.
+    /// Look at a simulation, which is not changed.
     #[new]
     fn new(py: Python<'_>, simulation: &Simulation) -> Self {
         let parts = simulation.0.network().parts().iter();
@@ -37,12 +37,12 @@ impl MotionLook {
         self.0.n_modes()
     }
 
-    /// The MAT of each point.
+    /// The MAT of each point, (n_points,).
     fn mats(&self) -> Vec<usize> {
         self.0.points.iter().map(|point| point.mat).collect()
     }
 
-    /// The parts of a simulation.
+    /// The points in runs of one kind.
     fn runs(&self) -> Vec<LookRun> {
         let run = |run: record::Run| {
             let body = run.body.map(|body| &self.0.bodies[body]);
@@ -58,7 +58,7 @@ impl MotionLook {
         record::runs(&self.0).into_iter().map(run).collect()
     }
 
-    /// Links that open and close: name and MATs.
+    /// Links that open and close, with their MATs.
     fn contacts(&self) -> Vec<LookContact> {
         let contacts = self.0.contacts.iter();
         contacts
@@ -71,7 +71,7 @@ impl MotionLook {
     }
 }
 
-/// A simulation on its way into the chunks of a motion file.
+/// Writes the motion of a simulation into the chunks of a motion file. Changes no sample.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct MotionRecorder {
     recorder: Recorder,
@@ -103,30 +103,30 @@ impl MotionRecorder {
         })
     }
 
-    /// The frame of the simulation at which it is to be looked at next.
+    /// The next frame of the simulation at which `look` must be called.
     #[getter]
     fn next(&self) -> u64 {
         self.recorder.next()
     }
 
-    /// Look at the simulation as it is now.
+    /// Record the state of the simulation, which is at frame `next`.
     fn look(&mut self, py: Python<'_>, mut simulation: PyRefMut<'_, Simulation>) {
         let own = &mut simulation.0;
         py.detach(|| self.recorder.look(own));
     }
 
-    /// Take what loudspeakers sound since the last look (n_frames, n_speakers).
+    /// Measure the sound of the loudspeakers since the last look, (n_frames, n_speakers).
     fn hear(&mut self, mixed: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
         self.recorder.hear(rows(&mixed, "mixed", self.n_speakers)?);
         Ok(())
     }
 
-    /// The bytes that are complete by now, once.
+    /// The bytes that were completed since the last call.
     fn take<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.recorder.take())
     }
 
-    /// The last bytes.
+    /// The last bytes of the file.
     fn finish<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.recorder.finish())
     }
@@ -156,7 +156,8 @@ fn setup(
     })
 }
 
-/// What pages see of a simulation while it is played: an end for the physics thread, and one for the pages.
+/// The view of a simulation that pages get while it is played: one end for the physics thread, one for the pages.
+/// Changes no sample.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Window(Mutex<Option<(perform::Window, perform::Scene)>>);
 
@@ -184,7 +185,7 @@ impl Window {
 }
 
 impl Window {
-    /// Its two ends, once.
+    /// Its two ends; EngineError at the second call.
     pub(crate) fn ends(&self) -> PyResult<(perform::Window, perform::Scene)> {
         let mut ends = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         ends.take()
@@ -192,11 +193,11 @@ impl Window {
     }
 }
 
-/// A motion file, as far as it is whole.
+/// A `.motion` file, up to its last whole chunk.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Motion(MotionFile);
 
-/// What is whole of the `.motion` file at `path`.
+/// Read a `.motion` file up to its last whole chunk.
 #[pyfunction]
 pub(crate) fn read_motion(py: Python<'_>, path: PathBuf) -> PyResult<Motion> {
     let bytes = py.detach(|| std::fs::read(&path))?;
@@ -236,14 +237,14 @@ impl Motion {
         self.0.names.clone()
     }
 
-    /// x, y, z and rest of each point (n_points, 4) [m].
+    /// x, y, z and rest position of each point [m], (n_points, 4).
     fn places<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let all = self.0.places.concat();
         let array = Array2::from_shape_vec((self.0.n_points, 4), all).map_err(said)?;
         Ok(array.into_pyarray(py))
     }
 
-    /// All whole chunks: kind, instant, payload size.
+    /// All whole chunks.
     fn chunks(&self) -> Vec<MotionChunk> {
         let chunks = self.0.chunks.iter();
         chunks
@@ -262,7 +263,7 @@ impl Motion {
         Ok(PyBytes::new(py, self.0.payload(place)))
     }
 
-    /// Displacements at rising instants (n_instants, n_points) [m].
+    /// Displacements of all points [m] at rising instants [s], (n_instants, n_points).
     fn displacements<'py>(
         &self,
         py: Python<'py>,

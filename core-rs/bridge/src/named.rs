@@ -1,4 +1,4 @@
-//! Tuples with named fields, which are Python's named tuples: results, and structured arguments.
+//! Python named tuples: results of the core, and structured arguments.
 
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -36,7 +36,7 @@ impl Class {
     }
 }
 
-/// Declares results: structs of the core that Python sees as named tuples.
+/// Declares results: structs of the core that Python receives as named tuples.
 macro_rules! results {
     ($($(#[doc = $doc:literal])+ $name:ident { $($field:ident: $type:ty),+ $(,)? })+) => {
         $(
@@ -74,9 +74,9 @@ results! {
     LawRow { operation: &'static str, a: i32, b: i32, c: i32 }
     /// A function of the core that native code of a law calls.
     LawFunction { name: &'static str, address: usize }
-    /// A law that links of a network have: its rows, and how many links have it.
+    /// A law of a network: its rows, links with it alone in their run, and links in longer runs.
     LawUse { rows: Vec<LawRow>, alone: usize, in_runs: usize }
-    /// A mode of a part: damped frequency [Hz] and decay [s].
+    /// A mode of a part: damped frequency [Hz], and decay [s], infinite without loss.
     Mode { f: f64, t60: f64 }
     /// Modes of a part, from low to high, with the motion of each mass.
     PartModes {
@@ -87,7 +87,8 @@ results! {
         n_laws: usize,
         n_contacts: usize,
     }
-    /// The masses and links of some parts by themselves, each link with the slots of its ends, -1 where it is held.
+    /// The masses and links of some parts by themselves; each link has the slots of its ends, -1 for an end that is
+    /// held.
     Elements {
         mats: Vec<usize>,
         masses: Numbers<f64>,
@@ -101,7 +102,8 @@ results! {
     }
     /// Position [m], velocity [m/s] and acceleration [m/s²] of a path at one instant.
     PathPoint { x: f64, v: f64, a: f64 }
-    /// Points of one kind in a row; of a modal part also its first mode, how many are looked at, and of how many.
+    /// A run of points of one kind, and the name of their part; for a modal part also the first mode, how many modes
+    /// are looked at, and how many are computed.
     LookRun {
         part: String,
         first: usize,
@@ -116,13 +118,13 @@ results! {
     MotionChunk { kind: u16, seconds: f64, size: usize }
     /// A place on the bench [m].
     Place { x: f64, y: f64 }
-    /// The lowest and the highest of some positions.
+    /// Lowest and highest of some positions, [m] or [rad].
     Range { low: f64, high: f64 }
-    /// What a strike brings to a MAT [N·s], and when [s].
+    /// Impulse of a strike on a MAT [N·s], and its time [s].
     Impulse { at: f64, impulse: f64 }
-    /// What trials of an island took and found, as numbers that can be written and read.
+    /// Results and cost of the trials of an island.
     TrialRecord { numbers: Vec<Option<f64>>, counts: Vec<Vec<u32>>, reason: Option<String> }
-    /// How many modes of a body are computed.
+    /// How many modes of a body are computed, and how many it has.
     ModeCount { computed: usize, total: usize }
     /// The decisions of a plan on one island.
     IslandChoice {
@@ -133,25 +135,25 @@ results! {
     }
     /// A part with its own rate that is computed at every frame, and why.
     FullRatePart { name: String, why: String }
-    /// What is heard of an error: of a pitch [cents], of a T60 as a part of it, of a third octave [dB].
+    /// The audible error, at its worst: pitch [cents], relative error of the T60, level of a third octave [dB].
     AudibleError { cents: f64, t60: f64, third_octave_db: f64 }
-    /// Work of a plan's trials, by the table of costs [s].
+    /// Work of a plan's trials, and the most allowed, by the table of costs [s].
     TrialWork { done: f64, allowed: f64 }
-    /// A part that became non-finite and was muted.
+    /// A part that became non-finite at a frame and was muted.
     MutedPart { name: String, frame: u64 }
-    /// A part with frames that were computed in several steps.
+    /// A part some of whose frames needed more than one step, because its links had stiffened.
     FinerPart { name: String, frames: u64, steps: u32 }
-    /// A module that made energy.
+    /// A module whose steps made more energy than a hundredth of what was there.
     EnergyGain { name: String, frame: u64, sentence: String }
     /// The player and the key of an axis of a recording.
     RecordedAxis { player: String, key: String }
-    /// An event of a recording: a line of JSON.
+    /// An event of a recording: its tick, and a line of JSON.
     RecordedEvent { tick: u64, line: String }
     /// An event of a performance.
     PerformanceEvent { frame: u64, what: &'static str, number: f64 }
-    /// An event of a performance's sound output.
+    /// An event of a performance's sound output or input, at a time since it was opened [s].
     SoundEvent { time: f64, sentence: String }
-    /// The sound input of a performance: frames of silence put in, and frames thrown away.
+    /// The sound input of a performance.
     SoundInput {
         sentence: String,
         live: bool,
@@ -166,7 +168,7 @@ results! {
     SilenceEdge { frame: u64, begins: bool }
 }
 
-/// Arguments that are read as plain tuples.
+/// Classes of arguments; the bridge reads them as plain tuples.
 static ARGUMENTS: [Class; 8] = [
     Class::new(
         "AxisCalibration",

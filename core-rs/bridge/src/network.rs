@@ -1,4 +1,4 @@
-//! Networks: what is.
+//! Networks: MATs and LIAs.
 
 mod bodies;
 mod links;
@@ -21,7 +21,7 @@ use crate::work::computing;
 /// (first, count, weight) of modules in an output.
 type Ranges = Vec<(usize, usize, f64)>;
 
-/// What is: MATs and LIAs with SI parameters, grouped into named parts.
+/// MATs and LIAs with SI parameters, grouped into named parts.
 #[pyclass(module = "ergon._core")]
 #[derive(Default)]
 pub(crate) struct Network(pub(crate) network::Network);
@@ -49,8 +49,8 @@ impl Network {
         self.0.outputs().len()
     }
 
-    /// What a hand on a MAT can reach, at rest, with every contact closed and every law a spring: (network, the MAT
-    /// there, other hands that feel it).
+    /// The part of the network that a hand on a MAT can move, at `rate` [Hz]: at rest, with every contact closed and
+    /// every law replaced by the stiffest spring that it is within `depth` [m].
     #[pyo3(signature = (mat, rate, *, held=Vec::new(), without=Vec::new(), ties=Vec::new(), factors=Vec::new(), depth=network::PRESS_DEPTH))]
     #[allow(clippy::too_many_arguments)]
     fn reachable_network(
@@ -92,14 +92,14 @@ impl Network {
         Ok(())
     }
 
-    /// Where the MAT lies on the bench [m].
+    /// Place of the MAT on the bench [m].
     fn position_of(&self, index: usize) -> PyResult<Place> {
         self.there(index)?;
         let [x, y] = self.0.mats().place[index];
         Ok(Place { x, y })
     }
 
-    /// An output: a weighted sum over ranges of modules; its speed (order 1) or acceleration (2).
+    /// An output: a weighted sum over ranges of modules, differentiated `order` times by time; its index.
     #[pyo3(signature = (name, *, positions=Vec::new(), forces=Vec::new(), ground_forces=Vec::new(), lengths=Vec::new(), order=0))]
     fn listen(
         &mut self,
@@ -137,12 +137,12 @@ impl Network {
             .map_err(from_engine)
     }
 
-    /// A MAT as the composer wrote it.
+    /// The name of a MAT as in the score, e.g. `gong.12`.
     fn name_of(&self, index: usize) -> String {
         self.0.mat_name(index)
     }
 
-    /// Lowest modes of a part.
+    /// The lowest modes of a part, whatever its damping.
     fn modes(&self, py: Python<'_>, part: &str, n_modes: usize) -> PyResult<Vec<Mode>> {
         let index = self.part_index(part)?;
         let tones = computing(py, || self.0.tones(index, n_modes))?;
@@ -154,7 +154,7 @@ impl Network {
         Ok(tones.iter().map(mode).collect())
     }
 
-    /// Modes of a part with their shapes: the lowest `count`, those up to `to` [Hz], or `count` around a frequency [Hz].
+    /// Modes of a part: the lowest `count`, all up to `to` [Hz], or `count` next to `around` [Hz].
     #[pyo3(signature = (part, *, count=None, to=None, around=None))]
     fn part_modes(
         &self,
@@ -199,7 +199,7 @@ impl Network {
         })
     }
 
-    /// The masses and links of some parts by themselves.
+    /// The masses and links of some parts, with the links between them and without those to other parts.
     fn elements(&self, py: Python<'_>, parts: Vec<String>) -> PyResult<Elements> {
         load_numpy(py);
         let found = self.0.elements(&self.part_indices(&parts)?);
@@ -231,7 +231,8 @@ impl Network {
         })
     }
 
-    /// Velocities of points over a force at one, of some parts by themselves   (n_heard, n_frequencies).
+    /// Velocity of each of `heard` over a force at `forced`, with the parts taken by themselves, (n_heard,
+    /// n_frequencies).
     fn admittance(
         &self,
         py: Python<'_>,
@@ -258,7 +259,7 @@ impl Network {
         Self(self.0.undifferentiated())
     }
 
-    /// Whether the CA scheme is stable at `rate`.
+    /// The certificate that the CA scheme is stable at `rate` [Hz].
     fn certify(&self, py: Python<'_>, rate: f64) -> PyResult<Certificate> {
         let rate = hertz(rate)?;
         let certificate = computing(py, || Scheme::new(&self.0, rate)?.certify(&self.0))?;

@@ -1,4 +1,4 @@
-//! Samples as a file holds them.
+//! Conversion of samples to the formats of sound files.
 
 use ergon_engine::mix::pcm::{self as engine, Bits};
 use numpy::{

@@ -28,7 +28,7 @@ use crate::status::{HandLimit, Status, named_event};
 
 /// Time between two checks for Ctrl-C during a wait.
 const LOOK: Duration = Duration::from_millis(2);
-/// Longer than any piece [s].
+/// Longest wait [s], longer than any piece.
 const LONGEST: f64 = 1e6;
 
 /// The fields of a `LiveHand`.
@@ -55,7 +55,7 @@ type StemOf = (PathBuf, u64, u64, Vec<usize>);
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Performance {
     own: Mutex<Option<perform::Performance>>,
-    /// Beside the lock: a stop waits for nobody.
+    /// Outside the lock, so that a stop never waits for it.
     control: perform::Control,
 }
 
@@ -198,12 +198,13 @@ impl Performance {
         })
     }
 
-    /// How much of the piece's force each real hand may get.
+    /// The force limit of each real hand in the piece that the performance began with.
     fn hand_limits(&self) -> PyResult<Vec<HandLimit>> {
         self.with(|own| own.hand_limits().iter().map(HandLimit::of).collect())
     }
 
-    /// The limit of a real hand for a piece with this response [N/m] (n_ticks,); None where the hand is not real.
+    /// The force limit of a real hand in another piece with this response [N/m], (n_ticks,); None if the hand is not
+    /// real.
     fn hand_limit(
         &self,
         py: Python<'_>,
@@ -245,33 +246,33 @@ impl Performance {
         self.with(|own| own.granted().map(|granted| granted.to_string()))
     }
 
-    /// Silence within 5 ms and zero force at the next tick.
+    /// Silence within 5 ms and zero force at the next tick, until `release`.
     fn panic(&self) {
         self.control.panic();
     }
 
-    /// Let sound and force return, after a panic or after `let_go`.
+    /// Let sound and force return after `panic`, after `let_go` and after a trip.
     fn release(&self) {
         self.control.release();
     }
 
-    /// Let the gain glide to another, from the next tick on.
+    /// Let the gain glide to `gain` in 20 ms, from the next tick on; False if too many commands wait.
     fn gain(&self, gain: f64) -> PyResult<bool> {
         self.with(|own| own.gain(gain))
     }
 
-    /// Write what is computed for the loudspeakers to a new file, from the next tick on.
+    /// Write what is computed for the loudspeakers to a new WAV file, from the next tick on.
     fn record_audio(&self, path: PathBuf) -> PyResult<()> {
         self.with(|own| own.record_audio(&path))?
             .map_err(|error| refused("audio", error))
     }
 
-    /// End the file of record_audio; False where too many commands wait.
+    /// End the file of `record_audio`; False if too many commands wait.
     fn end_audio(&self) -> PyResult<bool> {
         self.with(|own| own.end_audio())
     }
 
-    /// How the file of record_audio goes; None where there was none.
+    /// The state of the file of `record_audio`; None if there was none.
     fn audio_recorded(&self) -> PyResult<Option<AudioRecorded>> {
         let status = self.with(|own| own.audio_recorded())?;
         Ok(status.map(|status| AudioRecorded {
@@ -283,20 +284,22 @@ impl Performance {
         }))
     }
 
-    /// Strike a point of the simulation that plays, at the next tick; a ticket, that an event "acted" or "missed"
-    /// tells; None where too many commands wait.
+    /// Strike a point of the simulation that plays by an impulse [N·s], at the next tick.
+    ///
+    /// Returns a ticket, or None if too many commands wait. An event "acted" or "missed" with the ticket tells the
+    /// outcome.
     fn strike(&self, point: u32, impulse: f64) -> PyResult<Option<u64>> {
         let impulse = strike_impulse(impulse)?;
         self.with(|own| own.strike(point, impulse))
     }
 
-    /// Let an input that is told go to a value, at the next tick; a ticket, as of a strike.
+    /// Let an input of `Timeline.told_in` go to a value, at the next tick; returns a ticket, as `strike`.
     fn tell(&self, number: u64, value: f64) -> PyResult<Option<u64>> {
         let value = told_value(value)?;
         self.with(|own| own.tell(number, value))
     }
 
-    /// Let the gain of a group of the mixer's routes glide to another.
+    /// Let the gain of a group of the mixer's routes glide in 20 ms; False if too many commands wait.
     fn part_gain(&self, group: usize, gain: f64) -> PyResult<bool> {
         self.with(|own| own.part_gain(group, gain))
     }
@@ -346,7 +349,7 @@ impl Performance {
         };
         py.detach(|| {
             change.simulation = new.map(|new| {
-                // Without a simulation to take over, the new one begins in its own state.
+                // Without `old`, the new simulation begins in its own state.
                 let takeover = old.map_or_else(Takeover::default, |old| Takeover::new(old, new));
                 (new.fork(), takeover)
             });
@@ -373,12 +376,12 @@ impl Performance {
         Ok(true)
     }
 
-    /// Why the recording cannot be written at present; None where it can, or there is none.
+    /// Why the recording cannot be written at present; None if it can, or if there is none.
     fn recording_trouble(&self) -> PyResult<Option<String>> {
         self.with(|own| own.recording_trouble())
     }
 
-    /// Wait until everything was heard, and close; returns the remaining events.
+    /// Wait up to `patience` [s] until everything was heard, and close; returns the remaining events.
     fn close(&self, py: Python<'_>, patience: f64) -> PyResult<Vec<PerformanceEvent>> {
         let Some(own) = self.own().take() else {
             return Ok(Vec::new());
@@ -447,7 +450,7 @@ fn stems(frozen: Vec<StemOf>, n_out: usize) -> PyResult<Vec<Stem>> {
     frozen.into_iter().map(stem).collect()
 }
 
-/// How a file of sound goes.
+/// The state of a sound file that is being recorded.
 #[pyclass(frozen, get_all, module = "ergon._core")]
 pub(crate) struct AudioRecorded {
     first: Option<u64>,

@@ -1,4 +1,4 @@
-//! Plans: what is computed, how, and why the rest is not.
+//! Plans: how network and timeline are computed.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -14,15 +14,15 @@ use crate::timeline::Timeline;
 use crate::words;
 use crate::work::computing;
 
-/// A choice: modules of the island, times it is stepped a frame, contacts a step, numbers of each body.
+/// The fields of an `IslandChoice`: (modules, oversampling, contact substeps, numbers of each body).
 type Pin = (usize, u32, usize, Vec<Vec<u32>>);
-/// Numbers, counts and reason of a record.
+/// The fields of a `TrialRecord`: (numbers, counts, reason).
 type Record = (Vec<Option<f64>>, Vec<Vec<u32>>, Option<String>);
 
-/// Records in the keeping of a Python object.
+/// A store of trial records that a Python object implements.
 struct Store {
     object: Py<PyAny>,
-    /// What it raised, which ended the planning.
+    /// The exception of the object, which ended the planning.
     raised: Mutex<Option<PyErr>>,
 }
 
@@ -56,7 +56,7 @@ impl TrialStore for Store {
     }
 }
 
-/// What is computed, how, and why the rest is not.
+/// How network and timeline are computed: the cheapest method for each island that is heard.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Plan(pub(crate) Arc<plan::Plan>);
 
@@ -125,17 +125,17 @@ impl Plan {
         .map_err(from_engine)
     }
 
-    /// What it does, part by part.
+    /// The parts of the plan.
     fn rows(&self) -> Vec<PlanRow> {
         self.0.rows().iter().map(PlanRow::of).collect()
     }
 
-    /// The same of what nobody hears and somebody looks at.
+    /// The parts that are computed although nobody hears them, because somebody looks at them.
     fn seen(&self) -> Vec<PlanRow> {
         self.0.seen().iter().map(PlanRow::of).collect()
     }
 
-    /// What was decided, island by island.
+    /// The decisions, island by island.
     fn choices(&self) -> Vec<IslandChoice> {
         let named = |choice: &plan::Choice| IslandChoice {
             modules: choice.modules,
@@ -146,20 +146,20 @@ impl Plan {
         self.0.choices().iter().map(named).collect()
     }
 
-    /// Parts with their own rate that are computed at every frame, and why.
+    /// The parts with their own rate that are nevertheless computed at every frame, and why.
     fn stay(&self) -> Vec<FullRatePart> {
         let stay = self.0.stay().iter().cloned();
         stay.map(|(name, why)| FullRatePart { name, why }).collect()
     }
 
-    /// Work that its trials took, and the most that they might, by the table of costs [s].
+    /// Work of its trials, and the most allowed, by the table of costs [s].
     #[getter]
     fn trials(&self) -> TrialWork {
         let (done, allowed) = self.0.trials();
         TrialWork { done, allowed }
     }
 
-    /// A hash of what was decided (64 hex digits).
+    /// A hash of the decisions (64 hex digits).
     #[getter]
     fn hash(&self) -> String {
         self.0.hash()
@@ -207,7 +207,7 @@ fn budget(
     }
 }
 
-/// A row of a plan.
+/// A part of a plan: what is computed together, and how; or what is not computed, and why.
 #[pyclass(frozen, get_all, module = "ergon._core")]
 pub(crate) struct PlanRow {
     parts: Vec<String>,
@@ -292,7 +292,7 @@ impl PlanRow {
                 StabilityGuarantee::Tried => "tried",
             }),
             because: row.because.clone(),
-            // The engine counts steps; a row counts frames.
+            // The engine's `every` counts steps; `macrostep` counts frames.
             macrostep: match row.what {
                 Computed::Slow { every, .. } => Some(every / row.oversampling.max(1)),
                 _ => None,

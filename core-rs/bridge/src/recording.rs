@@ -19,11 +19,11 @@ pub(crate) fn from_recording(error: RecordingError) -> PyErr {
     }
 }
 
-/// Ticks, what each axis did, and the events between.
+/// The movement of live hands, tick by tick, and the events between ticks.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Recording(recording::Recording);
 
-/// What is whole of the `.take` file at `path`; `span` (from, to) keeps these ticks, counted from the first row.
+/// Read the undamaged rows of a `.take` file; `span` (from, to) keeps these ticks, counted from the first row.
 #[pyfunction]
 #[pyo3(signature = (path, span = None))]
 pub(crate) fn read_recording(
@@ -86,7 +86,7 @@ impl Recording {
             .collect()
     }
 
-    /// One name for each axis that no other has.
+    /// The names of the axes, all different.
     #[getter]
     fn names(&self) -> Vec<String> {
         self.0.header.names()
@@ -120,7 +120,7 @@ impl Recording {
         self.0.whole()
     }
 
-    /// A sentence on what is wrong with the file.
+    /// A sentence on what is wrong with the file, and what is left.
     #[getter]
     fn damage(&self) -> Option<String> {
         self.0.damage()
@@ -137,43 +137,43 @@ impl Recording {
         self.0.finished
     }
 
-    /// (n_ticks,).
+    /// The tick of each row, rising, (n_ticks,).
     fn ticks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
         PyArray1::from_slice(py, &self.0.ticks)
     }
 
-    /// Consumed (n_ticks, n_axes) [m].
+    /// Positions that the simulation used [m], (n_ticks, n_axes).
     fn positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         self.column(py, |sample| sample.position)
     }
 
-    /// Felt (n_ticks, n_axes) [N].
+    /// Forces of the piece on the keys [N], (n_ticks, n_axes).
     fn forces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         self.column(py, |sample| sample.force)
     }
 
-    /// Sent after safety (n_ticks, n_axes) [N].
+    /// Forces sent to the devices, after the safety stages [N], (n_ticks, n_axes).
     fn sent<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f32>> {
         self.column(py, |sample| sample.sent)
     }
 
-    /// Bits (n_ticks, n_axes).
+    /// Sums of 1 fresh, 2 touch, 4 force enabled, 8 stand-in, 16 tripped, (n_ticks, n_axes).
     fn flags<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<u8>> {
         self.column(py, |sample| sample.flags)
     }
 
-    /// Of the device (n_ticks, n_axes).
+    /// The devices' own clocks [µs], (n_ticks, n_axes).
     fn clocks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<u32>> {
         self.column(py, |sample| sample.clock)
     }
 
-    /// Positions at every tick from the first to the last (n, n_axes) [m].
+    /// Positions [m] at every tick from the first to the last, (n, n_axes); a gap holds its last value.
     fn held<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let held = py.detach(|| self.0.held()).map_err(from_recording)?;
         Ok(self.shaped(py, held))
     }
 
-    /// The bytes of a whole and finished file.
+    /// The bytes of a complete `.take` file.
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let mut bytes = Vec::new();
         py.detach(|| self.0.write(&mut bytes))

@@ -1,4 +1,4 @@
-//! Where a sound has faded.
+//! Detector of the frame at which a sound has faded.
 
 use ergon_engine::mix::silence_detector;
 use numpy::PyReadonlyArray2;
@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use crate::frames::rows;
 
-/// Looks for the end of a sound.
+/// Looks for the first tenth of a second, after frame `start`, that begins a quiet second.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct SilenceDetector(silence_detector::SilenceDetector);
 
@@ -19,7 +19,7 @@ impl SilenceDetector {
         ))
     }
 
-    /// Take (n_frames, n_channels).
+    /// Take (n_frames, n_channels); the frame at which the sound has faded, once that is known.
     fn take(&mut self, py: Python<'_>, frames: PyReadonlyArray2<'_, f64>) -> PyResult<Option<u64>> {
         let frames = rows(&frames, "frames", self.0.n_channels())?;
         Ok(py.detach(|| self.0.take(frames)))

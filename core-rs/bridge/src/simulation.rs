@@ -1,4 +1,4 @@
-//! Simulations: what moves.
+//! Simulations: computation of frames from a network, a timeline and a plan.
 
 use ergon_engine::simulation;
 use numpy::{
@@ -17,15 +17,15 @@ use crate::timeline::Timeline;
 use crate::words;
 use crate::work::computing;
 
-/// A moment of a simulation, to come back to.
+/// The state of a simulation at one frame.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Snapshot(simulation::Snapshot);
 
-/// Plan + State: steps frames, taps outputs, keeps the ledger.
+/// Computes a network and its timeline by a plan; without a plan, every module as written.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct Simulation(pub(crate) simulation::Simulation, IsStopped);
 
-/// Whether the simulation was stopped in the middle of a frame and cannot go on: then its state is of no use.
+/// Whether `process` was stopped in the middle of a frame: the state is then undefined and the simulation cannot go on.
 type IsStopped = bool;
 
 #[pymethods]
@@ -71,7 +71,7 @@ impl Simulation {
             .map(|own| Self(own, false))
             .map_err(from_engine);
         }
-        // The network as it is now: outputs may have been added since the timeline was made.
+        // The network that was passed, not the timeline's copy: it may have new outputs.
         let network = std::sync::Arc::new(network.0.clone());
         computing(py, || {
             let plan =
@@ -119,47 +119,49 @@ impl Simulation {
         done.map_err(from_fault)
     }
 
-    /// Positions now (n_mat,) [m].
+    /// Positions now [m], (n_mat,).
     fn positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.0.positions().into_pyarray(py)
     }
 
-    /// Backward differences now (n_mat,) [m/s].
+    /// Velocities now [m/s], (n_mat,): backward differences.
     fn velocities<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let rate = self.0.rate();
         let velocities: Vec<f64> = self.0.steps().iter().map(|step| step * rate).collect();
         velocities.into_pyarray(py)
     }
 
-    /// Where each key's gesture wants it now (n_keys,) [m].
+    /// The position that each key's gesture asks for now [m], (n_keys,).
     fn asked<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.0.asked().into_pyarray(py)
     }
 
-    /// Say where a real hand is from the next tick on [m].
+    /// Set the position x [m] of a real hand from the next tick on, and its movement in the last frame of the tick,
+    /// `step` [m].
     #[pyo3(signature = (hand, x, step=None))]
     fn hold(&mut self, hand: usize, x: f64, step: Option<f64>) {
         self.0.hold(hand, x, step);
     }
 
-    /// Strike a point of Timeline.strike_point at the next frame; False where there is no such point.
+    /// Strike a point of `Timeline.strike_point` by an impulse [N·s] at the next frame; False if there is no such
+    /// point.
     fn strike(&mut self, point: u32, impulse: f64) -> PyResult<bool> {
         Ok(self.0.strike(point, strike_impulse(impulse)?))
     }
 
-    /// Let an input that is told go to a value from the next frame on; False where there is no such input.
+    /// Let an input of `Timeline.told_in` go to a value from the next frame on; False if there is no such input.
     fn tell(&mut self, number: u64, value: f64) -> PyResult<bool> {
         Ok(self.0.tell(number, told_value(value)?))
     }
 
-    /// What a sound card hears in the next frames (n_frames, n_channels), 4096 at most.
+    /// Give what a sound card hears in the next frames, (n_frames, n_channels), at most 4096 frames.
     fn sound_in(&mut self, frames: PyReadonlyArray2<'_, f32>) -> PyResult<()> {
         let n_channels = frames.shape()[1];
         self.0.sound_in(frames.as_slice()?, n_channels);
         Ok(())
     }
 
-    /// Channels of a sound card that its inputs need.
+    /// Channels of a sound card that the inputs of the timeline need.
     #[getter]
     fn n_channels_in(&self) -> usize {
         self.0.n_channels_in()
@@ -170,20 +172,20 @@ impl Simulation {
         self.0.felt(hand)
     }
 
-    /// The same at the same moment, to go its own way.
+    /// An independent copy in the same state.
     fn fork(&self, py: Python<'_>) -> Self {
         Self(py.detach(|| self.0.fork()), self.1)
     }
 
-    /// Let everything fade within t60 [s] more, from this frame on; None: no longer.
+    /// Add a damping with decay t60 [s] to everything from this frame on; None: remove it.
     #[pyo3(signature = (t60))]
     fn damp(&mut self, t60: Option<f64>) -> PyResult<()> {
         self.0.damp(damping(t60)?);
         Ok(())
     }
 
-    /// Go on where `old` stands, which must be at the same frame; `old` is of no use afterwards. Which output here each
-    /// of its outputs has become.
+    /// Take the state of `old` over, which must be at the same frame and must not be used afterwards. Returns, for each
+    /// output of `old`, the index of the output here.
     fn take_over(&mut self, py: Python<'_>, old: &mut Self) -> PyResult<Vec<Option<usize>>> {
         let done = py.detach(|| {
             let mut takeover = simulation::Takeover::new(&old.0, &self.0);
@@ -225,7 +227,7 @@ impl Simulation {
         })
     }
 
-    /// What became of each gesture, in the timeline's order.
+    /// A report of each gesture, in the timeline's order.
     fn reports(&self) -> Vec<Report> {
         let reports = self.0.reports().into_iter().enumerate();
         reports
@@ -266,12 +268,12 @@ impl Simulation {
         Ok(columns)
     }
 
-    /// Steps of islands so far that were not computed, for nothing moved.
+    /// Steps of islands so far that were skipped because nothing moved.
     fn steps_at_rest(&self) -> u64 {
         self.0.steps_at_rest()
     }
 
-    /// Parts that were muted.
+    /// The parts that were muted.
     fn muted(&self) -> Vec<MutedPart> {
         let muted = self.0.muted().into_iter();
         muted
@@ -279,7 +281,7 @@ impl Simulation {
             .collect()
     }
 
-    /// Modules that made energy.
+    /// Links and meshes that made energy.
     fn gains(&self) -> Vec<EnergyGain> {
         let gains = self.0.gains().into_iter();
         gains
@@ -297,7 +299,8 @@ impl Simulation {
         islands.into_iter().map(StorableIsland).collect()
     }
 
-    /// A hash of all that an island is a function of from frame 0 to `stop` (64 hex digits); `before` is that up to `start`.
+    /// A hash of everything that determines an island from frame 0 to `stop` (64 hex digits); `before` is the hash up
+    /// to `start`.
     fn island_key(
         &self,
         py: Python<'_>,
@@ -309,7 +312,7 @@ impl Simulation {
         py.detach(|| self.0.island_key(&island.0, (start, stop), before))
     }
 
-    /// Take the sound of an island (n_frames · its n_out,) from here on instead of computing it.
+    /// Use `sound` (n_frames · its n_out,) for an island from here on instead of computing it.
     fn recall(
         &mut self,
         island: &StorableIsland,
@@ -322,12 +325,12 @@ impl Simulation {
         Ok(())
     }
 
-    /// Compute an island from here on, and keep its sound.
+    /// Compute an island from here on, and record its sound.
     fn record(&mut self, island: &StorableIsland) {
         self.0.record(&island.0);
     }
 
-    /// The sound of an island since `record`, and its state now.
+    /// The sound of an island since `record`, and its state now; the recording ends.
     fn recorded(&mut self, py: Python<'_>, island: &StorableIsland) -> IslandStretch {
         let (sound, state) = self.0.recorded(&island.0);
         IslandStretch {
@@ -336,7 +339,7 @@ impl Simulation {
         }
     }
 
-    /// The next frames of one island (n_frames · its n_out,), while all else stands still.
+    /// The next frames of one island (n_frames · its n_out,); everything else stands still.
     fn advance<'py>(
         &mut self,
         py: Python<'py>,
@@ -348,13 +351,13 @@ impl Simulation {
         Ok(done.map_err(from_fault)?.into_pyarray(py))
     }
 
-    /// Put an island into the state that an equal one had at this frame, and compute it from here on.
+    /// Put an island into the state that an equal island had at this frame, and compute it from here on.
     fn set_state(&mut self, island: &StorableIsland, state: &[u8]) -> PyResult<()> {
         let done = self.0.set_state(&island.0, state);
         done.map_err(|error| refused("set_state", error.to_string()))
     }
 
-    /// Parts with frames that were computed finer.
+    /// The parts with frames of more than one step.
     fn finer(&self) -> Vec<FinerPart> {
         let finer = self.0.finer().into_iter();
         finer
@@ -384,14 +387,14 @@ impl StorableIsland {
     }
 }
 
-/// A stretch of an island that was computed.
+/// A stretch of an island: its sound (n_frames · n_out,), and its state at the end.
 #[pyclass(frozen, get_all, module = "ergon._core")]
 pub(crate) struct IslandStretch {
     sound: Py<PyArray1<f64>>,
     state: Py<PyBytes>,
 }
 
-/// An impulse [N·s] that is a finite number.
+/// An impulse [N·s]; EngineError if it is not finite.
 pub(crate) fn strike_impulse(impulse: f64) -> PyResult<f64> {
     if impulse.is_finite() {
         Ok(impulse)
@@ -400,7 +403,7 @@ pub(crate) fn strike_impulse(impulse: f64) -> PyResult<f64> {
     }
 }
 
-/// A value of an input that is a finite number.
+/// A value of an input; EngineError if it is not finite.
 pub(crate) fn told_value(value: f64) -> PyResult<f64> {
     if value.is_finite() {
         Ok(value)
@@ -409,7 +412,7 @@ pub(crate) fn told_value(value: f64) -> PyResult<f64> {
     }
 }
 
-/// A time to fade within [s], if it is one.
+/// A decay time [s] or None; EngineError if it is not above zero.
 pub(crate) fn damping(t60: Option<f64>) -> PyResult<Option<f64>> {
     match t60 {
         Some(t60) if !(t60.is_finite() && t60 > 0.0) => {
@@ -419,7 +422,7 @@ pub(crate) fn damping(t60: Option<f64>) -> PyResult<Option<f64>> {
     }
 }
 
-/// What became of one gesture.
+/// How one gesture went, over the frames that it ran.
 #[pyclass(frozen, get_all, module = "ergon._core")]
 pub(crate) struct Report {
     gesture: usize,
@@ -439,7 +442,7 @@ pub(crate) struct Report {
     first_point_missed: bool,
 }
 
-/// The ledger [J].
+/// The energies of a simulation [J]: the ledger.
 #[pyclass(frozen, get_all, module = "ergon._core")]
 pub(crate) struct Energy {
     start: f64,

@@ -138,7 +138,7 @@ impl HandStatus {
     }
 }
 
-/// How much of the piece's force a real hand may get.
+/// How much of the piece's force a real hand may get, so that device and piece stay stable.
 #[pyclass(frozen, get_all, module = "ergon._core")]
 pub(crate) struct HandLimit {
     hand: usize,

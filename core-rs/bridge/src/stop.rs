@@ -1,11 +1,13 @@
-//! The stop of the whole process: what signals stop, and forces that are let go.
+//! The stop of the whole process: by signals, or by letting go of every hand.
 
 use ergon_live::safety;
 use ergon_live::stop::{self, Stop};
 use pyo3::prelude::*;
 
-/// Have signals stop something at once, below Python, before their handlers run: where the program `ends` every
-/// force and sound, else every force; None: nothing. Ask again whenever a handler was set.
+/// Let signals act at once, before their Python handlers run.
+///
+/// `ends` True: they stop every force and sound; False: every force; None: nothing. Call it again after each
+/// `signal.signal`, which replaces the core's handler.
 #[pyfunction]
 #[pyo3(signature = (signals, *, ends))]
 pub(crate) fn stop_on_signals(signals: Vec<i32>, ends: Option<bool>) {
@@ -19,19 +21,19 @@ pub(crate) fn stop_on_signals(signals: Vec<i32>, ends: Option<bool>) {
     }
 }
 
-/// No force on any hand, until a performance is released.
+/// Set every force of the process to zero, until `Performance.release`.
 #[pyfunction]
 pub(crate) fn let_go() {
     stop::stop(Stop::Forces);
 }
 
-/// Whether every hand is let go.
+/// Whether every force is zero, by `let_go` or by a signal.
 #[pyfunction]
 pub(crate) fn has_let_go() -> bool {
     stop::has_let_go()
 }
 
-/// Nothing is stopped: for a process that outlives what a signal ended.
+/// Allow forces and sound again, in a process that continues after a signal.
 #[pyfunction]
 pub(crate) fn begin_again() {
     stop::begin_again();

@@ -1,4 +1,4 @@
-//! Captured movements.
+//! Takes: recorded movements.
 
 use ergon_engine::gesture::take::{self, Preparation, TakeError};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
@@ -8,7 +8,7 @@ use crate::error::{EngineError, with};
 use crate::named::PathPoint;
 use crate::work::computing;
 
-/// A captured movement: the natural quintic spline through samples (t [s], x [m]), both (n,).
+/// A recorded movement: the natural quintic spline through samples (t [s], x [m]), both (n,).
 #[pyclass(module = "ergon._core", frozen)]
 pub(crate) struct Take(pub(crate) take::Take);
 
@@ -29,13 +29,13 @@ impl Take {
             .map_err(refused)
     }
 
-    /// From its first instant to its last [s].
+    /// Duration [s], from the first instant to the last.
     #[getter]
     fn duration(&self) -> f64 {
         self.0.duration()
     }
 
-    /// What lies between two instants [s], counted from its first one.
+    /// The part between two instants [s], which begins at zero.
     fn part(&self, first: f64, last: f64) -> PyResult<Self> {
         self.0.part(first, last).map(Self).map_err(refused)
     }
@@ -46,7 +46,7 @@ impl Take {
         PathPoint { x, v, a }
     }
 
-    /// Positions at t [s], (n,), quickest where they follow each other closely.
+    /// Positions [m] at instants t [s], both (n,); fastest where t rises.
     fn positions<'py>(
         &self,
         py: Python<'py>,
@@ -60,7 +60,7 @@ impl Take {
     }
 }
 
-/// EngineError whose `module` is the argument at fault, where it is not the samples.
+/// EngineError whose `module` is the argument at fault; None if the samples are at fault.
 fn refused(error: TakeError) -> PyErr {
     let argument = match error {
         TakeError::Trim { .. } => Some("trim"),

@@ -1,4 +1,4 @@
-//! Timelines: what will happen.
+//! Timelines: the events of a piece.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use crate::take::Take;
 use crate::words;
 use crate::work::{self, computing};
 
-/// What will happen, by sample index.
+/// All events of a piece, by sample index.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct Timeline {
     pub(crate) inner: timeline::Timeline,
@@ -35,23 +35,23 @@ impl Timeline {
         })
     }
 
-    /// Step every frame once, however much links have stiffened.
+    /// Step every frame of CA once, also where links have stiffened beyond stability.
     fn leave_unguarded(&mut self) {
         self.inner.leave_unguarded();
     }
 
-    /// What else may come is not known: no plan counts on what is written.
+    /// Mark the timeline as incomplete (a session): no plan may rely on what is absent.
     fn open(&mut self) {
         self.inner.open();
     }
 
-    /// A key: gestures are written for a free copy of its part.
+    /// Declare the part `name`, whose MAT `struck` gestures move, as a key; its index.
     fn key(&mut self, name: &str, struck: usize) -> PyResult<usize> {
         self.there(name, struck)?;
         Ok(self.inner.key(name, struck))
     }
 
-    /// A narrative gesture: pass x[i] at t[i] of the piece.
+    /// A written gesture, which passes x[i] [m] at t[i] [s] of the piece; its index.
     #[pyo3(signature = (key, t, x, curve, *, touch="open", ergons="event", grain=None, join=0.02, force_limit=None, layer=false, sources=Vec::new()))]
     #[allow(clippy::too_many_arguments)]
     fn gesture(
@@ -68,7 +68,7 @@ impl Timeline {
         layer: bool,
         sources: Vec<u32>,
     ) -> PyResult<usize> {
-        work::poll()?; // there may be many
+        work::poll()?; // a timeline may have many gestures
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let approaches = curve
             .iter()
@@ -85,13 +85,13 @@ impl Timeline {
             .map_err(|error| refused("gesture", error))
     }
 
-    /// Lowest and highest position of each gesture's written points and paths [m].
+    /// Lowest and highest position [m] of each gesture's written points and paths, by index.
     fn ranges(&self) -> Vec<Range> {
         let ranges = self.inner.ranges().into_iter();
         ranges.map(|(low, high)| Range { low, high }).collect()
     }
 
-    /// The strikes on a MAT in order of their instants; an ergon brings its mass times its speed.
+    /// The strikes on a MAT in order of their instants; an ergon brings mass times speed.
     fn strikes_on(&self, mat: usize) -> Vec<Impulse> {
         let strikes = self.inner.strikes_on(mat).into_iter();
         strikes
@@ -99,7 +99,7 @@ impl Timeline {
             .collect()
     }
 
-    /// A take played as a gesture from `at`: x·scale at t·stretch.
+    /// A gesture that plays a take from `at` to `until` [s]: x·scale at t·stretch; its index.
     #[pyo3(signature = (key, take, at, *, scale=1.0, stretch=1.0, reverse=false, until=None, touch="open", ergons="event", grain=None, join=0.02, force_limit=None, layer=false, source=0))]
     #[allow(clippy::too_many_arguments)]
     fn take(
@@ -130,7 +130,7 @@ impl Timeline {
             .map_err(|error| refused("take", error))
     }
 
-    /// An ergon meets a MAT: with an impulse, or a mass and speed.
+    /// A strike on a MAT at `at` [s]: an impulse [N·s], or a mass [kg] that arrives at a speed [m/s].
     #[pyo3(signature = (mat, at, *, impulse=None, mass=None, speed=None, source=0))]
     #[allow(clippy::too_many_arguments)]
     fn strike(
@@ -162,7 +162,7 @@ impl Timeline {
         .map_err(|error| refused("strike", error))
     }
 
-    /// Each MAT struck by a Poisson process of its own; returns the number of strikes.
+    /// Strikes on each MAT by a Poisson process of its own; their number.
     #[pyo3(signature = (mats, *, start, stop, rate, impulse, seed, name, source=0, within=(f64::NEG_INFINITY, f64::INFINITY)))]
     #[allow(clippy::too_many_arguments)]
     fn rain(
@@ -194,7 +194,7 @@ impl Timeline {
         .map_err(|error| refused(name, error))
     }
 
-    /// The LIA acts only from `start` to `stop`.
+    /// Let the LIA act only from `start` to `stop` [s], with fades of `fade` [s].
     #[pyo3(signature = (link, start, stop=None, fade=0.02))]
     fn couple(&mut self, link: usize, start: f64, stop: Option<f64>, fade: f64) -> PyResult<()> {
         self.inner
@@ -202,7 +202,8 @@ impl Timeline {
             .map_err(from_engine)
     }
 
-    /// The force of n LIAs, whole runs, is `before` times what it is until `start`, `after` times from `stop` on.
+    /// Scale the force of `n` LIAs from `link` on, whole runs: by `before` until `start` [s], by `after` from `stop`
+    /// [s] on, linearly between.
     #[pyo3(signature = (link, before, after, start, stop, *, n=1))]
     fn fade(
         &mut self,
@@ -218,7 +219,7 @@ impl Timeline {
             .map_err(from_engine)
     }
 
-    /// A MAT has other K, Z and M until `start`, the network's own from `stop` on.
+    /// Give a MAT K, Z and M until `start` [s], and the network's own from `stop` [s] on, linearly between.
     #[pyo3(name = "glide", signature = (mat, k, z, m, start, stop))]
     fn glide(&mut self, mat: usize, k: f64, z: f64, m: f64, start: f64, stop: f64) -> PyResult<()> {
         self.there("glide", mat)?;
@@ -227,7 +228,7 @@ impl Timeline {
             .map_err(from_engine)
     }
 
-    /// K, Z and M of a MAT go through points (t, k, z, m).
+    /// Let K, Z and M of a MAT go through points (t [s], K, Z, M).
     fn path(&mut self, mat: usize, points: Vec<(f64, f64, f64, f64)>) -> PyResult<()> {
         self.there("path", mat)?;
         let points: Vec<_> = points
@@ -239,7 +240,8 @@ impl Timeline {
             .map_err(from_engine)
     }
 
-    /// n CELs go through points (t, square of a factor of their frequencies, factor of their decay rates).
+    /// Let `n` CELs from `mat` on go through points (t [s], square of the factor of their frequencies, factor of their
+    /// decay rates).
     #[pyo3(signature = (mat, points, *, n=1))]
     fn retune(&mut self, mat: usize, points: Vec<(f64, f64, f64)>, n: usize) -> PyResult<()> {
         self.there("retune", mat.saturating_add(n).saturating_sub(1))?;
@@ -249,7 +251,7 @@ impl Timeline {
             .map_err(from_engine)
     }
 
-    /// K and Z of n LIAs, whole runs, go through points (t, factor of K, factor of Z).
+    /// Let K and Z of `n` LIAs from `link` on, whole runs, go through points (t [s], factor of K, factor of Z).
     #[pyo3(signature = (link, points, *, n=1))]
     fn lead(&mut self, link: usize, points: Vec<(f64, f64, f64)>, n: usize) -> PyResult<()> {
         let points: Vec<_> = points.into_iter().map(|(at, k, z)| (at, [k, z])).collect();
@@ -258,7 +260,8 @@ impl Timeline {
             .map_err(from_engine)
     }
 
-    /// An input of a sound card; `samples` (n_frames,) are what it hears where nobody plays.
+    /// Declare an input of a sound card; `samples` (n_frames,) are heard from frame 0 on if no live sound is given.
+    /// Returns its index.
     #[pyo3(signature = (channel, samples, *, gain, clamp, highpass=None))]
     fn sound_in(
         &mut self,
@@ -278,7 +281,8 @@ impl Timeline {
         self.input(py, settings, samples)
     }
 
-    /// An input that is told values by its number, each reached after `glide` [s]; `samples` (n_frames,) until the first.
+    /// Declare an input that `Simulation.tell` tells values by its `number`; each is reached within `glide` [s].
+    /// `samples` (n_frames,) are heard until the first value. Returns its index.
     #[pyo3(signature = (number, samples, *, gain, clamp, glide))]
     fn told_in(
         &mut self,
@@ -298,7 +302,7 @@ impl Timeline {
         self.input(py, settings, samples)
     }
 
-    /// ENX / ENF: a constant, a take from `at`, or an input.
+    /// Impose a MAT's position (ENX) or a force on it (ENF): a constant, a take from `at` [s], or an input.
     #[pyo3(signature = (mat, kind, *, constant=None, take=None, sound=None, at=0.0, scale=1.0, own=true))]
     #[allow(clippy::too_many_arguments)]
     fn drive(
@@ -336,7 +340,7 @@ impl Timeline {
             .map_err(|error| refused("drive", error))
     }
 
-    /// A MAT that `Simulation.strike` may strike, by its number there.
+    /// Let `Simulation.strike` strike a MAT, which it calls by the number `point`.
     fn strike_point(&mut self, mat: usize, point: u32) -> PyResult<()> {
         self.there("strike_point", mat)?;
         self.inner
@@ -344,7 +348,8 @@ impl Timeline {
             .map_err(|error| refused("strike_point", error))
     }
 
-    /// A real hand moves a MAT, in ticks of `every` frames; `positions` [m] at each, if they are known.
+    /// A real hand that moves a MAT, in ticks of `tick_frames` frames; `positions` (n_ticks,) [m]: a stand-in or a
+    /// recording of the hand. Returns its index.
     #[pyo3(signature = (mat, tick_frames, *, way="line", positions=None))]
     fn hand(
         &mut self,
@@ -369,7 +374,7 @@ impl Timeline {
 }
 
 impl Timeline {
-    /// Refuse a network that has grown since.
+    /// EngineError if MATs or LIAs were added to the network after the timeline was made.
     pub(crate) fn fits(&self, network: &Network) -> PyResult<()> {
         let same =
             network.0.n_mat() == self.network.n_mat() && network.0.n_lia() == self.network.n_lia();

@@ -1,4 +1,4 @@
-//! The server of the page.
+//! HTTP and WebSocket server of the page.
 
 use std::collections::BTreeMap;
 use std::net::ToSocketAddrs;
@@ -14,13 +14,13 @@ use crate::error::said;
 use crate::motion::Window;
 use crate::perform::Performance;
 
-/// Serves a file or a performance to pages, until it is closed.
+/// Serves the page, with a `.motion` file or what is played, until it is closed.
 #[pyclass(module = "ergon._core", frozen)]
 pub(crate) struct ViewServer(Mutex<Option<Open>>);
 
-/// What is dropped in this order: first what speaks to the server.
+/// Fields are dropped in this order: `showing`, which uses the server, before the server.
 struct Open {
-    /// From the first performance on.
+    /// Present from the first performance on.
     showing: Option<Showing>,
     server: Arc<Server>,
 }
@@ -76,7 +76,7 @@ impl ViewServer {
         self.with(|open| open.server.url())
     }
 
-    /// Show what a window sees of a performance, as soon as the simulation plays that it is of.
+    /// Show a performance through `window`, as soon as the simulation plays for which the window was made.
     fn show(&self, window: &Window, performance: &Performance) -> PyResult<()> {
         let (physics, pages) = window.ends()?;
         let ear = performance.with(|own| own.ear())?;
@@ -89,7 +89,7 @@ impl ViewServer {
             open.showing = Some(showing);
             Ok::<_, PyErr>(())
         })??;
-        // Only once somebody is there to take its pictures.
+        // Opened last, when the server is ready to take pictures from it.
         let is_asked = performance.with(|own| own.open(physics))?;
         is_asked
             .then_some(())

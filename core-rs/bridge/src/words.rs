@@ -1,4 +1,4 @@
-//! Words of the Python side and what they stand for in the engine.
+//! Tables of the words that Python passes, and the engine's values.
 
 use ergon_engine::generator::{Ends, Place, Rim, Shape, Spread};
 use ergon_engine::gesture::profile::Curve;

@@ -1,4 +1,4 @@
-//! Work that can be ended: by Ctrl-C, by a deadline, by another thread.
+//! Work that can be stopped: by Ctrl-C, by a time limit, or by another thread.
 
 use std::cell::RefCell;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,12 +17,12 @@ create_exception!(
     "A computation was ended before it was done; `why` is 'late' or 'cancelled'."
 );
 
-/// Time between two looks at signals, for which the GIL is taken.
+/// Time between two checks of limits and signals; a check of signals takes the GIL.
 const LOOK: Duration = Duration::from_millis(20);
-/// A deadline is at most so far off [s].
+/// Longest time limit [s]; a longer one is shortened.
 const LONGEST: f64 = 1e6;
 
-/// What ends the work of a thread.
+/// A limit on the work of a thread: a time limit, or a cancellation.
 #[derive(Debug)]
 struct Limit {
     until: Option<Instant>,
@@ -31,7 +31,7 @@ struct Limit {
 }
 
 impl Limit {
-    /// Why the work is to end, if it is.
+    /// Why the work must end; None if it may go on.
     fn why(&self) -> Option<&'static str> {
         if self.is_cancelled.load(Ordering::Relaxed) {
             return Some("cancelled");
@@ -42,11 +42,11 @@ impl Limit {
 }
 
 thread_local! {
-    /// The limits that this thread works within, the innermost last.
+    /// The limits of this thread, the innermost last.
     static LIMITS: RefCell<Vec<Arc<Limit>>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Why the work of this thread is to end, if it is.
+/// Why the work of this thread must end; None if it may go on.
 fn over(limits: &[Arc<Limit>]) -> Option<&'static str> {
     limits.iter().find_map(|limit| limit.why())
 }
@@ -61,7 +61,8 @@ fn stopped(why: &'static str) -> PyErr {
     set.err().unwrap_or(error)
 }
 
-/// A stretch of work in one thread, entered by `with`: it ends `seconds` after it was entered, or when cancelled.
+/// A limit for the computations of one thread, a context manager: work ends `seconds` [s] after it was entered, or once
+/// it is cancelled.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Work {
     seconds: Option<f64>,
@@ -79,7 +80,7 @@ impl Work {
         }
     }
 
-    /// End it, from any thread; also before it has begun.
+    /// Cancel the work, from any thread, also before it is entered.
     fn cancel(&self) {
         self.is_cancelled.store(true, Ordering::Relaxed);
     }
@@ -87,7 +88,7 @@ impl Work {
     fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
         let own = slf.get();
         let until = own.seconds.map(|seconds| {
-            // Also of what is no number.
+            // 0 for NaN too.
             let seconds = if seconds > 0.0 {
                 seconds.min(LONGEST)
             } else {
@@ -114,7 +115,8 @@ impl Work {
     }
 }
 
-/// Raise StoppedError if this thread's work is to end. For loops in Python: Ctrl-C interrupts those by itself.
+/// Raise StoppedError if this thread is within a Work that ends; for long loops in Python, which Ctrl-C interrupts by
+/// itself.
 #[pyfunction]
 pub(crate) fn poll() -> PyResult<()> {
     match LIMITS.with_borrow(|limits| over(limits)) {
@@ -123,14 +125,15 @@ pub(crate) fn poll() -> PyResult<()> {
     }
 }
 
-/// Compute without the GIL, until the work of this thread is to end or a signal's handler raises.
+/// Run `compute` without the GIL, until a limit of this thread is reached or a signal's handler raises.
 ///
-/// Fails with StoppedError, or with what the handler raised. What was being changed is then in no defined state.
+/// Fails with StoppedError, or with the exception of the handler. An object that `compute` was changing is then in an
+/// undefined state.
 pub(crate) fn computing<T: Send>(
     py: Python<'_>,
     compute: impl FnOnce() -> T + Send,
 ) -> PyResult<T> {
-    poll()?; // of many short computations none may ask
+    poll()?; // a computation shorter than LOOK never checks by itself
     let raised = Arc::new(Mutex::new(None));
     let limits = LIMITS.with_borrow(Clone::clone);
     let told = raised.clone();
@@ -151,7 +154,7 @@ fn ask(limits: Vec<Arc<Limit>>, raised: Arc<Mutex<Option<PyErr>>>) -> Ask {
         next = now + LOOK;
         let why = match over(&limits) {
             Some(why) => Some(stopped(why)),
-            // Handlers run in the main thread alone; elsewhere this does nothing.
+            // Signal handlers run only in the main thread; in other threads this does nothing.
             None => Python::attach(|py| py.check_signals()).err(),
         };
         let is_over = why.is_some();

@@ -1,4 +1,4 @@
-//! A hand lifts a key by 6 mm and lets it down; prints where the key is, every 10 ms.
+//! A hand lifts a key by 6 mm and lets it down; prints the position of the key every 10 ms.
 //!
 //! `cargo run --release --example gesture`
 #![allow(clippy::print_stdout)]
@@ -14,7 +14,7 @@ use ergon_engine::{Budget, Network, OnFault, Options, Plan, Rate, Simulation, Ti
 
 const RATE: f64 = 44_100.0;
 
-/// Where the key is in each frame of half a second [m]; it is to be at 6 mm after 100 ms.
+/// Position of the key in each frame of half a second [m]; the gesture asks for 6 mm at 100 ms.
 pub(crate) fn path() -> Result<Vec<f64>, Box<dyn Error>> {
     let mut network = Network::new();
     network.part("key", None);

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use ergon_engine::network::Term;
 use ergon_engine::{Budget, Network, OnFault, Options, Plan, Rate, Simulation, Timeline};
 
-/// Masses between the two fixed ends.
+/// Number of masses between the two fixed ends.
 const MASSES: usize = 60;
 
 /// A second of the string's motion near one end [m].

@@ -1,32 +1,32 @@
-//! What changes of a running simulation as bytes: the same list of fields writes them and reads them back.
+//! The changing state of a running simulation as bytes: one list of fields serves both to write and to read them.
 //!
-//! An archive holds no lengths of what a plan fixes and no type names: it is read into a simulation of an equal plan. What
-//! does not fit is refused; numbers are read to the last bit.
+//! An archive holds no type names, and no lengths that the plan fixes: it can only be read into a simulation of an
+//! equal plan. Bytes that do not fit are refused; numbers are restored to the last bit.
 
-/// Bytes that are not the state of such a simulation.
+/// The bytes are not the state of such a simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("these bytes are not the state of this simulation")]
 pub struct Damaged;
 
-/// Where a state is written to, or read from.
+/// What [`State::archive`] does with a state: write, read, count, or compare it.
 #[derive(Debug)]
 pub(crate) enum Archive<'a> {
     Write(&'a mut Vec<u8>),
     Read(&'a [u8]),
-    /// How many bytes it would be.
+    /// Adds up the number of bytes that would be written.
     Count(&'a mut usize),
-    /// Written where there is room, and refused where there is none: nothing is allocated.
+    /// Writes as long as there is capacity, and fails beyond it: nothing is allocated.
     Note(&'a mut Vec<u8>),
-    /// Refused unless the state is this one.
+    /// Fails unless the state equals these bytes.
     Same(&'a [u8]),
 }
 
-/// What has a state.
+/// A value with a state that can be archived.
 pub(crate) trait State {
-    /// Write the state, or replace it by the next of the archive.
+    /// Write the state, or replace it by the next one in the archive.
     ///
     /// # Errors
-    /// [`Damaged`] where the archive holds another state; this one is then of no use.
+    /// [`Damaged`] if the archive does not hold such a state; the value is then unusable.
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged>;
 }
 
@@ -61,12 +61,12 @@ impl Archive<'_> {
         }
     }
 
-    /// A list whose length changes while it plays.
+    /// A list whose length changes during a simulation.
     pub(crate) fn list<T: State + Default>(&mut self, list: &mut Vec<T>) -> Result<(), Damaged> {
         let mut len = list.len();
         len.archive(self)?;
         if let Self::Read(from) = self {
-            // Each entry takes a byte or more: no archive asks for more memory than it has.
+            // Each entry takes at least a byte: so no archive makes this allocate for more entries than it has bytes.
             if len > from.len() {
                 return Err(Damaged);
             }
@@ -76,7 +76,7 @@ impl Archive<'_> {
         list.iter_mut().try_for_each(|own| own.archive(self))
     }
 
-    /// What comes and goes while it plays.
+    /// An option that comes and goes during a simulation.
     pub(crate) fn maybe<T: State + Default>(&mut self, own: &mut Option<T>) -> Result<(), Damaged> {
         let mut is_there = own.is_some();
         is_there.archive(self)?;
@@ -88,7 +88,7 @@ impl Archive<'_> {
         }
     }
 
-    /// What is there at all frames or at none.
+    /// An option that is either always or never there, as the plan says.
     pub(crate) fn fixed<T: State>(&mut self, own: &mut Option<T>) -> Result<(), Damaged> {
         let mut is_there = own.is_some();
         is_there.archive(self)?;
@@ -99,13 +99,13 @@ impl Archive<'_> {
         }
     }
 
-    /// Whether all of it was read, or was the same.
+    /// Whether the archive was read, or compared, to its end.
     pub(crate) fn is_empty(&self) -> bool {
         matches!(self, Self::Read([]) | Self::Same([]))
     }
 }
 
-/// An option is there at some frames only (`maybe`), or at all or none (`fixed`).
+/// Implements `State` for an option: one that comes and goes (`maybe`), or is always or never there (`fixed`).
 macro_rules! option {
     ($kind:ty, $which:ident) => {
         impl $crate::archive::State for Option<$kind> {
@@ -120,7 +120,7 @@ macro_rules! option {
 }
 pub(crate) use option;
 
-/// Numbers are little-endian.
+/// Implements `State` for numbers, as little-endian bytes.
 macro_rules! numbers {
     ($($number:ty),*) => {$(
         impl State for $number {
@@ -163,7 +163,7 @@ impl<A: State, B: State, C: State> State for (A, B, C) {
     }
 }
 
-/// As many as there are.
+/// A slice has no length in the archive.
 impl<T: State> State for [T] {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         self.iter_mut().try_for_each(|own| own.archive(archive))
@@ -188,7 +188,7 @@ impl<T: State> State for Box<T> {
     }
 }
 
-/// Some fields of a value, one after the other.
+/// Archives some fields of a value, one after the other.
 macro_rules! state_of {
     ($own:ident, $archive:ident, $($field:tt),*) => {{
         $($crate::archive::State::archive(&mut $own.$field, $archive)?;)*
@@ -197,7 +197,7 @@ macro_rules! state_of {
 }
 pub(crate) use state_of;
 
-/// The fields of a type that change while it plays.
+/// Implements `State` for a type, by those of its fields that change during a simulation.
 macro_rules! state {
     ($kind:ty { $($field:tt),* $(,)? }) => {
         impl $crate::archive::State for $kind {
@@ -284,7 +284,7 @@ mod tests {
         assert!(
             !is_same(&mut own, &bytes[1..]) && !is_same(&mut own, &[&bytes[..], &[0]].concat())
         );
-        own.x[0] = -0.0; // another bit
+        own.x[0] = -0.0; // only the sign bit differs
         assert!(!is_same(&mut own, &bytes));
     }
 

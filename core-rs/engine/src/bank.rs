@@ -1,7 +1,7 @@
 //! A bank of independent oscillators, struck at known instants and summed into outputs.
 //!
-//! Each follows its own two-term recurrence, which gives exact samples of its continuous motion. Isolated CELs are such
-//! oscillators, and so are the modes of a linear body.
+//! Each oscillator follows its own two-term recurrence, which gives exact samples of its continuous motion. Isolated
+//! CELs are such oscillators, and so are the modes of a linear body.
 
 mod script;
 mod sleep;
@@ -53,13 +53,13 @@ pub(crate) enum Kick {
 /// Strikes shared by several oscillators: the modes of a body struck at one point.
 #[derive(Clone, Debug)]
 pub(crate) struct Strikes {
-    /// The oscillators, by index of addition.
+    /// The oscillators, by their index in the list that the bank is made from.
     pub(crate) among: Range<usize>,
-    /// How each goes on after a strike; empty where a strike acts in one step   (n)
+    /// Response of each oscillator to a strike; empty if a strike acts in one step   (n)
     pub(crate) responses: Vec<Response>,
-    /// Share of the strike of each oscillator   (n)
+    /// Share of each oscillator in the strike   (n)
     pub(crate) share: Vec<f64>,
-    /// Displacement of a mass of 1 by a force of 1 N over one step: T², or 1 where masses are algorithmic.
+    /// Displacement of a mass of 1 by a force of 1 N over one step: T², or 1 if masses are algorithmic.
     pub(crate) w: f64,
     /// Frame, fraction of a frame after it, impulse [N·s].
     pub(crate) blows: Vec<(u64, f64, f64)>,
@@ -71,11 +71,11 @@ pub(crate) struct Bank {
     script: Arc<Script>,
     frame: u64,
     motions: Vec<Motion>,
-    /// The next event of each group.
+    /// Index of the next event of each group   (n_groups)
     next: Vec<usize>,
-    /// Whether the group is at rest: its output is zero.
+    /// Whether each group is at rest: then its output is zero   (n_groups)
     still: Vec<bool>,
-    /// Rates while everything is damped, and whether it is   (n_groups)
+    /// Rates with the additional damping, and whether it acts   (n_groups)
     damped: Vec<Rates>,
     is_damped: bool,
     /// Sums of one section   (its outputs · room)

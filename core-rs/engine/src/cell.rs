@@ -1,8 +1,8 @@
 //! CEL: a mass tied to the ground by a spring and a damper, discretised exactly.
 //!
 //! m ẍ + z ẋ + k (x - rest) = 0 has a closed solution. The scheme
-//! x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1] + F[n]/M with M = m/T² gives exactly its samples where κ and ζ
-//! come from the poles of the solution. T is the step, θ the angle and r the decay of one step.
+//! x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1] + F[n]/M with M = m/T² gives exactly the samples of this solution
+//! if κ and ζ are computed from its poles. T is the step, θ the angle and r the decay of one step.
 
 mod response;
 #[cfg(test)]
@@ -15,12 +15,12 @@ use std::f64::consts::{LN_10, TAU};
 use crate::maths::{asin, exp, expm1, log1p, sin, sqrt};
 use crate::units::Rate;
 
-/// Decay rate σ [1/s] for a decay of 60 dB in `t60` [s]; none: no decay.
+/// Decay rate σ [1/s] for a decay of 60 dB in `t60` [s]; `None`: no decay.
 pub fn decay(t60: Option<f64>) -> f64 {
     t60.map_or(0.0, |t60| 3.0 * LN_10 / t60)
 }
 
-/// A motion that fades by more than e^-STEEP is not continued backwards as it is.
+/// A motion that decays by more than e^-STEEP is not extrapolated backwards by its own formula.
 const STEEP: f64 = 25.0;
 
 /// A CEL's parameters in the discrete scheme: κ = K/M and ζ = Z/M.
@@ -33,7 +33,7 @@ pub struct Ratios {
 }
 
 impl Ratios {
-    /// The ratios whose poles are r e^{±iθ}, with r = e^-s.
+    /// The ratios for which the poles are r e^{±iθ}, with r = e^-s.
     pub(crate) fn of_poles(s: f64, theta: f64) -> Self {
         let (loss, half) = (-expm1(-s), sin(0.5 * theta));
         Self {
@@ -42,9 +42,9 @@ impl Ratios {
         }
     }
 
-    /// Damped frequency [Hz] and T60 [s] (infinite without loss), where the poles are complex.
+    /// Damped frequency [Hz] and T60 [s] (infinite without loss); `None` if the poles are not complex.
     pub fn pitch(self, rate: Rate) -> Option<(f64, f64)> {
-        // 1-ζ is r²; where Z removes all velocity in one step there is no oscillation.
+        // 1-ζ is r²; if Z removes all velocity in one step, r is 0 and there is no oscillation.
         let r = sqrt(1.0 - self.zeta);
         let loss = self.zeta / (1.0 + r);
         let half = (self.kappa - loss * loss) / (4.0 * r);
@@ -58,7 +58,7 @@ impl Ratios {
 
 /// κ and ζ of a CEL with damped frequency `f` [Hz] and decay `t60` [s; none: no decay], exactly.
 ///
-/// `f` is below half the rate; above, the poles are those of its alias.
+/// `f` must be below half the rate; above it, the poles would be those of its alias.
 ///
 /// ```
 /// use ergon_engine::{Rate, cell};
@@ -93,9 +93,9 @@ pub struct Cell {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Poles {
-    /// -σ ± iω: ω [rad/s], 0 where damping is critical.
+    /// Poles -σ ± iω: ω [rad/s], 0 at critical damping.
     Oscillating { omega: f64 },
-    /// -slow and -fast [1/s]; 0 <= slow < fast.
+    /// Poles -slow and -fast [1/s]; 0 <= slow < fast.
     Creeping { slow: f64, fast: f64 },
 }
 
@@ -111,7 +111,7 @@ impl Cell {
             }
         } else {
             let fast = sigma + sqrt(excess);
-            // Not σ - √…: that difference cancels where the spring is weak.
+            // Not σ - √…: that difference loses its digits if the spring is weak.
             Poles::Creeping {
                 slow: squared / fast,
                 fast,
@@ -133,7 +133,7 @@ impl Cell {
         }
     }
 
-    /// Damped frequency [Hz]; 0 where damping is above critical.
+    /// Damped frequency [Hz]; 0 if damping is above critical.
     pub fn frequency(&self) -> f64 {
         match self.poles {
             Poles::Oscillating { omega } => omega / TAU,
@@ -170,7 +170,7 @@ impl Cell {
         }
     }
 
-    /// The cell of mass `m` [kg] whose ratios at `rate` are these, `None` where no motion between samples is like that.
+    /// The cell of mass `m` [kg] that has these ratios at `rate`; `None` if no continuous motion has such samples.
     pub(crate) fn of_ratios(m: f64, Ratios { kappa, zeta }: Ratios, rate: Rate) -> Option<Self> {
         let (hertz, r) = (rate.hertz(), sqrt(1.0 - zeta));
         let loss = zeta / (1.0 + r);
@@ -180,7 +180,7 @@ impl Cell {
             let omega = 2.0 * asin(sqrt(half)) * hertz;
             Poles::Oscillating { omega }
         } else {
-            // λ = r·e^±d, and 1 − λ₁ of the slower, without cancellation.
+            // λ = r·e^±d; 1 − λ of both poles, without cancellation.
             let spread = sqrt(-half * (1.0 - half));
             let slow = loss + 2.0 * r * half - 2.0 * r * spread;
             let fast = loss + 2.0 * r * half + 2.0 * r * spread;
@@ -198,10 +198,11 @@ impl Cell {
         })
     }
 
-    /// x(0) - x(-T) [m] of the free motion that is at `x` [m] with velocity `v` [m/s] at t = 0, its
-    /// ground at `rest` [m].
+    /// x(0) - x(-T) [m] of the free motion with position `x` [m] and velocity `v` [m/s] at t = 0, and the rest position
+    /// `rest` [m].
     ///
-    /// Where damping removes all velocity within one step (1-ζ rounds to 0), the past has no effect, and the result is T·v.
+    /// If damping removes all velocity within one step (1-ζ rounds to 0), the past has no effect, and the result is
+    /// T·v.
     pub fn last_step(&self, x: f64, v: f64, rest: f64, rate: Rate) -> f64 {
         /// e^-FORGOTTEN is less than half the rounding unit.
         const FORGOTTEN: f64 = 37.0;
@@ -250,8 +251,8 @@ impl Cell {
         self.response(t) / self.mass
     }
 
-    /// The same function continued to before the impulse: `t` [s] of any sign. What fades by more than e^-STEEP over
-    /// `t` is continued as an odd function, for there it would explode.
+    /// The same function extended to times `t` [s] before the impulse. If it decays by more than e^-STEEP over `t`, it
+    /// is extended as an odd function, since its own continuation would become too large.
     pub(crate) fn answer_around(&self, t: f64) -> f64 {
         if t < 0.0 && self.reach() * -t > STEEP {
             -self.answer(-t)
@@ -260,12 +261,12 @@ impl Cell {
         }
     }
 
-    /// Velocity [m/s] per impulse [N·s], at once.
+    /// Velocity [m/s] per impulse [N·s], right after it.
     pub(crate) fn jump(&self) -> f64 {
         1.0 / self.mass
     }
 
-    /// The fastest of its motions: |λ| of e^(λt) [1/s].
+    /// The largest |λ| [1/s] of its components e^(λt).
     pub(crate) fn reach(&self) -> f64 {
         match self.poles {
             Poles::Oscillating { omega } => sqrt(self.sigma * self.sigma + omega * omega),
@@ -273,8 +274,8 @@ impl Cell {
         }
     }
 
-    /// Weights of two successive samples, relative to the rest position, whose sum is the free motion at the fraction
-    /// `part` between them.
+    /// Weights of two successive samples, relative to the rest position, that give the free motion at the fraction
+    /// `part` of the step between them.
     pub(crate) fn interpolation(&self, part: f64, rate: Rate) -> (f64, f64) {
         let step = rate.step();
         let whole = self.response(step);
@@ -299,7 +300,7 @@ impl Cell {
         self.split_at(alpha, rate).of(impulse)
     }
 
-    /// What [`Self::split`] needs of an instant, for many impulses there.
+    /// The part of [`Self::split`] that depends on the instant only, for many impulses at this instant.
     pub(crate) fn split_at(&self, alpha: f64, rate: Rate) -> Split {
         let step = rate.step();
         let (rest, past) = ((1.0 - alpha) * step, alpha * step);
@@ -312,7 +313,7 @@ impl Cell {
     }
 }
 
-/// How impulses at one instant between two samples are split into forces at both.
+/// Coefficients that split an impulse at one instant between two samples into forces at both.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Split {
     /// Square of the step [s²].

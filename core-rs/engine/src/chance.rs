@@ -1,4 +1,4 @@
-//! Chance that does not spread: every draw has a key of its own.
+//! Random numbers, in which every draw has a key of its own and none depends on another.
 
 use std::fmt::Write as _;
 
@@ -8,11 +8,11 @@ use sha2::{Digest, Sha256};
 
 use crate::maths;
 
-/// PCG64 (XSL-RR 128/64, O'Neill 2014) keyed by SHA-256 of the text
-/// `{seed}/{kind}/{name}/{member}/{occurrence}`: digest bytes 0..16 are its state, 16..32 its
-/// stream, both little-endian.
+/// PCG64 (XSL-RR 128/64, O'Neill 2014) seeded by the SHA-256 digest of the text
+/// `{seed}/{kind}/{name}/{member}/{occurrence}`: digest bytes 0..16 are its state, 16..32 its stream, both
+/// little-endian.
 ///
-/// Two keys share nothing, so a line added to a score changes no draw of another line.
+/// The draws of two keys are independent, so a line added to a score changes no draw of another line.
 ///
 /// ```
 /// use ergon_engine::chance::Chance;
@@ -25,7 +25,7 @@ use crate::maths;
 pub struct Chance(Pcg64);
 
 impl Chance {
-    /// The chance of one occurrence of one member of something named.
+    /// The generator for one occurrence of one member of a named thing, such as a bank.
     pub fn new(seed: i128, kind: &str, name: &str, member: u64, occurrence: u64) -> Self {
         let mut key = String::with_capacity(kind.len() + name.len() + 96);
         let _ = write!(key, "{seed}/{kind}/{name}/{member}/{occurrence}");
@@ -40,15 +40,15 @@ impl Chance {
         (self.0.next_u64() >> 11) as f64 * STEP
     }
 
-    /// A number from `low` to `high`, all as likely.
+    /// A number from `low` to `high`, uniformly distributed.
     pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// A number from `low` to `high`, both above zero, every octave as likely.
+    /// A number from `low` to `high`, both above zero, uniformly distributed in its logarithm.
     pub fn logarithmic(&mut self, low: f64, high: f64) -> f64 {
         let (from, to) = (maths::log(low), maths::log(high));
-        // exp(ln x) may miss x by a bit, and a range is a promise.
+        // exp(ln x) may differ from x by a bit, and the result must stay in the range.
         maths::exp(from + (to - from) * self.unit()).clamp(low.min(high), low.max(high))
     }
 
@@ -59,8 +59,8 @@ impl Chance {
 
     /// The instants [s] of a Poisson process of `rate` [Hz] in [`start`, `stop`).
     ///
-    /// What an instant carries is drawn between two of them, through [`PoissonTimes::chance`]: then
-    /// a later `stop` adds strikes and changes none.
+    /// Draw the values that belong to an instant right after it, through [`PoissonTimes::chance`]. Then a later `stop`
+    /// adds strikes and changes none.
     ///
     /// ```
     /// use ergon_engine::chance::Chance;
@@ -89,7 +89,7 @@ pub struct PoissonTimes<'a> {
 }
 
 impl PoissonTimes<'_> {
-    /// The chance that draws the gaps.
+    /// The generator that also draws the intervals.
     pub fn chance(&mut self) -> &mut Chance {
         self.chance
     }
@@ -99,7 +99,7 @@ impl Iterator for PoissonTimes<'_> {
     type Item = f64;
 
     fn next(&mut self) -> Option<f64> {
-        // Written so that a rate of zero, whose gaps are infinite or NaN, ends.
+        // Written so that the sequence ends for a rate of zero, whose intervals are infinite or NaN.
         self.t += self.chance.exponential(1.0 / self.rate);
         (self.t < self.stop).then_some(self.t)
     }

@@ -1,39 +1,40 @@
-//! Rates of change of sampled outputs: speed and acceleration from positions.
+//! Derivatives of sampled outputs: speed and acceleration from positions.
 //!
-//! Both formulas are maximally flat at 0 Hz, of order 16. With s = sin(π·f/rate) the first one gives the terms up to s¹⁵
-//! of ω·T = 2·arcsin s, the second those up to s¹⁶ of (ω·T)² = 4·arcsin² s: too little by 0.0006 dB and 0.0016 dB at a
-//! quarter of the rate, by 0.55 dB and 1.18 dB at 20 kHz of 44.1 kHz. The phase is that of a pure delay at every frequency.
+//! Both formulas are maximally flat at 0 Hz, of order 16. With s = sin(π·f/rate) the first has the terms up to s¹⁵ of
+//! ω·T = 2·arcsin s, the second those up to s¹⁶ of (ω·T)² = 4·arcsin² s. Their gain is too low by 0.0006 dB and 0.0016
+//! dB at a quarter of the rate, and by 0.55 dB and 1.18 dB at 20 kHz of 44.1 kHz. The phase is that of a pure delay at
+//! every frequency.
 
 use crate::maths::wide::wide;
 use crate::network::Network;
 
-/// Frames on each side of the instant of which the rate of change is told.
+/// Number of frames on each side of the instant for which the derivative is computed.
 const SIDE: usize = 8;
-/// Frames that a formula looks back on, with the newest.
+/// Number of frames that a formula uses, including the newest.
 pub const SPAN: usize = 2 * SIDE + 1;
-/// Frames that are computed at once: so many fit into registers' reach, and each is a sum of its own.
+/// Number of frames that are computed together: few enough for the nearest cache, and each with a sum of its own.
 const AT_ONCE: usize = 64;
 
-/// A rate of change of one output.
+/// A derivative of one output.
 #[derive(Clone, Debug)]
 struct Differentiator {
     output: usize,
-    /// First or second derivative.
+    /// Whether it is the second derivative, not the first.
     is_second: bool,
-    /// Of pairs of frames, the innermost first   [1/s or 1/s²]
+    /// Weights of pairs of frames, the innermost pair first   [1/s or 1/s²]
     weights: [f64; SIDE],
     /// The last frames, oldest first.
     past: [f64; SPAN - 1],
     is_begun: bool,
 }
 
-/// The outputs that are differentiated, in place: an output of order 1 comes 7.5 frames late, of order 2 8 frames.
+/// The outputs that are differentiated, in place. A first derivative is delayed by 7.5 frames, a second by 8 frames.
 #[derive(Clone, Debug, Default)]
 pub struct Derivatives(Vec<Differentiator>);
 
 impl Derivatives {
-    /// Of the outputs of a network whose frames come at `rate` [Hz]; before the first frame everything stood where it
-    /// stands there.
+    /// Derivatives for the outputs of a network with frames at `rate` [Hz]. All frames before the first are taken to
+    /// equal it.
     pub fn of(network: &Network, rate: f64) -> Self {
         let outputs = network.outputs().iter().enumerate();
         let differentiated = outputs.filter(|(_, output)| output.order > 0);
@@ -56,7 +57,7 @@ impl Derivatives {
         self.0.is_empty()
     }
 
-    /// Replace each output that is differentiated in `frames`, (n_frames, n_out).
+    /// Replace each output in `frames` that is differentiated by its derivative, (n_frames, n_out).
     pub fn process(&mut self, frames: &mut [f64], n_out: usize) {
         for block in frames.chunks_mut(AT_ONCE * n_out.max(1)) {
             for own in &mut self.0 {
@@ -65,7 +66,7 @@ impl Derivatives {
         }
     }
 
-    /// Continue as `old` stands; `outputs`: which output here each of its outputs has become. Allocates nothing.
+    /// Copy the past frames from `old`; `outputs` gives for each old output its index here. Allocates nothing.
     pub fn take_over(&mut self, old: &Self, outputs: &[Option<usize>]) {
         for own in &mut self.0 {
             let is_same = |before: &&Differentiator| {
@@ -79,7 +80,7 @@ impl Derivatives {
 }
 
 impl Differentiator {
-    /// At most [`AT_ONCE`] frames, (n_frames, n_out).
+    /// Process at most [`AT_ONCE`] frames, (n_frames, n_out).
     fn process(&mut self, frames: &mut [f64], n_out: usize) {
         const PAST: usize = SPAN - 1;
         let n = frames.len() / n_out;
@@ -92,7 +93,7 @@ impl Differentiator {
         }
         x[..PAST].copy_from_slice(&self.past);
         self.past.copy_from_slice(&x[n..n + PAST]);
-        // Of each frame the sum of pairs in one order, whatever is computed beside it.
+        // Each frame sums its pairs in the same order, whatever the length of the block.
         let mut rates = [-0.0; AT_ONCE];
         let rates = &mut rates[..n];
         add_pairs(&self.weights, self.is_second, &x, rates);
@@ -102,7 +103,7 @@ impl Differentiator {
 }
 
 wide! {
-    /// Add to each frame's rate of change its pairs of `x`, which begins as many frames before as a formula looks back.
+    /// Add the weighted pairs of `x` to each frame's derivative; `x` begins `SPAN` − 1 frames before the first frame.
     fn add_pairs(weights: &[f64; SIDE], is_second: bool, x: &[f64], rates: &mut [f64]) {
         let n = rates.len();
         let from = |at: usize| &x[at..at + n];
@@ -112,7 +113,7 @@ wide! {
                 let sides = after.zip(from(SIDE).iter().zip(from(SIDE - k)));
                 sides.for_each(|((rate, b), (now, a))| *rate += w * ((b - now) - (now - a)));
             } else {
-                // Between the two frames in the middle of the last 16.
+                // The instant lies between the two middle frames of the last 16.
                 let sides = after.zip(from(SIDE + 1 - k));
                 sides.for_each(|((rate, b), a)| *rate += w * (b - a));
             }
@@ -125,7 +126,7 @@ fn first() -> [f64; SIDE] {
     std::array::from_fn(|i| {
         let k = (i + 1) as f64;
         let odd = 2.0 * k - 1.0;
-        // Lagrange: what the polynomial through all frames has as its slope.
+        // The slope of the Lagrange polynomial through all frames.
         let others = (1..=SIDE).filter(|&m| m != i + 1).map(|m| {
             let other = 2.0 * m as f64 - 1.0;
             other * other / (other * other - odd * odd)
@@ -168,7 +169,8 @@ mod tests {
         Derivatives::of(&network, RATE)
     }
 
-    /// Largest difference from the derivative of a sine, `delay` frames before, relative to its size [dB].
+    /// Largest difference from the derivative of a sine `delay` frames before, relative to the derivative's amplitude
+    /// [dB].
     fn error(order: u8, f: f64, delay: f64) -> f64 {
         let mut own = derivatives(order);
         let omega = TAU * f;

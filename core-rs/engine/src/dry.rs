@@ -1,14 +1,15 @@
-//! Dry friction within a step: its level, and changes of sign of a velocity. `kernel/exact/friction` solves what sticks.
+//! Dry friction within a step: its level, and reversals of a velocity. `kernel/exact/friction` computes its forces.
 
 use crate::maths::exp;
 
-/// No level is taken to be below this part of its greatest one, so that ratios to it stay finite [N].
+/// Smallest level by which others are divided, so that ratios stay finite [N].
 const LEVEL_MIN: f64 = 1e-300;
 
-/// Dry friction: F against the velocity while its two ends slide, and up to F against what would set them off.
+/// Dry friction: a force F against the velocity while the two ends slide, and of up to F against whatever would make
+/// them slide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dry {
-    /// F: level of a fast slide [N].
+    /// F: level at fast sliding [N].
     pub level: f64,
     /// Level near rest [N].
     pub static_level: f64,
@@ -17,7 +18,7 @@ pub struct Dry {
 }
 
 impl Dry {
-    /// The same with another level; that near rest keeps its ratio to it.
+    /// The same with another level; the level near rest keeps its ratio to it.
     pub(crate) fn with(&self, level: f64) -> Self {
         Self {
             level,
@@ -41,7 +42,8 @@ impl Dry {
     }
 }
 
-/// The velocity after a step, and its derivatives with respect to the velocity before, the gain and friction's bound.
+/// The velocity after a step, and its derivatives with respect to the velocity before, the gain, and the bound of
+/// friction.
 pub(crate) struct Turned {
     pub(crate) v: f64,
     pub(crate) by_v: f64,
@@ -57,7 +59,7 @@ impl Turned {
         by_bound: 0.0,
     };
 
-    /// Velocity v that gains `gain` and that dry friction takes at most `bound` from.
+    /// The velocity after a step in which `v` gains `gain` by other forces, and friction changes it by at most `bound`.
     pub(crate) fn of(v: f64, gain: f64, bound: f64) -> Self {
         let sign = if v != 0.0 {
             v.signum()

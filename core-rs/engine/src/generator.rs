@@ -30,7 +30,7 @@ pub use tune::{Tuned, tune};
 
 use crate::maths::wide::wide;
 
-/// Most MATs of one generator: they fit the memory.
+/// Most MATs of one generator, so that they fit the memory.
 pub const MAX_MASSES: usize = 2_000_000;
 
 /// Links of one factor: link i of the run joins points a + i and b + i.
@@ -42,8 +42,8 @@ pub struct LinkRun {
     pub b: usize,
     /// How many links.
     pub len: usize,
-    /// Factor of the generator's k and z: 1, or the `stiffness` of a string; negative where a body resists bending,
-    /// whose links together are passive.
+    /// Factor of the generator's k and z: 1, or the `stiffness` of a string. It may be negative in a body that resists
+    /// bending, whose links together are passive.
     pub factor: f64,
     /// Whether `hardening` acts on them.
     pub hardens: bool,
@@ -62,15 +62,15 @@ pub struct Topology {
     pub centre: usize,
     /// (x, y) [m] of every point, the body 1 m wide and centred on (0, 0); (n_mat + n_fixed,).
     pub positions: Vec<[f64; 2]>,
-    /// Each MAT's mass over the mean one; empty where all are equal   (n_mat,)
+    /// Mass of each MAT over the mean mass; empty if all are equal   (n_mat,)
     pub shares: Vec<f64>,
-    /// Whether nothing keeps it from tilting, as it resists curvature alone.
+    /// Whether nothing keeps the body from tilting, because it resists only curvature.
     tilts: bool,
-    /// The lowest non-rigid λ where a formula gives it.
+    /// The lowest non-rigid λ, if a formula gives it.
     lowest_lambda: Option<f64>,
-    /// Whether its fixed points lie before and after its masses, so that a path of links is one run.
+    /// Whether the fixed points lie before and after the masses, so that a path of links is one run.
     pub(crate) in_line: bool,
-    /// A plainer body of which this one's matrix is a polynomial, with the coefficients from the first power on.
+    /// A plainer body of whose matrix this body's matrix is a polynomial, and the coefficients from the first power on.
     plain: Option<(Box<Topology>, Vec<f64>)>,
 }
 
@@ -105,9 +105,9 @@ pub enum GeneratorError {
          {enough} masses or more."
     )]
     FewMasses {
-        /// How many were given.
+        /// Number of masses given.
         masses: usize,
-        /// How many are enough.
+        /// Number of masses that is enough.
         enough: usize,
     },
     /// Decays that change too fast with pitch, or too slowly.
@@ -116,20 +116,20 @@ pub enum GeneratorError {
          value is {nearest:.3} s. Remove this point, or write a value near that."
     )]
     Decays {
-        /// Where [Hz].
+        /// Frequency [Hz].
         f: f64,
-        /// What was asked for [s].
+        /// Decay asked for [s].
         t60: f64,
-        /// What can be had [s].
+        /// Nearest possible decay [s].
         nearest: f64,
     },
-    /// A place of a list of modes where all levels are 0.
+    /// A place at which all levels of a list of modes are 0.
     #[error("No mode moves place {place}: all its levels are 0.")]
     Still {
-        /// Which, from 0.
+        /// Index of the place, from 0.
         place: usize,
     },
-    /// A disc is no lattice.
+    /// A disc where a lattice is needed.
     #[error("A disc has rings, not the rows of a lattice.")]
     Rings,
     /// No two masses can move against each other.
@@ -171,7 +171,7 @@ fn positive(what: &'static str, got: f64) -> Result<(), GeneratorError> {
 }
 
 impl Topology {
-    /// MATs of equal mass of which nothing else is known.
+    /// A topology of MATs of equal mass, without further properties.
     fn new(n_mat: usize, runs: Vec<LinkRun>, positions: Vec<[f64; 2]>) -> Self {
         Self {
             n_mat,
@@ -187,14 +187,14 @@ impl Topology {
         }
     }
 
-    /// With its fixed points before and after its masses, or beside them.
+    /// The topology with its fixed points before and after its masses, or all of them after.
     #[must_use]
     pub fn in_line(mut self, in_line: bool) -> Self {
         self.in_line = in_line;
         self
     }
 
-    /// A MAT's mass over the mean one.
+    /// Mass of a MAT over the mean mass.
     pub fn share(&self, mat: usize) -> f64 {
         self.shares.get(mat).copied().unwrap_or(1.0)
     }
@@ -204,7 +204,7 @@ impl Topology {
         self.n_fixed == 0
     }
 
-    /// y = K x of the network with springs of `factor`, x and y (n_mat,).
+    /// y = K x of the network with springs of `factor`; x and y are (n_mat,).
     pub fn apply(&self, x: &[f64], y: &mut [f64]) {
         pull(&self.runs, self.n_mat, x, y);
     }
@@ -219,7 +219,7 @@ wide! {
                 a, b, len, factor, ..
             } = *run;
             if a + len <= n_mat && b + len <= n_mat {
-                // A loop for each end: no loop writes what it reads.
+                // One loop for each end, so that no loop writes what it reads.
                 let (xa, xb) = (&x[a..a + len], &x[b..b + len]);
                 for (y, (xa, xb)) in y[a..a + len].iter_mut().zip(xa.iter().zip(xb)) {
                     *y += factor * (xa - xb);
@@ -256,7 +256,7 @@ impl Links {
         self.join_bent(a, b, factor, true);
     }
 
-    /// A link of a body that resists bending, of either sign; its stretching alone hardens.
+    /// Adds a link of either sign of a body that resists bending; `hardens` is true only for links that stretch.
     fn join_bent(&mut self, a: usize, b: usize, factor: f64, hardens: bool) {
         let goes_on = |run: &LinkRun| {
             (run.a + run.len, run.b + run.len) == (a, b)

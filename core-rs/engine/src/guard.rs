@@ -1,9 +1,9 @@
-//! The guard of links that stiffen: frames in which they would make a scheme diverge are computed finer. `watch` finds
-//! such frames; `finer` computes them, by `kernel_stage` or, for meshes, by `integrate/mesh_stage`.
+//! The guard of links that stiffen: frames in which they would make a scheme diverge are computed in smaller steps.
+//! `watch` finds such frames; `finer` computes them, by `kernel_stage` or, for meshes, by `integrate/mesh_stage`.
 //!
-//! A certificate knows every law by its slope at rest. Beyond it λmax(M⁻¹(K + 2Z)) is at most that at rest plus the
-//! edge sums of the links' stiffening. Where that is too near the limit at the end of a frame, the frame is computed
-//! again in 2, 4 or 8 steps of CA.
+//! A certificate uses the slope of every law at rest. Away from rest, λmax(M⁻¹(K + 2Z)) is at most its value at rest
+//! plus the largest edge sum of the links' stiffening. If this bound is too near the limit at the end of a frame, the
+//! frame is computed again in 2, 4 or 8 steps of CA.
 
 mod cells;
 mod finer;
@@ -28,12 +28,13 @@ use watch::{Watch, nearest, set_reaches, watches};
 /// the laws turn the overshoot into energy: with 3.6 here, a gong struck at its limit of stability gains a quarter of
 /// the energy put in; with 2.0 it gains none (`tests/scenes/stiff.rs`).
 const TRUSTED: f64 = 2.0;
-/// Steps a frame at most.
+/// Most steps in a frame.
 const MAX_STEPS: u32 = 8;
-/// Finer frames end where links use less than this share of the stiffening that is allowed: each change of the number
-/// of steps costs energy.
+/// Frames in two steps end when links use at most this share of the allowed stiffening. The margin keeps the number of
+/// steps from changing often: each change costs energy.
 const CALM_SHARE: f64 = 0.5;
-/// Frames for which fewer steps must have been enough: an oscillation is slack each time it passes its middle.
+/// Successive frames for which fewer steps must have been enough before their number is halved: an oscillating link is
+/// slack each time it passes its middle.
 const CALM_FRAMES: u32 = 64;
 
 /// Stability limit of a stepping method.
@@ -92,7 +93,7 @@ pub(crate) struct Guard {
     /// MATs that no path of links joins with a watched link.
     unrelated: Vec<usize>,
     cells: Option<Arc<Cells>>,
-    /// 1/M that forces meet where there are proxies; empty: as the scheme has it   (n_mat)
+    /// 1/M that a force at each MAT meets if there are proxies; empty: the scheme's `w`   (n_mat)
     compliance: Vec<f64>,
     /// λ at rest.
     rest_lambda: f64,
@@ -116,7 +117,7 @@ pub(crate) struct Guard {
     outside: Vec<f64>,
     /// Distance over which outside forces act in a finer frame [m]   (n_mat)
     travel: Vec<f64>,
-    /// Step that links and ties alone would give [m a frame]         (n_mat)
+    /// Change of the step by links and ties alone over one frame [m a frame]   (n_mat)
     link_steps: Vec<f64>,
     /// Stiffening of all links at each MAT [N/m]                     (n_mat)
     sums: Vec<f64>,
@@ -157,10 +158,10 @@ impl State for Guard {
 
 impl Guard {
     /// The guard of a network stepped by a method with this limit; `ports` are moved from outside. `None`: no link can
-    /// stiffen beyond the limit.
+    /// stiffen beyond the limit, or the network is unstable at rest.
     ///
     /// # Errors
-    /// Where the spectrum at rest cannot be computed.
+    /// If the spectrum at rest cannot be computed.
     pub(crate) fn new(
         scheme: &Scheme,
         network: &Network,
@@ -183,7 +184,7 @@ impl Guard {
         if rest >= limit.most {
             return Ok(None); // unstable at rest: the certificate refuses it
         }
-        // A network that is near its limit at rest may use a quarter of what is left.
+        // If λ at rest is near or above `trusted`, links may still use a quarter of the distance from it to `most`.
         let has_poles = limit.has_poles;
         let limit = f64::max(limit.trusted, rest + 0.25 * (limit.most - rest));
         set_reaches(&mut watches, limit - rest, w);
@@ -253,13 +254,13 @@ impl Guard {
         &self.travel
     }
 
-    /// Begin anew, after MATs were moved.
+    /// Return to ordinary frames and check elongations anew, after MATs were moved.
     pub(crate) fn reset(&mut self) {
         (self.steps, self.previous_steps, self.calm_frames) = (1, 1, 0);
         self.margin = f64::NEG_INFINITY;
     }
 
-    /// Scale the guard's memory where all velocities are scaled by a factor.
+    /// Scale `lead`, when all velocities are scaled by a factor.
     pub(crate) fn slow_down(&mut self, by: f64) {
         if self.steps > 1 {
             self.lead.iter_mut().for_each(|lead| *lead *= by);
@@ -292,8 +293,8 @@ impl Guard {
         is_over
     }
 
-    /// A bound on the rise of λ by stiffening at `x`, and the MAT where it is largest; 0 where no elongation is near its
-    /// reach.
+    /// A bound on the rise of λ by stiffening at `x`, and the MAT where it is largest; (0, 0) if every elongation is
+    /// within its reach.
     fn stiffening(&mut self, x: &[f64], w: &[f64]) -> (f64, usize) {
         self.margin = nearest(&self.watches, x);
         if self.margin > 0.0 {
@@ -319,7 +320,7 @@ impl Guard {
         )
     }
 
-    /// Number of steps that a frame needs where links raise λ by `risen`; above [`MAX_STEPS`] where no number is enough.
+    /// Number of steps that a frame needs if links raise λ by `risen`; above [`MAX_STEPS`] if no number is enough.
     fn steps_needed(&self, risen: f64) -> u32 {
         if self.rest_lambda + risen <= self.limit {
             return 1;

@@ -41,21 +41,21 @@ use mesh::Mesh;
 trait Stepper {
     /// Advance by one step; impulses (MAT, [N·s]) act at its beginning.
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>);
-    /// Partition the mesh for a team of `threads` threads, where this gains time.
+    /// Partition the mesh for a team of `threads` threads if this saves time.
     fn share(&mut self, _threads: usize) {}
     /// Whether a thread team can share the work.
     fn is_shared(&self) -> bool {
         false
     }
-    /// Set the K and Z of links that are led to those of a frame and a part of one.
+    /// Set the K and Z of led links to their values at `at`: a frame, and a fraction of a frame.
     fn lead(&mut self, _lead: &Lead, _at: (u64, f64)) {}
-    /// Recompute what depends on them.
+    /// Recompute what depends on the K and Z of led links.
     fn settle_led(&mut self, _team: &mut ThreadTeam<'_>) {}
-    /// Share no numbers that are led with a clone.
+    /// Take a copy of the numbers that leads change, so that none is shared with a clone.
     fn own(&mut self) {}
     /// Positions now [m]                                            (n_mat)
     fn x(&self) -> &[f64];
-    /// The guard of links that stiffen, if there are any.
+    /// The guard of links that stiffen, if the network has any.
     fn guard(&self) -> Option<&Guard> {
         None
     }
@@ -64,7 +64,7 @@ trait Stepper {
     }
     /// Velocity of a MAT now, before any impulse of this frame [m/s].
     fn velocity(&self, mat: usize) -> f64;
-    /// The velocities or last steps that are the method's state            (n_mat)
+    /// The method's state: velocities or last steps           (n_mat)
     fn velocities_mut(&mut self) -> &mut [f64];
     /// The last step of a MAT, x − x⁻ [m], to the method's accuracy.
     fn last_step(&self, mat: usize) -> f64;
@@ -72,9 +72,9 @@ trait Stepper {
     fn put(&mut self, mat: usize, x: f64, step: f64);
     /// Recompute what depends on the positions and steps of all MATs.
     fn settle(&mut self);
-    /// The energy that the method conserves [J]; for a staggered method that of half a step before.
+    /// The energy that the method conserves [J]; of a staggered method, its value half a step earlier.
     fn energy(&self) -> f64;
-    /// The energy of masses and links by their laws [J], whatever else the method conserves.
+    /// The energy of masses and links by their laws [J], even if the method conserves another.
     fn stored(&self) -> f64 {
         self.energy()
     }
@@ -134,7 +134,7 @@ pub(crate) struct Integrator {
 
 crate::archive::state!(Integrator { motion });
 
-/// Elongations [m] and rates [m/s] at which a law's damping is asked whether it gives energy.
+/// Largest elongation [m] and rate [m/s] up to which a law's damping is tested for giving energy.
 const ACTIVE: (f64, f64) = (1e-2, 10.0);
 
 impl Integrator {
@@ -170,7 +170,7 @@ impl Integrator {
         }
     }
 
-    /// The same where K and Z of some links are led; `n` counts frames.
+    /// Does the same as [`Integrator::step`] if the K and Z of some links are led; `n` counts frames.
     pub(crate) fn step_led(
         &mut self,
         n: u64,
@@ -190,7 +190,7 @@ impl Integrator {
         }
     }
 
-    /// Set the K and Z of links that are led to those of frame `n`.
+    /// Set the K and Z of led links to their values at frame `n`.
     pub(crate) fn lead(&mut self, n: u64, leads: &[Lead]) {
         let method = self.motion.stepper_mut();
         leads.iter().for_each(|lead| method.lead(lead, (n, 0.0)));
@@ -199,7 +199,7 @@ impl Integrator {
         }
     }
 
-    /// Share no numbers that are led with a clone: then a step allocates nothing.
+    /// Take a copy of the numbers that leads change, so that none is shared with a clone and a step allocates nothing.
     pub(crate) fn own(&mut self) {
         self.motion.stepper_mut().own();
     }
@@ -235,7 +235,7 @@ impl Integrator {
         method.settle();
     }
 
-    /// Be ready for a crew of so many threads, where that gains anything; the bits stay the same.
+    /// Partition the mesh for a team of `threads` threads if this saves time; results stay the same to the last bit.
     pub(crate) fn share(&mut self, threads: usize) {
         self.motion.stepper_mut().share(threads);
     }
@@ -270,10 +270,10 @@ impl Integrator {
         passes::within(self.positions())
     }
 
-    /// Whether its steps may make energy that can be found: not where it is linear.
+    /// Whether steps may create energy that can be measured: never for a linear network.
     pub(crate) fn may_gain(&self) -> bool {
         let mesh = self.motion.stepper().mesh();
-        // Of a law that is to give energy nothing is known, and the energy of others takes too long to find.
+        // The balance of an active law cannot be judged, and an energy without a closed form takes too long to compute.
         let is_known = |run: &Run| match &run.kind {
             Kind::Lnl { law, .. } => law.has_closed_energy() && !law.is_active(ACTIVE.0, ACTIVE.1),
             _ => true,
@@ -286,7 +286,7 @@ impl Integrator {
         self.motion.stepper().stored()
     }
 
-    /// What impulses of the coming frame will give [J]: each the mean of the velocities before and after it.
+    /// Work of the impulses of the coming frame [J]: each impulse times the mean of the velocities before and after it.
     pub(crate) fn work(&self, impulses: &[(usize, f64)]) -> f64 {
         let method = self.motion.stepper();
         let (m, rate) = (&method.mesh().m, method.mesh().scheme.rate);
@@ -302,7 +302,8 @@ impl Integrator {
         impulses.iter().enumerate().map(of).sum()
     }
 
-    /// The energy that the method conserves [J]: constant without losses and impulses, to the method's accuracy.
+    /// The energy that the method conserves [J]: constant to the method's accuracy if there are no losses and no
+    /// impulses.
     pub(crate) fn energy(&self) -> f64 {
         self.motion.stepper().energy()
     }

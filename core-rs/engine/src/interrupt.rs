@@ -1,16 +1,16 @@
-//! Long computations that end where somebody asks them to.
+//! Interruption of long computations.
 //!
-//! A computation runs inside [`until`] with a question, and calls [`poll`] after every few milliseconds of work. Where
-//! the answer is yes it unwinds to [`until`]. A thread outside [`until`], such as the one that plays, pays for a poll
-//! one look at a flag of its own.
+//! A computation runs inside [`until`], which gets a function that says whether to stop. It calls [`poll`] after every
+//! few milliseconds of work; if the function then returns true, it unwinds to [`until`]. In a thread outside [`until`],
+//! such as the one that plays, a poll only reads a thread-local flag.
 
 use std::cell::{Cell, RefCell};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-/// Whether a computation is to end. It is asked in the thread that computes.
+/// Returns whether the computation is to stop. It is called in the thread that computes.
 pub type Ask = Box<dyn FnMut() -> bool>;
 
-/// A computation was ended before it was done: what it changed is in no defined state.
+/// The computation was stopped before its end: whatever it was changing is in an undefined state.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub struct Stopped;
 
@@ -19,7 +19,7 @@ thread_local! {
     static ASK: RefCell<Option<Ask>> = const { RefCell::new(None) };
 }
 
-/// Puts the question of an outer computation back.
+/// On drop, restores the `Ask` of an outer computation.
 struct Outer(Option<Ask>);
 
 impl Drop for Outer {
@@ -46,7 +46,7 @@ fn set(ask: Option<Ask>) -> Option<Ask> {
 /// ```
 ///
 /// # Errors
-/// [`Stopped`] where `ask` returns true at a poll of `work`.
+/// [`Stopped`] if `ask` returns true at a poll of `work`.
 pub fn until<T>(ask: Ask, work: impl FnOnce() -> T) -> Result<T, Stopped> {
     let outer = Outer(set(Some(ask)));
     let done = catch_unwind(AssertUnwindSafe(work));
@@ -57,7 +57,8 @@ pub fn until<T>(ask: Ask, work: impl FnOnce() -> T) -> Result<T, Stopped> {
     })
 }
 
-/// Unwind if this computation is to end. Call it where nothing but this computation would miss its end.
+/// Unwind if this computation is to stop. Call it only where an unwinding leaves nothing half-done outside this
+/// computation.
 #[inline]
 pub fn poll() {
     if IS_ASKED.get() {
@@ -65,14 +66,14 @@ pub fn poll() {
     }
 }
 
-/// Unwind to [`until`], whatever its question would say.
+/// Unwind to [`until`] without asking.
 pub fn stop() -> ! {
     resume_unwind(Box::new(Stopped)) // no panic: nothing is printed
 }
 
 #[cold]
 fn ask() {
-    // The question may itself compute something, with a question of its own.
+    // `ask` may itself run a computation inside another [`until`].
     let Some(mut ask) = set(None) else { return };
     let is_over = ask();
     set(Some(ask));

@@ -1,4 +1,4 @@
-//! A network that plays: what is constant, what changes, and what can be read of it. `step` moves it on.
+//! An island: its constant script, its changing state, and what can be read of it. `step` advances it.
 
 mod build;
 mod coast;
@@ -81,38 +81,38 @@ struct State {
     body: Body,
     voices: Vec<Voice>,
     reports: Vec<Report>,
-    /// Next push and next ergon.
+    /// Indices of the next push and of the next ergon.
     pushed: usize,
     ergons: usize,
     /// How far each gate is open now, and (for the ledger) at the next frame.
     gates: Vec<f64>,
     gates_next: Vec<f64>,
-    /// Of gates that another version stood at elsewhere: from where they come   (n_gates)
+    /// For gates that had another factor in the previous version: where they continue from   (n_gates)
     gate_continuations: Vec<Option<GateContinuation>>,
     targets: Vec<Target>,
-    /// How far layers take each key [m]   (n_keys)
+    /// Sum of the deviations that layers add to each key [m]   (n_keys)
     layers: Vec<f64>,
     laws: Laws,
     stream: Stream,
     touches: contact_peaks::ContactPeaks,
-    /// What is heard between frames   (n_out)
+    /// Outputs of steps between frames, which are not heard   (n_out)
     unheard: Vec<f64>,
     bodies: Vec<inside::RunningBody>,
     fine: Option<fine::Fine>,
     /// Impulses that act in the next step [N·s]   (n_strike_points)
     impulses: Vec<f64>,
-    /// What was played into each of the inputs   (n_sound_drives)
+    /// What each input received: samples or told values   (n_sound_drives)
     played: Vec<sounds_in::Played>,
     hand_states: Vec<real_hands::HandState>,
     ledger: Option<Ledger>,
     mutes: Mutes,
-    /// Where links stiffen.
+    /// Present if links can stiffen beyond the limit of the scheme.
     guard: Option<Box<Guard>>,
-    /// What links took and gave.
+    /// Accounts of links that can create energy.
     gains: Option<Box<energy_gain::Gains>>,
-    /// By how much every step is less than it would be: an extra viscosity.
+    /// Factor on every x[n] − x[n−1] at each step; below 1 it acts as additional viscosity.
     damped: f64,
-    /// The scheme as it is now, where MATs in it glide.
+    /// The scheme with the values of this frame, if glides, leads or laws that follow MATs change it.
     scheme: Option<Box<Scheme>>,
 }
 
@@ -122,7 +122,7 @@ pub(crate) struct Island {
     network: Arc<Network>,
     script: Arc<Script>,
     state: State,
-    /// Steps in a frame of its own, and frames of the scene in one.
+    /// Steps in one frame of the island, and frames of the scene in one frame of the island.
     oversampling: u32,
     every: u32,
     rest: rest::Rest,
@@ -139,7 +139,7 @@ impl Island {
         &self.state.body.x
     }
 
-    /// Whether a crew can share its work.
+    /// Whether a team of threads can share its work.
     pub(crate) fn is_shared(&self) -> bool {
         let state = &self.state;
         state.laws.mesh_partition.is_some()
@@ -151,7 +151,8 @@ impl Island {
         &self.state.body.d
     }
 
-    /// Tell where each key's gesture wants it now [m], NaN where none runs; then of each of its layers how far it goes from there.
+    /// Tells the position that each key's gesture asks for [m], NaN if none runs, then the deviation of each of the
+    /// key's layers [m]. Arguments: key, value, whether it is a layer.
     pub(crate) fn asked(&self, mut tell: impl FnMut(usize, f64, bool)) {
         for (voice, own) in self.state.voices.iter().zip(&self.script.voices) {
             // A key's own voice stands before its layers.
@@ -183,15 +184,16 @@ impl Island {
         fine.map_or_else(fine::FineWork::default, fine::Fine::work)
     }
 
-    /// Steps that the guard added to frames, so far.
+    /// Sum over parts of their finer frames so far times the most steps that one such frame took.
     pub(crate) fn guard_steps(&self) -> u64 {
         let each = self.finer();
         each.map(|(_, frames, most)| frames * u64::from(most)).sum()
     }
 
-    /// Let all of it fade by a factor more a step.
+    /// Makes all motion decay by an additional factor `by` in each step.
     pub(crate) fn damp(&mut self, by: f64) {
-        // The poles of x⁺ = (2 − κ − ζ)x − (1 − ζ)x⁻ are as long as the root of what its last step counts.
+        // The poles of x⁺ = (2 − κ − ζ)x − (1 − ζ)x⁻ have magnitude √(1 − ζ), so a factor `by²` on the last step scales
+        // them by `by`.
         self.state.damped = by * by;
         self.wake();
         for body in &mut self.state.bodies {
@@ -199,7 +201,7 @@ impl Island {
         }
     }
 
-    /// Raise the squares of its bodies' modes to what their amplitudes are now.
+    /// Raises the squares of the modes of each body to at least the square of their present amplitude.
     pub(crate) fn squares(&self, squares: &mut [Vec<f64>]) {
         for (body, squares) in self.state.bodies.iter().zip(squares) {
             if let Some(modal) = body.modal() {
@@ -213,7 +215,7 @@ impl Island {
         self.state.stream.take()
     }
 
-    /// Note the strongest push of each contact, and what written hands strike, from here on.
+    /// From here on, note the strongest push of each contact and the ergons of written hands.
     pub(crate) fn watch(&mut self) {
         self.state.touches = contact_peaks::ContactPeaks::of(&self.network);
         let voices = &mut self.state.voices;
@@ -221,21 +223,21 @@ impl Island {
         self.wake();
     }
 
-    /// Tell of contacts (link, frame of the scene, force [N]) that pushed since the last call.
+    /// Tells each contact that pushed since the last call: link, frame of the scene, force [N].
     pub(crate) fn take_touches(&mut self, mut tell: impl FnMut(usize, u64, f64)) {
         let mut touches = std::mem::take(&mut self.state.touches);
         touches.take(|link, touch| tell(link, self.frame_at(touch.frame), touch.force));
         self.state.touches = touches;
     }
 
-    /// Tell of what written hands struck since the last call.
+    /// Tells the ergons of written hands since the last call.
     pub(crate) fn take_sparks(&mut self, mut tell: impl FnMut(Record)) {
         for voice in &mut self.state.voices {
             voice.sparks.take(&mut tell);
         }
     }
 
-    /// How many sparks there are between two looks at most.
+    /// Largest number of ergons that [`Self::take_sparks`] tells in one call.
     pub(crate) fn sparks_max(&self) -> usize {
         SPARKS * self.state.voices.len()
     }
@@ -245,7 +247,7 @@ impl Island {
         self.state.memory_of(link) == f64::INFINITY
     }
 
-    /// Its bodies as they are.
+    /// The bodies of the island.
     pub(crate) fn bodies(&self) -> &[inside::RunningBody] {
         &self.state.bodies
     }
@@ -261,7 +263,7 @@ impl Island {
         })
     }
 
-    /// Parts put to silence, with the frame of the scene of each.
+    /// Muted parts, with the frame of the scene at which each was muted.
     pub(crate) fn muted(&self) -> Vec<(String, u64)> {
         self.state
             .mutes
@@ -273,12 +275,12 @@ impl Island {
             .collect()
     }
 
-    /// How many parts were put to silence.
+    /// Number of muted parts.
     pub(crate) fn n_muted(&self) -> usize {
         self.state.mutes.list().count()
     }
 
-    /// Parts whose links stiffened, with the frames of the scene that were computed finer for it, in how many steps.
+    /// Parts whose links stiffened: name, number of frames computed finer, and most steps in one of them.
     pub(crate) fn finer(&self) -> impl Iterator<Item = (&str, u64, u32)> {
         let parts = self.network.parts();
         let own = self.state.guard.iter().filter_map(|guard| {
@@ -297,7 +299,7 @@ impl Island {
         })
     }
 
-    /// Room for every target there can be: a cloned vector has only what it holds.
+    /// Reserves room for every target that can occur, because a cloned vector has no spare capacity.
     pub(crate) fn reserve(&mut self) {
         let most = self.script.drives.len() + self.script.voices.len();
         self.state.targets.reserve(most);

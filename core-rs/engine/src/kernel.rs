@@ -1,4 +1,4 @@
-//! Inner loops, one file for each kind of work. They use indices only, no names of modules.
+//! Inner loops, one file for each kind of work. They use indices only, not the names of modules.
 
 pub(crate) mod bank;
 pub(crate) mod dense;

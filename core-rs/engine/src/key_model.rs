@@ -1,16 +1,16 @@
-//! The motion of a real force-feedback key: a CEL with weight, dry friction, modes of its mechanics, and the delay of its
-//! forces; with the derivatives of the path with respect to every parameter.
+//! The motion of a real force-feedback key: a CEL with weight, dry friction, modes of its mechanics, and the delay of
+//! its forces, and the derivatives of its path with respect to every parameter.
 //!
 //! M ẍ = F(t - delay) - K x - Z ẋ - weight - dry friction + pull of the modes. A force is held for a tick. A tick is
-//! computed in equal steps h, velocities between positions: spring, weight and modes by leapfrog, the damper by the
-//! trapezoidal rule, all of second order. Of first order, and small, are two things: a mode's damper takes the key's
-//! velocity half a step early, and a resting key that a jump of the force sets off within a step feels friction for the whole
-//! step (a velocity of F h/2M at most).
+//! computed in equal steps h, with velocities between positions: spring, weight and modes by leapfrog, the damper by
+//! the trapezoidal rule, all of second order. Two small errors are of first order. A mode's damper takes the key's
+//! velocity half a step early. A resting key that a jump of the force sets off within a step feels friction for the
+//! whole step (a velocity of F h/2M at most).
 //!
-//! Dry friction has the level F while the key slides, against the velocity, and holds a resting key against forces up to
-//! F. Where the velocity passes zero within a step, friction turns at that instant, not at the end of the step: of the
-//! step's velocity gain A and friction p, the part after the turn counts (A + p)/(A - p) of what lies beyond zero.
-//! So the path is differentiable with respect to its parameters, as an estimate of these needs it.
+//! Dry friction has the level F while the key slides, against the velocity, and holds a resting key against forces up
+//! to F. If the velocity passes zero within a step, friction turns at that instant, not at the end of the step: of the
+//! step's velocity gain A and friction p, the part after the turn counts (A + p)/(A - p) of the velocity beyond zero.
+//! The path is thus differentiable with respect to its parameters, which their estimation needs.
 
 mod friction;
 mod motion;
@@ -24,25 +24,25 @@ use parameter::Parameter;
 
 /// Longest delay of a force [s].
 const DELAY_MAX: f64 = 1.0;
-/// Ticks between two looks at whether the computation is to end.
+/// Ticks between two polls of an interruption.
 const POLL: usize = 1024;
-/// Derivatives with respect to forces that are computed together, and the part of their greatest below which they have
-/// died away.
+/// Number of derivatives with respect to forces that are computed together, and the fraction of their maximum below
+/// which they are taken to have died away.
 const FORCES: usize = 16;
 const DIED_AWAY: f64 = 1e-7;
 
-/// A part of a key that swings on it: a mass on a spring and a damper.
+/// A part of a key that oscillates on it: a mass on a spring and a damper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mode {
     /// Mass [kg].
     pub mass: f64,
     /// Frequency of the mass on its spring, on a key that stands still [Hz].
     pub frequency: f64,
-    /// Damping ratio: 1 where it no longer oscillates.
+    /// Damping ratio; 1 is critical damping.
     pub ratio: f64,
 }
 
-/// What a key is made of.
+/// The parameters of a key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeyModel {
     /// Mass, without that of the modes [kg].
@@ -57,21 +57,22 @@ pub struct KeyModel {
     pub dry: f64,
     /// Position at the beginning, where the key stands still [m].
     pub start: f64,
-    /// Time from the beginning of a tick to that of its force [s].
+    /// Time from the beginning of a tick until its force acts [s].
     pub delay: f64,
-    /// Stiffness of the contact before it slides [N/m]; zero: it holds rigidly.
+    /// Stiffness of the contact before it slides [N/m]; zero: the contact is rigid.
     pub presliding: f64,
-    /// Level of dry friction near velocity zero [N], where `static_speed` is above zero.
+    /// Level of dry friction near velocity zero [N], used if `static_speed` is above zero.
     pub static_dry: f64,
-    /// Velocity by which the level has fallen from `static_dry` towards `dry` by 1/e [m/s] (Stribeck); zero: it does not.
+    /// Velocity at which the excess of the level over `dry` has fallen to 1/e [m/s] (Stribeck); zero: the level is
+    /// always `dry`.
     pub static_speed: f64,
-    /// What swings on the key.
+    /// The parts that swing on the key.
     pub modes: Vec<Mode>,
 }
 
-/// Numbers of a key that are none of its modes, in the order of a row of parameters.
+/// Number of parameters of a key without its modes, which come first in a row of parameters.
 pub const OWN: usize = 10;
-/// Numbers of a mode.
+/// Number of parameters of a mode.
 pub const OF_MODE: usize = 3;
 
 /// Why a key cannot be computed.
@@ -83,22 +84,22 @@ pub enum KeyError {
     /// Inf or nan.
     #[error("every parameter of a key must be a finite number")]
     NotFinite,
-    /// A mass that nothing moves.
+    /// A mass, or a frequency of a mode, that is not above zero.
     #[error("the mass of a key, and the mass and frequency of each mode, must be above zero")]
     Mass,
-    /// What makes energy.
+    /// A coefficient that would supply energy.
     #[error("damping, dry friction and presliding stiffness of a key must not be negative")]
     Negative,
-    /// Before the force was sent, or long after.
+    /// A delay below zero, or too long.
     #[error("the delay of a key must be from 0 to 1 s")]
     Delay,
-    /// A rate that is none.
+    /// A rate that is not a positive number.
     #[error("the rate must be a positive number of ticks a second")]
     Rate,
     /// No step, or too many.
     #[error("a tick must have 1 to 10,000 steps")]
     Steps,
-    /// Too fast for the step.
+    /// A resonance that is too fast for the step.
     #[error(
         "a resonance of this key is too fast: it must be below 0.16 of the steps a second, which are usually 44,100"
     )]
@@ -106,11 +107,11 @@ pub enum KeyError {
 }
 
 impl KeyModel {
-    /// A key of numbers in this order: mass, stiffness, damping, weight, dry, start, delay, presliding, static_dry,
+    /// A key from numbers in this order: mass, stiffness, damping, weight, dry, start, delay, presliding, static_dry,
     /// static_speed, then mass, frequency and ratio of each mode.
     ///
     /// # Errors
-    /// [`KeyError`] where there is no such key.
+    /// [`KeyError`] if the numbers do not describe a key.
     pub fn of_row(row: &[f64]) -> Result<Self, KeyError> {
         if row.len() < OWN || !(row.len() - OWN).is_multiple_of(OF_MODE) {
             return Err(KeyError::Count);
@@ -196,10 +197,10 @@ impl KeyModel {
 
     /// The path, and its derivatives (ticks, columns) with respect to the parameters of these indices, row by row.
     ///
-    /// A parameter that is zero where that leaves a part out (presliding, static_speed) has derivatives of zero.
+    /// If a parameter is zero and thereby switches a part off (presliding, static_speed), its derivatives are zero.
     ///
     /// # Errors
-    /// As [`KeyModel::path`]; [`KeyError::Count`] for a column that there is not, and for more than 32.
+    /// As [`KeyModel::path`]; [`KeyError::Count`] for a column that does not exist, or more than 32 columns.
     pub fn path_and_jacobian(
         &self,
         forces: &[f64],
@@ -220,7 +221,7 @@ impl KeyModel {
     /// Derivatives of the path (ticks, columns) with respect to the forces of these ticks, row by row.
     ///
     /// # Errors
-    /// As [`KeyModel::path`]; [`KeyError::Count`] for a tick that there is not.
+    /// As [`KeyModel::path`]; [`KeyError::Count`] for ticks that do not exist or do not rise.
     pub fn force_derivatives(
         &self,
         forces: &[f64],

@@ -1,7 +1,7 @@
 //! LNL: laws of non-linear elasticity and friction, f = law(d) + damping(d, v).
 //!
-//! A law is an expression in a small language, or a table of points, compiled once. `d` is the link's elongation [m], `v` its rate [m/s] (metres per
-//! sample where units are algorithmic), the value a force [N].
+//! A law is an expression in a small language, or a table of points, compiled once. `d` is the link's elongation [m],
+//! `v` its rate [m/s] (metres per sample where units are algorithmic), the value a force [N].
 
 mod error;
 mod native;
@@ -51,7 +51,8 @@ pub struct Law {
     damping: Option<Program>,
     reach: f64,
     hardening: Option<Hardening>,
-    /// q of q·S·d, S the sum of the squares of all elongations of its run [N/m³]; 0 for a law of one link.
+    /// q of the force q·S·d, where S is the sum of the squares of all elongations of its run [N/m³]; 0 for a law of one
+    /// link.
     shared: f64,
     native: Option<native::Native>,
     /// Whether it has constants that may change.
@@ -59,23 +60,23 @@ pub struct Law {
     asked: Asked,
 }
 
-/// What [`Law::is_active`] was first asked (the law's reach included), and its answer: a session asks all laws at each of
-/// its lines. Copies of a law share it.
+/// The first question to [`Law::is_active`] (which includes the law's reach) and its answer, because a session asks all
+/// laws at each of its lines. Copies of a law share it.
 #[derive(Clone, Default)]
 struct Asked(Arc<OnceLock<(Question, bool)>>);
 
-/// A law's reach, and the greatest elongation and rate that are asked for, by their bits.
+/// A law's reach, and the greatest elongation and rate in question, as bits.
 type Question = [u64; 3];
 
 impl fmt::Debug for Asked {
-    /// The same whatever was asked: networks are known again by what `Debug` writes.
+    /// Does not depend on the question, because networks are identified by their `Debug` output.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Asked")
     }
 }
 
 impl PartialEq for Asked {
-    /// Always: it follows from the law.
+    /// Always equal, because the answer follows from the law.
     fn eq(&self, _: &Self) -> bool {
         true
     }
@@ -95,7 +96,7 @@ pub(crate) struct Hardening {
 #[derive(Clone, Debug, PartialEq)]
 enum Elastic {
     None,
-    /// `integral`: coefficients of the integral of a polynomial, from the power of d on.
+    /// `integral`: coefficients of the integral of a polynomial, from the first power of d on.
     Expression {
         program: Program,
         integral: Option<Vec<f64>>,
@@ -114,7 +115,7 @@ pub struct LawText<'a> {
     pub constants: Constants,
     /// The elastic part as points (d [m], f [N]), d rising.
     pub points: Option<&'a [(f64, f64)]>,
-    /// Those of the constants that [`Law::set`] changes, by their numbers.
+    /// Those of the constants that [`Law::set`] can change, in the order of their numbers.
     pub open: &'a [String],
 }
 
@@ -161,7 +162,7 @@ impl Law {
         })
     }
 
-    /// Give a constant that was left open another value, in SI units; `slot` is its number among these.
+    /// Set an open constant to another value, in SI units; `slot` is its number among the open constants.
     ///
     /// ```
     /// use ergon_engine::law::{Law, LawText};
@@ -182,8 +183,8 @@ impl Law {
         }
     }
 
-    /// The tension that stretching brings to all links of a run alike: q·S·d, S the sum of the squares of all their
-    /// elongations (Kirchhoff 1876, Carrier 1945), `q` >= 0 [N/m³]. It stores ¼·q·S².
+    /// The tension that stretching adds to all links of a run alike: the force q·S·d, where S is the sum of the squares
+    /// of all their elongations (Kirchhoff 1876, Carrier 1945) and `q` >= 0 [N/m³]. It stores the energy ¼·q·S².
     pub fn shared(q: f64) -> Self {
         Self {
             elastic: Elastic::None,
@@ -197,13 +198,13 @@ impl Law {
         }
     }
 
-    /// The stiffness that all links of a run have in common where `squares` is the sum of the squares of their
-    /// elongations [N/m]; 0 for a law of one link.
+    /// The stiffness that all links of a run share [N/m], if `squares` is the sum of the squares of their elongations;
+    /// 0 for a law of one link.
     pub(crate) fn tension(&self, squares: f64) -> f64 {
         self.shared * squares
     }
 
-    /// Whether its force is a function of the whole run.
+    /// Whether the force of a link depends on the whole run.
     pub(crate) fn is_shared(&self) -> bool {
         self.shared != 0.0
     }
@@ -219,7 +220,7 @@ impl Law {
     /// ```
     ///
     /// # Errors
-    /// [`LawError`] where a constant is not finite.
+    /// [`LawError`] if a constant is not finite.
     pub fn hardening(k: f64, q: f64, z: f64) -> Result<Self, LawError> {
         let named = [("k", k), ("q", q), ("z", z)];
         let z = (z != 0.0).then_some(z);
@@ -235,7 +236,8 @@ impl Law {
         })
     }
 
-    /// The constants of a hardening spring without a lever, which kernels compute directly: a mesh has thousands.
+    /// The constants of a hardening spring without a lever. Kernels compute it directly, because a mesh has thousands
+    /// of them.
     pub(crate) fn hardening_spring(&self) -> Option<Hardening> {
         self.hardening.filter(|_| self.reach == 1.0)
     }
@@ -311,8 +313,8 @@ impl Law {
         }
     }
 
-    /// Energy that the elastic part takes from elongation `from` to `to` [J], which need not lie on the way from 0: a law
-    /// may be endless there.
+    /// Work against the elastic part from elongation `from` to `to` [J]. The path need not include 0, where a law may
+    /// be infinite.
     pub(crate) fn work(&self, from: f64, to: f64) -> f64 {
         let (low, high) = (from / self.reach, to / self.reach);
         match &self.elastic {
@@ -324,8 +326,8 @@ impl Law {
         }
     }
 
-    /// Tangent stiffness of the elastic part at `d` [N/m]: exact for points, elsewhere a central
-    /// difference over ±(6e-6·|d| + 1 nm).
+    /// Tangent stiffness of the elastic part at `d` [N/m]: exact for points, otherwise a central difference over
+    /// ±(6e-6·|d| + 1 nm).
     pub fn slope(&self, d: f64) -> f64 {
         let d = d / self.reach;
         let slope = match &self.elastic {
@@ -340,9 +342,10 @@ impl Law {
         slope / self.reach / self.reach
     }
 
-    /// The largest elongation [m], either way, up to which no tangent is stiffer than `stiffness` [N/m].
+    /// The largest elongation [m], either way, up to which no tangent is stiffer than `stiffness` [N/m]; infinite if
+    /// there is no stiffer tangent.
     ///
-    /// It is exact for points; other laws are sampled at 16 places an octave, from 1 nm on. Infinite where no tangent is.
+    /// It is exact for points; other laws are sampled at 16 places an octave, from 1 nm on.
     pub(crate) fn stiffens_beyond(&self, stiffness: f64) -> f64 {
         const OCTAVE: i32 = 16;
         const OCTAVES: i32 = 44; // to 17 km
@@ -374,7 +377,8 @@ impl Law {
         slope / self.reach / self.reach
     }
 
-    /// Whether far from rest its force is small beside its slopes at rest, as a bow's is: what they set off stays bounded.
+    /// Whether its force far from rest is small compared with its slopes at rest, as that of a bow is: motion that
+    /// these slopes excite stays bounded.
     pub(crate) fn gives_way(&self) -> bool {
         const FAR: f64 = 1e3; // [m], [m/s]
         const SMALL: f64 = 0.01;
@@ -385,11 +389,11 @@ impl Law {
         })
     }
 
-    /// Whether damping·v < 0 somewhere in |d| ≤ `d_max` [m], |v| ≤ `v_max` [m/s]: the link can then
-    /// give energy, as a bow does.
+    /// Whether damping·v < 0 somewhere in |d| ≤ `d_max` [m], |v| ≤ `v_max` [m/s]: the link can then supply energy, as a
+    /// bow does.
     ///
-    /// The damping is sampled on a grid of 33 elongations and 192 rates, which lie evenly and, down to a millionth of
-    /// `v_max`, by octaves, for sticking happens at low rates. A damping that is NaN counts as active.
+    /// The damping is sampled on a grid of 33 elongations and 192 rates. Rates are spaced evenly and also by octaves,
+    /// down to a millionth of `v_max`, because sticking happens at low rates. A damping that is NaN counts as active.
     ///
     /// ```
     /// use ergon_engine::law::{Law, LawText};

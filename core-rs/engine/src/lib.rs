@@ -1,13 +1,13 @@
 //! The physics of ergon: CORDIS-ANIMA networks struck by ergons.
 //!
-//! The crate knows no Python, no audio device and no clock: a result is a function of its arguments, to the last bit,
-//! for any number of threads, any block size and whatever vectors the processor has.
+//! The crate depends on no Python, audio device or clock: a result depends on its arguments alone, to the last bit,
+//! whatever the number of threads, the block size and the vector instructions of the processor.
 //!
-//! # The road
+//! # From network to sound
 //!
-//! 1. A [`Network`] is what is: masses (MAT) and the links between them (LIA), named, in SI units.
-//! 2. A [`Timeline`] is what will happen: strikes, written gestures, takes, couplings, in seconds.
-//! 3. A [`Plan`] is what is computed, by which method, within which [`Budget`], and why the rest is not.
+//! 1. A [`Network`] holds masses (MAT) and the links between them (LIA), named, in SI units.
+//! 2. A [`Timeline`] holds what will happen: strikes, written gestures, takes, couplings, in seconds.
+//! 3. A [`Plan`] says what is computed, by which method and within which [`Budget`], and why the rest is not computed.
 //! 4. A [`Simulation`] plays the plan, a block of frames at a time.
 //!
 //! # A struck string
@@ -72,7 +72,7 @@ mod dry;
 pub mod generator;
 pub mod gesture;
 mod guard;
-// What energy a method keeps is asked by its tests alone.
+// Only tests ask for the energy that a method conserves.
 #[cfg_attr(not(test), allow(dead_code))]
 mod integrate;
 pub mod interrupt;

@@ -1,4 +1,4 @@
-//! Transcendentals that give the same bytes on every machine (`libm`, compiled with the engine).
+//! Transcendental functions that give the same bits on every machine (`libm`, compiled with the engine).
 
 pub(crate) mod lanes;
 pub(crate) mod wide;
@@ -17,7 +17,7 @@ pub fn copysign(size: f64, sign: f64) -> f64 {
     size.copysign(sign)
 }
 
-/// p^α for p >= 0; without a call where α = 1.
+/// p^α for p >= 0; without a call of `pow` if α = 1.
 pub(crate) fn power_law(p: f64, exponent: f64) -> f64 {
     if exponent == 1.0 { p } else { pow(p, exponent) }
 }

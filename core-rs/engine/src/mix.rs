@@ -1,4 +1,4 @@
-//! From outputs to loudspeakers and files.
+//! From outputs of a simulation to loudspeakers and files.
 
 pub mod curve;
 mod delay;

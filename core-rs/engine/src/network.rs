@@ -63,7 +63,7 @@ pub enum MatKind {
     Sol,
     /// A point whose position is imposed (ENX).
     Imposed,
-    /// A massless point between masses: it moves as these do.
+    /// A massless point between masses, which moves with them.
     Proxy,
 }
 
@@ -73,7 +73,7 @@ impl MatKind {
         matches!(self, Self::Mas | Self::Cel)
     }
 
-    /// Whether no force moves anything there.
+    /// Whether the MAT is fixed or imposed, so that no force moves it.
     pub(crate) fn is_held(self) -> bool {
         matches!(self, Self::Sol | Self::Imposed)
     }
@@ -90,7 +90,7 @@ pub struct Mats {
     pub k: Vec<f64>,
     /// Damping to the ground [N·s/m], or algorithmic Z   (n_mat)
     pub z: Vec<f64>,
-    /// Where the ground is [m]                           (n_mat)
+    /// Position of the ground [m]                        (n_mat)
     pub rest: Vec<f64>,
     /// Initial position [m]                              (n_mat)
     pub x0: Vec<f64>,
@@ -100,7 +100,7 @@ pub struct Mats {
     pub place: Vec<[f64; 2]>,
     /// Index of the part                                 (n_mat)
     pub part: Vec<u32>,
-    /// Force that always acts on the MAT [N]             (at most n_mat; 0 on those behind)
+    /// Constant force on the MAT [N]                     (at most n_mat; 0 for MATs beyond the end)
     pub weight: Vec<f64>,
 }
 
@@ -148,14 +148,14 @@ pub struct Run {
     pub part: usize,
 }
 
-/// An instrument or a key: what a composer gave one name.
+/// An instrument or a key: everything to which a composer gave one name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
     /// Its name in the score.
     pub name: String,
-    /// Rate of the discrete network that is the truth (`units: ca`); `None` when the truth is continuous.
+    /// Rate of the discrete network that defines the part (`units: ca`); `None` if the part is continuous.
     pub ca_rate: Option<Rate>,
-    /// Frames from one pull of its own springs to the next; `None`: every frame.
+    /// Frames from one pull of the part's own springs to the next; `None`: every frame.
     pub macrostep: Option<u32>,
 }
 
@@ -200,7 +200,7 @@ impl Network {
         self.parts.iter().any(|part| part.macrostep.is_some())
     }
 
-    /// Names of the parts to which moving MATs of this list belong, in the order of the parts.
+    /// Names of the parts that have moving MATs among `mats`, in the order of the parts.
     pub(crate) fn parts_of(&self, mats: &[u32]) -> Vec<String> {
         let mut has = vec![false; self.parts.len()];
         for &mat in mats {
@@ -276,7 +276,7 @@ impl Network {
         self.degree.get(mat).copied().unwrap_or(0)
     }
 
-    /// The network of one part: its MATs and all links between them, but for the ranges `without`.
+    /// The network of one part: its MATs and all links between them, except the links in the ranges `without`.
     pub(crate) fn part_alone(&self, part: usize, without: &[Range<usize>]) -> Subset {
         let inside = |&i: &u32| self.mats.part[i as usize] as usize == part;
         let mats: Vec<u32> = (0..self.n_mat() as u32).filter(inside).collect();
@@ -321,7 +321,7 @@ pub(crate) struct Mat {
 }
 
 impl Mats {
-    /// Force that always acts on a MAT [N].
+    /// Constant force on a MAT [N].
     pub(crate) fn weight_of(&self, mat: usize) -> f64 {
         self.weight.get(mat).copied().unwrap_or(0.0)
     }

@@ -1,7 +1,7 @@
-//! Network + Timeline + Budget → Plan: what is computed, how, and why the rest is not.
+//! Network + Timeline + Budget → Plan: what is computed and how, and why the rest is not computed.
 //!
-//! Nothing passes between two islands, so each is computed on its own, by the cheapest method that is exact
-//! enough for it. A plan is a function of its arguments alone, never of a timing.
+//! Islands do not interact, so each is computed on its own, by the cheapest method that is exact enough for it. A plan
+//! is a function of its arguments alone, never of a timing.
 
 mod budget;
 mod choice;
@@ -30,9 +30,9 @@ use crate::network::{Error, Network};
 use crate::scheme::{Refusal, Scheme};
 use crate::timeline::Timeline;
 
-/// Banks of one part that a group adds up, at least.
+/// Fewest banks of one part in a group.
 const PIECE: usize = 2;
-/// Groups that the banks of one part fill, at most: each holds frames of all outputs.
+/// Most groups for the banks of one part: each group holds frames of all outputs.
 const PIECES_MAX: usize = 16;
 
 /// One island as it will be computed: modules that can touch each other, and their events.
@@ -40,13 +40,13 @@ const PIECES_MAX: usize = 16;
 pub(crate) struct IslandPlan {
     pub(crate) network: Arc<Network>,
     pub(crate) timeline: Timeline,
-    /// Bodies in it that go by a method of their own.
+    /// Its bodies that are computed by a method of their own.
     pub(crate) bodies: Vec<BodyPlan>,
     /// Contact substeps a frame while a contact may be closed.
     pub(crate) contact_substeps: usize,
     /// Steps of the whole island in `every` frames: its timeline runs at this multiple of the rate.
     pub(crate) oversampling: u32,
-    /// 1, but for what is only seen.
+    /// 1, except for what is only seen.
     pub(crate) every: u32,
     pub(crate) to_whole: Whole,
 }
@@ -61,7 +61,7 @@ impl IslandPlan {
     }
 }
 
-/// Local index → index in the whole network; `None` where the island is the whole network.
+/// Local index → index in the whole network; `None` if the island is the whole network.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Whole {
     pub(crate) mats: Option<Vec<u32>>,
@@ -70,29 +70,29 @@ pub(crate) struct Whole {
     pub(crate) gestures: Option<Vec<u32>>,
 }
 
-/// The index in the whole of a local one.
+/// The index in the whole network of a local index.
 pub(crate) fn whole(map: &Option<Vec<u32>>, local: usize) -> usize {
     map.as_ref().map_or(local, |map| map[local] as usize)
 }
 
-/// Oscillators that nothing couples.
+/// Uncoupled oscillators.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BankPlan {
     pub(crate) oscillators: Vec<Oscillator>,
     pub(crate) strikes: Vec<Strikes>,
-    /// The part whose CELs they are, where it has banks of its own.
+    /// The part that the CELs belong to, if it has banks of its own.
     pub(crate) part: Option<u32>,
-    /// The MAT that an oscillator is, and where it rests; empty where they are modes.
+    /// The MAT of each oscillator, and where it rests; empty for modes.
     pub(crate) mats: Vec<(u32, f64)>,
-    /// The body whose modes they are; none where they are MATs.
+    /// The body whose modes they are; `None` for MATs.
     pub(crate) of: Option<Arc<Network>>,
-    /// Which of its modes they are.
+    /// Which modes of the body they are.
     pub(crate) kept: Vec<u32>,
-    /// Its MATs that modes of one frequency were turned towards; none where they are as they were found.
+    /// MATs of the body towards which modes of the same frequency were turned; `None` if modes were not turned.
     pub(crate) turned: Option<Vec<usize>>,
-    /// Of complex modes: the body, and which part of which mode each oscillator is.
+    /// For complex modes: the body, and which part of which mode each oscillator is.
     pub(crate) complex: Option<(Arc<Network>, Vec<ComplexPart>)>,
-    /// What else may strike them is not known.
+    /// Further strikes may come that are not known yet.
     pub(crate) is_open: bool,
 }
 
@@ -116,15 +116,16 @@ impl Unit {
 /// What is known before a plan is made.
 #[derive(Clone, Copy)]
 pub struct Known<'a> {
-    /// A plan of another version: what it found out about bodies is not computed again.
+    /// A plan of another version: what it computed about bodies is reused.
     pub like: Option<&'a Plan>,
-    /// What trials of earlier plans found; new trials are kept there.
+    /// Results of trials of earlier plans; new ones are kept there too.
     pub store: Option<&'a dyn TrialStore>,
     /// The part of the allowance of work that trials may take (0 to 1).
     pub share: f64,
-    /// Parts that are looked at: what nobody hears of them is computed too, and changes no sample of what is heard.
+    /// Parts that are displayed: those that no output hears are computed too, without changing any sample of what is
+    /// heard.
     pub seen: &'a [String],
-    /// What is only seen may go once in so many frames.
+    /// What is only seen may be computed once in this many frames.
     pub seen_every: u32,
 }
 
@@ -140,7 +141,7 @@ impl Default for Known<'_> {
     }
 }
 
-/// What is computed, how, and why the rest is not.
+/// What is computed and how, and why the rest is not computed.
 ///
 /// ```
 /// # use std::sync::Arc;
@@ -165,24 +166,24 @@ pub struct Plan {
     pub(crate) timeline_rate: crate::units::Rate,
     pub(crate) n_keys: usize,
     pub(crate) n_gestures: usize,
-    /// What is done to the samples of inputs before they act   (n_sounds_in)
+    /// How samples of inputs are processed before they act   (n_sounds_in)
     pub(crate) sounds_in: Vec<crate::timeline::SoundInSettings>,
-    /// Units that are heard, then those that are looked at alone.
+    /// Units that are heard, then those that are only seen.
     pub(crate) units: Vec<Unit>,
     pub(crate) n_heard: usize,
-    /// MATs that nothing moves, rising.
+    /// MATs that never move, rising.
     pub(crate) unmoved: Vec<u32>,
-    /// What outputs hear of modules that never move, and of where moving ones rest   (n_out)
+    /// The constant part of each output: from modules that never move, and from the rest positions of others   (n_out)
     pub(crate) still: Vec<f64>,
     rows: Vec<Row>,
-    /// What is looked at alone.
+    /// Rows of what is only seen.
     seen: Vec<Row>,
     choices: Vec<Choice>,
-    /// Parts that have a rate of their own and go at every frame all the same, and why.
+    /// Parts that ask for a rate of their own but are computed at every frame, and why.
     stay: Vec<(String, String)>,
-    /// What was found out about its bodies.
+    /// What was computed about its bodies, for the next plan.
     solved: Vec<Arc<passes::solved_modes::Solved>>,
-    /// Work that its trials took, and the most that they might [s].
+    /// Work that its trials took, and their allowance [s].
     trials_cost: f64,
     trials_most: f64,
 }
@@ -190,7 +191,7 @@ pub struct Plan {
 impl Plan {
     /// Everything stepped as written, by the CA scheme.
     ///
-    /// `unchecked`: even where that diverges.
+    /// `unchecked`: no check for stability is made.
     pub fn plain(
         network: Arc<Network>,
         timeline: &Timeline,
@@ -242,8 +243,8 @@ impl Plan {
         }
     }
 
-    /// Whether a simulation of this plan records every ergon of a timeline: none strikes inside a body or a bank, and
-    /// none what the plan leaves out.
+    /// Whether a simulation of this plan records every ergon of a timeline: none strikes inside a body or a bank, or
+    /// something that the plan leaves out.
     pub fn records(&self, timeline: &Timeline) -> bool {
         let count = |timeline: &Timeline| {
             [
@@ -265,12 +266,12 @@ impl Plan {
         recorded == count(timeline)
     }
 
-    /// No more than is heard and moved, each island by the cheapest method within the budget; or as it was
-    /// decided before, where `pins` says so.
+    /// Plans what is both heard and moved, each island by the cheapest method within the budget, or as decided before
+    /// by `pins`.
     ///
     /// # Errors
     ///
-    /// Those of a network that no method computes, and of `pins` that are of another plan.
+    /// Those of a network that no method can compute, and of `pins` of another plan.
     pub fn new(
         network: Arc<Network>,
         timeline: &Timeline,
@@ -280,7 +281,7 @@ impl Plan {
         make::make(network, timeline, budget, pins, Known::default())
     }
 
-    /// The same plan as [`Plan::new`] makes, sooner where something is known.
+    /// Makes the same plan as [`Plan::new`], sooner if something is `known`.
     ///
     /// # Errors
     ///
@@ -295,9 +296,9 @@ impl Plan {
         make::make(network, timeline, budget, pins, known)
     }
 
-    /// The units that are heard in at most `most` groups of about the same cost, and those into which banks of large parts
-    /// are divided, one after the other; then the others. How what is heard is grouped does not depend on what is looked at:
-    /// sums are rounded in groups.
+    /// Groups of units: first those that are heard, in at most `most` groups of about equal cost, with further groups
+    /// for the banks of large parts; then those that are only seen. What is only seen does not change the groups of
+    /// what is heard, as sums are rounded group by group.
     pub(crate) fn groups(&self, most: usize) -> Vec<Range<usize>> {
         let mut groups = self.grouped(0..self.n_heard, most);
         groups.extend(self.grouped(self.n_heard..self.units.len(), most));
@@ -324,8 +325,8 @@ impl Plan {
         groups
     }
 
-    /// Whether a group ends behind a bank that the next one goes on: a function of their part alone, for an output adds up all of
-    /// them. `None` behind every other unit.
+    /// Whether a group ends after the bank at index `at`, if the next unit is a bank of the same part; `None`
+    /// otherwise. The answer depends on that part alone, since every output sums its banks.
     fn ends_piece(&self, at: usize, units: &Range<usize>) -> Option<bool> {
         let part = |at: usize| match &self.units[at] {
             Unit::Bank(bank) => bank.part,
@@ -360,27 +361,27 @@ impl Plan {
         }
     }
 
-    /// What it does, part by part.
+    /// How each part is computed.
     pub fn rows(&self) -> &[Row] {
         &self.rows
     }
 
-    /// How what nobody hears but somebody looks at is computed. [`Plan::rows`] and [`Plan::hash`] tell nothing of it.
+    /// How what is only seen is computed; [`Plan::rows`] and [`Plan::hash`] do not include it.
     pub fn seen(&self) -> &[Row] {
         &self.seen
     }
 
-    /// Parts that have a rate of their own and go at every frame all the same, and why.
+    /// Parts that ask for a rate of their own but are computed at every frame, and why.
     pub fn stay(&self) -> &[(String, String)] {
         &self.stay
     }
 
-    /// Work that its trials took, and the most that they might, by the table of costs [s].
+    /// Work that its trials took, and their allowance, by the table of costs [s].
     pub fn trials(&self) -> (f64, f64) {
         (self.trials_cost, self.trials_most)
     }
 
-    /// What was decided, island by island: enough to decide the same again.
+    /// What was decided for each island: enough to decide the same again.
     ///
     /// ```
     /// # use std::sync::Arc;
@@ -404,7 +405,7 @@ impl Plan {
         &self.choices
     }
 
-    /// A hash of what was decided: two plans of one score that have it sound the same.
+    /// A hash of what was decided: two plans of one score with the same hash give the same sound.
     pub fn hash(&self) -> String {
         report::hash::hash(&self.choices, &self.rows)
     }

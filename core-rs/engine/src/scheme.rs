@@ -1,7 +1,7 @@
 //! Network → Scheme: the numbers of the CA scheme at one rate.
 //!
-//! The scheme is in delta form: with the state d = x[n] − x[n−1], d += F/M − κ(x − rest) − ζd, x += d. It equals
-//! x⁺ = 2x − x⁻ + F/M and is more accurate where positions are large and steps small.
+//! The scheme is in delta form: with the state d = x[n] − x[n−1], d += F/M − κ(x − rest) − ζd, x += d. It equals x⁺ =
+//! 2x − x⁻ + F/M, and is more accurate if positions are large and steps small.
 
 mod alike;
 mod certify;
@@ -26,38 +26,38 @@ use crate::network::{
 };
 use crate::units::Rate;
 
-/// The law of a planned run, with algorithmic numbers.
+/// The law of a run of links, with numbers per step.
 #[derive(Clone, Debug)]
 pub(crate) enum Kind {
     Ref,
-    /// A hardening spring whose K and Z are led: f = k·e + q·e³ + z·(e − e⁻), q [N/m³].
+    /// A hardening spring whose K and Z can change in time: f = k·e + q·e³ + z·(e − e⁻), q [N/m³].
     Hardening(f64),
     But(But),
     Lnl {
         law: Arc<Law>,
         /// Per-sample velocity times this is the law's v: 1/T, or T_ca/T under `ca`.
         rate: f64,
-        /// Index of the law's room.
+        /// Index of the law in the scratch memory; runs with the same law share it.
         room: usize,
     },
-    /// A law some of whose constants follow MATs.
+    /// A law with constants that follow MATs.
     Followed {
         by: Followed,
-        /// As of a law.
+        /// As for `Lnl`.
         rate: f64,
-        /// Index of the law as it is now.
+        /// Index of the law with the current values of its constants.
         room: usize,
     },
     /// Friction with memory; K of the run is σ0, Z is Fc [N].
     Bristle {
         by: Bristle,
-        /// As of a law.
+        /// As for `Lnl`.
         rate: f64,
     },
     /// Dry friction, solved after all other forces are known; Z of the run is F [N].
     Dry {
         by: Dry,
-        /// As of a law.
+        /// As for `Lnl`.
         rate: f64,
     },
     /// Spring or contact between points in space.
@@ -65,12 +65,12 @@ pub(crate) enum Kind {
     /// Contacts between all pairs of points of two groups.
     Pairwise {
         by: Pairwise,
-        /// Index of its memory.
+        /// Index of its neighbour list and of its contact history.
         room: usize,
     },
 }
 
-/// A run of links in algorithmic units: f = k·e + z·(e − e⁻) for springs.
+/// A run of links in numbers per step: f = k·e + z·(e − e⁻) for springs.
 #[derive(Clone, Debug)]
 pub(crate) struct Run {
     pub(crate) kind: Kind,
@@ -86,7 +86,7 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// The run with K and Z as numbers of its own, which can change.
+    /// Turn a hardening law into numbers K and Z of this run, which can then change.
     pub(crate) fn set_loose(&mut self) {
         if let Kind::Lnl { law, rate, .. } = &self.kind
             && let Some(Hardening { k, q, z }) = law.hardening_spring()
@@ -96,7 +96,7 @@ impl Run {
         }
     }
 
-    /// How many axes its links act along.
+    /// Number of axes along which its links act.
     pub(crate) fn n_axes(&self) -> usize {
         match &self.kind {
             Kind::Space(space) => space.n_axes,
@@ -120,7 +120,7 @@ impl Run {
         (0..self.n_axes()).map(move |axis| self.pair(i, axis))
     }
 
-    /// The index of its memory, of contacts of all pairs; 0 of other links.
+    /// The index of the memory of a pairwise run; 0 for other kinds.
     pub(crate) fn room(&self) -> usize {
         match &self.kind {
             Kind::Pairwise { room, .. } => *room,
@@ -128,7 +128,7 @@ impl Run {
         }
     }
 
-    /// The run as contacts of all pairs.
+    /// The run as contacts between all pairs; `None` for other kinds.
     pub(crate) fn pairwise(&self) -> Option<PairRun> {
         match &self.kind {
             Kind::Pairwise { by, .. } => Some(PairRun {
@@ -142,7 +142,7 @@ impl Run {
         }
     }
 
-    /// How much longer than at rest its i-th link is at positions `x` [m].
+    /// Length of its i-th link minus the rest length, at positions `x` [m].
     pub(crate) fn elongation(&self, i: usize, x: impl Fn(usize) -> f64) -> f64 {
         let (a, b) = (self.a + i, self.b + i);
         match &self.kind {
@@ -151,7 +151,7 @@ impl Run {
         }
     }
 
-    /// How much the ends of its i-th link move apart along it, where they are at `x` and each MAT moves by `moved` [m].
+    /// Change of the length of its i-th link [m], at positions `x`, if each MAT moves by `moved` [m].
     pub(crate) fn stretch(
         &self,
         i: usize,
@@ -165,22 +165,22 @@ impl Run {
         }
     }
 
-    /// Whether it is a law, with or without memory.
+    /// Whether it is a law, with or without a state of its own.
     fn is_law(&self) -> bool {
         matches!(self.kind, Kind::Lnl { .. } | Kind::Bristle { .. })
     }
 
-    /// Whether its rest length changes for good.
+    /// Whether its rest length changes permanently.
     pub(crate) fn yields(&self) -> bool {
         matches!(&self.kind, Kind::Space(space) if space.law.yields())
     }
 
-    /// Whether it is dry friction that holds rigidly.
+    /// Whether it is dry friction.
     pub(crate) fn is_dry(&self) -> bool {
         matches!(self.kind, Kind::Dry { .. })
     }
 
-    /// The bristles of the run as they are with its K and Z, and seconds a frame; `None` for other links.
+    /// The bristle law with K and Z of the run, and the time step [s]; `None` for other links.
     pub(crate) fn bristle(&self) -> Option<(Bristle, f64)> {
         match &self.kind {
             Kind::Bristle { by, rate } => Some((by.with(self.k, self.z), 1.0 / rate)),
@@ -188,8 +188,8 @@ impl Run {
         }
     }
 
-    /// Whether the run can be computed in substeps of a frame: a single law, or a contact, plain or exact, which are one
-    /// equation.
+    /// Whether the run can be computed in substeps of a frame: a single link that is a law, or a plain or exact contact
+    /// (both have the same equation).
     pub(crate) fn can_substep(&self) -> bool {
         let is_one = match &self.kind {
             Kind::Ref
@@ -232,7 +232,7 @@ impl Run {
     }
 }
 
-/// Coefficients of every step; constant while a simulation runs.
+/// Coefficients of every step, constant during a simulation unless parameters follow or are led.
 #[derive(Clone, Debug)]
 pub struct Scheme {
     /// Frames a second [Hz].
@@ -241,36 +241,36 @@ pub struct Scheme {
     pub(crate) kappa: Vec<f64>,
     /// ζ = Z/M of the tie to the ground     (n_mat)
     pub(crate) zeta: Vec<f64>,
-    /// Stiffness of the tie [N/m], for those who listen to its force   (n_mat)
+    /// Stiffness of the tie [N/m], for outputs of its force   (n_mat)
     pub(crate) ground: Vec<f64>,
     /// 1/M [m/N]: T²/m; 0 for fixed points  (n_mat)
     pub(crate) w: Vec<f64>,
-    /// Where the ground is [m]              (n_mat)
+    /// Rest position of the tie [m]         (n_mat)
     pub(crate) rest: Vec<f64>,
-    /// MATs with the same of all these; empty: too few are, or they change.
+    /// Ranges of MATs with equal coefficients; empty if there are too many ranges, or if the coefficients change.
     pub(crate) alike: Vec<Alike>,
-    /// Force that always acts [N]            (at most n_mat; 0 on those behind)
+    /// Constant force [N]                   (n_mat at most; 0 for the MATs after its end)
     pub(crate) weight: Vec<f64>,
-    /// Which part the MAT belongs to        (n_mat)
+    /// The part to which the MAT belongs    (n_mat)
     pub(crate) part: Vec<u32>,
     /// Points between masses, which have no 1/M of their own.
     pub(crate) proxies: Vec<Proxy>,
-    /// Masses that follow MATs; `w` has each at its lightest.
+    /// Masses that follow MATs; `w` holds the value of the lightest mass of each.
     pub(crate) following_masses: Vec<FollowingMass>,
-    /// Springs whose single forces are not needed: computed in one pass.
+    /// Springs whose individual forces are not needed: computed in one pass.
     pub(crate) fused: Vec<Spring>,
-    /// Forces from the state, in order of declaration.
+    /// Runs whose forces are functions of the current state, in order of declaration.
     pub(crate) runs: Vec<Run>,
-    /// Energy-exact contacts, and dry friction behind them: solved after all other forces are known.
+    /// Exact contacts, followed by dry friction: solved after all other forces are known.
     pub(crate) exact: Vec<Run>,
-    /// Whether any two of them share a MAT.
+    /// Whether any two runs of `exact` share a MAT that moves.
     pub(crate) exact_coupled: bool,
     pub(crate) outputs: Vec<Output>,
-    /// The outputs' terms as they are summed   (n_out)
+    /// The terms of each output, grouped for summation   (n_out)
     pub(crate) taps: Vec<Vec<Tap>>,
     pub(crate) n_lia: usize,
     pub(crate) n_parts: usize,
-    /// Whether the answer to a force is proportional to it.
+    /// Whether the network is linear: its response to a force is proportional to the force.
     pub(crate) linear: bool,
 }
 
@@ -283,8 +283,8 @@ impl Scheme {
         discretise::scheme(network, rate, Ties::Poles)
     }
 
-    /// The numbers of a network whose ties are springs and dampers like its links: κ = kT²/m, ζ = zT/m.
-    /// For methods whose own poles are not those of the CA scheme.
+    /// The numbers of a network whose ties are discretised like springs and dampers: κ = kT²/m, ζ = zT/m. For methods
+    /// that do not have the poles of the CA scheme.
     pub(crate) fn physical(network: &Network, rate: Rate) -> Result<Self, Error> {
         discretise::scheme(network, rate, Ties::Physical)
     }
@@ -311,8 +311,8 @@ impl Scheme {
         certify::certify(self, network, Refusal::Explained)
     }
 
-    /// Leave out laws that give way far from rest: where nothing is computed finer, what their slopes at rest set off is
-    /// the network's own.
+    /// Remove laws whose force far from rest is small against their slopes at rest, as that of a bow. Motion that such
+    /// slopes excite stays bounded.
     pub(crate) fn let_laws_give_way(&mut self) {
         self.runs.retain(|run| match &run.kind {
             Kind::Lnl { law, .. } => !law.gives_way(),
@@ -321,12 +321,12 @@ impl Scheme {
         });
     }
 
-    /// Whether the scheme is stable without its damping: where it is refused, only damping is too strong.
+    /// Whether the scheme is stable without its damping; if so, a refusal means that only the damping is too strong.
     pub(crate) fn bears_springs(&self, network: &Network) -> bool {
         certify::bears_springs(self, network)
     }
 
-    /// The stability certificate, where nobody is told of the λmax of a scheme that is refused.
+    /// The stability certificate; `refusal` says how much is computed if the scheme is unstable.
     pub(crate) fn certify_or(
         &self,
         network: &Network,
@@ -335,10 +335,11 @@ impl Scheme {
         certify::certify(self, network, refusal)
     }
 
-    /// Laws are computed finer than a frame where there are so many at most: every law looks at every other one.
+    /// Largest number of laws that are computed in substeps: the cost grows with its square, as each law is coupled to
+    /// all others.
     pub(crate) const FINE_LAWS: usize = 32;
 
-    /// Whether it has contacts, and whether it has laws, that can be computed finer than a frame.
+    /// Whether it has contacts, and whether it has laws, that can be computed in substeps.
     pub(crate) fn has_fine(&self) -> (bool, bool) {
         let runs = || {
             self.runs
@@ -357,15 +358,16 @@ impl Scheme {
         self.proxies.iter().any(|proxy| proxy.mat == mat)
     }
 
-    /// Whether a run can be computed in substeps: between substeps a proxy is nowhere, and no mass changes.
+    /// Whether a run can be computed in substeps: neither of its ends may be a proxy or have a mass that changes, since
+    /// these are known at frames only.
     fn may_substep(&self, run: &Run) -> bool {
         let changes = |mat| self.following_masses.iter().any(|mass| mass.mat == mat);
         let takes = |mat| !self.is_proxy(mat) && !changes(mat);
         run.can_substep() && takes(run.a) && takes(run.b)
     }
 
-    /// 1/M that a force at each MAT meets [m/N]: at a proxy at most that of its masses together   (n_mat; empty: no
-    /// proxies, so that it is `w`).
+    /// 1/M that a force on each MAT sees [m/N]; for a proxy an upper bound   (n_mat; empty if there are no proxies, so
+    /// that `w` applies).
     pub(crate) fn compliance(&self) -> Vec<f64> {
         if self.proxies.is_empty() {
             return Vec::new();
@@ -378,32 +380,32 @@ impl Scheme {
         all
     }
 
-    /// Whether any link is dry friction that holds rigidly.
+    /// Whether any link is dry friction.
     pub(crate) fn has_dry(&self) -> bool {
         self.exact.iter().any(Run::is_dry)
     }
 
-    /// Whether any points meet in all pairs.
+    /// Whether there are contacts between all pairs of points.
     pub(crate) fn has_pairwise(&self) -> bool {
         let mut runs = self.runs.iter();
         runs.any(|run| matches!(run.kind, Kind::Pairwise { .. }))
     }
 
-    /// The memory of the contacts of all pairs that begin with a link.
+    /// The index of the memory of a pairwise run, by its first link.
     pub(crate) fn room_of(&self, link: usize) -> Option<usize> {
         let mut runs = self.runs.iter();
         let run = runs.find(|run| run.first == link && run.pairwise().is_some())?;
         Some(run.room())
     }
 
-    /// What all LIAs remember at the beginning; nothing where no link remembers.
+    /// The initial state of all LIAs that have one, such as bristles; empty if none has   (n_lia).
     pub(crate) fn memory(&self) -> Vec<f64> {
         let remembers = |run: &Run| run.bristle().is_some() || run.yields();
         let any = self.runs.iter().any(remembers);
         vec![0.0; if any { self.n_lia } else { 0 }]
     }
 
-    /// Pass over springs all at once, but for links that `is_told` alone.
+    /// Move springs to the list that is computed in one pass, except those whose individual force `is_told`.
     pub(crate) fn fuse(&mut self, is_told: impl Fn(usize) -> bool) {
         let (fused, runs): (Vec<Run>, Vec<Run>) =
             std::mem::take(&mut self.runs).into_iter().partition(|run| {
@@ -414,7 +416,7 @@ impl Scheme {
         self.fused.extend(fused.iter().filter_map(Run::spring));
     }
 
-    /// Take out the contacts and laws that are computed in substeps; laws only where there are few.
+    /// Remove and return the contacts and laws that are computed in substeps; laws only if there are few.
     pub(crate) fn take_fine(&mut self) -> Vec<Run> {
         let (runs, exact) = (
             std::mem::take(&mut self.runs),

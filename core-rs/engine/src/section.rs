@@ -2,9 +2,9 @@
 
 use crate::maths;
 
-/// A state-variable section by the trapezoidal rule, its cutoff prewarped (Zavalishin, *The Art of
-/// VA Filter Design*, 2012, ch. 4): the bilinear transform's response, without the cancellation that
-/// the direct form suffers at 8 Hz under a rate of 44.1 kHz.
+/// A state-variable section by the trapezoidal rule with prewarped cutoff (Zavalishin, *The Art of VA Filter Design*,
+/// 2012, ch. 4). It has the response of the bilinear transform, without the cancellation of the direct form at low
+/// cutoffs such as 8 Hz at 44.1 kHz.
 #[derive(Clone, Debug)]
 pub(crate) struct Section {
     g: f64,
@@ -23,7 +23,7 @@ pub(crate) struct Split {
     pub(crate) high: f64,
 }
 
-/// 1/Q of a Butterworth of order 2: √2.
+/// 1/Q of a Butterworth filter of order 2: √2.
 pub(crate) const BUTTERWORTH_2: f64 = std::f64::consts::SQRT_2;
 
 impl Section {
@@ -40,12 +40,12 @@ impl Section {
         }
     }
 
-    /// Take the state of another section over.
+    /// Copy the state of another section.
     pub(crate) fn take_over(&mut self, other: &Self) {
         (self.band, self.low) = (other.band, other.low);
     }
 
-    /// Set the state that a constant input `x` leads to.
+    /// Set the state to which a constant input `x` leads.
     pub(crate) fn settle(&mut self, x: f64) {
         (self.band, self.low) = (0.0, x);
     }
@@ -69,14 +69,14 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    /// Gain of an analogue Butterworth of order 2 at the prewarped frequency.
+    /// Gain of an analogue Butterworth high-pass of order 2 at the prewarped frequency.
     fn wanted(f: f64, cutoff: f64, rate: f64) -> f64 {
         let warp = |f: f64| maths::sin(0.5 * TAU * f / rate) / maths::cos(0.5 * TAU * f / rate);
         let r = warp(f) / warp(cutoff);
         1.0 / maths::sqrt(1.0 + 1.0 / (r * r * r * r))
     }
 
-    /// Gain at f from the impulse response, by its Fourier sum.
+    /// Gain of the high-pass output at `f`, by a Fourier sum of its impulse response.
     fn gain(cutoff: f64, rate: f64, f: f64) -> f64 {
         let mut section = Section::new(cutoff, rate, BUTTERWORTH_2);
         let n = 1000 + (20.0 * rate / cutoff) as usize;

@@ -40,7 +40,7 @@ pub struct Simulation {
     frame: u64,
     derivatives: Derivatives,
     sounds_in: sounds_in::SoundsIn,
-    /// The last frames of what is skipped, for outputs that are differentiated.
+    /// Room for the outputs of the last skipped frames, which differentiated outputs need.
     unheard: Vec<f64>,
 }
 
@@ -76,7 +76,7 @@ impl Simulation {
     /// A simulation at frame 0 that steps every module by the CA scheme, without a plan.
     ///
     /// # Errors
-    /// [`Error`] where a part of the network is unstable or a method cannot step it.
+    /// [`Error`] if a part of the network is unstable or a method cannot step it.
     pub fn new(
         network: Arc<Network>,
         timeline: &Timeline,
@@ -89,13 +89,13 @@ impl Simulation {
     /// A simulation of a plan, at frame 0.
     ///
     /// # Errors
-    /// [`Error`] where a part of the network is unstable or a method cannot step it.
+    /// [`Error`] if a part of the network is unstable or a method cannot step it.
     pub fn planned(plan: Arc<Plan>, options: Options) -> Result<Self, Error> {
         let n_out = plan.network.outputs().len();
         let stretch = if options.threads > 1 { LONG } else { STRETCH };
         let mut groups = Vec::new();
         for range in plan.groups(GROUPS) {
-            // What nobody hears stops nothing.
+            // A fault in a unit that no output hears does not stop the simulation.
             let on_fault = if range.start < plan.n_heard {
                 options.on_fault
             } else {
@@ -131,7 +131,7 @@ impl Simulation {
     /// initial state, unless a state is transferred by [`Simulation::take_over`].
     ///
     /// # Errors
-    /// [`Error`] where a part of the network is unstable or a method cannot step it.
+    /// [`Error`] if a part of the network is unstable or a method cannot step it.
     pub fn planned_from(plan: Arc<Plan>, options: Options, from: u64) -> Result<Self, Error> {
         let mut own = Self::planned(plan, options)?;
         if from > 0 {
@@ -187,7 +187,7 @@ impl Simulation {
             .try_for_each(|out| self.hear(out, out.len() / n_out))
     }
 
-    /// [`Simulation::stretch`], with the rates of change that outputs listen to.
+    /// [`Simulation::stretch`], followed by the differentiation of the outputs that hear rates of change.
     fn hear(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
         self.stretch(out, n_frames)?;
         let n_out = self.n_out();
@@ -251,7 +251,7 @@ impl Simulation {
         fault.map_or(Ok(()), Err)
     }
 
-    /// Positions now [m], (n_mat); NaN where the plan computes none.
+    /// Positions now [m], (n_mat); NaN for MATs that the plan does not compute.
     pub fn positions(&self) -> Vec<f64> {
         let mut x = self.motion(|x, _| x, Island::positions);
         for (island, island_plan) in self.islands() {
@@ -265,8 +265,8 @@ impl Simulation {
         x
     }
 
-    /// Steps x[n] − x[n−1] now [m], (n_mat); of an island with other steps than frames its last step times its steps in a
-    /// frame; NaN where the plan computes none.
+    /// Displacements over the last frame, x[n] − x[n−1] [m], (n_mat); NaN for MATs that the plan does not compute. For
+    /// an island whose step is not one frame: its last step times its number of steps a frame.
     pub fn steps(&self) -> Vec<f64> {
         let mut steps = self.motion(|x, before| x - before, Island::steps);
         for (island, island_plan) in self.islands() {
@@ -299,7 +299,7 @@ impl Simulation {
         all
     }
 
-    /// Position that the gesture of each key asks for now [m], (n_keys); NaN where none runs.
+    /// Position that the gesture of each key asks for now [m], (n_keys); NaN for keys without a running gesture.
     pub fn asked(&self) -> Vec<f64> {
         let mut all = vec![f64::NAN; self.plan.n_keys];
         self.asked_into(&mut all);
@@ -317,7 +317,7 @@ impl Simulation {
         }
     }
 
-    /// Set the position of a real hand from the next tick on [m]; until the first call it follows the timeline.
+    /// Set the position of a real hand from the next tick on [m]. Before the first call, the hand follows the timeline.
     ///
     /// `step`: the movement in the last frame of the tick [m], from a device that knows it exactly; `None`: the
     /// difference between the two ticks.
@@ -329,7 +329,7 @@ impl Simulation {
         }
     }
 
-    /// Strike a point of [`Timeline::strike_point`] by an impulse [N·s] at the next frame; false where there is no such
+    /// Strike a point of [`Timeline::strike_point`] by an impulse [N·s] at the next frame; false if there is no such
     /// point. Impulses of one frame add up.
     pub fn strike(&mut self, point: u32, impulse: f64) -> bool {
         let mut is_here = false;
@@ -346,8 +346,9 @@ impl Simulation {
         self.islands().map(|(island, _)| island.felt(hand)).sum()
     }
 
-    /// From this frame on, damp everything with a decay time of `t60` [s] in addition to its own damping (the reciprocals
-    /// of decay times add). `None` or a time not above 0 ends it. The free copies of keys are not damped.
+    /// From this frame on, damp everything with a decay time of `t60` [s] in addition to its own damping (the
+    /// reciprocals of decay times add). `None`, or a time that is not above 0, ends the additional damping. The free
+    /// copies of keys are not damped.
     ///
     /// ```
     /// # use std::sync::Arc;
@@ -423,12 +424,12 @@ impl Simulation {
                 frame: island.frame_at(record.frame),
             }));
         }
-        // By the frame that they struck in; within it island by island.
+        // Sorted by the frame of the strike; ergons of one frame stay in the order of the islands.
         all.sort_by_key(|ergon| ergon.frame);
         all.into_iter().map(|ergon| ergon.record).collect()
     }
 
-    /// The energy ledger; `None` where it is not kept or the plan computes anything as oscillators.
+    /// The energy ledger; `None` if it is not kept, or if the plan computes anything in a bank of oscillators.
     ///
     /// ```
     /// # use std::sync::Arc;
@@ -465,7 +466,7 @@ impl Simulation {
         islands.flat_map(|(island, _)| island.muted()).collect()
     }
 
-    /// Steps of islands so far that were not computed, for nothing moved; of a snapshot those up to it.
+    /// Number of island steps so far that were skipped because the island was at rest. A snapshot keeps its own count.
     pub fn steps_at_rest(&self) -> u64 {
         self.islands().map(|(island, _)| island.passed()).sum()
     }
@@ -488,7 +489,7 @@ impl Simulation {
         all
     }
 
-    /// Links and meshes that made more energy than a hundredth of what was there: name, frame, and a sentence.
+    /// Links and meshes that created more energy than a hundredth of what the system held: name, frame, and a sentence.
     pub fn gains(&self) -> Vec<(String, u64, String)> {
         let of = |island: &Island| {
             let rate = self.rate() * island.steps_a_frame();

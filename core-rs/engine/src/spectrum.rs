@@ -1,5 +1,6 @@
-//! Eigenvalues: the ends of the spectrum of a symmetric operator that is only known by what it does to a vector, those of a
-//! sparse symmetric matrix near a number, all of a dense symmetric matrix, all of one that is not symmetric.
+//! Eigenvalues and eigenvectors: the ends of the spectrum of a symmetric operator that is given only as a function of a
+//! vector; the eigenvalues of a sparse symmetric matrix near a number; the whole spectrum of a dense symmetric matrix;
+//! and that of a dense matrix that is not symmetric.
 //!
 //! Deterministic to the bit: start vectors are fixed, sums are taken in a fixed order.
 
@@ -26,14 +27,14 @@ pub(crate) use shift_invert::are_modes;
 pub(crate) use shift_invert::{Found, lowest_modes, modes_around, n_below};
 pub(crate) use whole::whole;
 
-/// `apply(x, y)`: y = A x, both (n,); y comes with old values.
+/// `apply(x, y)` sets y = A x, both (n,); the old values of y are to be overwritten.
 pub(crate) type Apply<'a> = &'a mut dyn FnMut(&[f64], &mut [f64]);
 
-/// An eigenvalue and its vector of length 1.
+/// An eigenvalue and its eigenvector.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Mode {
     /// The eigenvalue.
     pub lambda: f64,
-    /// The vector (n,).
+    /// The eigenvector (n,), of length 1.
     pub vector: Vec<f64>,
 }

@@ -1,4 +1,4 @@
-//! The last step before frame 0, by which the scheme starts.
+//! The last step before frame 0, which the scheme needs to start.
 
 use crate::cell::Cell;
 use crate::kernel::{self, Neighbours};
@@ -9,11 +9,11 @@ use crate::units::Rate;
 
 /// d[0] = x[0] − x[−1] of every MAT [m], (n_mat).
 ///
-/// x[−1] is the free motion at −T, exact for a CEL and linear for a MAS, plus ½T²·F/m for the force F of links at t = 0.
+/// x[−1] is the free motion at −T, exact for a CEL and linear for a MAS, plus ½T²·F/m for the force F of links at t=0.
 /// Under `ca` d[0] is V0·T.
 ///
-/// `x` are the positions at frame 0 [m], `pushes` the forces of ENF there, as (MAT, newton). `acts`: whether the run that
-/// begins with a link acts at frames, and not between them.
+/// `x` are the positions at frame 0 [m], `pushes` the forces of ENF there, as (MAT, newton). `acts`: whether the run
+/// that begins with a given link is computed at frames, not in substeps.
 pub(crate) fn backward_steps(
     network: &Network,
     timeline: &Timeline,
@@ -51,7 +51,8 @@ pub(crate) fn backward_steps(
     steps
 }
 
-/// Forces of all links that act at frames on the MATs at t = 0, from positions `x` and V0, with SI damping [N], (n_mat).
+/// Forces at t = 0 on the MATs by all links that are computed at frames, from positions `x` and V0, with SI damping
+/// [N], (n_mat).
 pub(crate) fn forces(
     network: &Network,
     timeline: &Timeline,
@@ -112,7 +113,7 @@ pub(crate) fn forces(
         for i in 0..run.len {
             let (a, b) = (run.a + i, run.b + i);
             let e = x[b] - x[a] - run.rest;
-            // Under `ca` Z multiplies metres a sample.
+            // Under `ca` Z is a factor of metres per sample.
             let v = (mats.v0[b] - mats.v0[a]) * ca_step;
             let f = match &run.kind {
                 LinkKind::Ref => run.k * e + run.z * v,
@@ -120,7 +121,7 @@ pub(crate) fn forces(
                 LinkKind::Lnl(law) => law.force(e, v),
                 LinkKind::Followed(followed) => followed.at(|mat| x[mat]).force(e, v),
                 LinkKind::Bristle(bristle) => bristle.with(run.k, run.z).force(0.0, v),
-                // The last of the forces; done above.
+                // Dry friction is added last; the others were added above.
                 LinkKind::Dry(_) | LinkKind::Space(_) | LinkKind::Pairwise(_) => continue,
                 LinkKind::But(but) => {
                     let s = kernel::side(but);
@@ -144,8 +145,9 @@ pub(crate) fn forces(
     force
 }
 
-/// Add what dry friction gives just before t = 0: against the velocity, or at rest against all other forces. What these
-/// set off at t = 0 came from the other side then, and turned.
+/// Add the force of dry friction just before t = 0: against the velocity, or at rest against all other forces. If these
+/// exceed its level, motion begins at t = 0; just before, the ends moved the other way and reversed, so that friction
+/// had the other sign.
 fn rub(network: &Network, (run, dry): (&Run, &Dry), x: &[f64], force: &mut [f64]) {
     let mats = network.mats();
     let (a, b) = (run.a, run.b);

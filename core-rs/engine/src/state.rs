@@ -5,7 +5,7 @@ mod contact_history;
 use crate::scheme::{Kind, Scheme};
 pub(crate) use contact_history::ContactHistory;
 
-/// Positions of the MATs and the forces on them.
+/// The state of MATs and links, and their forces.
 #[derive(Clone, Debug)]
 pub(crate) struct Body {
     /// Position now [m]                                   (n_mat)
@@ -16,20 +16,20 @@ pub(crate) struct Body {
     pub(crate) force: Vec<f64>,
     /// Force of each LIA now [N]: it pulls a towards b    (n_lia)
     pub(crate) link: Vec<f64>,
-    /// What each LIA remembers [m]: how far its bristles are bent, or by how much its rest length has yielded, endless
-    /// where it is broken; empty: none remembers anything   (n_lia)
+    /// State of each LIA [m]: the bending of its bristles, or the yielded part of its rest length (infinite if it is
+    /// broken); empty if no LIA has a state   (n_lia)
     pub(crate) memory: Vec<f64>,
-    /// How touching points slid, of each run of contacts of all pairs, by its room.
+    /// Friction states of touching points, for each pairwise run by its `room`.
     pub(crate) histories: Vec<ContactHistory>,
-    /// Part of `force` by all pairs of points [N]   (n_mat; empty: there are none)
+    /// Part of `force` from contacts between all pairs [N]   (n_mat; empty if there are none)
     pub(crate) pair_force: Vec<f64>,
-    /// Where each proxy is before it moves [m]   (n_proxies)
+    /// Position of each proxy before it moves [m]   (n_proxies)
     pub(crate) proxies: Vec<f64>,
     /// Motion of body ports without external force, beyond their last step [m]   (n_mat; empty: no ports)
     pub(crate) inner: Vec<f64>,
     /// Part of `force` by strikes, hands and weights [N]; empty without a ledger   (n_mat)
     pub(crate) outside: Vec<f64>,
-    /// The state one frame before, where a frame may be computed again in finer steps.
+    /// The state one frame before, if a frame may have to be computed again in finer steps.
     pub(crate) previous: Option<Box<PreviousState>>,
 }
 
@@ -88,7 +88,7 @@ impl Body {
         }
     }
 
-    /// Add a force [N] on a MAT by a hand, a strike or a weight.
+    /// Add a force [N] of a hand, a strike or a weight to a MAT.
     pub(crate) fn push(&mut self, mat: usize, force: f64) {
         self.force[mat] += force;
         if let Some(outside) = self.outside.get_mut(mat) {
@@ -96,7 +96,7 @@ impl Body {
         }
     }
 
-    /// Take over another body's motion without allocating.
+    /// Copy another body's motion without allocating.
     pub(crate) fn copy_motion(&mut self, other: &Self) {
         self.x.copy_from_slice(&other.x);
         self.d.copy_from_slice(&other.d);
@@ -108,7 +108,7 @@ impl Body {
     }
 }
 
-/// Room for what the pairs of points of each room remember: of those without friction for nothing.
+/// Contact histories by `room`; those without friction stay empty.
 fn histories(scheme: &Scheme) -> Vec<ContactHistory> {
     let mut histories = Vec::new();
     for run in &scheme.runs {
@@ -129,7 +129,7 @@ pub(crate) struct Target {
     pub(crate) mat: usize,
     /// Position at the next frame [m].
     pub(crate) x: f64,
-    /// Position at this frame [m], kept by the MAT phase.
+    /// Position at this frame [m], set by `kernel::advance`.
     pub(crate) previous: f64,
 }
 

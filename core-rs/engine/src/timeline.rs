@@ -28,10 +28,10 @@ pub(crate) use lead::{Lead, first, greatest, next_change};
 pub(crate) use push::{Push, pushes};
 pub use sound_in::{Conditioner, InputSource, SoundIn, SoundInSettings};
 
-/// Most strikes of one piece: 24 bytes each, two pushes of 40, and as much again to put them in order.
+/// Most strikes of one piece: 24 bytes each, two pushes of 40 bytes, and as much again for sorting.
 const STRIKES_MAX: u64 = 5_000_000;
 
-/// A rain of strikes.
+/// A rain: random strikes on some MATs.
 #[derive(Clone, Copy, Debug)]
 pub struct Rain {
     /// Strikes a second for each MAT [Hz].
@@ -68,15 +68,15 @@ pub enum StrikeError {
     /// A tick that is too long or has no frame.
     #[error("a tick has 1 to {max} frames, not {0}", max = hand::TICK_MAX)]
     Tick(u32),
-    /// A tick of another length than that of the hands before: (theirs, its own).
+    /// A tick of another length than that of the hands before: (their length, its own length).
     #[error("all hands must have the same tick: those before have {0} frames, this one has {1}")]
     TickDiffers(u32, u32),
-    /// An input that was never declared: (its index, how many there are).
+    /// An input that was never declared: (its index, the number of inputs).
     #[error(
         "there is no input {0}: {1} inputs are declared; declare it by `Timeline::sound_in` first"
     )]
     NoInput(usize, usize),
-    /// A number that is not finite, or a mass that is not above 0.
+    /// A number that is not finite or out of range.
     #[error("{0} must be a finite number{1}, not {2}")]
     Value(&'static str, &'static str, f64),
 }
@@ -92,7 +92,7 @@ pub(crate) struct Strike {
     pub(crate) impulse: f64,
 }
 
-/// An ergon given by its mass and speed: its impulse depends on what it meets.
+/// An ergon given by its mass and speed; its impulse depends on the MAT that it hits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ergon {
     /// Instant [s].
@@ -103,7 +103,7 @@ pub(crate) struct Ergon {
     pub(crate) speed: f64,
 }
 
-/// A key: where ergons strike.
+/// A key, and the MAT that its ergons strike.
 #[derive(Clone, Debug)]
 pub struct Key {
     pub(crate) name: String,
@@ -116,21 +116,21 @@ pub struct Timeline {
     /// Frames a second.
     pub rate: Rate,
     pub(crate) keys: Vec<Key>,
-    /// Shared: a plan plays them many times over.
+    /// Shared, because a plan plays them many times.
     pub(crate) gestures: Vec<Arc<Gesture>>,
     pub(crate) strikes: Vec<Strike>,
     pub(crate) ergons: Vec<Ergon>,
     pub(crate) gates: Vec<Gate>,
     pub(crate) drives: Vec<Drive>,
-    /// Inputs of a sound card, of which drives hold copies.
+    /// Inputs; drives hold copies of them.
     pub(crate) sounds_in: Vec<SoundIn>,
     pub(crate) glides: Vec<Glide>,
     pub(crate) leads: Vec<Lead>,
-    /// Frames of this rate in a frame of the score: events that act by frame fall on the first of them.
+    /// Frames of this rate per frame of the score; an event that acts on a frame falls on the first of them.
     pub(crate) oversampling: u32,
     /// Whether more events may be added while it plays (a session).
     pub(crate) is_open: bool,
-    /// Whether frames in which links stiffen too much are stepped as any other.
+    /// Whether frames in which links stiffen too much are stepped like any other.
     pub(crate) is_unguarded: bool,
 }
 
@@ -154,22 +154,22 @@ impl Timeline {
         }
     }
 
-    /// Declare that more events may be added while it plays (a session): a plan then leaves nothing out.
+    /// Declare that more events may be added while it plays (a session); a plan then omits nothing.
     pub fn open(&mut self) {
         self.is_open = true;
     }
 
-    /// Step every frame once, also where links have stiffened so much that the scheme may diverge.
+    /// Step every frame once, even if links have stiffened so much that the scheme may diverge.
     pub fn leave_unguarded(&mut self) {
         self.is_unguarded = true;
     }
 
-    /// The frame on which an event at `at` [s] acts: the same instant at every oversampling.
+    /// The frame on which an event at `at` [s] acts; its instant is the same at any oversampling.
     pub(crate) fn frame(&self, at: f64) -> u64 {
         score_frame(at, self.rate.hertz(), self.oversampling)
     }
 
-    /// The timeline at `oversampling` times the rate; `None` where there is no such rate.
+    /// The timeline at `oversampling` times the rate; `None` if there is no such rate.
     pub(crate) fn faster(&self, oversampling: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() * f64::from(oversampling)).ok()?;
         let gates = self.gates.iter();
@@ -196,8 +196,8 @@ impl Timeline {
         })
     }
 
-    /// The timeline at one frame for `every` of these: events fall on the nearest of them. `None` where there is no such rate,
-    /// where a gesture is too fast for it, and where something is played live, by frames of the score.
+    /// The timeline at the rate divided by `every`; events fall on the nearest frame. `None` if there is no such rate,
+    /// a gesture is too fast for it, or something is played live, because live values come by frames of the score.
     pub(crate) fn slower(&self, every: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() / f64::from(every)).ok()?;
         let is_live = |drive: &Drive| drive.hand().is_some() || drive.is_heard();
@@ -229,7 +229,7 @@ impl Timeline {
     /// Add a gesture on one of the keys; returns its index.
     ///
     /// # Errors
-    /// [`GestureError`] where the key does not exist or the gesture is too fast for the rate.
+    /// [`GestureError`] if the key does not exist or the gesture is too fast for the rate.
     pub fn gesture(&mut self, gesture: Gesture) -> Result<usize, GestureError> {
         if gesture.key >= self.keys.len() {
             return Err(GestureError::NoKey(gesture.key));
@@ -247,8 +247,8 @@ impl Timeline {
             .collect()
     }
 
-    /// Instants [s] of the strikes on a MAT, in order, and what each brings to it [N·s]: an impulse, or an ergon's mass
-    /// times its speed.
+    /// Instants [s] and impulses [N·s] of the strikes on a MAT, in order; the impulse of an ergon is its mass times its
+    /// speed.
     pub fn strikes_on(&self, mat: usize) -> Vec<(f64, f64)> {
         let strikes = self.strikes.iter();
         let strikes = strikes.map(|strike| (strike.mat, strike.at, strike.impulse));
@@ -275,7 +275,8 @@ impl Timeline {
     /// ```
     ///
     /// # Errors
-    /// [`StrikeError`] where the MAT is fixed, the instant is negative, a number is not finite, or there are too many strikes.
+    /// [`StrikeError`] if the MAT is fixed, the instant is negative, a number is not finite, or there are too many
+    /// strikes.
     pub fn strike(
         &mut self,
         network: &Network,
@@ -301,9 +302,8 @@ impl Timeline {
         Ok(())
     }
 
-    /// Strike each MAT by a Poisson process of its own, of `rate` [Hz] from `start` to `stop` [s], with
-    /// impulses [N·s] drawn uniformly between two; member i draws from `chance(i)` alone. Returns the
-    /// number of strikes.
+    /// Strike each MAT by a Poisson process of its own, of `rate` [Hz] from `start` to `stop` [s], with impulses [N·s]
+    /// drawn uniformly between two limits; member i draws from `chance(i)` alone. Returns the number of strikes.
     ///
     /// ```
     /// use ergon_engine::chance::Chance;
@@ -335,7 +335,7 @@ impl Timeline {
             return Err(StrikeError::TooMany);
         }
         let mut n_strikes = 0;
-        // Strikes are drawn in the order of time: what comes after the window need not be drawn.
+        // Strikes are drawn in order of time, so those after the window need not be drawn.
         let stop = rain.stop.min(rain.within.1);
         if rain.start >= stop || rain.within.0 >= stop {
             return Ok(0);
@@ -360,7 +360,7 @@ impl Timeline {
     /// Let an ergon of a mass [kg] and a speed [m/s] strike a MAT at the instant `at` [s].
     ///
     /// # Errors
-    /// As [`Timeline::strike`]; and where the mass is not above 0.
+    /// As [`Timeline::strike`], and if the mass is not above 0.
     pub fn ergon(
         &mut self,
         network: &Network,
@@ -386,11 +386,11 @@ impl Timeline {
         Ok(())
     }
 
-    /// Let impulses strike a MAT that are not known beforehand; `point` is its name in
+    /// Let a MAT be struck by impulses that are given while it plays; `point` identifies it in
     /// [`Simulation::strike`](crate::simulation::Simulation::strike).
     ///
     /// # Errors
-    /// [`StrikeError`] where the MAT is fixed.
+    /// [`StrikeError`] if the MAT is fixed.
     pub fn strike_point(
         &mut self,
         network: &Network,
@@ -413,7 +413,7 @@ impl Timeline {
     /// the MAT.
     ///
     /// # Errors
-    /// [`StrikeError`] where a constant is not finite, or the position of the MAT is imposed already.
+    /// [`StrikeError`] if a constant is not finite, or the position of the MAT is imposed already.
     pub fn drive(
         &mut self,
         mat: usize,

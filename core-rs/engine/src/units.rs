@@ -1,9 +1,9 @@
-//! Units at the engine's doors, where a bare number could be taken for another.
+//! Units in the engine's interface, where one plain number could be mistaken for another.
 
-/// −60 dB as a ratio of amplitudes: T60 = ln(1000)/σ.
+/// ln(1000), a decay of 60 dB in nepers: T60 = ln(1000)/σ.
 pub(crate) const LN_1000: f64 = 6.907_755_278_982_137;
 
-/// Samples in a second; its inverse is the step T.
+/// Samples per second; the inverse is the step T.
 ///
 /// ```
 /// use ergon_engine::Rate;
@@ -16,7 +16,7 @@ pub(crate) const LN_1000: f64 = 6.907_755_278_982_137;
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct Rate(f64);
 
-/// A rate that is none.
+/// The error for a number that is not a valid rate.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("A rate is a positive number of samples a second, not {0}.")]
 pub struct RateError(f64);
@@ -25,7 +25,7 @@ impl Rate {
     /// A rate in Hz.
     ///
     /// # Errors
-    /// [`RateError`] unless it is positive and finite, and its inverse too.
+    /// [`RateError`] unless the rate is positive and finite, and its inverse a normal number.
     pub fn new(hertz: f64) -> Result<Self, RateError> {
         let sound = hertz > 0.0 && hertz.is_finite() && (1.0 / hertz).is_normal();
         if sound {
@@ -35,7 +35,7 @@ impl Rate {
         }
     }
 
-    /// Samples in a second [Hz].
+    /// Samples per second [Hz].
     pub fn hertz(self) -> f64 {
         self.0
     }
@@ -46,7 +46,7 @@ impl Rate {
     }
 }
 
-/// The last frame there is: up to here an f64 counts every one (6,000 years at 48 kHz).
+/// The largest frame number: up to here an f64 represents every integer (6,000 years at 48 kHz).
 const FRAME_MAX: f64 = 9_007_199_254_740_992.0;
 
 /// The frame on which an instant t [s] falls at a rate [Hz]: floor(t·rate + ½).
@@ -54,13 +54,14 @@ pub(crate) fn frame(t: f64, rate: f64) -> u64 {
     floor_frame(t * rate + 0.5)
 }
 
-/// The same at a rate [Hz] of so many frames for each frame of the score: an event acts at the same instant at each.
+/// The frame of an instant t [s] at `rate` [Hz], which has `oversampling` frames per frame of the score. An event acts
+/// at the same instant for every `oversampling`.
 pub(crate) fn score_frame(t: f64, rate: f64, oversampling: u32) -> u64 {
     let times = u64::from(oversampling);
     (frame(t, rate / f64::from(oversampling)) * times).min(FRAME_MAX as u64)
 }
 
-/// The frame of a slower rate, one for `every` frames, that lies nearest to a frame.
+/// The nearest frame at a rate that has one frame for `every` frames of this one.
 pub(crate) fn nearest_frame(frame: u64, every: u64) -> u64 {
     frame.saturating_add(every / 2) / every
 }

@@ -1,4 +1,4 @@
-//! The examples do what they say.
+//! The results of the examples are what their comments say.
 #![allow(clippy::disallowed_methods)] // a test needs no bits that are the same everywhere
 
 #[path = "../examples/gesture.rs"]
@@ -17,7 +17,7 @@ fn a_gesture_takes_its_key_along_the_path() {
 fn a_struck_string_sounds_at_its_pitch() {
     let x = struck_string::sound().unwrap();
     assert!(x[..441].iter().all(|x| *x == 0.0)); // before the strike
-    // 61 springs of 50 kN/m between 60 masses of 1 g: 2/τ·sqrt(K/M)·sin(π/122) = 57.95 Hz.
+    // 61 springs of 50 kN/m between 60 masses of 1 g and two fixed ends: sqrt(K/M)/π·sin(π/122) = 57.95 Hz.
     let pitch =
         (5e4f64 / 1e-3).sqrt() / std::f64::consts::PI * (std::f64::consts::PI / 122.0).sin();
     let peak = |hertz: f64| {

@@ -1,5 +1,5 @@
-//! While it steps, a simulation does not allocate: whatever is in the scene, also from its first
-//! frame, with the ledger kept, and after it was set back.
+//! A simulation does not allocate while it steps: for any scene, from its first frame on, with the ledger, and after it
+//! was restored.
 
 #[allow(dead_code)] // what the other tests ask of it
 #[path = "scenes/scene.rs"]
@@ -57,7 +57,7 @@ fn a_playing_scene_does_not_allocate() {
     }
 }
 
-/// Looking only copies: masses, cells, modes, the strongest push of each contact, and what written hands struck.
+/// Looking only copies: masses, cells, modes, the strongest push of each contact, and the strikes of written hands.
 #[test]
 fn looking_does_not_allocate() {
     look(0..4);
@@ -99,7 +99,8 @@ fn look(seeds: Range<u64>) {
     assert!(sparks > 10, "{sparks}");
 }
 
-/// A key of two masses that goes once in ten frames and a bell that it pulls; it is led, thrown by grains, struck.
+/// A key of two masses that is computed once in ten frames, and a bell that it pulls: the key is led, thrown by grains
+/// and struck.
 #[test]
 fn a_slow_key_does_not_allocate() {
     let mut network = Network::new();
@@ -163,7 +164,7 @@ fn a_slow_key_does_not_allocate() {
     assert_eq!(out, then);
 }
 
-/// Whatever plays in the middle of whatever: one simulation takes over from another.
+/// One simulation takes over from another while both play any scene.
 #[test]
 fn a_take_over_does_not_allocate() {
     take_over(0..4);
@@ -198,7 +199,7 @@ fn take_over(seeds: Range<u64>) {
     }
 }
 
-/// A gong and a key at rest: looked at, passed over, forked, struck live, and looked at again.
+/// A gong and a key at rest are tested for rest, skipped, forked, struck live, and tested again.
 #[test]
 fn what_comes_to_rest_and_wakes_does_not_allocate() {
     let mut network = Network::new();
@@ -246,7 +247,7 @@ fn what_comes_to_rest_and_wakes_does_not_allocate() {
     }
 }
 
-/// A gong struck so hard that frames are computed finer: on and on, forked, and taken over in the middle of it.
+/// A gong is struck so hard that frames are computed in finer steps: for many frames, in a fork, and across a takeover.
 #[test]
 fn finer_frames_do_not_allocate() {
     let mut network = Network::new();
@@ -290,7 +291,7 @@ fn finer_frames_do_not_allocate() {
     }
 }
 
-/// The same where a body becomes another: modes that go over into modes, into masses, and back.
+/// The same when the method of a body changes at a takeover: modes to other modes, modes to masses, and back.
 #[test]
 fn a_body_that_changes_does_not_allocate() {
     let string = |k: f64| {
@@ -343,7 +344,7 @@ fn a_body_that_changes_does_not_allocate() {
     }
 }
 
-/// Points that meet in all pairs, and remember how they slid: from the first frame on, and in a heap.
+/// Points with contacts and sliding history between all pairs: from the first frame on, and once they lie in a heap.
 #[test]
 fn a_crowd_that_rubs_does_not_allocate() {
     let (side, gap, n) = (5, 8e-3, 125);

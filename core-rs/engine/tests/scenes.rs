@@ -1,4 +1,4 @@
-//! Whole scenes: what must hold whatever is in them.
+//! Tests of whole scenes: properties that hold whatever a scene contains.
 
 #[path = "scenes/blocks.rs"]
 mod blocks;

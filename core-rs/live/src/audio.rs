@@ -1,7 +1,7 @@
-//! The sound card's side: the ring that the physics fills, and what empties it.
+//! The sound card's side: the ring that the physics fills, and the outputs that empty it.
 //!
-//! `ring` makes two halves; `open` gives one to a card, a server, a file or a clock. What arrives there untroubled is
-//! what was pushed, bit for bit, wherever the card runs at the score's rate.
+//! `ring` makes the two halves; `open` gives one of them to a card, a server, a file or a clock. Without underruns and
+//! panics, a card at the score's rate gets exactly the samples that were pushed, bit for bit.
 
 mod connect;
 mod file;
@@ -37,34 +37,34 @@ pub use spec::{Backend, Spec, USAGE};
 pub(crate) use tap::{Tap, open as tap};
 pub use tap::{TapHandle, TapStatus};
 
-/// Why there is no sound.
+/// Why the sound cannot be opened or was lost.
 #[derive(Debug, thiserror::Error)]
 pub enum AudioError {
-    /// The text names no output.
+    /// The text is not a valid output.
     #[error("'{text}': {why} (it is {USAGE})")]
     Spec {
-        /// As it was given.
+        /// The text.
         text: String,
         /// What is wrong with it.
         why: String,
     },
-    /// No server, no library, no device.
+    /// No such server, library or device.
     #[error("{why}")]
     Unavailable {
-        /// Which was asked.
+        /// The backend that was asked for.
         backend: &'static str,
         /// A sentence.
         why: String,
     },
-    /// More channels than it has.
+    /// The output does not have so many channels.
     #[error("{channels} channels: {why}")]
     Channels {
-        /// How many were asked.
+        /// The number of channels that was asked for.
         channels: usize,
         /// A sentence.
         why: String,
     },
-    /// No way from one rate to the other.
+    /// No conversion between the two rates.
     #[error("no conversion from {from} Hz to {to} Hz: {why}")]
     Rate {
         /// The score's [Hz].
@@ -77,15 +77,15 @@ pub enum AudioError {
     /// A file that cannot be written.
     #[error("{}: {error}", path.display())]
     File {
-        /// Which.
+        /// The path.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         error: std::io::Error,
     },
-    /// It broke while it played.
+    /// The sound broke off while it played.
     #[error("{0}")]
     Broken(String),
-    /// No thread to be had.
+    /// The system refused a thread.
     #[error("the system refused a thread for the sound: {0}")]
     Thread(std::io::Error),
 }

@@ -1,6 +1,7 @@
-//! Force-feedback keys: forces go out, positions come back.
+//! Force-feedback devices: forces go out, positions come back.
 //!
-//! A driver for each protocol; each is a [`Device`]. What a device itself does with signs and scales is [`calibrate`]d.
+//! There is one driver for each protocol; each implements [`Device`]. Signs and scales of the individual device are
+//! corrected by [`calibrate`].
 
 pub mod calibrate;
 mod emulated;
@@ -24,40 +25,39 @@ pub use url::{Kind, Url, UrlError};
 
 use std::time::Duration;
 
-/// How long a device may take to answer for the first time: a board that restarts when its port is opened needs two
-/// seconds.
+/// Longest wait for the first reply: a board that restarts when its port is opened needs two seconds.
 const FIRST_REPLY: Duration = Duration::from_secs(4);
-/// How often it is asked meanwhile.
+/// Time between two requests until the first reply.
 const ASK_AGAIN: Duration = Duration::from_millis(50);
-/// In lockstep nobody is late; a device silent for so long is gone.
+/// Wait in lockstep after which a silent device counts as gone: there a late reply is not an error by itself.
 const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(2);
 
-/// What a device says to an axis that it does not have.
+/// The error for an axis that the device does not have.
 pub(crate) const NO_AXIS: &str = "the device has no such axis (axes count from 0)";
 
-/// A device that could not be opened.
+/// Why a device could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
     /// The port or address could not be opened.
     #[error("{url}: {reason}")]
     Closed {
-        /// As it was asked for.
+        /// The URL.
         url: String,
-        /// What the system says.
+        /// The reason, e.g. the system's error.
         reason: String,
     },
-    /// It was opened, and nothing there speaks the protocol.
+    /// The port or address was opened, but nothing there speaks the protocol.
     #[error("{url}: no {kind} answers there")]
     NoAnswer {
-        /// As it was asked for.
+        /// The URL.
         url: String,
         /// The protocol.
         kind: &'static str,
     },
-    /// It answers, and cannot do this.
+    /// The device answers but cannot do this.
     #[error("{url}: {what}")]
     Cannot {
-        /// As it was asked for.
+        /// The URL.
         url: String,
         /// What it cannot do.
         what: &'static str,
@@ -67,15 +67,15 @@ pub enum DeviceError {
 /// Open the device at `url` and wait until it answers.
 ///
 /// # Errors
-/// [`DeviceError`] says what is not there, or what it cannot do.
+/// [`DeviceError`] says what is missing, or what the device cannot do.
 pub fn open(url: &Url) -> Result<Box<dyn Device>, DeviceError> {
     open_until(url, &Ending::default())
 }
 
-/// As [`open`], until nobody waits for the device any more; nor does the device then wait for replies.
+/// As [`open`], but `ending` ends the wait, and later ends the waits of the device for replies.
 ///
 /// # Errors
-/// As of [`open`].
+/// As for [`open`].
 pub fn open_until(url: &Url, ending: &Ending) -> Result<Box<dyn Device>, DeviceError> {
     let device: Box<dyn Device> = match url.kind {
         Kind::FireFader => Box::new(firefader::FireFader::open(url, ending)?),
@@ -89,10 +89,10 @@ pub fn open_until(url: &Url, ending: &Ending) -> Result<Box<dyn Device>, DeviceE
     Ok(device)
 }
 
-/// The driver of a kind of device whose wire ends in this process.
+/// The driver of a kind of device for a board that is emulated inside this process.
 ///
 /// # Errors
-/// [`DeviceError`] where nobody answers there, or the kind has no such wire.
+/// [`DeviceError`] if the board does not answer, or if this kind cannot be emulated inside the process.
 pub(crate) fn open_in_process(
     kind: Kind,
     board: Box<dyn InProcess>,
@@ -108,17 +108,17 @@ pub(crate) fn open_in_process(
     })
 }
 
-/// Whether a second program that opens a board in datagrams is refused, as far as this system lets it be: the lock of
-/// an address that no board has is taken twice.
+/// Tests the lock of devices on UDP, as far as this system has one: whether it can be taken a second time. It takes the
+/// lock of an address that no board has, twice.
 #[cfg(unix)]
 pub(crate) fn second_opening_is_refused() -> bool {
     let nobody = std::net::SocketAddr::from(([127, 0, 0, 1], 1));
-    // Where somebody else tries the same now, the first is refused as well.
+    // If another process holds the lock now, both calls fail, and the result is the same.
     let _first = lock::DeviceLock::take(nobody);
     lock::DeviceLock::take(nobody).is_err()
 }
 
-/// This system has no such lock.
+/// There is no such lock on this system.
 #[cfg(not(unix))]
 pub(crate) fn second_opening_is_refused() -> bool {
     false

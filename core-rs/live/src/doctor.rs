@@ -1,6 +1,6 @@
-//! How fit this machine and a device are: when a thread like the physics thread wakes, and how long replies take.
+//! A check of this machine and a device: when a thread like the physics thread wakes, and how long replies take.
 //!
-//! What is measured is kept as it came; `live/fitness.py` says what it means, and what to do about it.
+//! The measurements are raw; `live/fitness.py` interprets them.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -9,21 +9,21 @@ use crate::device::{Device, Gone, Sample};
 use crate::realtime::{self, Granted, sleep_until};
 use crate::safety::Guarded;
 
-/// A reply that takes longer is lost.
+/// Time after which a reply counts as lost.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// What was measured, in nanoseconds.
+/// The measurements, in nanoseconds.
 #[derive(Clone, Debug)]
 pub struct Checkup {
     /// What the system granted the thread.
     pub granted: Granted,
-    /// How long after it was due each tick began. None are counted for a device that is in lockstep.
+    /// Lateness of each tick; empty for a device in lockstep.
     pub lateness: Vec<u32>,
-    /// From each force (of zero) sent to its reply.
+    /// Time from each (zero) force sent to its reply.
     pub round_trips: Vec<u32>,
     /// Forces that had no reply within 20 ms.
     pub unanswered: u64,
-    /// How long all of it took [s].
+    /// Duration of the whole check [s].
     pub seconds: f64,
 }
 
@@ -40,11 +40,11 @@ impl Checkup {
 }
 
 /// Wake `ticks` times, a `period` [s] apart, as the physics thread does; with a device, send zero forces and wait for
-/// the reply. Ends early when `stop` is set. Gives this thread the physics thread's priority, so call it in one of its
-/// own.
+/// each reply. Ends early when `stop` is set. This thread keeps the priority of the physics thread, so call it in a
+/// thread of its own.
 ///
 /// # Errors
-/// [`Gone`] when the device goes away.
+/// [`Gone`] if the device goes away.
 pub fn checkup<D: Device>(
     mut device: Option<&mut Guarded<D>>,
     period: f64,
@@ -55,7 +55,7 @@ pub fn checkup<D: Device>(
     let period = Duration::from_secs_f64(period);
     let mut sample = Sample::default();
     if let Some(device) = &mut device {
-        // Where it is by itself comes first, and answers no force.
+        // The initial position comes first; it is not a reply to a force.
         device.receive(&mut sample, Instant::now())?;
     }
     let lockstep = device.as_ref().is_some_and(|device| device.in_lockstep());
@@ -67,14 +67,14 @@ pub fn checkup<D: Device>(
         }
         if !lockstep {
             due += period;
-            // A reply that took longer than a tick is no lateness of the clock.
+            // A reply that took longer than a tick is not lateness of the clock.
             due = due.max(Instant::now());
             found.lateness.push(nanoseconds(sleep_until(due)));
         }
         let Some(device) = &mut device else {
             continue;
         };
-        // A reply that came too late must not count as the next one's.
+        // A late reply must not be taken for the next one.
         device.receive(&mut sample, Instant::now())?;
         let sent = Instant::now();
         device.send(&[])?;

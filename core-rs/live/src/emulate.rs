@@ -1,7 +1,8 @@
-//! Devices that are not there: the same bytes, from a process of their own.
+//! Emulated devices: they send and receive the same bytes as real ones, from a separate process or inside this one.
 //!
-//! A key here is a CEL by the engine's own numbers, or what a key's model adds to it, and a hand that pulls it along a written path. Two clocks: by the
-//! wall, as a board's firmware goes, or in lockstep, where every packet is one period and nobody is late.
+//! A key here is a CEL with the engine's own arithmetic, a key model, or the key of a score; a hand may pull it along a
+//! written path. There are two clocks: wall time, like the firmware of a board, or lockstep, in which every packet is
+//! one period and nothing is late.
 
 mod firmware;
 mod hand;
@@ -16,22 +17,22 @@ pub use key::{Key, Keys};
 pub use line::Transport;
 pub use serve::{Event, Options, Outcome, serve};
 
-/// A device that cannot be emulated so.
+/// Why a device cannot be emulated.
 #[derive(Debug, thiserror::Error)]
 pub enum EmulateError {
-    /// A key that its model does not allow.
+    /// The key model is impossible.
     #[error(transparent)]
     Key(#[from] ergon_engine::key_model::KeyError),
-    /// A key of a score that no engine steps at this rate.
+    /// The network of a score's key cannot be stepped at this rate.
     #[error(transparent)]
     Network(#[from] ergon_engine::network::Error),
-    /// A rate that is none.
+    /// The rate is impossible.
     #[error(transparent)]
     Rate(#[from] ergon_engine::units::RateError),
-    /// A number that is none for this.
+    /// A number is out of range.
     #[error("{0}")]
     Refused(&'static str),
-    /// The system gives no port.
+    /// The system refused a port.
     #[error("no port could be opened: {0}")]
     Port(#[from] std::io::Error),
 }

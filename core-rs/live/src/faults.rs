@@ -1,7 +1,7 @@
-//! How soon a force ends when something goes wrong: each fault is made on an emulated device, in virtual time.
+//! How soon a force ends after a fault: each fault is made on an emulated device, in virtual time.
 //!
-//! [`measure`] drives the real drivers, the real wire bytes, the emulators' firmware and every stage of `safety`. Nothing
-//! waits for a clock: host, board and guardian are told the time, so the same figures come out on every machine.
+//! [`measure`] runs the real drivers, the real wire bytes, the emulators' firmware and every stage of `safety`. Nothing
+//! waits for a clock: host, board and guardian are given the time, so the figures are the same on every machine.
 
 mod experiment;
 mod line;
@@ -12,41 +12,42 @@ use std::time::Duration;
 use crate::device::{DeviceError, Kind};
 use crate::emulate::Protocol;
 
-/// A tick of the host.
+/// Period of the host's ticks.
 const PERIOD: Duration = Duration::from_millis(1);
-/// How long the host is stopped, where that is the fault.
+/// How long the host is stopped, if that is the fault.
 const HOST_STALL: Duration = Duration::from_secs(2);
-/// How long the board is stopped, where that is the fault.
+/// How long the board is stopped, if that is the fault.
 const BOARD_STALL: Duration = Duration::from_millis(100);
 
 /// A fault that is made on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// The piece asks for a force that is no number.
+    /// The piece asks for a force that is not a number.
     NotANumber,
     /// The piece asks for an infinite force.
     Infinite,
     /// The piece asks for 1e300 N for half a second, then for nothing.
     Huge,
-    /// The board hears, and none of its replies arrive.
+    /// The board receives requests, but none of its replies arrive.
     NoReplies,
     /// The host does nothing for two seconds: it is stopped, or killed.
     HostStalled,
-    /// The host goes on after two seconds.
+    /// The host continues after two seconds.
     HostResumed,
-    /// The board does nothing for a tenth of a second, and keeps the force that it gives.
+    /// The board does nothing for a tenth of a second, and its motor keeps its force.
     BoardStalled,
-    /// The motor begins to push against what it is told.
+    /// The motor begins to push in the opposite direction of its command.
     WrongWay,
-    /// The sensor begins to show the same place for ever.
+    /// The sensor begins to show the same position for ever.
     Frozen,
-    /// The motor pushes the wrong way, and nobody has calibrated the device: it is asked before the first note.
+    /// The motor pushes the wrong way, and nobody has calibrated the device: its direction is tested before the first
+    /// note.
     Uncalibrated,
     /// A second program opens the device.
     OpenedTwice,
     /// Another program sends requests on the same line.
     SharedLine,
-    /// The port is gone.
+    /// The port disappears.
     Unplugged,
     /// The bytes that come from the board are random.
     GarbageReplies,
@@ -57,35 +58,35 @@ pub enum Fault {
 /// An emulated device that faults are made on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Emulator {
-    /// A key in the program itself.
+    /// A key in the process of the host.
     InProcess,
     /// A board that speaks a protocol.
     Board(Protocol),
 }
 
-/// What became of the force.
+/// How the force ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// It was zero so long after the fault [s].
+    /// It was zero this long after the fault [s].
     Zero(f64),
     /// It did not end while the fault lasted.
     Persists,
-    /// The fault cannot happen to this device, or is measured elsewhere; why.
+    /// The fault cannot happen to this device, or is measured elsewhere; the reason.
     Excluded(&'static str),
 }
 
-/// One fault on one device.
+/// The result of one fault on one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measurement {
     /// The fault.
     pub fault: Fault,
     /// The device.
     pub emulator: Emulator,
-    /// What became of the force.
+    /// How the force ended.
     pub outcome: Outcome,
-    /// The force has to be zero after so long [s]; none where no such promise is made, for the reason beside it.
+    /// Time within which the force must be zero [s]; or the reason for which nothing is promised.
     pub bound: Result<f64, &'static str>,
-    /// Greatest force that the motor gave from the fault on, and the greatest that it may give [N].
+    /// Greatest force of the motor from the fault on, and the greatest that is allowed [N].
     pub greatest: [f64; 2],
     /// Fastest growth of the force from the fault on, and the fastest that is allowed [N/ms].
     pub rise: [f64; 2],
@@ -132,22 +133,22 @@ impl Fault {
         }
     }
 
-    /// Whether the force is to stay zero until the look is over; else its first zero counts.
+    /// Whether the force must stay zero to the end of the measurement; otherwise its first zero counts.
     fn persists(self) -> bool {
         !matches!(self, Self::HostStalled | Self::BoardStalled)
     }
 
-    /// After how long the force has to be zero [s].
+    /// Time within which the force must be zero [s].
     fn bound(self, emulator: Emulator) -> Result<f64, &'static str> {
         let is_firefader = emulator == Emulator::Board(Protocol::FireFader);
         Ok(match self {
             Self::NotANumber | Self::Infinite => 1e-3,
-            // Five ticks of the slew limit, behind a probe of eight that may be under way.
+            // Five ticks of the slew limit, after a probe of up to eight ticks.
             Self::Huge => 14e-3,
             Self::GarbageReplies | Self::GarbageRequests if is_firefader => {
                 return Err("its packets have no checksum");
             }
-            // 20 ms, and the ticks in which they begin and end.
+            // 20 ms, and the ticks at its beginning and end.
             Self::NoReplies | Self::GarbageReplies => 22e-3,
             Self::HostStalled | Self::Unplugged | Self::GarbageRequests => 51e-3,
             Self::HostResumed => 0.0,
@@ -155,18 +156,18 @@ impl Fault {
             Self::WrongWay | Self::Frozen if is_firefader => {
                 return Err("a sensor this coarse is not judged");
             }
-            // No promise is made of these; what is seen here is not to grow.
+            // Nothing is promised for these two; the bounds only keep the present figures from growing.
             Self::WrongWay => 0.35,
             Self::Frozen => 0.2,
-            // Two pulses of 125 ms, and a rest before each of a second at its longest.
+            // Two pulses of 125 ms, and a rest of at most a second before each.
             Self::Uncalibrated => 2.25,
             Self::OpenedTwice => 0.0,
-            // 32 replies that nobody here asked for.
+            // More than 32 ticks until the line counts as shared.
             Self::SharedLine => 0.04,
         })
     }
 
-    /// Why a fault is not made on a device, if it is not.
+    /// Why a fault is not made on a device, if it is excluded.
     fn excluded(self, emulator: Emulator) -> Option<&'static str> {
         use Emulator::{Board, InProcess};
         const NO_WIRE: &str = "there is no wire";
@@ -222,7 +223,7 @@ impl Emulator {
 }
 
 impl Measurement {
-    /// Whether a promise is broken: the force lasted longer, was greater or grew faster than it may.
+    /// Whether a promise is broken: the force lasted longer, was greater or grew faster than allowed.
     pub fn exceeds(&self) -> bool {
         let late = match (self.outcome, self.bound) {
             (Outcome::Excluded(_), _) | (_, Err(_)) => return false,
@@ -234,10 +235,10 @@ impl Measurement {
     }
 }
 
-/// Make every fault on every emulated device, one after the other: some seconds of computing.
+/// Make every fault on every emulated device, one after the other; takes some seconds.
 ///
 /// # Errors
-/// [`DeviceError`] where an emulator does not answer its own driver.
+/// [`DeviceError`] if an emulator does not answer its own driver.
 pub fn measure() -> Result<Vec<Measurement>, DeviceError> {
     let of =
         |&fault| (Emulator::ALL.iter()).map(move |&emulator| experiment::measured(fault, emulator));

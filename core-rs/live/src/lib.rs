@@ -1,7 +1,7 @@
-//! Playing live: the real-time thread that owns the physics, the sound card on one side of it, the keys on the other.
+//! Playing live: a real-time thread owns the simulation, between the sound card and the keys.
 //!
-//! Adds clocks and wires to the engine, no physics: what it plays equals what a render writes, sample for sample,
-//! wherever nobody's real hand is in it.
+//! This crate adds clocks and wires to the engine, no physics: unless a person's hand plays, the sound equals that of a
+//! render, sample for sample.
 
 pub mod audio;
 pub mod device;

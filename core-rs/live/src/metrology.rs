@@ -1,8 +1,9 @@
-//! A key that is pushed by written forces, to find out what it is made of.
+//! Pushes a key with written forces, for the measurement of its model.
 //!
-//! Nobody touches the key, and nothing of it is known beforehand. A guide, a soft spring and damper, keeps a key in the
-//! middle that has no spring of its own; a brake, a firmer one, replaces the written forces where the key would come near
-//! an end of its travel. Both are sums of forces that pass every safety stage, and are in what is recorded.
+//! Nobody touches the key, and nothing about it is known beforehand. A guide, a soft spring and damper, keeps a key
+//! that has no spring of its own near the middle. A brake, a firmer spring and damper, replaces the written forces if
+//! the key would come near an end of its travel. The forces of both pass every safety stage and are part of the
+//! recorded force.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -12,63 +13,64 @@ use crate::realtime;
 use crate::recording::{self, RowSink};
 use crate::safety::{Guarded, Limits, Trip};
 
-/// Time over which the velocity of a key is averaged [s]: one step of a coarse sensor is no speed.
+/// Time over which the velocity of a key is averaged [s], because one step of a coarse sensor is not a speed.
 const VELOCITY_OVER: f64 = 5e-3;
-/// Parts of half the travel: where the brake takes over, where it expects to, and where it lets go.
+/// As parts of `Guide::half`: the position at which the brake takes over, the predicted stopping position at which it
+/// takes over, and the position at which it lets go.
 const BRAKE_AT: f64 = 0.6;
 const BRAKE_AHEAD: f64 = 0.75;
 const RELEASE_AT: f64 = 0.3;
-/// Replies that come later than so many ticks after their forces count as lost.
+/// Replies that come more than this many ticks after their forces count as lost.
 const LATE: usize = 8;
-/// A device without a new position for so long is gone [s].
+/// Time without a new position after which a device counts as gone [s].
 const SILENT: f64 = 0.25;
 /// Longest wait for a reply, as a part of a tick.
 const WAIT: f64 = 0.6;
-/// Wait for room in the file of a device that takes no time [s].
+/// Time between two checks for room in the recording of a device in lockstep.
 const ROOM: Duration = Duration::from_millis(1);
 
 /// A spring and a damper.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pull {
-    /// [N/m]
+    /// Stiffness [N/m].
     pub stiffness: f64,
-    /// [N·s/m]
+    /// Damping [N·s/m].
     pub damping: f64,
 }
 
-/// What keeps a key away from the ends of its travel.
+/// The springs and dampers that keep a key away from the ends of its travel.
 #[derive(Clone, Copy, Debug)]
 pub struct Guide {
-    /// Where it is kept [m].
+    /// Position at which the key is kept [m].
     pub centre: f64,
-    /// From there to the nearer end [m].
+    /// Distance from there to the nearer end [m].
     pub half: f64,
-    /// What pulls it there all the time.
+    /// Pulls the key to the centre all the time.
     pub guide: Pull,
-    /// What pulls it back from an end.
+    /// Pulls the key back from an end.
     pub brake: Pull,
-    /// By how much the brake surely slows the key down [m/s²].
+    /// Deceleration that the brake surely achieves [m/s²].
     pub deceleration: f64,
 }
 
-/// What one axis is pushed by, tick by tick.
+/// The forces on one axis, tick by tick, and the conditions of the take.
 #[derive(Clone, Copy, Debug)]
 pub struct Excitation<'a> {
     /// The axis of the device.
     pub axis: usize,
     /// Forces [N]   (n_ticks,)
     pub forces: &'a [f64],
-    /// Ticks at the beginning in which nothing pushes, the guide neither.
+    /// Number of ticks at the beginning in which the guide does not act.
     pub still: usize,
     /// Length of a tick [s].
     pub period: f64,
-    /// What keeps it from the ends.
+    /// The guide and the brake.
     pub guide: Guide,
-    /// Step of the motor's force, where the device does not tell it [N]; 0: the wire's.
+    /// Step of the motor's force [N], for a device that does not report it; 0: that of the wire.
     pub force_step: f64,
-    /// Whether the device says what touches its keys; then a touch ends the take.
+    /// Whether the device reports touch; if it does, a touch ends the take.
     pub tells_touch: bool,
-    /// Whether a device that lets no force through ends the take.
+    /// Whether the take ends if the device lets no force through.
     pub is_gated: bool,
 }
 
@@ -81,24 +83,24 @@ pub enum End {
     Touched,
     /// The device let no force through.
     GateClosed,
-    /// The position was no number.
+    /// The position was not finite.
     NotFinite,
     /// A safety stage held the axis at zero.
     Tripped(Trip),
     /// The device went away.
     Gone(Gone),
-    /// Somebody asked for the end.
+    /// A stop was requested.
     Stopped,
 }
 
-/// A tick of a take.
+/// One tick of a take.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Row {
-    /// The force that was asked for, with the guide's or the brake's [N].
+    /// The force asked for, including the guide's, or the brake's instead [N].
     pub asked: f64,
-    /// The force as it went over the wire, after all safety stages [N].
+    /// The force on the wire after all safety stages, in steps of `Excitation::force_step` [N].
     pub sent: f64,
-    /// The position of the reply to this force; where there was none, the position before [m].
+    /// Position in the reply to this force, or the previous position if there was no reply [m].
     pub position: f64,
     /// Whether there was a reply.
     pub fresh: bool,
@@ -108,7 +110,7 @@ pub struct Row {
     pub braked: bool,
 }
 
-/// A take.
+/// A take: the response of a key to an excitation.
 #[derive(Clone, Debug)]
 pub struct Excited {
     /// Its ticks.
@@ -117,15 +119,15 @@ pub struct Excited {
     pub end: End,
 }
 
-/// Push an axis, and let go of it. Every row goes into `sink` too. Gives this thread the priority of the physics thread,
-/// so call it in one of its own.
+/// Push an axis with the forces of an excitation, then release it. Every row also goes into `sink`. This thread keeps
+/// the priority of the physics thread, so call it in a thread of its own.
 pub fn excite<D: Device>(
     device: D,
     excitation: &Excitation<'_>,
     sink: Option<&mut RowSink>,
     stop: &AtomicBool,
 ) -> Excited {
-    // The forces jump by themselves, and from the first tick on; all other limits hold.
+    // The written forces may jump, from the first tick on; all other limits hold.
     let limits = Limits {
         slew: f64::INFINITY,
         ramp: 0.0,
@@ -158,12 +160,12 @@ pub fn excite<D: Device>(
     }
 }
 
-/// Where a key is and how fast it goes, as far as it was read.
+/// Position and velocity of a key by the newest reply.
 #[derive(Clone, Copy, Debug, Default)]
 struct Motion {
     x: f64,
     v: f64,
-    /// Since the position was read [s].
+    /// Time since the position was read [s].
     age: f64,
 }
 
@@ -174,10 +176,10 @@ struct Take<'a, 'b, D: Device> {
     rows: Vec<Row>,
     motion: Motion,
     braking: bool,
-    /// Since the last reply [s].
+    /// Time since the last reply [s].
     silent: f64,
     sink: Option<&'b mut RowSink>,
-    /// Rows that the sink has.
+    /// Number of rows that were given to the sink.
     written: usize,
 }
 
@@ -225,7 +227,7 @@ impl<D: Device> Take<'_, '_, D> {
         Ok(())
     }
 
-    /// The written force with the guide's, or the brake's instead.
+    /// The force to ask for: the written force and the guide's, or the brake's instead.
     fn guided(&mut self, force: f64, is_still: bool) -> f64 {
         let Guide {
             centre,
@@ -258,7 +260,7 @@ impl<D: Device> Take<'_, '_, D> {
         Ok(())
     }
 
-    /// What was read in this tick: to which row it belongs, how the key moves, and whether that is a reason to end.
+    /// Take the reply of this tick: enter it in its row, update the motion, and check whether the take must end.
     fn note(&mut self, pushes: bool) -> Result<(), End> {
         let (axis, sample) = (self.of.axis, &self.sample);
         let (x, period) = (sample.position[axis], self.of.period);
@@ -298,7 +300,7 @@ impl<D: Device> Take<'_, '_, D> {
         Ok(())
     }
 
-    /// Give the sink all rows but the newest `keep`, whose replies may still come.
+    /// Give the sink all rows except the newest `keep`, whose replies may still come.
     fn write(&mut self, keep: usize) {
         let end = self.rows.len().saturating_sub(keep);
         let Some(sink) = &mut self.sink else {

@@ -1,8 +1,10 @@
-//! The one thread that owns all physics while it is played: keys on one side of it, the sound card on the other.
+//! The physics thread: the one thread that owns the whole simulation while it plays, between the keys and the sound
+//! card.
 //!
 //! In every tick it exchanges forces and positions with the keys, steps the network for the frames of the tick, and
-//! pushes their sound into the ring. Keys have the first say in when a tick begins, the sound card has the last:
-//! their clock is steered by how full the ring is. Without keys on a clock of their own the ring alone says when.
+//! pushes their sound into the ring. If a keyboard has a clock of its own (is not in lockstep), ticks follow this
+//! thread's clock, whose period is steered so that the ring keeps its level. Otherwise the level of the ring alone
+//! paces the ticks.
 
 mod clock;
 mod control;
@@ -47,31 +49,31 @@ use crate::recording::Header;
 use crate::safety::Guarded;
 use player::change::ScheduledChange;
 
-/// What is to be played.
+/// A piece that is ready to be played.
 pub struct Stage {
-    /// What moves, at its first frame to be heard.
+    /// The simulation, at the first frame to be heard.
     pub simulation: Simulation,
-    /// Outputs to channels.
+    /// Mixes outputs to channels.
     pub mixer: Mixer,
-    /// After the mixer, before the limiter.
+    /// Gain after the mixer, before the limiter.
     pub gain: f64,
-    /// From the mixer's channels to those that are heard, where these are others.
+    /// Folds the mixer's channels to those that are heard, if these differ.
     pub fold: Option<Fold>,
-    /// The last thing before the loudspeakers, with as many channels as are heard.
+    /// The last stage before the loudspeakers, with as many channels as are heard.
     pub limiter: Limiter,
     /// Frames to play; `None`: until it is stopped.
     pub n_frames: Option<u64>,
-    /// The end of the sound, where it ends before these frames.
+    /// Detects the end of the sound, which may come before `n_frames`.
     pub fades: Option<SilenceDetector>,
     /// Frames of a tick.
     pub tick_frames: usize,
-    /// Real hands, in the order of the simulation's.
+    /// Live hands, in the order of the simulation's hands.
     pub hands: Vec<Hand>,
-    /// Frames at which a bar begins, rising: where a hand that comes back takes over.
+    /// Frames at which bars begin, rising: a hand that comes back takes over at one of them.
     pub bars: Vec<u64>,
-    /// Outputs that were computed before: the simulation leaves them at 0.
+    /// Outputs that were computed before; the simulation leaves them at 0.
     pub frozen: Vec<Stem>,
-    /// Whether windows may be opened on it: contacts are watched then.
+    /// Whether windows may be opened on the performance: if so, contacts are watched.
     pub is_seen: bool,
 }
 
@@ -84,44 +86,44 @@ impl Stage {
         }
     }
 
-    /// Frames that sound on after the last of the piece: what the fold and the limiter still hold.
+    /// Number of frames that sound after the last frame of the piece: the fold and the limiter still hold them.
     pub(crate) fn n_after(&self) -> usize {
         self.limiter.latency() + self.fold.as_ref().map_or(0, Fold::tail)
     }
 }
 
-/// How it is to be played.
+/// How a stage is to be played.
 #[derive(Debug)]
 pub struct PlaybackConfig {
     /// Where the sound goes.
     pub audio: audio::Spec,
-    /// Frames ahead of the card, if not two of its blocks.
+    /// Frames to keep ahead of the card, at least two blocks or ticks; `None`: 1,024.
     pub ahead: Option<usize>,
-    /// A recording of the hands, and what stands at its beginning.
+    /// A recording of the hands: its path and its header.
     pub record: Option<(PathBuf, Header)>,
-    /// Where the inputs of the piece are heard, if it has any.
+    /// Where the inputs of the piece come from, if it has any.
     pub input: InputConfig,
 }
 
-/// Something that is asked of the physics thread.
+/// A request to the physics thread.
 pub(crate) enum Command {
-    /// Another gain.
+    /// Go to another gain.
     Gain(f64),
-    /// Another gain of a group of routes.
+    /// Go to another gain of a group of routes.
     Part(usize, f64),
-    /// What is heard goes into a file too, or no longer.
+    /// Start or end writing what is heard to a file.
     Tap(Option<audio::Tap>),
-    /// What acts at the first frame of the next tick, and its ticket.
+    /// A ticket, and an act at the first frame of the next tick.
     Act(u64, Act),
-    /// A keyboard that came back.
+    /// A keyboard that was opened again, with the index of its slot.
     Keys(usize, Box<Guarded>),
-    /// A window, as soon as the simulation plays that it is of.
+    /// A window, used as soon as its simulation plays.
     Window(Box<Window>),
-    /// Another version.
+    /// A change at a later frame.
     Change(Box<ScheduledChange>),
 }
 
-/// What acts on what plays at the first frame of a tick.
+/// An act on the simulation at the first frame of a tick.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Act {
     /// A strike: the point, the impulse [N·s].
@@ -130,7 +132,7 @@ pub(crate) enum Act {
     Tell(u64, f64),
 }
 
-/// What the physics thread needs no more, to be freed elsewhere.
+/// Boxes that the physics thread no longer needs; another thread frees them.
 pub(crate) enum Garbage {
     /// A change, with what it replaced.
     Change(#[allow(dead_code)] Box<ScheduledChange>),

@@ -1,20 +1,20 @@
-//! What the operating system grants a thread that may not be late, and what it really granted.
+//! Real-time scheduling and locked memory for a thread that must not be late, and what the system really granted.
 
 use std::fmt;
 use std::time::{Duration, Instant};
 
-/// Priority of the physics thread among real-time threads: above JACK's clients (65), below its own server's
-/// watchdogs and the kernel's threads.
+/// Priority of the physics thread among real-time threads: above JACK's clients (65), below the watchdogs of JACK's
+/// server and the kernel's threads.
 pub const PHYSICS: i32 = 78;
-/// Stack that is touched beforehand: a page fault while playing is a late tick.
+/// Size of the stack that is touched in advance [bytes], because a page fault while playing makes a tick late.
 const PREFAULTED: usize = 256 * 1024;
 
-/// What a thread runs as.
+/// What the system granted a thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Granted {
     /// Priority under SCHED_FIFO; `None`: scheduled like any other program.
     pub fifo: Option<i32>,
-    /// The process's memory stays in RAM.
+    /// Whether the process's memory stays in RAM.
     pub locked: bool,
 }
 
@@ -29,8 +29,8 @@ impl fmt::Display for Granted {
     }
 }
 
-/// Ask for real-time scheduling of this thread and for locked memory; returns what was really granted, which is
-/// read back from the kernel: a request that succeeds is not yet a policy that holds.
+/// Ask for real-time scheduling of this thread and for locked memory; returns what was really granted. The policy is
+/// read back from the kernel, because a successful request does not yet mean that it holds.
 pub fn ask(priority: i32) -> Granted {
     let locked = lock_memory();
     prefault();
@@ -40,7 +40,7 @@ pub fn ask(priority: i32) -> Granted {
     }
 }
 
-/// Ask for real-time scheduling of this thread and for nothing else; returns the priority really granted.
+/// Ask for real-time scheduling of this thread only; returns the priority really granted.
 pub fn scheduled_at(priority: i32) -> Option<i32> {
     fifo(priority)
 }
@@ -56,7 +56,7 @@ fn fifo(priority: i32) -> Option<i32> {
     self::priority()
 }
 
-/// The real-time priority that this thread runs at; `None`: scheduled like any other.
+/// The real-time priority of this thread; `None`: scheduled like any other.
 #[cfg(target_os = "linux")]
 pub fn priority() -> Option<i32> {
     // SAFETY: zero is a valid sched_param; the call writes into locals that outlive it.
@@ -68,7 +68,7 @@ pub fn priority() -> Option<i32> {
     }
 }
 
-/// The real-time priority that this thread runs at; `None`: scheduled like any other.
+/// The real-time priority of this thread; `None`: scheduled like any other.
 #[cfg(not(target_os = "linux"))]
 pub fn priority() -> Option<i32> {
     None

@@ -1,9 +1,9 @@
-//! Between what physics asks for and a motor under a finger.
+//! Everything between the forces that physics asks for and a motor under a finger.
 //!
-//! [`Guarded`] owns a device, and nobody else can make a [`SafeForce`] that is not zero. Time is counted in ticks where
-//! the device is in lockstep: the same positions give the same forces. Elsewhere it is read from a clock, for the device
-//! goes on while the host is stopped. A host that is stopped cannot guard anything; for that a device has its own
-//! watchdog. When the host goes on, it finds by the clock that it was stopped.
+//! [`Guarded`] owns a device, and only this module can make a [`SafeForce`] that is not zero. For a device in lockstep,
+//! time is counted in ticks, so that the same positions give the same forces. For any other device, time is read from a
+//! clock, because the device keeps running while the host is stopped. A stopped host cannot guard anything; a device
+//! has its own watchdog for that. When the host continues, the clock shows that it was stopped.
 
 mod clock;
 pub mod contract;
@@ -40,26 +40,28 @@ pub(crate) fn unit(factor: f64) -> f64 {
     if factor > 0.0 { factor.min(1.0) } else { 0.0 }
 }
 
-/// How often zero forces are sent when all is over: one packet may be lost.
+/// How often zero forces are sent at the end: one packet may be lost.
 const FAREWELLS: usize = 3;
 
-/// A device and the stages that every force passes. Dropped, by a panic or a signal too, it sends zero forces.
+/// A device and the stages that every force passes. It sends zero forces when it is dropped, and also after a panic or
+/// a signal.
 pub struct Guarded<D: Device = Box<dyn Device>> {
-    // Disarmed before the device closes its port.
+    // First field: it is disarmed before the device closes its port.
     _armed: Option<Armed>,
     pipeline: Pipeline,
-    /// Whether force and motion agree, if that is watched.
+    /// Checks whether force and motion agree, if the device is watched.
     watched: Option<Watched>,
     /// Why each axis tripped, if it did.
     trips: [Option<Trip>; MAX_AXES],
-    /// By [`Guarded::stop`]; and whether the pipeline is, by that or by the stop of the process.
+    /// Whether [`Guarded::stop`] stopped the forces; and whether the pipeline is stopped, by that call or by the stop
+    /// of the process.
     stopped: bool,
     held: bool,
     clock: Clock,
     device: D,
 }
 
-/// What the motors of a device, and the hands on them, have borne; for the same device when it is opened again.
+/// Heat of the motors of a device and work on the hands, kept for the same device when it is opened again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Memory {
     heat: [f64; MAX_AXES],
@@ -99,7 +101,8 @@ impl<D: Device> Guarded<D> {
         }
     }
 
-    /// The same, and force and motion have to agree: for a device that is played, not for one that is found out about.
+    /// The same, with a check that force and motion agree: for a device that is played, not for one that is being
+    /// measured.
     #[must_use]
     pub fn watched(mut self) -> Self {
         let spec = self.device.spec();
@@ -115,8 +118,8 @@ impl<D: Device> Guarded<D> {
         self
     }
 
-    /// The same, and nothing is added to the forces that are asked for: for a key of which nothing is known, which a
-    /// probe might send to the end of its travel.
+    /// The same, without probes: for a key of which nothing is known, because a probe might send it to the end of its
+    /// travel.
     #[must_use]
     pub(crate) fn without_probes(mut self) -> Self {
         if let Some(watched) = &mut self.watched {
@@ -125,41 +128,41 @@ impl<D: Device> Guarded<D> {
         self
     }
 
-    /// The same, and ages are judged by a clock that is set from elsewhere [ns].
+    /// The same, with ages judged by a clock that is set from outside [ns].
     #[must_use]
     pub(crate) fn by_clock(mut self, nanoseconds: Arc<AtomicU64>) -> Self {
         self.clock = Clock::Set(nanoseconds);
         self
     }
 
-    /// What the device is.
+    /// The properties of the device.
     pub fn spec(&self) -> &Spec {
         self.device.spec()
     }
 
-    /// The device itself, to look at.
+    /// The device itself, for reading.
     pub fn device(&self) -> &D {
         &self.device
     }
 
-    /// The device itself, to make a fault on.
+    /// The device itself, for injecting a fault.
     pub(crate) fn device_mut(&mut self) -> &mut D {
         &mut self.device
     }
 
-    /// Whether the device's time is the host's.
+    /// Whether the device runs in lockstep with the host.
     pub fn in_lockstep(&self) -> bool {
         self.device.in_lockstep()
     }
 
-    /// Send forces, one for each axis (missing ones are zero), as far as they are safe; returns what was sent.
+    /// Send forces, one for each axis (missing ones are zero), limited by the safety stages; return what was sent.
     ///
-    /// A host may be stopped at any instruction. Between the last look at the clock and write(2) are some hundred
-    /// nanoseconds; a force that is stopped there goes out when the host goes on. The look after it finds that, and zero
-    /// follows at once; a board that had let go meanwhile has felt the old force for some microseconds.
+    /// A host may be stopped at any instruction. Some hundred nanoseconds pass between the last check of the clock and
+    /// write(2); if the host is stopped there, an old force goes out when it continues. The check after the write finds
+    /// this, and zero follows at once: a board that had let go meanwhile feels the old force for some microseconds.
     ///
     /// # Errors
-    /// [`Gone`] when there is nobody to send it to.
+    /// [`Gone`] if the device cannot receive them.
     pub fn send(&mut self, forces: &[f64]) -> Result<SafeForce, Gone> {
         self.hold();
         self.clock.tick();
@@ -206,7 +209,7 @@ impl<D: Device> Guarded<D> {
     /// Take the newest positions, as [`Device::receive`] does.
     ///
     /// # Errors
-    /// [`Gone`] when none will come any more.
+    /// [`Gone`] if no positions will come any more.
     pub fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
         let fresh = self.device.receive(into, deadline)?;
         if fresh {
@@ -218,13 +221,13 @@ impl<D: Device> Guarded<D> {
         Ok(fresh)
     }
 
-    /// Send zero forces now; what is asked next passes again.
+    /// Send zero forces now; later forces pass again.
     pub fn zero(&mut self) {
         self.pipeline.forget();
         self.device.zero();
     }
 
-    /// No more forces, until `stop(false)`; then they come back as at the start.
+    /// Stop all forces until `stop(false)`; they then rise as at the start.
     pub fn stop(&mut self, stopped: bool) {
         self.stopped = stopped;
         self.hold();
@@ -233,7 +236,7 @@ impl<D: Device> Guarded<D> {
         }
     }
 
-    /// Axes that tripped because force and motion disagreed may push again.
+    /// Let axes push again that tripped because force and motion disagreed.
     pub fn release(&mut self) {
         if let Some(watched) = &mut self.watched {
             watched.release();
@@ -251,28 +254,28 @@ impl<D: Device> Guarded<D> {
         }
     }
 
-    /// Scale the forces of an axis (0 to 1): what keeps a coupling below [`stiffness::limit`].
+    /// Scale the forces of an axis (0 to 1), to keep a coupling below [`stiffness::limit`].
     pub fn scale(&mut self, axis: usize, gain: f64) {
         self.pipeline.scale(axis, gain);
     }
 
-    /// Why an axis has tripped and is held at zero, if it is.
+    /// The reason for which an axis has tripped and is held at zero, if it has.
     pub fn tripped(&self, axis: usize) -> Option<Trip> {
         self.trips.get(axis).copied().flatten()
     }
 
-    /// What motors and hands have borne so far.
+    /// Heat of the motors and work on the hands so far.
     pub fn memory(&self) -> Memory {
         self.pipeline.memory(clock::wall())
     }
 
-    /// Motors and hands have borne this already; motors have cooled since then.
+    /// Continue with the heat and work of `memory`; motors have cooled since then.
     pub fn recall(&mut self, memory: &Memory) {
         let elapsed = clock::wall().saturating_sub(memory.at);
         self.pipeline.recall(memory, elapsed.as_secs_f64());
     }
 
-    /// How often each stage did something.
+    /// How often each stage acted.
     pub fn counts(&self) -> &Counts {
         self.pipeline.counts()
     }

@@ -1,7 +1,7 @@
 //! The stop of the whole process: one word that any thread and any signal handler may set.
 //!
-//! Every force and every block of a sound card is checked against it, so that a stop needs no lock, no queue and
-//! no thread that has time. What sets it stays set until somebody takes it back.
+//! Every force and every block of a sound card is checked against it, so a stop needs no lock, no queue and no running
+//! thread. A stop stays set until it is taken back.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -18,7 +18,7 @@ pub enum Stop {
     Nothing = 0,
     /// Every force, until [`release`].
     Forces = LET_GO,
-    /// Every force and every sound, for the program ends.
+    /// Every force and every sound, because the program ends.
     All = OVER,
 }
 
@@ -32,28 +32,28 @@ impl Stop {
     }
 }
 
-/// Stop it; what is stopped already stays so.
+/// Stop `what`; earlier stops stay.
 pub fn stop(what: Stop) {
     STOPPED.fetch_or(what as u8, Ordering::SeqCst);
 }
 
-/// Forces again, as at the start; not where the program ends.
+/// Let forces return, as at the start, unless the program ends.
 pub fn release() {
     STOPPED.fetch_and(!LET_GO, Ordering::SeqCst);
 }
 
-/// Nothing is stopped: for a process that outlives what a signal ended.
+/// Take every stop back: for a process that survives a signal.
 pub fn begin_again() {
     STOPPED.store(0, Ordering::SeqCst);
 }
 
-/// Whether nothing but zero may be sent to a hand.
+/// Whether only zero forces may be sent to a hand.
 #[must_use]
 pub fn has_let_go() -> bool {
     STOPPED.load(Ordering::SeqCst) != 0
 }
 
-/// Whether nothing may sound, for the program ends.
+/// Whether nothing may sound, because the program ends.
 #[must_use]
 pub fn is_over() -> bool {
     STOPPED.load(Ordering::SeqCst) & OVER != 0

@@ -1,29 +1,29 @@
-//! Bytes of each protocol: pure functions, both directions, for the host and for the emulators.
+//! The bytes of each protocol: pure functions, in both directions, for the host and for the emulators.
 
 pub mod firefader;
 pub mod frame;
 pub mod haply;
 
-/// Axes that one device has at most.
+/// Greatest number of axes of a device.
 pub const MAX_AXES: usize = 16;
 
-/// What stands at the beginning of some bytes.
+/// The result of parsing the beginning of some bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Parsed<T> {
-    /// A whole packet, and how long it is.
+    /// A whole packet, and its length.
     Packet(T, usize),
-    /// The beginning of one.
+    /// The beginning of a packet.
     Incomplete,
-    /// So many bytes (at least one) that belong to none.
+    /// The number of bytes (at least one) that do not belong to a packet.
     Garbage(usize),
 }
 
-/// Bytes that have come and make no packet yet. N is at least the longest packet.
+/// Received bytes that are not a whole packet yet. N is at least the length of the longest packet.
 #[derive(Clone, Debug)]
 pub(crate) struct Inbox<const N: usize> {
     bytes: [u8; N],
     len: usize,
-    /// Bytes that belonged to no packet.
+    /// Number of bytes that did not belong to a packet.
     pub(crate) garbage: u64,
 }
 
@@ -36,7 +36,7 @@ impl<const N: usize> Inbox<N> {
         }
     }
 
-    /// Take bytes and hand on every packet that is whole; whatever came before it is passed over.
+    /// Take bytes, and pass every whole packet to `each`; other bytes are skipped.
     pub(crate) fn feed<T>(
         &mut self,
         mut new: &[u8],
@@ -59,7 +59,7 @@ impl<const N: usize> Inbox<N> {
                         self.garbage += len as u64;
                         at += len;
                     }
-                    // A packet that fills the room and is not whole is none.
+                    // A packet that fills the buffer and is still incomplete is not a packet.
                     Parsed::Incomplete if self.len - at == N => {
                         self.garbage += 1;
                         at += 1;

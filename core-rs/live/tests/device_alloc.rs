@@ -1,7 +1,8 @@
-//! Between a wish and the wire nothing is allocated: every driver's send and receive, and every stage of safety.
+//! Nothing is allocated between the request for a force and the wire: in every driver's send and receive, and in every
+//! stage of safety.
 #![cfg(unix)]
 
-#[allow(dead_code)] // what the other tests ask of it
+#[allow(dead_code)] // used by other tests
 mod emulator;
 
 use std::time::{Duration, Instant};
@@ -17,7 +18,7 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 #[test]
 fn an_exchange_does_not_allocate() {
-    // The emulators have threads of their own: violations are counted by thread.
+    // The emulators run in threads of their own, and violations are counted per thread.
     for (kind, protocol, transport, how) in [
         (
             "firefader",

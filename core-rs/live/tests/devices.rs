@@ -1,4 +1,4 @@
-//! Drivers and emulated devices, over the wires that real ones have.
+//! Drivers and emulated devices, over the same wires as real devices.
 #![cfg(unix)]
 
 mod emulator;
@@ -11,7 +11,7 @@ use ergon_live::device::{self, Device, DeviceError, Sample, Url};
 use ergon_live::emulate::{Event, Hand, Options, Protocol, Transport};
 use ergon_live::safety::{Guarded, Limits};
 
-/// After this a test gives up.
+/// Time after which a test gives up.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn going(periods: usize, metres: f64) -> Hand {
@@ -22,7 +22,7 @@ fn going(periods: usize, metres: f64) -> Hand {
     }
 }
 
-/// Nothing but the clamp.
+/// Limits with which only the clamp acts.
 fn open_limits(device: &dyn Device) -> Limits {
     Limits {
         slew: f64::INFINITY,
@@ -39,7 +39,7 @@ fn guard(device: Box<dyn Device>) -> Guarded {
     Guarded::new(device, limits, 1.0 / RATE)
 }
 
-/// Every wire there is, in lockstep: what is opened, how, and whether its numbers travel whole.
+/// All wires in lockstep: kind, protocol, transport, options, and whether numbers are sent in full precision.
 const WIRES: [(&str, Protocol, Transport, &str, bool); 6] = [
     (
         "firefader",
@@ -85,9 +85,9 @@ const WIRES: [(&str, Protocol, Transport, &str, bool); 6] = [
     ),
 ];
 
-/// A spring of the host's on an emulated key that a hand moves; returns every position and the emulator's hash.
+/// A spring of the host on an emulated key that a hand moves; returns every position and the emulator's hash.
 ///
-/// Before each exchange the host lets other threads run so many times.
+/// Before each exchange the host yields to other threads `yields` times.
 fn session(wire: usize, yields: usize) -> (Vec<f64>, u64) {
     let (kind, protocol, transport, how, _) = WIRES[wire];
     let axes = if protocol == Protocol::Haply { 3 } else { 2 };
@@ -162,7 +162,7 @@ fn the_position_hash_repeats_by_any_pace() {
     }
 }
 
-/// How far B goes where A is moved by 10 mm, the two tied by a REF through their devices.
+/// The greatest deflections of A and B: a hand moves A by 10 mm, and a REF couples A and B through their devices.
 fn duet(kind: &str, protocol: Protocol, transport: Transport, how: &str, k: f64) -> [f64; 2] {
     let hands = [going(800, 10e-3), Hand::Resting];
     let emulators =
@@ -205,7 +205,7 @@ fn two_hands_feel_each_other() {
     assert!(tied[1] >= 0.8 * tied[0] && tied[0] > 5e-3, "{tied:?}");
     let again = duet("frame+udp", Protocol::Frame, udp, "lockstep&wide", 120.0);
     assert_eq!(tied, again, "to the last bit");
-    // By bytes, on a serial line.
+    // One byte per quantity, on a serial line.
     let terminal = Transport::Terminal;
     let bytes = duet(
         "firefader",
@@ -230,7 +230,7 @@ fn a_device_that_dies_gets_no_more_force() {
         (fresh, device.send(&[1.0]).unwrap().newtons()[0])
     };
     tick(&mut device);
-    // As soon as the machine lets both sides run for a while.
+    // This is reached as soon as the machine lets both sides run for a while.
     let mut alive = (0..60_000).map(|_| tick(&mut device));
     assert!(alive.any(|(fresh, force)| fresh && force == 1.0));
     emulator.end();
@@ -243,7 +243,7 @@ fn a_device_that_dies_gets_no_more_force() {
     assert!(device.counts().stale >= 60, "{:?}", device.counts());
 }
 
-/// The reply after a silence says so, and one after it takes it back.
+/// The first reply after a silence reports it, and a later one no longer does.
 #[test]
 fn a_device_that_let_go_says_so_once() {
     let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
@@ -266,7 +266,7 @@ fn a_device_that_let_go_says_so_once() {
     exchange(&mut device);
     while emulator.events.recv_timeout(PATIENCE).unwrap() != Event::LetGo {}
     assert!(exchange(&mut device));
-    // A machine that is held up makes the board let go again.
+    // On a busy machine the board may let go again.
     assert!((0..100).any(|_| !exchange(&mut device)));
     assert!(device.counts().let_go > 0);
     drop(device);
@@ -287,7 +287,7 @@ fn a_serial_device_that_dies_is_gone() {
     assert!(gone);
 }
 
-/// Most exchanges after which what a test waits for must be there: a machine that does much else is slow, not wrong.
+/// Greatest number of exchanges until an awaited event: a busy machine is slow, not wrong.
 const MOST_EXCHANGES: usize = 600_000;
 
 #[test]
@@ -314,7 +314,7 @@ fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
     assert!((0..MOST_EXCHANGES).any(|_| exchange(&mut device)));
     let stats = device_stats(&device);
     assert_eq!(stats.garbage, 0);
-    // Both clocks are this machine's.
+    // Both clocks are those of this machine.
     assert!(stats.drift_ppm.unwrap().abs() < 1e5, "{stats:?}");
     drop(device);
     let outcome = emulator.end();
@@ -350,7 +350,7 @@ fn a_service_is_told_when_its_host_falls_silent() {
     until(Some(1.0), &|sample| {
         (sample.position[0] - 0.01).abs() < 1e-3
     });
-    // The host falls silent, and its guardian tells the service zero.
+    // The host falls silent, and its guardian sends zero to the service.
     until(None, &|sample| sample.let_go);
     until(Some(0.0), &|sample| sample.position[0].abs() < 1e-4);
     drop(device);
@@ -370,7 +370,7 @@ fn what_is_not_there_is_named() {
     assert!(error.to_string().contains("axis"), "{error}");
     let error = fails("emul:?mass=0");
     assert!(error.to_string().contains("mass"), "{error}");
-    // A board of another kind: it answers, in other bytes.
+    // A board of another kind answers in other bytes.
     let emulator = Emulator::start(options(Protocol::FireFader, Transport::Terminal, 2, vec![]));
     let error = fails(&format!("frame:{}", emulator.address));
     assert!(matches!(error, DeviceError::NoAnswer { .. }), "{error}");
@@ -388,10 +388,10 @@ fn a_real_board_has_its_own_time() {
     emulator.end();
 }
 
-/// What a host says when the key has long been where 1 N takes it.
+/// Printed by a host when the key has been for long where 1 N moves it.
 const PUSHES: &str = "it pushes";
 
-/// A host of its own, for the tests below to end: pushes with 1 N as long as it lives.
+/// A separate host process, which the tests below end; it pushes with 1 N as long as it runs.
 #[test]
 #[ignore = "a part of other tests"]
 fn host_process() {
@@ -404,7 +404,7 @@ fn host_process() {
         let _ = device.send(&[1.0]);
         fresh.then_some(sample.position[0])
     };
-    // 1 N on 100 N/m is 10 mm; a fader tells of steps of 0.4 mm. There the key stays for 100 positions.
+    // 1 N on 100 N/m gives 10 mm; a fader has steps of 0.4 mm. The key must stay there for 100 positions.
     let (mut x, mut stays) = (0.0, 0);
     while stays < 100 {
         if let Some(now) = push(&mut device) {
@@ -415,7 +415,7 @@ fn host_process() {
     eprintln!("{PUSHES}");
     match std::env::var("ERGON_TEST_END").as_deref() {
         Ok("panic") => panic!("as asked"),
-        // SAFETY: none; a fault is what is asked for, and there is nothing at 8.
+        // SAFETY: none: the test needs a fault, and nothing is mapped at address 8.
         Ok("fault") => unsafe { std::ptr::without_provenance_mut::<u8>(8).write_volatile(1) },
         _ => {}
     }
@@ -424,7 +424,7 @@ fn host_process() {
     }
 }
 
-/// How a host ends.
+/// How a host process ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum End {
     Signal(i32),
@@ -449,7 +449,7 @@ fn ended(kind: &str, mut options: Options, end: End) -> Emulator {
     let mut said = BufReader::new(host.stderr.take().unwrap()).lines();
     assert!(said.any(|line| line.unwrap() == PUSHES));
     if let End::Signal(signal) = end {
-        // SAFETY: the child has not been waited for: the number is its own.
+        // SAFETY: the child has not been waited for, so the number is still its own.
         unsafe { libc::kill(host.id().cast_signed(), signal) };
     }
     host.wait().unwrap();
@@ -476,12 +476,12 @@ fn a_host_that_is_killed_leaves_no_force() {
     }
 }
 
-/// Where the key is after that, asked by a host that pushes nothing; its own watchdog sleeps.
+/// The position of the key after the host has ended, read by a host without force; the board's own watchdog is off.
 fn left_at(end: End) -> f64 {
     let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
     options.board.watchdog = Duration::from_secs(60);
     let emulator = ended("frame+udp", options, end);
-    // By the emulator's clock, which is the wall's: a key that was let go is at rest, and somebody new is heard.
+    // By the emulator's clock, which is the wall clock: a released key is at rest, and a new host is accepted.
     std::thread::sleep(Duration::from_millis(1100));
     let mut device = emulator.open("frame+udp", "");
     let mut sample = Sample::default();
@@ -492,7 +492,7 @@ fn left_at(end: End) -> f64 {
 
 #[test]
 fn whoever_ends_a_host_frees_the_hand() {
-    // 1 N on 100 N/m is 10 mm. Nothing can be sent once it is killed; that is what shows the others do.
+    // 1 N on 100 N/m gives 10 mm. Nothing can be sent after SIGKILL, which shows that the other ends do send zero.
     let signals = [libc::SIGKILL, libc::SIGTERM, libc::SIGINT, libc::SIGABRT].map(End::Signal);
     let ends = signals
         .into_iter()
@@ -507,7 +507,7 @@ fn whoever_ends_a_host_frees_the_hand() {
             .collect()
     });
     for (end, x) in left {
-        // A reply that is late tells of a key on its way back, which is at rest long after that.
+        // A late reply may show the key on its way back; long after that the key is at rest.
         let is_back = x.abs() < 1e-4;
         assert_eq!(is_back, end != End::Signal(libc::SIGKILL), "{end:?}: {x}");
     }

@@ -1,7 +1,7 @@
-//! A checkup counts what it sees, and allocates nothing while it looks.
+//! A checkup counts correctly, and allocates nothing while it measures.
 #![cfg(unix)]
 
-#[allow(dead_code)] // what the other tests ask of it
+#[allow(dead_code)] // used by other tests
 mod emulator;
 
 use std::sync::atomic::AtomicBool;
@@ -48,7 +48,7 @@ fn every_force_is_answered_or_counted() {
     assert_eq!((found.round_trips.len(), found.unanswered), (500, 0));
     assert!(found.lateness.is_empty(), "lockstep has no clock");
     drop(device);
-    // Forces, and the zero ones at the end; none of them moved the key.
+    // The forces, and the zero forces at the end; none of them moved the key.
     assert!(emulator.end().packets >= 500);
     let emulator = udp(false);
     let mut device = guarded(emulator.open("frame+udp", ""));
@@ -61,7 +61,7 @@ fn every_force_is_answered_or_counted() {
             .iter()
             .all(|&ns| (1_000..25_000_000).contains(&ns))
     );
-    // However long it lasts, only its beginning allocates.
+    // Whatever its length, only its beginning allocates.
     let mut allocated = [0; 2];
     for (allocated, ticks) in allocated.iter_mut().zip([2, 50]) {
         reset_violation_count();
@@ -70,7 +70,7 @@ fn every_force_is_answered_or_counted() {
     }
     assert_eq!(allocated[0], allocated[1]);
     emulator.end();
-    // Nobody is there any more: each force waits in vain.
+    // The device is gone: each force waits in vain.
     let found = checkup(Some(&mut device), PERIOD, 5, &GO).unwrap();
     assert_eq!((found.round_trips.len(), found.unanswered), (0, 5));
     assert!(found.seconds > 0.1, "{}", found.seconds);

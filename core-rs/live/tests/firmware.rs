@@ -1,4 +1,4 @@
-//! The sketch that ships (docs/firmware), compiled for this computer and driven like a board.
+//! The sketch that is shipped (docs/firmware), compiled for this computer and driven like a board.
 #![cfg(target_os = "linux")]
 
 use std::io::{BufRead, BufReader, Read, Write};
@@ -11,10 +11,10 @@ use ergon_live::device::calibrate::{Pulse, Unsure, direction};
 use ergon_live::device::{self, Sample, Url};
 use ergon_live::safety::{Guarded, Limits};
 
-/// The host goes by the wall and takes forces back where the machine holds it up: it is asked so often.
+/// Number of tries: the host follows the wall clock and withdraws forces if the machine holds it up.
 const TRIES: usize = 10_000;
 
-/// The sketch at work; its time is counted (tests/firmware/Arduino.h).
+/// The running sketch; its time is simulated (tests/firmware/Arduino.h).
 struct Board {
     process: Child,
     output: BufReader<ChildStdout>,
@@ -37,7 +37,7 @@ impl Drop for Board {
     }
 }
 
-/// The sketch and the path of its serial port; none without a C++ compiler.
+/// The sketch and the path of its serial port; `None` without a C++ compiler.
 fn board() -> Option<(Board, String)> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join("open_frame");
@@ -81,7 +81,7 @@ fn the_sketch_is_a_device() {
     assert!((spec.force_max_peak - 1.5).abs() < 1e-6 && (spec.pos_range[1] - 0.05).abs() < 1e-6);
     let go = AtomicBool::new(false);
     let mut tries = (0..TRIES).map(|_| direction(&mut device, 0, Pulse::of(&spec), 1e-3, &go));
-    // A pulse that was held up moves the key too little, or to one side alone.
+    // A pulse that was held up moves the key too little, or to one side only.
     let found = tries.find(|found| !matches!(found, Err(Unsure::Still | Unsure::OneWay)));
     assert_eq!(found, Some(Ok(1.0)));
     let limits = Limits {
@@ -104,7 +104,7 @@ fn the_sketch_is_a_device() {
         "it goes where it is pushed"
     );
     assert!(exchange(0.0).1.force_enabled[0]);
-    // Pushed, and then left alone: after 50 ms it pushes no more.
+    // After a push and 50 ms of silence it pushes no more.
     let mut pushed = (0..TRIES).map(|_| exchange(-0.3));
     let (_, there) = pushed.find(|(sent, _)| *sent == -0.3).unwrap();
     board.pass(300);

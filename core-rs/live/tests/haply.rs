@@ -1,7 +1,7 @@
 //! A Haply whose service or host falls silent, stops or dies: zero forces arrive at the service.
 #![cfg(unix)]
 
-#[allow(dead_code)] // what the other tests ask of it
+#[allow(dead_code)] // used by other tests
 mod emulator;
 mod service;
 
@@ -13,7 +13,7 @@ use ergon_live::device::{self, Gone, Sample, Url};
 use ergon_live::safety::{Guarded, Limits};
 use service::{PATIENCE, Reply, Service, ServiceEvent};
 
-/// A host that never takes a force back by itself: what arrives as zero is the guardian's.
+/// A host that never withdraws a force by itself: zeros at the service come from the guardian.
 fn open(url: &str) -> Guarded {
     emulator::can_guard();
     let device = device::open(&Url::parse(url).unwrap()).unwrap();
@@ -29,7 +29,7 @@ fn open(url: &str) -> Guarded {
     Guarded::new(device, limits, 1e-3)
 }
 
-/// A tick of a host that pushes with 1 N; whether a new position came.
+/// A tick of a host that pushes with 1 N; returns whether a new position came.
 fn push(device: &mut Guarded) -> Result<bool, Gone> {
     let mut sample = Sample::default();
     let fresh = device.receive(&mut sample, Instant::now() + Duration::from_millis(1))?;
@@ -37,7 +37,8 @@ fn push(device: &mut Guarded) -> Result<bool, Gone> {
     Ok(fresh)
 }
 
-/// A service that answers no more until it is told zero: it is, while the host pushes on and the line holds.
+/// A service that stops replying until it receives zero. The guardian sends zero, although the host pushes on and the
+/// connection holds.
 fn let_go_by(reply: Reply) {
     let service = Service::start();
     let mut device = open(&service.url);
@@ -107,14 +108,14 @@ fn a_service_that_hangs_up_is_told_zero_on_a_new_connection() {
     while push(&mut device).is_ok() {
         assert!(start.elapsed() < PATIENCE, "it is never gone");
     }
-    // The device is held: nothing that its end does is what is told here.
+    // The device is kept alive, so these events do not come from its end.
     service.until(|told| told == ServiceEvent::Left);
     service.until(|told| told == ServiceEvent::Came);
     service.until_zero();
     drop(device);
 }
 
-/// A host of its own, for the tests below to end: pushes with 1 N as long as it lives.
+/// A separate host process, which the tests below end; it pushes with 1 N as long as it runs.
 #[test]
 #[ignore = "a part of other tests"]
 fn host_process() {
@@ -125,7 +126,7 @@ fn host_process() {
     }
 }
 
-/// A host that is killed where a test ends early.
+/// A host process that is killed if a test ends early.
 struct Host(Child);
 
 impl Host {
@@ -146,7 +147,7 @@ impl Drop for Host {
     }
 }
 
-/// A service that is pushed by a host in a process group of its own.
+/// A service, and a host in a process group of its own that pushes it.
 fn hosted() -> (Service, Host) {
     let service = Service::start();
     let host = Command::new(std::env::current_exe().unwrap())
@@ -179,7 +180,7 @@ fn a_host_that_is_stopped_leaves_no_force() {
     let (service, mut host) = hosted();
     host.signal(libc::SIGSTOP);
     service.until_zero();
-    // It goes on: its forces pass again.
+    // The host continues: its forces pass again.
     host.signal(libc::SIGCONT);
     service.until_pushed();
     host.kill();
@@ -193,7 +194,7 @@ fn a_process_group_that_is_killed_leaves_no_force() {
     service.until_zero();
 }
 
-/// Processes that a process has started.
+/// The child processes of a process.
 #[cfg(target_os = "linux")]
 fn children(of: u32) -> Vec<i32> {
     let tasks = std::fs::read_dir(format!("/proc/{of}/task")).unwrap();
@@ -214,7 +215,7 @@ fn a_guardian_outlives_what_ends_programs_and_not_its_host() {
         panic!("one guardian");
     };
     let files = format!("/proc/{guardian}/fd");
-    // Its three standard files, the host and the service.
+    // The three standard files, the host and the service.
     let open = std::fs::read_dir(&files).unwrap().count();
     assert!(open <= 5, "{open}");
     for number in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT] {

@@ -40,7 +40,7 @@ fn the_real_time_side_does_not_allocate() {
     let path = file("no-alloc");
     let (mut sink, handle) = Recorder::start(&path, &header()).unwrap();
     reset_violation_count();
-    // Also when its ring is full.
+    // Also when the ring is full.
     assert_no_alloc(|| {
         for tick in 0..50_000 {
             sink.row(tick, &row(tick));
@@ -53,10 +53,10 @@ fn the_real_time_side_does_not_allocate() {
     fs::remove_file(&path).unwrap();
 }
 
-/// Rows that are recorded at once.
+/// Number of rows that are recorded at once.
 const ROWS: u64 = 100;
 
-/// Records some rows for every line that comes; run by the next test in a process of its own.
+/// Records some rows for every input line; run by the next test in a process of its own.
 #[test]
 #[ignore = "the next test runs and kills it"]
 fn records_until_it_is_killed() {
@@ -93,7 +93,7 @@ fn a_killed_recording_keeps_what_it_had() {
         assert!(said.any(|line| line.unwrap() == rows.to_string()));
     };
     (1..=10).for_each(|n| record(n * ROWS));
-    // Read while it is being written, until some chunks are there.
+    // The file is read while it is being written, until it has some chunks.
     let before = loop {
         let found = read(&path, None).unwrap();
         if found.ticks.len() > 500 {

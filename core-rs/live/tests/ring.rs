@@ -1,4 +1,4 @@
-//! The ring to the card: what passes untroubled is untouched, what is troubled never cracks, and nothing allocates.
+//! The ring to the card: without trouble frames are unchanged, with trouble there is no click, and nothing allocates.
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use proptest::prelude::*;
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
 
-/// 2 ms and 5 ms at the rate that a ring has by itself, 48 kHz.
+/// 2 ms and 5 ms at 48 kHz, the default rate of a ring.
 const FADE: usize = 96;
 const HUSH: usize = 240;
 
@@ -20,7 +20,7 @@ fn filled(drain: &mut Drain, frames: usize) -> Vec<f32> {
     out
 }
 
-/// Both halves, playing a one that does not move; `frames` of it are left in the ring.
+/// Both halves of a ring that plays a constant 1; `frames` of it are left in the ring.
 fn playing(frames: usize) -> (Feed, Drain) {
     let (mut feed, mut drain) = ring(1, 4096);
     feed.set_prefill(1);
@@ -100,7 +100,7 @@ fn panic_is_silent_after_five_milliseconds_and_holds() {
     assert_eq!((&out[..HUSH], &out[HUSH..]), (&ramp[..], &[0.0; 10][..]));
     let left = 1000 - HUSH - 10;
     assert_eq!(filled(&mut drain, 32), [0.0; 32]);
-    // At the pace of the card: what comes later sounds where it was computed to sound.
+    // At the pace of the card: later frames sound at the times for which they were computed.
     assert_eq!((feed.filled(), shared.discarded()), (left - 32, 32));
     feed.push(&[1.0; 500]);
     assert_eq!(
@@ -173,13 +173,13 @@ fn when_a_frame_went_to_the_card_is_told_by_its_last_block() {
     let began = Instant::now();
     filled(&mut drain, 480);
     assert!(shared.sounding().unwrap() <= began.elapsed());
-    // The second block begins with frame 480: 10 ms after frame 0, whenever it comes.
+    // The second block begins with frame 480: 10 ms after frame 0, whenever it is taken.
     let early = Instant::now();
     filled(&mut drain, 480);
     let passed = shared.sounding().unwrap();
     let block = Duration::from_millis(10);
     assert!((block..=block + early.elapsed()).contains(&passed));
-    // What a panic throws away is gone for good: frame 2000 comes next.
+    // Frames that a panic discards are gone: frame 2000 comes next.
     shared.panic();
     filled(&mut drain, HUSH);
     filled(&mut drain, 1);
@@ -237,7 +237,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 }
 
 proptest! {
-    /// Whoever is late, a steady sound never jumps: no step is steeper than the two ramps together.
+    /// Whoever is late, a constant sound never jumps: no step is steeper than both ramps together.
     #[test]
     fn whatever_happens_nothing_cracks(steps in steps()) {
         let (mut feed, mut drain) = playing(0);
@@ -256,7 +256,7 @@ proptest! {
         }
     }
 
-    /// Cut into whatever blocks, the frames come out as they went in, and none is missing.
+    /// However the frames are divided into blocks, they come out unchanged and complete.
     #[test]
     fn untroubled_frames_pass_unchanged(
         blocks in prop::collection::vec((1..200_usize, 1..200_usize), 1..80),

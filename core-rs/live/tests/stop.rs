@@ -1,4 +1,4 @@
-//! The stop of the whole process. It is one for all tests, so this binary has one test.
+//! The stop of the whole process. All tests would share it, so this binary has a single test.
 #![cfg(unix)]
 
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -45,7 +45,7 @@ fn still() -> Still {
     })
 }
 
-/// The force that goes out when 1 N is asked for.
+/// The force that is sent when 1 N is asked for.
 fn sent(guarded: &mut Guarded<Still>) -> f64 {
     let mut sample = Sample::default();
     guarded.receive(&mut sample, Instant::now()).unwrap();
@@ -64,7 +64,7 @@ fn handle(signal: i32) {
 }
 
 fn raise(signal: i32) {
-    // SAFETY: a handler is there.
+    // SAFETY: a handler is set.
     unsafe { libc::raise(signal) };
 }
 
@@ -81,7 +81,7 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
         |guarded: &mut Guarded<Still>, n: usize| (0..n).map(|_| sent(guarded)).last().unwrap();
     let whole = ticks(&mut guarded, 300);
     assert_eq!(whole, 1.0);
-    // Let go, and back as at the start.
+    // Forces stop, and return as at the start.
     stop::stop(Stop::Forces);
     assert_eq!(ticks(&mut guarded, 1), 0.0);
     assert_eq!(ticks(&mut guarded, 300), 0.0);
@@ -90,14 +90,14 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
     let first = ticks(&mut guarded, 1);
     assert!(0.0 < first && first <= 1.5e-3 / ramp, "{first}");
     assert_eq!(ticks(&mut guarded, 300), 1.0);
-    // A panic of one device holds it beyond the stop of all.
+    // A device that is stopped by itself stays stopped after the stop of the process is released.
     stop::stop(Stop::Forces);
     guarded.stop(true);
     stop::release();
     assert_eq!(ticks(&mut guarded, 10), 0.0);
     guarded.stop(false);
     assert_eq!(ticks(&mut guarded, 300), 1.0);
-    // A signal stops first and is handled then, each time that it comes.
+    // A signal first stops the forces and is then handled, each time that it comes.
     handle(libc::SIGTERM);
     watch(libc::SIGTERM, Stop::Forces);
     for times in 1..=2 {
@@ -107,7 +107,7 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
         stop::release();
         assert_eq!(ticks(&mut guarded, 300), 1.0);
     }
-    // Whoever sets a handler takes it over, until it is asked again.
+    // Another handler replaces ours until `watch` is called again.
     handle(libc::SIGTERM);
     raise(libc::SIGTERM);
     assert!(!stop::has_let_go());
@@ -115,7 +115,7 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
     raise(libc::SIGTERM);
     assert!(!stop::has_let_go());
     assert_eq!(HEARD.load(Ordering::SeqCst), 4);
-    // Where the program ends nothing comes back, whoever releases.
+    // After `Stop::All` nothing returns, whoever releases.
     watch(libc::SIGTERM, Stop::All);
     raise(libc::SIGTERM);
     stop::release();
@@ -123,7 +123,7 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
     assert_eq!(ticks(&mut guarded, 300), 0.0);
     stop::begin_again();
     assert_eq!(ticks(&mut guarded, 300), 1.0);
-    // One that nobody has handled yet is seen by whoever leaves it to others.
+    // A pending signal is seen by a thread that leaves signals to others.
     watch(libc::SIGTERM, Stop::Forces);
     leave_signals();
     raise(libc::SIGTERM);
@@ -132,8 +132,8 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
     assert!(stop::has_let_go());
     assert_eq!(ticks(&mut guarded, 1), 0.0);
     stop::begin_again();
-    // Without a handler of its own an ignored signal is left alone.
-    // SAFETY: it only ignores.
+    // An ignored signal is left alone.
+    // SAFETY: the call only ignores the signal.
     unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };
     watch(libc::SIGHUP, Stop::All);
     raise(libc::SIGHUP);

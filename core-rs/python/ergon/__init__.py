@@ -1,13 +1,14 @@
 """Ergon: write the gesture, hear the matter.
 
 `check`, `plan`, `modes`, `tune`, `admittance`, `stats`, `render`, `render_to_file` and `freeze`
-take the path of a score, and options; `open_session` plays one while it is changed; `fold_file`
-makes of a file for many loudspeakers one for other ears; `take_stats` says what hands did in a
-recording, `bell` finds the modes of what was struck, `sweep` renders variants of a score. Whatever is refused is an `ErgonError`. The
-page docs/library.md shows each.
+take the path of a score, and options. `open_session` plays a score that is changed while it
+plays; `fold_file` converts a sound file to other channels (headphones, stereo, Ambisonics,
+another room); `take_stats` measures the hands of a recording; `bell` finds the modes of a struck
+object; `sweep` renders variants of a score. All errors are an `ErgonError`. The page
+docs/library.md shows each.
 """
 
-TYPE_CHECKING = False  # as `typing` has it, which would have to be imported
+TYPE_CHECKING = False  # as in `typing`, which need not be imported
 if TYPE_CHECKING:
     from ergon._core import PlanRow
     from ergon.api.admittance import Admittance, AdmittanceOptions, admittance
@@ -112,7 +113,7 @@ __all__ = [
     "tune",
 ]
 
-# Where each is found when it is asked for: `ergon --help` needs none of them.
+# The module of each name, imported at first use: `ergon --help` needs none of them.
 _PLACES = {
     "AccuracyOptions": "api.options",
     "Admittance": "api.admittance",

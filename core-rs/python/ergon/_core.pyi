@@ -1,10 +1,11 @@
 """The compiled core: everything that turns values into samples.
 
-Sizes: n_mat MATs, n_lia LIAs, n_out outputs, n_frames frames, n_channels loudspeakers.
-SI units throughout: metres, seconds, kilograms, newtons, newton-seconds, joules, hertz.
-Whatever computes for long raises StoppedError within a Work that ends, and what a signal's handler
-raises. An array of another shape or type raises TypeError or ValueError, an index that does not
-exist EngineError.
+Sizes: n_mat MATs, n_lia LIAs, n_out outputs, n_frames frames, n_channels loudspeakers. SI units
+throughout: metres, seconds, kilograms, newtons, newton-seconds, joules, hertz.
+
+A long computation raises StoppedError if the limit of a `Work` is reached, and whatever a
+signal's handler raises. An array of the wrong shape or type raises TypeError or ValueError, an
+index that does not exist EngineError.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,24 +17,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 __version__: str
-GRID: int  # events that a plan has to foresee begin at multiples of this many frames
-FORCE_FALL_TIME: float  # a force begins to fall this long before a stiffer piece takes over [s]
-FORCE_SCALE_MIN: float  # least part of the piece's force that a hand is played with (0 to 1)
-MAX_MODAL: int  # modes that a MODES may have
-MAX_PLACES: int  # places that a MODES may have
+GRID: int  # changes that a plan must foresee begin at multiples of this many frames
+FORCE_FALL_TIME: float  # the force begins to fall this long before a stiffer piece acts [s]
+FORCE_SCALE_MIN: float  # smallest factor of the piece's force that a hand may get (0 to 1)
+MAX_MODAL: int  # most modes of a MODES
+MAX_PLACES: int  # most places of a MODES
 
 _Floats = NDArray[np.float64]
 _LinkFactor = tuple[int, float]  # (LIA, factor of its force)
 _NativeLaw = tuple[int, int]  # (index in Network.laws(), address of its machine code)
 
 class Range(NamedTuple):
-    """The lowest and the highest of some positions, [m] or [rad]."""
+    """Lowest and highest of some positions, [m] or [rad]."""
 
     low: float
     high: float
 
 class Impulse(NamedTuple):
-    """What a strike brings to a MAT [N·s], and when [s]."""
+    """Impulse of a strike on a MAT [N·s], and its time [s]."""
 
     at: float
     impulse: float
@@ -41,8 +42,8 @@ class Impulse(NamedTuple):
 class EngineError(ValueError):
     """An argument, network, law or timeline that the core refuses."""
 
-    module: str | None  # as the composer wrote it, e.g. `bell.m`; or an argument, e.g. `trim`
-    refusals: list[EngineError]  # each by itself, where several modules are refused; else none
+    module: str | None  # as written in the score, e.g. `bell.m`; or an argument, e.g. `trim`
+    refusals: list[EngineError]  # one for each module, if several are refused; else empty
 
 class UnstableError(EngineError):
     """The scheme would diverge at this rate; `module` moves most in the unstable mode."""
@@ -88,7 +89,9 @@ class Work:
         """End: computations of this thread no longer stop for this limit."""
 
 def poll() -> None:
-    """Raise StoppedError if this thread is within a Work that ends; for long loops in Python."""
+    """Raise StoppedError if this thread is within a Work that ends; for long loops in Python, which
+    Ctrl-C interrupts by itself.
+    """
 
 # --- arithmetic whose last bit does not depend on the machine -----------------------------------
 
@@ -118,7 +121,8 @@ def path_values(
 ) -> list[float]:
     """Values at instants [s] of the path through points (t [s], x, the way to the point).
 
-    It is the path of a written gesture. Raises EngineError where the points do not rise.
+    The path is that of a written gesture. Raises EngineError if the times of the points do not
+    rise.
     """
 
 def key_path(
@@ -129,17 +133,20 @@ def key_path(
     columns: Sequence[int] | None = None,
     steps: int | None = None,
 ) -> tuple[_Floats, _Floats]:
-    """Path (n,) [m] of a real key under forces (n,) [N], and the derivatives of the path (n, columns).
+    """Path (n,) [m] of a real key under forces (n,) [N], and the derivatives of the path (n,
+    columns).
 
-    `rate` is that of the ticks [Hz]: force k is held for a tick from k/rate + delay on, path k is the
-    position at k/rate; the key begins at rest. `parameters` (10 + 3·modes,) are, in this order: mass
-    [kg], stiffness [N/m], damping [N·s/m], weight [N] (a constant force towards negative positions),
-    dry friction [N], start [m], delay [s], presliding stiffness [N/m] (zero: a resting key is held
-    rigidly), static dry friction [N] and its speed [m/s] (zero: none), then for each mode mass [kg],
-    frequency [Hz] and damping ratio. The mass is that without the modes. `columns`: the indices of
-    the parameters with respect to which the path is differentiated, all where None, at most 32.
-    `steps`: steps of a tick, those of 44.1 kHz where None.
-    Raises EngineError where there is no such key, or where it is too fast for its steps.
+    `rate` [Hz] is that of the ticks: force k is held for one tick from k/rate + delay on, and
+    path k is the position at k/rate; the key begins at rest. `parameters` (10 + 3·modes,) are,
+    in this order: mass [kg], stiffness [N/m], damping [N·s/m], weight [N] (a constant force
+    towards negative positions), dry friction [N], start [m], delay [s], presliding stiffness
+    [N/m] (zero: a resting key is held rigidly), static dry friction [N] and its speed [m/s]
+    (zero: none), then for each mode mass [kg], frequency [Hz] and damping ratio. The first mass
+    does not include the modes.
+
+    `columns`: the indices of the parameters with respect to which the path is differentiated, at
+    most 32; None: all. `steps`: steps of a tick; None: those of 44.1 kHz. Raises EngineError if
+    the parameters are impossible, or if the key is too fast for its steps.
     """
 
 def key_force_derivatives(
@@ -150,14 +157,17 @@ def key_force_derivatives(
     *,
     steps: int | None = None,
 ) -> _Floats:
-    """Derivatives [m/N] of the path of `key_path` with respect to the forces of some ticks, (n, ticks).
+    """Derivatives [m/N] of the path of `key_path` with respect to the forces of some ticks, (n,
+    ticks).
 
-    `ticks` rise. Raises EngineError as `key_path` does, and for a tick that there is not.
+    `ticks` rise. Raises EngineError as `key_path` does, and for a tick that does not exist.
     """
 
 @final
 class Chance:
-    """Random numbers: PCG64 keyed by SHA-256 of all arguments, so that no stream depends on another."""
+    """Random numbers: PCG64 keyed by SHA-256 of all arguments, so that no stream depends on
+    another.
+    """
 
     def __new__(cls, seed: int, kind: str, name: str, member: int, occurrence: int) -> Self: ...
     def uniform(self, low: float, high: float) -> float:
@@ -220,16 +230,17 @@ class Law:
         out: NDArray[np.float64],
         times: int = 1,
     ) -> None:
-        """Write forces [N] for d [m] and v [m/s] into `out`, all (n_links,); computed `times` times.
+        """Write forces [N] for d [m] and v [m/s] into `out`, all (n_links,); computed `times`
+        times.
 
-        Raises ValueError where the lengths differ.
+        Raises ValueError if the lengths differ.
         """
     def rows(self) -> list[LawRow] | None:
         """The operations, in order; None for `points`."""
     def native(self, address: int) -> Law:
         """The same law, computed by native code of its rows at `address`.
 
-        Raises ValueError where the law has no rows.
+        Raises ValueError if the law has no rows.
         """
     def potential(self, d: float) -> float:
         """Stored energy [J] at elongation d [m]; zero at d = 0."""
@@ -261,10 +272,10 @@ class Place(NamedTuple):
     y: float
 
 class LookRun(NamedTuple):
-    """Points of one kind in a row, and the name of their part.
+    """A run of points of one kind, and the name of their part.
 
-    `why` is why they are not computed; `modes` of a modal part are the first mode, how many are
-    looked at, and of how many.
+    `why` is the reason why the points are not computed. For a modal part, `modes` are its first
+    mode, how many modes are looked at, and how many are computed.
     """
 
     part: str
@@ -297,10 +308,11 @@ class Mode(NamedTuple):
 class PartModes(NamedTuple):
     """Modes of a part, from low to high.
 
-    `poles` (n_modes,) are s of e^(st) [1/s]; `shapes` (n_modes, n_masses) say how each mass moves,
-    of xᵀ(2sM + Z)x = 2i·Im s [kg^-1/2]; `mats` (n_masses,) are the indices of the masses.
-    `is_certified`: the inertia of the stiffness matrix says that none is missing, damping apart.
-    `n_laws` links were taken at their slope at rest, `n_contacts` as open.
+    `poles` (n_modes,) are s of e^(st) [1/s]; `shapes` (n_modes, n_masses) are the motions x of
+    the masses, normalised by xᵀ(2sM + Z)x = 2i·Im s [kg^-1/2]; `mats` (n_masses,) are the
+    indices of the masses. `is_certified`: the inertia of the stiffness matrix proves that no
+    undamped mode is missing. `n_laws` links were taken at their slope at rest, `n_contacts` as
+    open.
     """
 
     poles: NDArray[np.complex128]
@@ -313,11 +325,12 @@ class PartModes(NamedTuple):
 class Elements(NamedTuple):
     """The masses and links of some parts by themselves, laws at their slope at rest.
 
-    `mats` (n_masses,) are the indices of the masses, `masses` (n_masses,) are in kg. Of each link
-    `kinds` (n_links,) is CEL (a tie to the ground), RES, FRO, REF, BUT, LNL, BRISTLE or DRY, `a` and `b`
-    (n_links,) are the slots of its ends among the masses, -1 where it is held, `stiffness` (n_links,)
-    is in N/m and `damping` (n_links,) in N·s/m; those of a BUT hold while it is closed. `n_held`
-    points are fixed or imposed. `ca_rate` [Hz] is the rate of a part with algorithmic values.
+    `mats` (n_masses,) are the indices of the masses, `masses` (n_masses,) are in kg. For each
+    link, `kinds` (n_links,) is CEL (a tie to the ground), RES, FRO, REF, BUT, LNL, BRISTLE, DRY
+    or SPACE, `a` and `b` (n_links,) are the slots of its ends among the masses, -1 for an end
+    that is held, `stiffness` (n_links,) is in N/m and `damping` (n_links,) in N·s/m; those of a
+    BUT hold while it is closed. `n_held` points are fixed or imposed. `ca_rate` [Hz] is the rate
+    of a part with algorithmic values.
     """
 
     mats: list[int]
@@ -342,17 +355,18 @@ class ReachableNetwork:
     def response(self, tick_frames: int, ticks: tuple[int, int]) -> _Floats | None:
         """Force against the hand [N/m] in each tick after it was 1 m away for one tick, (n_ticks,).
 
-        A tick has `tick_frames` frames; `ticks` are the least and the greatest n_ticks. None where the
-        linear network diverges by itself. Raises EngineError.
+        A tick has `tick_frames` frames; `ticks` are the least and the greatest n_ticks. None if
+        the linear network diverges by itself. Raises EngineError.
         """
 
 @final
 class Network:
     """MATs and LIAs with SI parameters, grouped into named parts.
 
-    Every adding method returns the index of the (first) module that it made, and raises EngineError
-    for impossible numbers. Names are local: module `m` of part `bell` is reported as `bell.m`,
-    member i of a generator as `bell.string.i`; a module named "" has the name of its part.
+    Every adding method returns the index of the (first) module that it made, and raises
+    EngineError for impossible numbers. Names are local: module `m` of part `bell` is reported as
+    `bell.m`, member i of a generator as `bell.string.i`; a module named "" has the name of its
+    part.
     """
 
     def __new__(cls) -> Self: ...
@@ -364,9 +378,9 @@ class Network:
     ) -> None:
         """Start a part (an instrument, a key): modules added from now on belong to it.
 
-        With `ca_rate` [Hz] its numbers are the algorithmic M, K, Z of the discrete network at that
-        rate, as in GENESIS. With `macrostep` a plan may compute the part's own springs only once in
-        so many frames (method E4). Raises EngineError.
+        With `ca_rate` [Hz] its numbers are the algorithmic M, K, Z of the discrete network at
+        that rate, as in GENESIS. With `macrostep` a plan may compute the part's own springs only
+        once in this many frames (method E4). Raises EngineError.
         """
     def reachable_network(
         self,
@@ -381,9 +395,9 @@ class Network:
     ) -> ReachableNetwork:
         """The part of the network that a hand on a MAT can move, at `rate` [Hz].
 
-        Every contact is closed, and every law is the stiffest spring that it is within `depth` [m].
-        `held`: MATs that other hands hold; `without`: LIAs that do not act. `ties` and `factors`
-        replace the network's own values during a glide.
+        The part is at rest, every contact is closed, and every law is replaced by the stiffest
+        spring that it is within `depth` [m]. `held`: MATs that other hands hold; `without`: LIAs
+        that do not act. `ties` and `factors` replace the network's own values during a glide.
         Raises EngineError.
         """
     def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> int:
@@ -418,7 +432,9 @@ class Network:
         A force on it is divided among them by the same shares. Raises EngineError.
         """
     def shares(self, index: int) -> list[tuple[int, float]]:
-        """The masses of a proxy (index, share) where all MATs begin; none of another MAT."""
+        """The masses of a proxy, each (index, share), with all MATs at their initial positions;
+        empty for another MAT.
+        """
     def moving_proxy(
         self,
         name: str,
@@ -428,9 +444,10 @@ class Network:
     ) -> int:
         """A massless point on rows of MATs, linear between neighbours.
 
-        `along` is where it is among the rows and within a row: (None, place, 1.0) in MATs from the
-        first, or (index, offset [m], span [m]) for (x + offset)/span of the way from the first to
-        the last, x the position of that MAT. Raises EngineError.
+        `along` is its place among the rows and its place within a row, counted in MATs from the
+        first. Each is either (None, place, 1.0), a fixed place, or (index, offset [m], span
+        [m]): the point is (x + offset)/span of the way from the first to the last MAT, where x
+        is the position of the MAT `index`. Raises EngineError.
         """
     def string(
         self,
@@ -448,11 +465,14 @@ class Network:
         hardening: float = 0.0,
         stretching: float = 0.0,
     ) -> int:
-        """`masses` MAS in a row of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s].
+        """`masses` MAS in a row of total mass M [kg], whose lowest vibrating mode has f [Hz] and
+        t60 [s].
 
-        `stretching` is q of q·S·d [N/m³] on every link, S the sum of the squares of all elongations. `t60` may be (f [Hz], t60 [s]) of two modes or more, within 1 %.
-        With `inharmonicity` B (which takes the place of `stiffness`) its first 20 partials are
-        f·n·√((1 + B·n²)/(1 + B)), within 1 cent. `K` and `Z` of each link may stand for `f` and `t60`.
+        `t60` may also be pairs (f [Hz], t60 [s]) of two modes or more, which are met within 1 %.
+        `K` and `Z` of each link may be given instead of `f` and `t60`. With `inharmonicity` B
+        (instead of `stiffness`) the first 20 partials are f·n·√((1 + B·n²)/(1 + B)), within 1
+        cent. `stretching` is q [N/m³] of a force q·S·d on every link, where S is the sum of the
+        squares of all elongations d.
         """
     def plate(
         self,
@@ -470,12 +490,13 @@ class Network:
         bending: float | None = None,
         hardening: float = 0.0,
     ) -> int:
-        """A mesh of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s].
+        """A mesh of total mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s].
 
-        `hex` and `disc` have `radius` rings around the centre, `square` has 2·radius+1 masses a side, a rectangle has
-        `sides` (across, up). `bending` is Poisson's ratio of a plate that resists curvature, on a rim that is free, or
-        held at rest and free to turn. `t60` may be (f [Hz], t60 [s]) of two modes or more,
-        within 1 %. `K` and `Z` of each link may stand for `f` and `t60`.
+        `hex` and `disc` have `radius` rings around the centre, `square` has 2·radius+1 masses a
+        side, a rectangle has `sides` (across, up). With `bending`, Poisson's ratio, the plate
+        resists curvature; its rim is free, or held at rest and free to turn. `t60` may also be
+        pairs (f [Hz], t60 [s]) of two modes or more, which are met within 1 %. `K` and `Z` of
+        each link may be given instead of `f` and `t60`.
         """
     def points(
         self,
@@ -490,14 +511,15 @@ class Network:
     ) -> int:
         """Points in space of mass M [kg] each, 0 for fixed ones; the index of the first MAT.
 
-        X0 [m] and V0 [m/s] are (axes · n,), axis by axis, as the coordinates are: that of point i
-        along axis j is MAT first + j · n + i. `Z` [N·s/m] is the viscosity around each. Coordinates
-        are named NAME.3.x, of a single point that is not `numbered` NAME.x. Raises EngineError.
+        X0 [m] and V0 [m/s] are (axes · n,), axis by axis, in the order of the MATs: the
+        coordinate of point i along axis j is MAT first + j · n + i. `Z` [N·s/m] is the viscosity
+        of the surroundings at each point. Coordinates are named NAME.3.x, or NAME.x for a single
+        point that is not `numbered`. Raises EngineError.
         """
     def weigh(self, first: int, count: int, g: float) -> None:
         """Let gravity g [m/s²] act along the axis of `count` MATs from `first` on.
 
-        Raises EngineError where g is not finite.
+        Raises EngineError if g is not finite.
         """
     def distance(self, a: Sequence[int], b: Sequence[int]) -> float:
         """Distance [m] of two points in space at the beginning; each is the MATs of its axes."""
@@ -515,10 +537,11 @@ class Network:
         breaks: float | None = None,
         core: float | None = None,
     ) -> int:
-        """Springs K [N/m] and dampers Z [N·s/m] along the distance of points; the first LIA's index.
+        """Springs K [N/m] and dampers Z [N·s/m] along the distance of points; the first LIA's
+        index.
 
-        They join `count` pairs of points that follow one another, have no force at a distance of
-        `rest` [m], and begin with the ends a and b, each the MATs of its axes. Beyond the force
+        They join `count` pairs of consecutive points, of which the first is a and b, each the
+        MATs of its axes, and have no force at a distance of `rest` [m]. Beyond the force
         `yields` [N] the rest length follows; `breaks` [m] longer than `rest` a link breaks for
         good. Beyond `core` [m] the force falls as that of masses that attract each other; such
         links neither yield nor break. Raises EngineError.
@@ -538,16 +561,16 @@ class Network:
         cohesion: float | None = None,
         reach: float = 0.0,
     ) -> int:
-        """Contacts of points nearer than `gap` [m]; ends and result as `space_ref` has them.
+        """Contacts of points nearer than `gap` [m]; ends, `count` and result as for `space_ref`.
 
-        They push by K·p^exponent + Z·dp/dt at depth p [m]; with `clamp` that never pulls. With
-        `cohesion` [N] they pull by that as well, evenly less and less until they are `reach` [m]
-        farther apart than `gap`.
+        They push by K·p^exponent + Z·dp/dt at depth p [m]; with `clamp` this force never pulls.
+        With `cohesion` [N] they also pull by that force, which falls linearly to zero until the
+        ends are `reach` [m] farther apart than `gap`.
         """
     def gauge(self, name: str, a: Sequence[int], b: Sequence[int]) -> int:
-        """A link between two points in space that does nothing, to listen to its length; its index.
+        """A link between two points in space without force, to listen to its length; its index.
 
-        Ends are those of `space_ref`. Raises EngineError where they cannot be joined.
+        Ends as for `space_ref`. Raises EngineError if they cannot be joined.
         """
     def pairwise(
         self,
@@ -568,15 +591,18 @@ class Network:
         cohesion: float | None = None,
         reach: float = 0.0,
     ) -> int:
-        """Contacts between all points of two groups; the index of the first, one for each of `b`.
+        """Contacts between all points of two groups; the index of the first LIA, of which there is
+        one for each point of `b`.
 
-        A group is the MATs of its first point's axes, and its count; the same group twice: between
-        all its points. The second is not smaller than the first. They push as `space_but` does, where the distance
-        is below `gap` [m]; `inside`: above it; with `normal`, (3,) and of length 1, where `b` is
-        less than `gap` above the plane through the point of `a`; with `surface`, its corners (n, 3)
-        [m] from the point of `a` and its triangles (n, 3), where `b` is nearer than `gap` to these. `friction` is the coefficient of dry
-        friction across a contact. With `core` [m] they attract each other as those of `space_ref`,
-        and have no gap. Raises EngineError.
+        A group is the MATs of its first point's axes, and its count; with the same group twice,
+        contacts are between all its points. Group `b` must not be smaller than `a`. Contacts
+        push as those of `space_but` do, at distances below `gap` [m]; with `inside`, above it;
+        with `normal`, (3,) and of length 1, when `b` is less than `gap` above the plane through
+        the point of `a`; with `surface`, its corners (n, 3) [m] from the point of `a` and its
+        triangles (n, 3), when `b` is nearer than `gap` to a triangle. `friction` is the
+        coefficient of dry friction across a contact. With `core` [m] the points attract each
+        other as those of `space_ref`, and have no gap. `cohesion` and `reach` are as for
+        `space_but`. Raises EngineError.
         """
     def bank(
         self,
@@ -591,11 +617,12 @@ class Network:
         hole: float = 0.3,
         seed: int = 0,
     ) -> int:
-        """`count` CELs of whole mass M [kg], with frequencies between the two `f` [Hz] by logarithm.
+        """`count` CELs of total mass M [kg], with frequencies between the two `f` [Hz], spaced by
+        logarithm.
 
-        When even, t60 [s] goes from the second value at the lowest f to the first at the highest;
-        when random, f and t60 are drawn with `seed`. `hole` is the radius of the highest f over
-        that of the lowest, in a galaxy.
+        With an even `spread`, t60 [s] goes from the second value at the lowest f to the first at
+        the highest; with a random one, f and t60 are drawn with `seed`. In a galaxy, `hole` is
+        the radius of the highest f over that of the lowest.
         """
     def cells(
         self,
@@ -622,7 +649,7 @@ class Network:
     def highest_mode(self, first: int) -> float:
         """Frequency [Hz] of the highest mode of the STRING or PLATE that begins at index `first`.
 
-        It is that of the body by itself, without losses.
+        The body is taken by itself, without losses.
         """
     def count(self, first: int) -> int:
         """Number of MATs of the module that begins at index `first`: 1, or those of a generator."""
@@ -675,9 +702,9 @@ class Network:
     ) -> int:
         """A friction with memory between MATs a and b; the LIA's index.
 
-        Bristles of stiffness sigma0 [N/m] and damping sigma1 [N·s/m] slip at Fc [N], at Fs [N]
-        where they slide more slowly than `vs` [m/s]; sigma2 [N·s/m] is viscosity. `Fs` is Fc
-        where it is None.
+        Bristles of stiffness sigma0 [N/m] and damping sigma1 [N·s/m] slip at Fc [N], or at Fs
+        [N] while they slide more slowly than `vs` [m/s]; sigma2 [N·s/m] is viscosity. `Fs` None:
+        Fc.
         """
     def dry(
         self,
@@ -691,9 +718,9 @@ class Network:
     ) -> int:
         """Dry friction between MATs a and b that holds rigidly; the LIA's index.
 
-        It gives F [N] against the velocity while they slide, and up to its level against what would
-        set them off. The level is `static_level` [N] near rest, F where that is None, and has
-        fallen most of the way to F at `speed` [m/s].
+        While the MATs slide, it gives F [N] against the velocity. While they stick, it gives up
+        to its level against the force that would set them off. The level is `static_level` [N]
+        near rest (None: F), and has fallen most of the way to F at `speed` [m/s].
         """
     def space_lnl(
         self, name: str, a: Sequence[int], b: Sequence[int], law: Law, rest: float
@@ -715,14 +742,17 @@ class Network:
     ) -> int:
         """A link with a law some of whose constants follow MATs; the LIA's index.
 
-        Each of `follows` is a constant and (index, offset [m], span [m], from, to): its value goes
-        from one to the other while the MAT goes from -offset to a span farther on, and stays at
-        them beyond. Raises EngineError.
+        Each of `follows` is the name of a constant and (index, offset [m], span [m], from, to):
+        the value is `from` while the MAT `index` is at -offset or before, changes linearly to
+        `to` over the next `span`, and stays there beyond. Raises EngineError.
         """
     def laws(self) -> list[LawUse]:
         """Every different law that has rows, and how many links have it."""
     def native(self, entries: Sequence[_NativeLaw]) -> None:
-        """Compute laws by native code. Raises IndexError."""
+        """Compute laws by native code: each entry is (index in `laws`, address of the code).
+
+        Raises IndexError.
+        """
     def impose(self, index: int) -> None:
         """Impose the MAT's position (ENX): Timeline.drive says where it goes."""
     def listen(
@@ -735,19 +765,19 @@ class Network:
         lengths: Sequence[ModuleRange | tuple[int, int, float]] = ...,
         order: int = ...,
     ) -> int:
-        """An output; its index.
+        """An output: a weighted sum over modules, differentiated `order` times by time; its index.
 
-        It is differentiated `order` times by time: 0, 1 (speed, 7.5 frames late) or 2 (acceleration, 8 frames late).
-
-        The output is the sum of weight · position [m] of MATs, weight · force [N] of LIAs on their
-        second point, weight · K·(x - rest) [N] of CELs, and weight · length [m] of LIAs in space.
+        The sum is of weight · position [m] of MATs, weight · force [N] of LIAs on their second
+        point, weight · K·(x - rest) [N] of CELs, and weight · length [m] of LIAs in space. Order
+        0 is the sum itself, 1 its speed (7.5 frames late), 2 its acceleration (8 frames late).
         """
     def name_of(self, index: int) -> str:
         """The name of a MAT as in the score, e.g. `gong.12`."""
     def elements(self, parts: Sequence[str]) -> Elements:
-        """The masses and links of some parts, with the links between them and without those to others.
+        """The masses and links of some parts, with the links between them and without those to
+        others.
 
-        Raises EngineError where no part has a name.
+        Raises EngineError if a part does not exist.
         """
     def admittance(
         self,
@@ -758,10 +788,10 @@ class Network:
     ) -> NDArray[np.complex128]:
         """Velocity of each of `heard` over a force at `forced`, (n_heard, n_frequencies) [(m/s)/N].
 
-        A point is one or more masses: each gets the force, and their velocities are added up. The
-        parts are taken by themselves, contacts open, laws at their slope at rest. Infinite at a
-        pole that nothing damps. Raises EngineError where no part has a name, or a frequency [Hz]
-        is not above 0.
+        A point is one or more masses: each gets the force, and their velocities are added up.
+        The parts are taken by themselves, contacts open, laws at their slope at rest. Infinite
+        at the frequency of an undamped mode. Raises EngineError if a part does not exist, or if
+        a frequency [Hz] is not above 0.
         """
     def undifferentiated(self) -> Network:
         """The same network with positions in place of each SOV and SOA."""
@@ -771,7 +801,7 @@ class Network:
         """The lowest modes of a part, whatever its damping, as `part_modes` finds them.
 
         A mode beyond critical damping has f 0 and the T60 of its slower pole. Raises EngineError
-        where no part has this name.
+        if the part does not exist.
         """
     def part_modes(
         self,
@@ -781,15 +811,19 @@ class Network:
         to: float | None = None,
         around: float | None = None,
     ) -> PartModes:
-        """Modes of a part: the lowest `count`, all up to `to` [Hz], or `count` next to `around` [Hz].
+        """Modes of a part: the lowest `count`, all up to `to` [Hz], or `count` next to `around`
+        [Hz].
 
         The part is taken without its links to other parts, its contacts open, its laws at their
-        slope at rest. Raises EngineError where no part has this name, or memory holds no so many.
+        slope at rest. Raises EngineError if the part does not exist, or if there are too many
+        modes for the memory.
         """
 
 @final
 class Certificate:
-    """That the scheme is stable: λmax(M⁻¹(K+2Z)) < 4, all contacts closed, laws by their slope at rest."""
+    """A stability certificate of the scheme: λmax(M⁻¹(K+2Z)) < 4, all contacts closed, laws by
+    their slope at rest.
+    """
 
     lambda_max: float
     method: Literal["gershgorin", "dense", "lanczos"]
@@ -845,9 +879,9 @@ class Recording:
     """The movement of live hands, tick by tick; sizes: n_ticks rows, n_axes axes.
 
     `rate` [Hz] is that of the sound and a tick has `frames` frames: row k was used from frame
-    ticks[k]·frames on. `about` is JSON from the recording program. In a
-    recording made by this constructor forces and flags are zero. Raises EngineError where ticks do
-    not rise or positions are not (n_ticks, n_axes).
+    ticks[k]·frames on. `about` is JSON from the recording program. In a recording made by this
+    constructor forces and flags are zero. Raises EngineError if ticks do not rise or positions
+    are not (n_ticks, n_axes).
     """
 
     def __new__(
@@ -862,11 +896,11 @@ class Recording:
     rate: float
     frames: int
     axes: list[RecordedAxis]
-    names: list[str]  # of each axis, one that no other has
+    names: list[str]  # of the axes, all different
     about: str
     events: list[RecordedEvent]
     duration: float  # from the first tick to the end of the last [s]
-    dropped: int  # rows and events that found no room while recording
+    dropped: int  # rows and events that did not fit into the buffer while recording
     lost_bytes: int
     whole: bool  # nothing of the file is lost
     finished: bool  # the recorder came to its end
@@ -889,15 +923,16 @@ class Recording:
         """The bytes of a complete `.take` file. Raises EngineError."""
 
 def read_recording(path: str | PathLike[str], span: tuple[int, int] | None = None) -> Recording:
-    """Read the undamaged rows of a `.take` file; `span` keeps ticks from..to after the first row.
+    """Read the undamaged rows of a `.take` file; `span` (from, to) keeps these ticks, counted from
+    the first row.
 
-    Raises OSError, and EngineError where the file is not a recording or has more than 20,000,000
+    Raises OSError, and EngineError if the file is not a recording or has more than 20,000,000
     rows · axes.
     """
 
 @final
 class Motion:
-    """A `.motion` file, as far as it is whole."""
+    """A `.motion` file, up to its last whole chunk."""
 
     manifest: str  # JSON
     is_whole: bool
@@ -905,21 +940,21 @@ class Motion:
     duration: float
     names: list[str]
     def places(self) -> _Floats:
-        """x, y, z and rest of each point [m], (n_points, 4)."""
+        """x, y, z and rest position of each point [m], (n_points, 4)."""
     def chunks(self) -> list[MotionChunk]:
         """All whole chunks."""
     def payload(self, chunk: int) -> bytes:
-        """The payload of a chunk. Raises EngineError where there is none."""
+        """The payload of a chunk. Raises EngineError if the chunk does not exist."""
     def displacements(self, instants: Sequence[float]) -> _Floats:
         """Displacements of all points [m] at rising instants [s], (n_instants, n_points).
 
-        NaN where nothing is known. Raises EngineError where the file is damaged.
+        NaN at instants without data. Raises EngineError if the file is damaged.
         """
 
 def read_motion(path: str | PathLike[str]) -> Motion:
-    """Read what is whole of a `.motion` file.
+    """Read a `.motion` file up to its last whole chunk.
 
-    Raises OSError, and EngineError where manifest or tables are not whole.
+    Raises OSError, and EngineError if the manifest or a table is not whole.
     """
 
 # --- what will happen ---------------------------------------------------------------------------
@@ -928,8 +963,9 @@ def read_motion(path: str | PathLike[str]) -> Motion:
 class Timeline:
     """All events of a piece, by sample index.
 
-    It keeps a copy of the network, which must be complete. Methods raise EngineError for arguments
-    that are impossible or that do not exist, gesture, take and strike also StoppedError.
+    It keeps a copy of the network, which must be complete. Methods raise EngineError for
+    arguments that are impossible or that do not exist; gesture, take and strike also raise
+    StoppedError.
     """
 
     def __new__(cls, network: Network, rate: float) -> Self: ...
@@ -1018,38 +1054,45 @@ class Timeline:
     def fade(
         self, link: int, before: float, after: float, start: float, stop: float, *, n: int = 1
     ) -> None:
-        """Scale the force of `n` LIAs from `link` on: by `before` until `start` [s], by `after` from
-        `stop` [s] on, linearly between, on multiples of GRID frames.
+        """Scale the force of `n` LIAs from `link` on: by `before` until `start` [s], by `after`
+        from `stop` [s] on, linearly between, on multiples of GRID frames.
 
         The LIAs must be whole runs. A spring whose K and Z change in one ratio fades as
-        fade(link, K_old / K, 1, ...). A gesture's key has no LIA that ends at 0.
+        fade(link, K_old / K, 1, ...). Gestures are computed for their key without the LIAs whose
+        `after` is 0.
         """
     def glide(self, mat: int, k: float, z: float, m: float, start: float, stop: float) -> None:
         """Give a MAT K [N/m], Z [N·s/m] and M [kg] until `start` [s], and the network's own from
-        `stop` [s] on, linearly between, on multiples of GRID frames. The MAT is stepped.
+        `stop` [s] on, linearly between, on multiples of GRID frames.
+
+        The MAT is stepped.
         """
     def retune(self, mat: int, points: Sequence[tuple[float, float, float]], *, n: int = 1) -> None:
         """Let `n` CELs from `mat` on go through points (t [s], square of the factor of their
-        frequencies, factor of their decay rates), which rise. They go linearly between points, on
-        multiples of GRID frames, and stay before the first and after the last. Raises EngineError
-        where a MAT is no CEL that swings.
+        frequencies, factor of their decay rates), which rise.
+
+        Values change linearly between points, on multiples of GRID frames, and stay before the
+        first and after the last. Raises EngineError if a MAT is not an oscillating CEL.
         """
     def lead(self, link: int, points: Sequence[tuple[float, float, float]], *, n: int = 1) -> None:
-        """Let K and Z of `n` LIAs from `link` on, whole runs, go through points (t [s], factor of K,
-        factor of Z), which rise. They go linearly between points, on multiples of GRID frames, and
-        stay before the first and after the last. The q of a hardening spring stays. A body whose links
-        are led is stepped. Raises EngineError where a link has no K that can change.
+        """Let K and Z of `n` LIAs from `link` on, whole runs, go through points (t [s], factor of
+        K, factor of Z), which rise.
+
+        Values change linearly between points, on multiples of GRID frames, and stay before the
+        first and after the last. The q of a hardening spring does not change. A body whose links
+        are led is stepped. Raises EngineError if a link has no K that can change.
         """
     def path(self, mat: int, points: Sequence[tuple[float, float, float, float]]) -> None:
-        """Let K [N/m], Z [N·s/m] and M [kg] of a MAT go through points (t [s], K, Z, M), which rise.
+        """Let K [N/m], Z [N·s/m] and M [kg] of a MAT go through points (t [s], K, Z, M), which
+        rise.
 
-        They go linearly between points, on multiples of GRID frames, and stay before the first and
-        after the last one. The MAT is stepped.
+        Values change linearly between points, on multiples of GRID frames, and stay before the
+        first and after the last. The MAT is stepped.
         """
     def strike_point(self, mat: int, point: int) -> None:
         """Let Simulation.strike strike a MAT, which it calls by the number `point`.
 
-        Raises EngineError where the MAT is fixed.
+        Raises EngineError if the MAT is fixed.
         """
     def sound_in(
         self,
@@ -1062,17 +1105,19 @@ class Timeline:
     ) -> int:
         """Declare an input of a sound card; returns its index.
 
-        `channel` counts from 0. Full scale is `gain` [m or N], after a Butterworth high-pass of order
-        2 [Hz]; no value is larger than `clamp` [m or N]. `samples` (n_frames,), full scale 1, at the rate of the
-        timeline: what is heard from frame 0 on where nobody plays. Raises EngineError.
+        `channel` counts from 0. Full scale is `gain` [m or N], after a Butterworth high-pass of
+        order 2 [Hz]; values are clipped to `clamp` [m or N]. `samples` (n_frames,), full scale
+        1, at the rate of the timeline, are heard from frame 0 on if no live sound is given.
+        Raises EngineError.
         """
     def told_in(
         self, number: int, samples: _Floats, *, gain: float, clamp: float, glide: float
     ) -> int:
         """Declare an input that Simulation.tell tells values by its `number`; returns its index.
 
-        Each value is reached evenly within `glide` [s], 60 at most, and held until the next; the
-        rest is as of `sound_in`. Raises EngineError.
+        Each value is reached linearly within `glide` [s], at most 60, and held until the next.
+        `samples` are heard until the first value; the other arguments are as for `sound_in`.
+        Raises EngineError.
         """
     def drive(
         self,
@@ -1086,11 +1131,13 @@ class Timeline:
         scale: float = 1.0,
         own: bool = True,
     ) -> None:
-        """Impose a MAT's position [m] (ENX) or a force on it [N] (ENF): a constant, a take, or an input.
+        """Impose a MAT's position [m] (ENX) or a force on it [N] (ENF): a constant, a take, or an
+        input.
 
-        `sound` is an index that `sound_in` or `told_in` returned: frame n is computed with value n times `scale`.
-        The take begins at `at` [s]; before it its first value holds, after it its last. With `own`
-        the module belongs to the MAT's part, so that the free copy of a key feels it too.
+        `sound` is an index that `sound_in` or `told_in` returned: frame n is computed with value
+        n times `scale`. The take begins at `at` [s]; before that its first value holds, after
+        its end its last. With `own` the drive belongs to the MAT's part, so that the free copy
+        of a key feels it too.
         """
     def hand(
         self,
@@ -1109,7 +1156,7 @@ class Timeline:
 # --- what is computed ---------------------------------------------------------------------------
 
 class TrialRecord(NamedTuple):
-    """What trials of an island took and found."""
+    """Results and cost of the trials of an island."""
 
     numbers: list[float | None]  # finite
     counts: list[list[int]]
@@ -1117,15 +1164,15 @@ class TrialRecord(NamedTuple):
 
 @type_check_only
 class TrialStore(Protocol):
-    """Where records of trials are kept, by keys of 64 hex digits."""
+    """A store of trial records, by keys of 64 hex digits."""
 
     def get(self, key: str, /) -> TrialRecord | None:
-        """The record that was kept under a key."""
+        """The record under a key, or None."""
     def put(self, key: str, record: TrialRecord, /) -> None:
-        """Keep a record, if that can be."""
+        """Keep a record, if possible."""
 
 class ModeCount(NamedTuple):
-    """How many modes of a body are computed, of how many."""
+    """How many modes of a body are computed, and how many it has."""
 
     computed: int
     total: int
@@ -1133,7 +1180,8 @@ class ModeCount(NamedTuple):
 class IslandChoice(NamedTuple):
     """The decisions of a plan on one island.
 
-    `bodies`: of each body its modes or its method, as numbers; contact_substeps is 0 for a bank.
+    `bodies`: for each body its modes or its method, as numbers; contact_substeps is 0 for a
+    bank.
     """
 
     modules: int
@@ -1148,9 +1196,10 @@ class FullRatePart(NamedTuple):
     why: str
 
 class AudibleError(NamedTuple):
-    """What is heard of an error, at its worst: of the strongest partials and of third octaves.
+    """The audible error, at its worst: of the strongest partials and of third octaves.
 
-    `t60` is a part of the T60; `third_octave_db` counts those that the others do not mask.
+    `t60` is relative to the T60; `third_octave_db` counts only third octaves that the others do
+    not mask.
     """
 
     cents: float
@@ -1184,22 +1233,22 @@ class PlanRow:
         "still",
     ]
     modes: ModeCount | None
-    left_out_db: float | None  # the other modes together, relative to all
+    left_out_db: float | None  # level of the modes that are not computed, relative to all
     oversampling: int  # steps in `every` frames
-    every: int  # 1, but for what is only seen
+    every: int  # 1, except for parts that are only seen
     contact_substeps: int  # computations of contacts a step, while they may be closed
-    error_db: float | None  # of the waveform, as a pilot measured it over
-    error_s: float | None  # so many seconds from the start
-    spectral_db: float | None  # chaotic after that: mean difference of third octaves
-    audible: AudibleError | None  # what is heard of it, where pitch is what counts
+    error_db: float | None  # error of the waveform that a pilot measured
+    error_s: float | None  # time from the start over which it was measured [s]
+    spectral_db: float | None  # if chaotic later on: mean difference of third octaves
+    audible: AudibleError | None  # the audible error, if it was judged by pitch
     cost: float  # seconds of work for a second of sound, by the table of costs
     guarantee: Literal["proved", "guarded", "tried"] | None
-    because: str | None  # why it is stepped
-    macrostep: int | None  # frames from one pull of its own springs to the next
-    radius: float | None  # largest eigenvalue of what it and all it touches do from pull to pull
-    preserved: bool  # slow, and not heard: at most -75 dB up to 10 frames, -70 dB up to 20
-    offered: bool  # slow without a rate of its own (a key, what is only seen): it costs less
-    stays: str | None  # parts that have a rate of their own and go at every frame, and why
+    because: str | None  # why it is not computed by a better method
+    macrostep: int | None  # frames between two pulls of its own springs
+    radius: float | None  # largest |eigenvalue| of the map between two pulls, with all it touches
+    preserved: bool  # slow, error at most -75 dB up to 10 frames, -70 dB up to 20
+    offered: bool  # slow by the plan's choice, not by a rate of its own: it costs less
+    stays: str | None  # parts with their own rate that are computed at every frame, and why
     cut_short: bool  # the allowance of work for trials was spent before all were played
 
 @final
@@ -1227,12 +1276,18 @@ class Plan:
         seen: Sequence[str] = ...,
         seen_every: int = 1,
     ) -> Self:
-        """`pins`: the `choices` of an earlier plan of the same score, which are used again;
-        `store`: what trials of earlier plans found, and where new ones are kept: an island whose beginning is as it was then is not
-        tried again, and the plan is the same as without; `like`: a plan of another version, whose modes of unchanged bodies are used
-        again; `share` (0 to 1): the part of the allowance of work that the trials may take. What `store` raises is raised. `seen`: parts that are
-        looked at, which are computed even if nobody hears them; what is heard keeps its samples. `seen_every`: what nobody hears
-        may go once in so many frames."""
+        """Make a plan.
+
+        `pins`: the `choices` of an earlier plan of the same score, which are used again.
+        `store`: results of trials of earlier plans, where new results are kept too. An island
+        whose beginning has not changed is not tried again; the plan is the same as without a
+        store. Exceptions of `store` are raised.
+        `like`: a plan of another version, whose modes of unchanged bodies are used again.
+        `share` (0 to 1): the part of the allowance of work that the trials may take.
+        `seen`: parts that somebody looks at. They are computed even if nobody hears them; the
+        samples that are heard do not change.
+        `seen_every`: parts that nobody hears may be computed once in this many frames.
+        """
 
     @staticmethod
     def with_fine_contacts(network: Network, timeline: Timeline) -> Plan:
@@ -1242,13 +1297,15 @@ class Plan:
     def rows(self) -> list[PlanRow]:
         """The parts of the plan."""
     def seen(self) -> list[PlanRow]:
-        """The parts that are computed because somebody looks at them. The hash says nothing of them."""
+        """The parts that are computed although nobody hears them, because somebody looks at them;
+        `hash` does not include them.
+        """
     def choices(self) -> list[IslandChoice]:
         """The decisions, island by island."""
     def stay(self) -> list[FullRatePart]:
         """The parts with their own rate that are nevertheless computed at every frame."""
     trials: TrialWork
-    hash: str  # of what was decided: 64 hex digits
+    hash: str  # of the decisions: 64 hex digits
 
 # --- what moves ---------------------------------------------------------------------------------
 
@@ -1258,11 +1315,11 @@ class Report:
 
     gesture: int
     n_ergons: int
-    start: float  # first and last instant it ran [s]
+    start: float  # first and last instant at which it ran [s]
     stop: float
     worst: float  # largest |done - asked| on the loaded key [m], and when [s]
     worst_at: float
-    pushed_by: str | None  # the MAT of another part that pushed most then
+    pushed_by: str | None  # the MAT of another part that pushed most at `worst_at`
     compared: int  # frames compared
     rms: float  # [m]
     low: float  # excursion of the free key from the gesture's start to the next one's [m]
@@ -1270,7 +1327,7 @@ class Report:
     strongest: float  # largest velocity step of one ergon [m/s]
     force_max: float  # largest |force| of one ergon [N]
     missed: int  # steps that needed more than force_limit
-    first_point_missed: bool  # it cut an earlier gesture and had to join after its start
+    first_point_missed: bool  # it interrupted an earlier gesture and joined after its first point
 
 @final
 class Energy:
@@ -1282,7 +1339,7 @@ class Energy:
     lost: float
     produced: float
     residual: float
-    flow: float  # Σ|injected|, |lost|, |produced| so far: what residual is compared with
+    flow: float  # start + Σ|injected| + Σ|lost| + Σ|produced|: the scale of the residual
 
 @final
 class MotionLook:
@@ -1299,7 +1356,7 @@ class MotionLook:
 
 @final
 class MotionRecorder:
-    """A simulation on its way into the chunks of a motion file. Changes no sample."""
+    """Writes the motion of a simulation into the chunks of a motion file. Changes no sample."""
 
     def __new__(
         cls,
@@ -1313,21 +1370,24 @@ class MotionRecorder:
         n_speakers: int,
         fps: float,
     ) -> Self:
-        """`manifest`: JSON; `places`: where points stand [m], (n_points, 3); `keys`: the MAT of each
-        key. Raises EngineError where a table would be too long."""
+        """`manifest`: JSON; `places`: places of the points [m], (n_points, 3); `keys`: the MAT of
+        each key.
+
+        Raises EngineError if a table would be too long.
+        """
     next: int
     def look(self, simulation: Simulation) -> None:
-        """Look at the simulation as it is now, which is at frame `next`."""
+        """Record the state of the simulation, which is at frame `next`."""
     def hear(self, mixed: _Floats) -> None:
-        """Take what loudspeakers sound since the last look, (n_frames, n_speakers)."""
+        """Measure the sound of the loudspeakers since the last look, (n_frames, n_speakers)."""
     def take(self) -> bytes:
-        """The bytes that are complete by now, once."""
+        """The bytes that were completed since the last call."""
     def finish(self) -> bytes:
         """The last bytes of the file."""
 
 @final
 class Window:
-    """What pages see of a simulation while it is played. Changes no sample."""
+    """The view of a simulation that pages get while it is played. Changes no sample."""
 
     def __new__(
         cls,
@@ -1341,7 +1401,9 @@ class Window:
         n_speakers: int,
         fps: float,
     ) -> Self:
-        """As MotionRecorder takes them. It is shown once. Raises EngineError where a table would be too long."""
+        """Arguments as for MotionRecorder. A window can be shown once. Raises EngineError if a
+        table would be too long.
+        """
 
 @final
 class Snapshot:
@@ -1357,7 +1419,7 @@ class EnergyGain(NamedTuple):
     """A module whose steps made more energy than a hundredth of what was there."""
 
     name: str
-    frame: int  # by when it was worst
+    frame: int  # frame by which it was worst
     sentence: str
 
 class FinerPart(NamedTuple):
@@ -1388,11 +1450,10 @@ class IslandStretch:
 
 @final
 class Simulation:
-    """Computes a network and its timeline, by a plan or, without one, every module as written.
+    """Computes a network and its timeline by a plan; without a plan, every module as written.
 
-    `ledger` needs a simulation without a plan, `record` one in which no ergon strikes inside a body
-    of the plan. Raises EngineError, UnstableError and
-    StoppedError.
+    `ledger` is only possible without a plan, `record` only if no ergon strikes inside a body of
+    the plan. Raises EngineError, UnstableError and StoppedError.
     """
 
     def __new__(
@@ -1409,7 +1470,8 @@ class Simulation:
         start: int = 0,
     ) -> Self:
         """`start`: the first frame; earlier events are left out, and everything begins at X0 unless
-        `take_over` follows. `unchecked`: run a network that the certificate refuses."""
+        `take_over` follows. `unchecked`: run a network that the certificate refuses.
+        """
     rate: float
     frame: int
     n_out: int
@@ -1419,24 +1481,27 @@ class Simulation:
         Raises DivergedError, StoppedError, and EngineError after a StoppedError.
         """
     def positions(self) -> _Floats:
-        """Positions now [m], (n_mat,); NaN where the plan computes none."""
+        """Positions now [m], (n_mat,); NaN for MATs that the plan does not compute."""
     def velocities(self) -> _Floats:
         """Velocities now [m/s], (n_mat,): backward differences."""
     def asked(self) -> _Floats:
-        """The position that each key's gesture asks for now [m], (n_keys,); NaN while none runs."""
+        """The position that each key's gesture asks for now [m], (n_keys,); NaN for a key without a
+        running gesture.
+        """
     def hold(self, hand: int, x: float, step: float | None = None) -> None:
-        """Set the position x [m] of a real hand from the next tick on, and its last step [m]."""
+        """Set the position x [m] of a real hand from the next tick on, and its movement in the last
+        frame of the tick, `step` [m].
+        """
     def strike(self, point: int, impulse: float) -> bool:
         """Strike a point of Timeline.strike_point by an impulse [N·s] at the next frame.
 
-        Impulses of one frame add up. False where the simulation has no such point. Raises
-        EngineError where the impulse is not finite.
+        Impulses of one frame add up. False if the simulation has no such point. Raises
+        EngineError if the impulse is not finite.
         """
     def tell(self, number: int, value: float) -> bool:
         """Let an input of Timeline.told_in go to a value, full scale 1, from the next frame on.
 
-        False where the simulation has no such input. Raises EngineError where the value is not
-        finite.
+        False if the simulation has no such input. Raises EngineError if the value is not finite.
         """
     def sound_in(self, frames: NDArray[np.float32]) -> None:
         """Give what a sound card hears in the next frames, full scale 1, (n_frames, n_channels).
@@ -1458,7 +1523,7 @@ class Simulation:
     def take_over(self, old: Simulation) -> list[int | None]:
         """Take the state of `old` over, by names; `old` must not be used afterwards.
 
-        An island of the same network continues to the last bit. Returns, for each output of `old`,
+        An island of the same network continues bit for bit. Returns, for each output of `old`,
         the index of the output here. Raises EngineError unless both are at the same frame.
         """
     def snapshot(self) -> Snapshot:
@@ -1471,47 +1536,55 @@ class Simulation:
         """A report of each gesture, by its index."""
     def ergons(self) -> dict[str, NDArray[np.float64]]:
         """Ergons since the last call, with record=True: columns `time` [s], `mat`, `mass` [kg],
-        `speed` [m/s], `impulse` [N·s] and `source`, each (n_ergons,)."""
+        `speed` [m/s], `impulse` [N·s] and `source`, each (n_ergons,).
+        """
     def steps_at_rest(self) -> int:
-        """Steps of islands so far that were not computed, for nothing moved."""
+        """Steps of islands so far that were skipped because nothing moved."""
     def muted(self) -> list[MutedPart]:
         """The parts that were muted, with on_fault="mute"."""
     def gains(self) -> list[EnergyGain]:
-        """Links and meshes that made energy, a single one of many by its own name."""
+        """Links and meshes that made energy; a single one of many is reported by its own name."""
     def finer(self) -> list[FinerPart]:
         """The parts with frames of more than one step."""
     def storable(self) -> list[StorableIsland]:
         """The islands whose stretches can be stored; none with `ledger` or `record`."""
     def island_key(self, island: StorableIsland, start: int, stop: int, before: str) -> str:
-        """A hash of all that an island is a function of from frame 0 to `stop` (64 hex digits).
+        """A hash of everything that determines an island from frame 0 to `stop` (64 hex digits).
 
-        `before` is the one up to frame `start`, empty at 0. It is equal in another version of a
-        score whose events differ only later.
+        `before` is the hash up to frame `start`, empty at 0. The hash is equal in another
+        version of a score whose events differ only later.
         """
     def recall(self, island: StorableIsland, sound: _Floats) -> None:
-        """Take the sound of an island (n_frames · its n_out,) [m or N] from here on instead of
-        computing it; its state stands still. Raises EngineError where `sound` is not contiguous."""
-    def record(self, island: StorableIsland) -> None:
-        """Compute an island from here on, and keep its sound."""
-    def recorded(self, island: StorableIsland) -> IslandStretch:
-        """The sound of an island since `record`, and its state now; no more is kept."""
-    def advance(self, island: StorableIsland, n_frames: int) -> _Floats:
-        """The next frames of one island (n_frames · its n_out,) [m or N], all else standing still.
+        """Use `sound` (n_frames · its n_out,) [m or N] for an island from here on instead of
+        computing it.
 
-        `set_state` says from where, `recorded` the state after them; for a machine that computes
-        some islands of another's simulation. Raises DivergedError and StoppedError.
+        The state of the island stands still. Raises EngineError if `sound` is not contiguous.
+        """
+    def record(self, island: StorableIsland) -> None:
+        """Compute an island from here on, and record its sound."""
+    def recorded(self, island: StorableIsland) -> IslandStretch:
+        """The sound of an island since `record`, and its state now; the recording ends."""
+    def advance(self, island: StorableIsland, n_frames: int) -> _Floats:
+        """The next frames of one island (n_frames · its n_out,) [m or N]; everything else stands
+        still.
+
+        `set_state` sets the state before them, `recorded` returns the state after them. For a
+        machine that computes some islands of another machine's simulation. Raises DivergedError
+        and StoppedError.
         """
     def set_state(self, island: StorableIsland, state: bytes) -> None:
-        """Put an island into the state that an equal one had at this frame, and compute it.
+        """Put an island into the state that an equal island had at this frame, and compute it from
+        here on.
 
-        Raises EngineError where the bytes are not such a state; the simulation is then of no use.
+        Raises EngineError if the bytes are not such a state; the simulation must not be used
+        afterwards.
         """
 
 # --- from outputs to loudspeakers ---------------------------------------------------------------
 
 @final
 class FrozenOutputs:
-    """Samples of outputs that were computed before, which mixers share."""
+    """Samples of outputs that were computed before; mixers share them."""
 
     def __new__(cls, samples: _Floats) -> Self:
         """Copy samples (n_frames, n_out). Raises EngineError."""
@@ -1535,9 +1608,10 @@ class Mixer:
     ) -> None:
         """Add gain · output to a channel or a room (from 0).
 
-        `highpass` [Hz] is a Butterworth of order 2, `delay` in frames, `curve` a gain over the frames of
-        the piece: (frame, ratio, whether it is reached smoothly or evenly), between two points by its level.
-        `set_gain` changes the gain of a `group` of routes. Raises EngineError.
+        `highpass` [Hz] is a Butterworth of order 2, `delay` is in frames, and `curve` is a gain
+        over the frames of the piece: (frame, ratio, whether it is reached smoothly or linearly),
+        between two points by its level in dB. `set_gain` changes the gain of a `group` of
+        routes. Raises EngineError.
         """
     def room(
         self,
@@ -1550,9 +1624,9 @@ class Mixer:
     ) -> int:
         """Add a room that some channels (from 0) hear; its index.
 
-        `size` [m] is the mean way of sound from wall to wall, `t60` are two pairs of frequency [Hz]
-        and decay time [s], the lower frequency first. At gain 1 a click has as much energy in each
-        channel as it had. Raises EngineError.
+        `size` [m] is the mean path of sound from wall to wall, `t60` are two pairs of frequency
+        [Hz] and decay time [s], the lower frequency first. At gain 1 the response to a click has
+        the energy of the click in each channel. Raises EngineError.
         """
     def freeze(self, frozen: FrozenOutputs, outputs: Sequence[int], begins: int) -> None:
         """Add frozen outputs to `outputs` (from 0), one each; their first frame is heard at frame `begins`.
@@ -1560,25 +1634,28 @@ class Mixer:
         Raises EngineError.
         """
     def fade(self, curve: Sequence[tuple[int, float, bool]]) -> None:
-        """Set a gain of all channels over the frames of the piece, as `curve` of a route."""
+        """Set a gain of all channels over the frames of the piece, as the `curve` of a route."""
     def set_gain(self, group: int, gain: float) -> None:
         """Let the gain of a group glide to `gain` in 20 ms, from the next multiple of GRID frames on."""
     def take_over(self, old: Mixer, outputs: Sequence[int | None] | None = None) -> None:
-        """Take the gains and filters of `old` over; `outputs`: what Simulation.take_over returned,
-        where the outputs differ."""
+        """Take the gains and filters of `old` over; `outputs`: for each output of `old` the output
+        here, as Simulation.take_over returns them, if they differ.
+        """
     def process(self, frames: _Floats, mixed: _Floats) -> None:
         """Mix frames (n_frames, n_out) into mixed (n_frames, n_channels). Raises EngineError."""
 
 @final
 class Derivatives:
-    """SOV and SOA of a network, from positions at `rate` [Hz]; before them everything stood still.
+    """SOV and SOA of a network, from positions at `rate` [Hz]; before the first position everything
+    is at rest.
 
     Raises EngineError for an impossible rate.
     """
 
     def __new__(cls, network: Network, rate: float) -> Self: ...
     def process(self, frames: _Floats) -> None:
-        """Replace in frames (n_frames, n_out) the positions of each SOV and SOA by what it tells.
+        """Replace in frames (n_frames, n_out) the positions of each SOV and SOA by their
+        derivatives, in place.
 
         A SOV comes 7.5 frames late, a SOA 8. Raises EngineError for another shape.
         """
@@ -1597,14 +1674,14 @@ class Limiter:
 
 @final
 class Fold:
-    """Filters (n_in, n_out, n_taps) from each channel that comes in to each that goes out.
+    """Filters (n_in, n_out, n_taps) from each input channel to each output channel.
 
-    The bits of a sample do not depend on the size of blocks. Raises EngineError for an impossible
-    shape, or numbers that are not finite.
+    The bits of a sample do not depend on the size of blocks. Raises EngineError for an
+    impossible shape, or numbers that are not finite.
     """
 
     def __new__(cls, filters: _Floats) -> Self: ...
-    tail: int  # frames that sound on after the last that came in
+    tail: int  # frames that sound on after the last input frame
     def process(self, frames: _Floats, output: _Floats) -> None:
         """Filter frames (n_frames, n_in) into `output` (n_frames, n_out), which is overwritten."""
 
@@ -1621,7 +1698,9 @@ class Meter:
 
 @final
 class ViewServer:
-    """Serves the page, with a `.motion` file or what is played, to browsers, by HTTP and WebSocket on one port, until it is closed."""
+    """Serves the page, with a `.motion` file or what is played, to browsers until it is closed, by
+    HTTP and WebSocket on one port.
+    """
 
     def __new__(
         cls,
@@ -1631,23 +1710,30 @@ class ViewServer:
         at: str = "127.0.0.1:0",
         key: str | None = None,
     ) -> Self:
-        """Listen at HOST:PORT; port 0 is any free one. `key`, 32 hexadecimal digits, then stands in every address.
+        """Listen at HOST:PORT; port 0 is any free one. A `key`, 32 hexadecimal digits, becomes part
+        of every address.
 
-        `sound` is a WAV file of one or two channels, which pages that ask for it play with the picture.
-        EngineError where the address is none of this machine's, or can be reached by others and no key is given.
+        `sound` is a WAV file of one or two channels, which pages that ask for it play with the
+        picture. Raises EngineError if the address does not belong to this machine, or if others
+        can reach it and no key is given.
         """
     @property
     def url(self) -> str:
-        """What a browser on this machine opens."""
+        """The address to open in a browser on this machine."""
     @property
     def tally(self) -> dict[str, int]:
-        """How many requests were `served`, `refused` and `dropped`, how many `viewers` there are now, and how many pictures
-        of performances were `skipped`."""
+        """Counts: requests `served` and `refused`, pages `dropped`, present `viewers`, and pictures
+        of performances that were `skipped`.
+        """
     def show(self, window: Window, performance: Performance) -> None:
-        """Show what a window sees of a performance whose simulation, or a change's, it is of: as soon as that plays.
-        Raises EngineError where either is closed, or the window is shown already."""
+        """Show a performance through `window`, as soon as the simulation plays for which the window
+        was made (the performance's own or one of a change).
+
+        Raises EngineError if the server or the performance is closed, or if the window was shown
+        already.
+        """
     def close(self) -> None:
-        """End it, and every page's connection."""
+        """Close the server and the connections of all pages."""
 
 @final
 class SilenceDetector:
@@ -1657,9 +1743,11 @@ class SilenceDetector:
     """
 
     def __new__(cls, rate: float, n_channels: int, start: int) -> Self:
-        """Of frames at `rate` [Hz], counted from 0."""
+        """Detect in frames at `rate` [Hz]; `start` counts from 0."""
     def take(self, frames: _Floats) -> int | None:
-        """Take (n_frames, n_channels); the frame at which it has faded, once that is known."""
+        """Take (n_frames, n_channels); the frame at which the sound has faded, once that is
+        known.
+        """
 
 def pcm(frames: _Floats, gain: float, bits: Literal[16, 24]) -> NDArray[np.int32]:
     """frames · gain as integers in the top bits of an int32, rounded half to even, clipped.
@@ -1677,7 +1765,9 @@ class AudioOut:
     """A sound output: `auto`, `jack[:PORTS]`, `pulse[:SINK]`, `file:PATH`, `null`, `null:fast`."""
 
     def __new__(cls, spec: str, rate: int, n_channels: int, capacity: int = 4096) -> Self:
-        """Open it, with a ring of `capacity` frames. Raises EngineError where it cannot be opened."""
+        """Open the output, with a ring of `capacity` frames. Raises EngineError if it cannot be
+        opened.
+        """
     room: int  # free frames of the ring
     def set_prefill(self, n_frames: int) -> None:
         """Begin, and begin again after an underrun, once the ring holds `n_frames`."""
@@ -1686,9 +1776,11 @@ class AudioOut:
     def play(self, frames: NDArray[np.float32]) -> None:
         """Write all frames (n_frames, n_channels), waiting for room."""
     def finish(self, limit: float) -> bool:
-        """Mark the end and wait until all frames were heard; False when `limit` [s] has passed first."""
+        """Mark the end and wait until all frames were heard; False if `limit` [s] passes first."""
     def close(self) -> None:
-        """Close the output; a file gets its final name. Raises EngineError where it cannot be written."""
+        """Close the output; a file gets its final name. Raises EngineError if the file cannot be
+        written.
+        """
     def panic(self) -> None:
         """Silence within 5 ms, until `release`."""
     def release(self) -> None:
@@ -1701,7 +1793,7 @@ class AudioOut:
     missing: int  # frames of silence that underruns put in
     played: int  # frames of the score that went to the card
     discarded: int  # frames that a panic threw away
-    xruns: int  # late cycles that the server told of
+    xruns: int  # late cycles that the server, the card or the silent clock reported
 
 @final
 class AudioInfo:
@@ -1712,11 +1804,11 @@ class AudioInfo:
     rate: int  # of the card or file [Hz]
     block: int  # [frames]
     latency: float  # [s]
-    sentence: str  # all of it
+    sentence: str  # all of the above in words
 
 @final
 class AudioEvent:
-    """Something that happened to an output: an underrun, a server that died."""
+    """An event of an output, e.g. an underrun or a server that died."""
 
     at: float  # since the output was opened [s]
     frame: int
@@ -1724,11 +1816,11 @@ class AudioEvent:
 
 @final
 class AudioBackend:
-    """A sound system, whether it is there or not."""
+    """A sound system, available or not."""
 
     name: str
     available: bool
-    sentence: str  # what it is, or why it is not there
+    sentence: str  # what it is, or why it is not available
 
 @final
 class JackCapture:
@@ -1740,7 +1832,9 @@ class JackCapture:
     def __new__(cls, name: str, n_channels: int, n_frames: int) -> Self: ...
     recorded: int  # frames so far
     def connect(self, source: str, limit: float) -> bool:
-        """Connect to the outputs of a client, waiting up to `limit` [s]; whether all are connected."""
+        """Connect to the outputs of client `source`, waiting up to `limit` [s]; whether all are
+        connected.
+        """
     def freewheel(self, on: bool) -> bool:
         """Let the server run as fast as its clients, or by its clock again; whether it agreed."""
     def finish(self) -> NDArray[np.float32]:
@@ -1769,8 +1863,8 @@ class HandStatus:
     touch: bool  # a finger is on the key
     enabled: bool  # the device lets forces through
     tripped: bool  # forces are held at zero
-    hot: bool  # the board says that the motor is too hot
-    let_go: int  # how often the board said that it had let go
+    hot: bool  # the board reports that the motor is too hot
+    let_go: int  # how often the board reported that it had let go
     stalls: int  # how often the force ended because the host was stopped
 
 @final
@@ -1784,17 +1878,17 @@ class Status:
     lost: int  # how often the clock was reset, because it was too late
     dropped: int  # frames that found no room in the ring
     missed: int  # frames of frozen parts that were not read in time
-    load: float  # part of a tick that its computation takes, over the last second
+    load: float  # computing time over the length of a tick, mean of the last second
     busiest: float  # greatest load of one tick
     filled: int  # frames in the ring
     underruns: int
     input_gaps: int  # how often frames of the sound input were missing
-    xruns: int  # how often the clock of the sound was held up
+    xruns: int  # late cycles that the server, the card or the silent clock reported
     played: int  # frames that went to the card
     alive: bool  # a card or server takes frames
     done: bool  # the physics thread has ended
     panicked: bool  # silence was asked for
-    sounding: float | None  # time since frame 0 went to the card [s], from its last block's time
+    sounding: float | None  # time since frame 0 went to the card [s], by the time of the last block
     latency: float  # from the card to the ear [s]
     paced: bool  # the output has a clock
     peaks: list[float]  # of each channel that is heard, decaying
@@ -1810,7 +1904,7 @@ class HandLimit:
     limit: float  # greatest stable stiffness [N/m]
 
 class GuidanceSpring(NamedTuple):
-    """The spring K [N/m] and damper Z [N·s/m] that lead a hand, by steps or always."""
+    """The spring K [N/m] and damper Z [N·s/m] that guide a hand, by steps or always."""
 
     K: float
     Z: float
@@ -1819,20 +1913,20 @@ class GuidanceSpring(NamedTuple):
 class LiveHand(NamedTuple):
     """A hand of a performance."""
 
-    standin: _Floats  # position at each tick where no person plays [m], (n_ticks,)
+    standin: _Floats  # position at each tick while no person plays [m], (n_ticks,)
     reach: float  # factor between key and piece
     guidance: GuidanceSpring | tuple[float, float, bool] | None
-    response: _Floats  # ReachableNetwork.response of the piece, or none of it, (n_ticks,)
-    # Of the key as measured: mass [kg], damping [N·s/m] and, where it is known, delay [s].
+    response: _Floats  # ReachableNetwork.response of the piece, (n_ticks,), or empty
+    # Of the key as measured: mass [kg], damping [N·s/m] and, if known, delay [s].
     measured: tuple[float, float, float | None] | None
 
 class AxisCalibration(NamedTuple):
-    """What is known of an axis of a device, whose units are m or rad."""
+    """The calibration of an axis of a device; its units are m or rad."""
 
     number: int
     sign: float  # 1 or -1
     zero: float  # reading at position 0
-    gain: float  # metres a unit of the reading
+    gain: float  # metres per unit of the reading
     range: tuple[float, float]
     force_max: float  # [N]
 
@@ -1855,7 +1949,7 @@ class FrozenStem(NamedTuple):
     """A frozen part of a performance: outputs that are read from a file."""
 
     path: Path
-    offset: int  # of its doubles [bytes]
+    offset: int  # where its doubles begin [bytes]
     n_frames: int
     outputs: Sequence[int]
 
@@ -1879,20 +1973,20 @@ class SoundEvent(NamedTuple):
 class SoundInput(NamedTuple):
     """The sound input of a performance."""
 
-    sentence: str  # what is heard, or why nothing is; empty where the piece has no inputs
-    live: bool  # a card is heard
+    sentence: str  # the input, or why there is none; empty if the piece has no inputs
+    live: bool  # a sound card is open as input
     gaps: int  # how often frames were missing
     missing: int  # frames of silence in their place
-    discarded: int  # frames that came too many
-    recorded: int | None  # frames in the file of what is heard; None: no file
-    lost: int  # of them, silence for which the disk was too slow
+    discarded: int  # frames in excess
+    recorded: int | None  # frames in the file of the input; None: no file
+    lost: int  # of `recorded`: silence, because the disk was too slow
     error: str | None  # why the file could not be written
 
 class SilenceEdge(NamedTuple):
     """A frame at which the silence of a panic begins or ends.
 
-    From a frame at which it begins the sound falls within 5 ms; from one at which it ends the sound
-    rises within 2 ms.
+    From a frame at which the silence begins, the sound falls within 5 ms; from a frame at which
+    it ends, the sound rises within 2 ms.
     """
 
     frame: int
@@ -1900,11 +1994,11 @@ class SilenceEdge(NamedTuple):
 
 @final
 class AudioRecorded:
-    """How a file of sound goes."""
+    """The state of a sound file that is being recorded."""
 
-    first: int | None  # the frame of the performance at its beginning; None: not begun yet
+    first: int | None  # frame of the performance at which the file begins; None: not begun
     frames: int  # in the file so far
-    missing: int  # of them, silence for which the disk was too slow
+    missing: int  # of `frames`: silence, because the disk was too slow
     ended: bool  # the file is closed
     error: str | None  # why it could not be written
 
@@ -1939,13 +2033,20 @@ class Performance:
     ) -> Self:
         """Begin to play a copy of the simulation, through a copy of the mixer and of the fold.
 
-        `tick_frames`: frames of a tick; `limit`: ceiling of the limiter; `n_frames`: None plays until
-        `stop`; `fades_from`: it ends sooner, where the sound has faded after so many frames (see
-        SilenceDetector); `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
-        over; `fold`: from the mixer's channels to those that are heard; `seen`: pages will
-        see it (`ViewServer.show`); `audio_in`: where the inputs of the piece are heard, "auto" (that of
-        the output, if it has one), "jack[:PORTS]", "pulse[:SOURCE]" or "none"; `record_in`: a new WAVE
-        file of what is heard there. Raises EngineError.
+        `tick_frames`: frames of a tick.
+        `limit`: ceiling of the limiter.
+        `n_frames`: length of the piece; None: until `stop`.
+        `fades_from`: the performance also ends once the sound has faded after this many frames
+        (see SilenceDetector).
+        `ahead`: frames of the ring.
+        `bars`: frames at which a hand that comes back takes over.
+        `fold`: from the mixer's channels to those that are heard.
+        `seen`: pages will see the performance (`ViewServer.show`).
+        `audio_in`: the sound input, "auto" (that of the output, if it has one), "jack[:PORTS]",
+        "pulse[:SOURCE]" or "none".
+        `record_in`: a new WAVE file of the sound input.
+
+        Raises EngineError.
         """
     def status(self) -> Status:
         """The state now."""
@@ -1959,15 +2060,15 @@ class Performance:
         The latest 256 edges are kept. Raises EngineError when the performance is closed.
         """
     def hand_limit(self, hand: int, response: _Floats) -> HandLimit | None:
-        """The force limit of a real hand in another piece; None where the hand is not real.
+        """The force limit of a real hand in another piece; None if the hand is not real.
 
-        `response` (n_ticks,) [N/m] is what ReachableNetwork.response returns for that piece. Raises EngineError
-        when the performance is closed.
+        `response` (n_ticks,) [N/m] is what ReachableNetwork.response returns for that piece.
+        Raises EngineError if the performance is closed.
         """
     def hand_limits(self) -> list[HandLimit]:
         """The force limit of each real hand in the piece that the performance began with.
 
-        Raises EngineError when the performance is closed.
+        Raises EngineError if the performance is closed.
         """
     def output(self) -> str:
         """The sound output, as a sentence."""
@@ -1980,21 +2081,23 @@ class Performance:
     def release(self) -> None:
         """Let sound and force return after `panic`, after `let_go` and after a trip."""
     def gain(self, gain: float) -> bool:
-        """Let the gain glide to `gain` in 20 ms; False where too many commands wait."""
+        """Let the gain glide to `gain` in 20 ms, from the next tick on; False if too many commands
+        wait.
+        """
     def record_audio(self, path: Path) -> None:
         """Write what is computed for the loudspeakers to a new WAV file, from the next tick on.
 
-        Frames are 32-bit floats, the same as the back end gets; in a panic they are zeros. Raises
-        EngineError where the file exists or another one is being written.
+        Frames are 32-bit floats, the same as the back end gets; in a panic they are zeros.
+        Raises EngineError if the file exists or another one is being written.
         """
     def end_audio(self) -> bool:
-        """End the file of `record_audio`; False where too many commands wait."""
+        """End the file of `record_audio`; False if too many commands wait."""
     def audio_recorded(self) -> AudioRecorded | None:
-        """The state of the file of `record_audio`; None where there was none."""
+        """The state of the file of `record_audio`; None if there was none."""
     def strike(self, point: int, impulse: float) -> int | None:
         """Strike a point of the simulation that plays by an impulse [N·s], at the next tick.
 
-        Returns a ticket, or None where too many commands wait. An event "acted" with the ticket
+        Returns a ticket, or None if too many commands wait. An event "acted" with the ticket
         tells the frame; an event "missed" says that nothing was struck, because the simulation
         lacks the point or too many strikes came at once. Raises EngineError.
         """
@@ -2004,7 +2107,9 @@ class Performance:
         Returns a ticket, as `strike`. Raises EngineError.
         """
     def part_gain(self, group: int, gain: float) -> bool:
-        """Let the gain of a group of the mixer's routes glide in 20 ms; False as for `gain`."""
+        """Let the gain of a group of the mixer's routes glide in 20 ms; False if too many commands
+        wait.
+        """
     def change(
         self,
         at: int,
@@ -2020,29 +2125,32 @@ class Performance:
         bounds: Sequence[Sequence[tuple[int, float]]] | None = None,
         damp: float | None = None,
     ) -> int:
-        """Make a change at frame `at`, the first of a tick; returns a ticket. What is None stays.
+        """Make a change at frame `at`, the first of a tick; returns a ticket. Arguments that are
+        None change nothing.
 
-        An event "changed" with the ticket confirms it; an event "late" says that nothing was
-        changed, because the frame had passed or another simulation than `old` was playing.
+        An event "changed" with the ticket confirms the change; an event "late" says that nothing
+        was changed, because the frame had passed or another simulation than `old` was playing.
 
         `simulation`, whose `start` is `at`, takes over from `old`, a simulation by the plan that
-        plays until then; without `old` it begins anew. `mixer` takes gains and filters over; `gains`
-        are (group, gain). `standins`: new stand-in positions of each hand from this tick on [m]
-        (n_ticks,), an empty one keeps the old. `guidance`: of each hand (ticks after the change,
-        factor of K, factor of Z). `bounds`: of each hand (ticks after the change, greatest factor
-        of the piece's force); the force falls before a lower bound and rises after a higher one.
-        `damp`: as in Simulation.damp; 0 removes it. Raises EngineError.
+        plays until then; without `old` it begins anew. `mixer` takes gains and filters over.
+        `gains` are (group, gain). `standins`: for each hand new stand-in positions from this
+        tick on [m], (n_ticks,); an empty array keeps the old ones. `guidance`: for each hand
+        (ticks after the change, factor of K, factor of Z). `bounds`: for each hand (ticks after
+        the change, greatest factor of the piece's force); the force falls before a lower bound
+        and rises after a higher one. `damp`: as in Simulation.damp; 0 removes it. Raises
+        EngineError.
         """
     def stop(self) -> None:
         """Stop: zero force at once, silence within 5 ms."""
     def wait(self, seconds: float) -> bool:
-        """Wait until the last frame is computed; False when `seconds` have passed first."""
+        """Wait until the last frame is computed; False if `seconds` pass first."""
     def recording_trouble(self) -> str | None:
-        """Why the recording cannot be written at present; None where it can, or there is none."""
+        """Why the recording cannot be written at present; None if it can, or if there is none."""
     def close(self, patience: float) -> list[PerformanceEvent]:
-        """Wait up to `patience` [s] until everything was heard, and close; events as in `events`.
+        """Wait up to `patience` [s] until everything was heard, and close; returns the remaining
+        events.
 
-        Raises EngineError where a file could not be written or the physics thread panicked.
+        Raises EngineError if a file could not be written or the physics thread panicked.
         """
 
 # --- devices ------------------------------------------------------------------------------------
@@ -2093,28 +2201,29 @@ def emulate(
     """Emulate a device of `axes` keys on 127.0.0.1 until Ctrl-C, or for `seconds` [s].
 
     A key has mass [kg], stiffness [N/m], damping [N·s/m] and travel [m]; its motor has force_max
-    [N], its sensor a resolution [m]. `rate` [Hz] is that of its periods. `hand` is the stiffness
-    [N/m] and damping [N·s/m] of hands, which follow `paths`, each (n,) [m] by period; an empty path
-    is a resting finger, a missing one an untouched key. With `model`, the parameters of `key_path`,
-    each key moves by that model instead; with `network`, as the key of a score whose MAT of that
-    index takes the forces. `noise` is the standard deviation of the sensor's noise
-    [m], drawn by `seed`; forces are rounded to multiples of `force_step` [N].
+    [N], its sensor a resolution [m]. `rate` [Hz] is that of the device's periods. `hand` is the
+    stiffness [N/m] and damping [N·s/m] of hands, which follow `paths`, each (n,) [m] by period;
+    an empty path is a resting finger, a missing one an untouched key. With `model`, the
+    parameters of `key_path`, each key moves by that model instead. With `network` (network,
+    index of a MAT), each key moves as the key of a score whose MAT of that index takes the
+    forces. `noise` [m] is the standard deviation of the sensor's noise, drawn by `seed`; forces
+    are rounded to multiples of `force_step` [N].
 
-    `tell(event, text)` is called with "ready" and the address, "let-go" (no packet for `watchdog`
-    [s]), "host-gone", and "over" with periods, packets and the hash of all positions.
-    Raises EngineError, and what `tell` raises.
+    `tell(event, text)` is called with "ready" and the address, "let-go" (no packet for
+    `watchdog` [s]), "host-gone", and "over" with periods, packets and the hash of all positions;
+    "over" also comes after Ctrl-C. Raises EngineError, and what `tell` raises.
     """
 
 def guard_haply() -> None:
     """Run as the guardian process of a Haply, until the host at the standard input is gone.
 
-    The guardian holds the connection to the Haply service, and sets forces to zero where the host is
-    silent or stopped. Raises EngineError where the standard input is not a host.
+    The guardian holds the connection to the Haply service, and sets forces to zero if the host
+    is silent or stopped. Raises EngineError if the standard input is not a host.
     """
 
 @final
 class UsbBoard:
-    """What a board on USB says of itself."""
+    """What a USB board reports about itself."""
 
     vendor: int
     product: int
@@ -2132,36 +2241,38 @@ def serial_ports() -> list[SerialPort]:
     """Every serial port of this machine."""
 
 def serial_identity(path: str) -> str | None:
-    """A name of the board on a serial port that does not depend on the port; None where unknown."""
+    """A name of the board on a serial port that does not depend on the port; None if unknown."""
 
 def checkup(seconds: float, period: float) -> Checkup:
-    """Wake like the physics thread every `period` [s] for `seconds`. Raises EngineError."""
+    """Wake like the physics thread every `period` [s] for `seconds` [s]. Raises EngineError."""
 
 @final
 class Device:
     """An open device, for tests and calibration. Every method raises EngineError once it is closed."""
 
     def __new__(cls, url: str, calibration: Sequence[AxisCalibration] = ...) -> Self:
-        """Open it. Raises EngineError where it does not answer."""
+        """Open the device. Raises EngineError if it does not answer."""
     axes: int
     unit: str  # of positions, m or rad
     resolution: float  # step of the position sensor [m or rad]
     range: Range
     force_max: float  # [N or N·m]
-    force_continuous: float  # that its motors bear for hours [N or N·m]
+    force_continuous: float  # force that its motors bear for hours [N or N·m]
     touch_gated: bool  # whether it gives force only while a finger touches it
     lockstep: bool
     def direction(self, axis: int, period: float) -> float:
         """The sign of an axis, found by a small force, in ticks of `period` [s]: 1 or -1.
 
-        Raises UnsureError where the axis did not move, or moved the same way for both signs.
+        Raises UnsureError if the axis did not move, or moved the same way for both signs.
         """
     def ends(self, seconds: float, period: float) -> _Floats:
-        """Least and greatest position of each axis during `seconds` [s] of motion by hand, (n_axes, 2)."""
+        """Least and greatest position of each axis during `seconds` [s] of motion by hand, (n_axes,
+        2) [m or rad].
+        """
     def checkup(self, seconds: float, period: float) -> Checkup:
         """Send zero forces every `period` [s] for `seconds` [s], and time the replies."""
     def close(self) -> None:
-        """Close it; forces are zero."""
+        """Close the device; forces are zero."""
 
 def excite(
     device: Device,
@@ -2180,19 +2291,22 @@ def excite(
 ) -> Excited:
     """Push an axis by forces (n_ticks,) [N], in ticks of `frames` at `rate`, then let go of it.
 
-    `guide`: where the key is kept [m]; from there to the nearer end [m]; stiffness [N/m] and damping
-    [N·s/m] of the guide, which pulls from the first tick after `still` ones on; those of the brake, which
-    replaces the forces beyond 0.6 of the way to an end; and the deceleration [m/s²] that the brake
-    surely reaches. `sign` is -1 for a motor that pushes the other way round. `force_step` [N] is the
-    motor's, where the wire does not tell it. With `tells_touch` a touch ends the take, with `is_gated` a
-    device that lets no force through. Every force passes the safety stages of a performance; only the
-    slew limit and the rises are off. Raises EngineError where there is no such axis, OSError where
-    the file of `record` cannot be written.
+    `guide`: (centre, where the key is kept [m]; distance from there to the nearer end [m];
+    stiffness [N/m] and damping [N·s/m] of the guide; the same of the brake; deceleration [m/s²]
+    that the brake surely reaches). The guide pulls after the first `still` ticks; the brake
+    replaces the forces beyond 0.6 of the way to an end. `sign` is -1 for a motor that pushes the
+    other way round. `force_step` [N] is the step of the motor's force, if the wire does not tell
+    it. With `tells_touch` a touch ends the take; with `is_gated` a device that lets no force
+    through ends it.
+
+    Every force passes the safety stages of a performance; only the slew limit and the rises are
+    off. Raises EngineError if the axis does not exist, OSError if the file of `record` cannot be
+    written.
     """
 
 @final
 class Excited:
-    """A key that was pushed by `excite`, tick by tick."""
+    """The record of a key that `excite` pushed: its ticks as columns, and why they ended."""
 
     end: str
     """done, touched, gate closed, not finite, unplugged, silent, shared, stopped, or a trip."""
@@ -2205,7 +2319,7 @@ class Excited:
     def fresh(self) -> NDArray[np.bool_]:
         """Whether there was a reply to each force (n,)."""
     def clocks(self) -> NDArray[np.uint32]:
-        """The device's clock in each reply (n,) [us]; 0 where it has none."""
+        """The device's clock in each reply (n,) [µs]; 0 if it has none."""
     def braked(self) -> NDArray[np.bool_]:
         """Whether the brake pushed instead of the written force (n,)."""
 
@@ -2228,15 +2342,16 @@ def emulated_device(
 ) -> Device:
     """An emulated device in this process, in lockstep, behind the driver of its protocol.
 
-    `model` is that of `key_path`, `rate` that of its periods [Hz]; lengths are in m, forces in N. `path`
-    [m] (n_periods,) is that of a hand which pulls the key by `hand`, a spring [N/m] and a damper [N·s/m].
-    After `seconds` the device is gone. Raises EngineError where there is no such device.
+    Its keys move by `model`, the parameters of `key_path`; `rate` [Hz] is that of its periods;
+    lengths are in m, forces in N. `path` [m] (n_periods,) is that of a hand that pulls the key
+    by `hand`, a spring [N/m] and a damper [N·s/m]. After `seconds` the device is gone. Raises
+    EngineError if the device is impossible.
     """
 
 def measure_faults() -> list[FaultMeasurement]:
     """Make every fault on every emulated device, in virtual time: some seconds of computing.
 
-    Raises EngineError where an emulator does not answer its own driver.
+    Raises EngineError if an emulator does not answer its own driver.
     """
 
 @final
@@ -2245,11 +2360,11 @@ class FaultMeasurement:
 
     fault: str  # in words
     device: str  # the kind of device, as in a URL
-    seconds: float | None  # from the fault to zero force [s]; None: it does not end, or is excluded
+    seconds: float | None  # from the fault to zero force [s]; None: force stays on, or excluded
     bound: float | None  # the longest that is allowed [s]; None: no bound is set
     excluded: str | None  # why the fault is not made on this device
     unbounded: str | None  # why no bound is set
-    force: float  # greatest from the fault on [N]
+    force: float  # greatest force from the fault on [N]
     rise: float  # fastest growth of the force from the fault on [N/ms]
     exceeds: bool  # time, force or growth is beyond its bound
 

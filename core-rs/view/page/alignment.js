@@ -1,5 +1,6 @@
-// How much earlier the picture is than what ergon believes is heard: amplifiers, projectors and wireless loudspeakers have delays that nobody tells.
-// A cookie keeps it: unlike other stores of a browser it holds for all ports of a machine.
+// How much earlier the picture is drawn than the sound is computed to be heard: amplifiers, projectors and wireless
+// loudspeakers have delays that are not known to the program. The value is kept in a cookie, because a cookie holds for
+// all ports of a machine, unlike other storage of a browser.
 
 export const STEP = 0.005; // [s] of a key
 const MOST = 1; // [s] either way
@@ -18,7 +19,7 @@ export class Alignment {
     this.store.cookie = `${NAME}=${Math.round(1000 * this.ahead)}; max-age=${YEAR}; SameSite=Strict; path=/`;
   }
 
-  /** In words. */
+  /** The setting as text. */
   get told() {
     const ms = Math.round(1000 * this.ahead);
     return ms === 0 ? "picture as it is computed" : `picture ${Math.abs(ms)} ms ${ms > 0 ? "earlier" : "later"}`;

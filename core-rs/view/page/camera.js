@@ -1,4 +1,4 @@
-// From where one looks: a target, a distance and two angles; z is up.
+// Position and direction of the camera: a target, a distance and two angles; z is up.
 
 /** Focal length in half heights of the picture. */
 export const FOCAL = 1.6;
@@ -10,10 +10,10 @@ export class Camera {
     this.distance = 4;
     this.yaw = 0; // [rad] 0: from the front (−y), looking at +y
     this.pitch = 0.5; // [rad] above the horizon
-    this.scale = 1; // [m] what one step is a share of
+    this.scale = 1; // [m] size of the scene; steps are shares of it
   }
 
-  /** The place of the eye [m]. */
+  /** Position of the camera [m]. */
   eye() {
     const [x, y, z] = this.forward();
     return this.target.map((v, i) => v - this.distance * [x, y, z][i]);
@@ -49,7 +49,7 @@ export class Camera {
     this.target = this.target.map((v, i) => v + this.distance * (right * r[i] + up * u[i]));
   }
 
-  /** Goes nearer; where it is near, it takes the target along, so that one dives into what is seen. */
+  /** Moves nearer by a share of the distance; once it is near, the target moves along, so that the camera dives into the scene. */
   dive(share) {
     const least = 0.02 * this.scale;
     const step = this.distance * share;
@@ -61,7 +61,7 @@ export class Camera {
     }
   }
 
-  /** From metres to the picture, column by column, for a width by height. */
+  /** Matrix from metres to the picture, column by column; `aspect`: width over height. */
   matrix(aspect) {
     const rows = [this.right(), this.up(), this.forward().map((v) => -v)];
     const eye = this.eye();
@@ -81,7 +81,7 @@ export class Camera {
   }
 }
 
-/** Where a place [m] is in a picture of width by height [px], from its upper left; null where it is behind. */
+/** Pixel of a position [m] in a picture of width by height [px], from its upper left; null if it is behind the camera. */
 export function project(m, x, y, z, width, height) {
   const w = m[3] * x + m[7] * y + m[11] * z + m[15];
   if (w <= 0) return null;

@@ -1,4 +1,4 @@
-// The bytes of a `.motion` file, as they come, into chunks; each is looked at only when its check sum is right.
+// Cuts the bytes of a `.motion` file into chunks as they arrive; a chunk is used only if its checksum is right.
 
 export const KIND = {
   manifest: 1, points: 2, flights: 3, frames: 4, ergons: 5, contacts: 6, levels: 7, hands: 8,
@@ -16,7 +16,7 @@ const TABLE = new Uint32Array(256).map((_, n) => {
   return n >>> 0;
 });
 
-/** CRC-32 as zlib has it. */
+/** CRC-32 as in zlib. */
 export function crc32(bytes) {
   let c = 0xffffffff;
   for (let i = 0; i < bytes.length; i++) c = TABLE[(c ^ bytes[i]) & 255] ^ (c >>> 8);
@@ -33,7 +33,7 @@ export class Chunks {
     this.begun = false;
   }
 
-  /** Throws an Error with a sentence where the bytes are no motion; what came before stands. */
+  /** Throws an Error with a sentence if the bytes are not a motion file; chunks before them remain valid. */
   push(piece) {
     this.pieces.push(piece);
     this.have += piece.length;
@@ -44,7 +44,7 @@ export class Chunks {
     this.have = bytes.length - at;
   }
 
-  /** How many bytes were whole chunks; how many the next takes is then known, or that of its head. */
+  /** Returns how many bytes were complete chunks; sets `need` to the length of the next chunk, or of its head. */
   read(bytes) {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
     let at = 0;
@@ -74,7 +74,7 @@ export class Chunks {
     const version = view.getUint16(at + 2, true);
     if (!Object.values(KIND).includes(kind)) return;
     if (version !== VERSION) throw new Error(`chunks of kind ${kind} have version ${version}; this page knows ${VERSION}`);
-    const payload = bytes.slice(at + HEAD, at + HEAD + length); // aligned, and it keeps no more than itself
+    const payload = bytes.slice(at + HEAD, at + HEAD + length); // a copy is aligned, and does not keep the whole buffer alive
     this.take({ kind, seconds: view.getFloat64(at + 8, true), bytes: payload, view: new DataView(payload.buffer) });
   }
 }

@@ -1,4 +1,5 @@
-// The instant that is drawn: it runs, stands, goes slower, goes round in a loop. It knows no other clock than the one it is told.
+// The instant that is drawn: it runs, stands, runs slower, or repeats a loop. It has no clock of its own: the time is
+// given to it.
 
 export const SLOWER = [1, 1 / 2, 1 / 5, 1 / 10, 1 / 20, 1 / 50, 1 / 100, 1 / 200, 1 / 500, 1 / 1000];
 
@@ -6,25 +7,25 @@ export class Clock {
   constructor() {
     this.t = 0; // [s] of the piece
     this.runs = false;
-    this.slow = 0; // which of SLOWER
+    this.slow = 0; // index in SLOWER
     this.loop = null; // [from, to]
     this.from = null;
     this.told = null;
-    this.jumped = false; // since the sound has followed
+    this.jumped = false; // whether it was set since the sound last followed it
   }
 
   get rate() {
     return SLOWER[this.slow];
   }
 
-  /** Seconds of the page up to `now` since the last call. */
+  /** Time of the page since the last call [s], at most 0.5 s. */
   since(now) {
     const step = this.told === null ? 0 : Math.min(Math.max(0, now - this.told), 0.5);
     this.told = now;
     return step;
   }
 
-  /** Goes on to `now` [s] of the page, within a piece of a length. */
+  /** Advances to `now` [s] of the page, within the duration of the piece. */
   tick(now, duration) {
     const step = this.since(now);
     if (!this.runs) return;
@@ -48,13 +49,13 @@ export class Clock {
     this.slow = Math.max(0, Math.min(SLOWER.length - 1, this.slow - steps));
   }
 
-  /** Begins a loop here. */
+  /** Begins a loop at the current instant. */
   markIn() {
     this.from = this.t;
     this.loop = null;
   }
 
-  /** Ends it here; nothing where that would be no stretch. */
+  /** Ends the loop at the current instant; does nothing if that is not after its beginning. */
   markOut() {
     const from = this.from ?? 0;
     if (this.t > from) this.loop = [from, this.t];
@@ -65,7 +66,7 @@ export class Clock {
   }
 }
 
-/** Seconds as they are shown: more figures where time is slow. */
+/** Seconds as text, with more digits at a slow rate. */
 export function shown(t, rate = 1) {
   const figures = rate >= 0.1 ? 2 : rate >= 0.01 ? 4 : 6;
   return `${t.toFixed(figures)} s`;

@@ -1,11 +1,12 @@
-// The line to the server: whether it is there, what its clock says, and what it sends. It is made anew whenever it is lost.
+// The connection to the server: whether it is open, the offset of the server's clock, and the messages. It is opened
+// again whenever it is lost.
 
-const AGAIN = 1000; // [ms] until it is tried again
-const ASK = 200; // [ms] between questions for the time
-const KEPT = 100; // answers that are compared: 20 s, for two clocks drift
+const AGAIN = 1000; // [ms] from a lost connection to the next attempt
+const ASK = 200; // [ms] between two pings
+const KEPT = 100; // pongs that are compared: those of 20 s, because the clocks drift
 
 export class Connection {
-  /** `takes(bytes)`, `isLost()`, `isBack(another)`: whether another server has taken the place of the last. */
+  /** `takes(bytes)`, `isLost()`, and `isBack(another)`; `another`: whether another server has answered. */
   constructor({ takes, isLost, isBack }) {
     this.does = { takes, isLost, isBack };
     this.offset = null; // [s] from this page's clock to the server's
@@ -18,7 +19,7 @@ export class Connection {
     address.search = "";
     this.socket = new WebSocket(address);
     this.socket.binaryType = "arraybuffer";
-    this.answers = []; // the one of the least round trip says most of the clock
+    this.answers = []; // pongs; the one of the shortest round trip gives the best offset
     let asking = 0;
     this.socket.onopen = () => {
       this.ask();
@@ -44,7 +45,7 @@ export class Connection {
     const trip = now - Number(sent);
     const offset = Number(at) - (now + Number(sent)) / 2;
     if (this.fresh) {
-      // A server's clock begins with it: one that has jumped back is another's.
+      // The clock of a server starts with the server: if the offset has jumped, another server has answered.
       this.does.isBack(this.offset !== null && Math.abs(offset - this.offset) > 1);
       this.fresh = false;
     }

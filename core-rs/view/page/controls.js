@@ -1,10 +1,10 @@
-// Keys and pointer: a table of what each key does. Everything can be done by the keyboard.
+// Keyboard and pointer: a table of what each key does. Everything can be done with the keyboard.
 
 const TURN = 0.05; // [rad] of a key
 const DRAG = 0.005; // [rad/px]
 const ALT = 0.06; // of the distance
 
-/** Rows of [keys, what they do in words, the function]. `app` is the page. */
+/** Rows of [keys, description, function]. `app` is the page. */
 export function table(app) {
   const { clock, camera, look } = app;
   const step = (n, fine) => () => app.seek(clock.t + n * clock.rate * (fine ? 1 / 60 : 1));
@@ -98,7 +98,7 @@ export class Controls {
     }, { passive: false });
   }
 
-  /** The keys, a line each. */
+  /** The help text: one line for each row of keys. */
   help() {
     const name = (key) => ({ " ": "space" })[key] ?? key.replace("Arrow", "");
     const names = (keys) => (keys.length > 4 ? `${keys[0]}–${keys.at(-1)}` : keys.map(name).join(" "));

@@ -1,17 +1,17 @@
-// One instant, drawn.
+// Draws one instant.
 
 import { contactFlash, held, spark } from "./flashes.js";
 import { Buffer, PointTexture, Program } from "./gl.js";
 import { SHADERS } from "./shaders.js";
 
 const STYLE = { bank: 0, loose: 0, string: 1, plate: 1, key: 2 };
-const TRAIL = 6; // instants before that are drawn too
+const TRAIL = 6; // earlier instants that are drawn as a trail
 const TRAIL_STEP = 1 / 40; // [s] of the picture between them
-const HIDDEN = -3; // as light
+const HIDDEN = -3; // value of light that marks a hidden point
 const SPARK = 3.2; // radii [px of 720 lines]
 const CONTACT = 26;
-const CROWD = 2; // contacts at once that cover no more than themselves: of more, each is smaller
-const KEY_GAP = 0.8; // of the way to the next key: a row of keys is no bar
+const CROWD = 2; // contacts at once that are drawn at full size; if there are more, each is smaller
+const KEY_GAP = 0.8; // of the distance to the next key, so that keys stay apart
 
 export class Drawing {
   constructor(gl) {
@@ -26,10 +26,10 @@ export class Drawing {
     this.lines = new Buffer(gl);
     this.version = -1;
     this.show = { points: true, links: true, sparks: true, contacts: true, speakers: true };
-    this.sparks = 0; // drawn in the last picture
+    this.sparks = 0; // number drawn in the last picture
   }
 
-  /** Points and links, where the model or its tables are new. */
+  /** Uploads points and links if the model or its tables are new. */
   follow(model) {
     if (this.model === model && this.version === model.version) return;
     this.rest?.delete();
@@ -79,7 +79,7 @@ export class Drawing {
     gl.clearColor(0.012, 0.016, 0.03, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
     gl.enable(gl.BLEND);
-    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_COLOR); // many that lie over each other get bright slowly
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_COLOR); // screen blending: overlapping points get brighter slowly
     gl.disable(gl.DEPTH_TEST);
   }
 
@@ -236,7 +236,8 @@ function nearestKey(model, part) {
 
 function contactsAt(story, motion, t, px) {
   const { model, contacts } = story;
-  // Two masses that stay in touch are told of at every look: one flash, as bright as the brightest.
+  // A contact that stays closed is reported at every look: it is drawn as one flash, as bright as the brightest of
+  // them.
   const flashes = new Map();
   contacts.between(t - 0.2, t, (c) => {
     const flash = contactFlash(t - c.t, Math.abs(c.force) / (contacts.greatest || 1));

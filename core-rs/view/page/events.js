@@ -1,8 +1,8 @@
-// What happens at instants: ergons and contacts, found by time.
+// Ergons and contacts, looked up by their instants.
 
 const STEP = 0.25; // [s] of a bucket
 
-/** Events of any order, looked up by an interval. */
+/** Events in any order, looked up by interval. */
 class Events {
   constructor() {
     this.buckets = new Map();
@@ -25,7 +25,7 @@ class Events {
     }
   }
 
-  /** The last event up to `t` that is `wanted`; null where there is none. */
+  /** The last event up to `t` that is `wanted`; null if there is none. */
   last(t, wanted) {
     const times = [...this.buckets.keys()].filter((at) => at <= Math.floor(t / STEP)).sort((a, b) => b - a);
     for (const at of times) {
@@ -70,7 +70,7 @@ export class Ergons extends Events {
     }
   }
 
-  /** The impulse of one as a share of the greatest of its part. */
+  /** The impulse of an ergon relative to the greatest of its part. */
   share(ergon) {
     return Math.abs(ergon.impulse) / (this.greatest[this.partOf[ergon.point]] || 1);
   }
@@ -91,24 +91,24 @@ export class Contacts extends Events {
   }
 }
 
-/** Links that break for good: since when each is broken. */
+/** Broken links, with the instant at which each broke. */
 export class Breaks {
   constructor() {
     this.since = new Map(); // by the number of the link [s]
-    this.version = 0; // goes up with every link
+    this.version = 0; // grows with every link
   }
 
   take(seconds, view) {
     for (let at = 0; at + 8 <= view.byteLength; at += 8) {
       const t = seconds + view.getFloat32(at, true);
       const link = view.getUint32(at + 4, true);
-      if (t >= (this.since.get(link) ?? Infinity)) continue; // key states tell it again
+      if (t >= (this.since.get(link) ?? Infinity)) continue; // key states repeat it
       this.since.set(link, t);
       this.version++;
     }
   }
 
-  /** Since when each of `n` links is broken [s]; of whole ones what no instant reaches. */
+  /** The instant at which each of `n` links broke [s]; 3e38 for unbroken links. */
   all(n) {
     const found = new Float32Array(n).fill(3e38);
     for (const [link, t] of this.since) if (link < n) found[link] = t;
@@ -141,7 +141,7 @@ export class Rows {
   }
 }
 
-/** How many of rising times are at `t` or before. */
+/** Number of the rising `times` that are at or before `t`. */
 export function after(times, t) {
   let low = 0;
   let high = times.length;

@@ -1,4 +1,4 @@
-// Free oscillations: which is under way at an instant, of every point and mode. A flight is e^{−σs}(a cos ωs + b sin ωs).
+// Free oscillations: the flight of every point and mode at an instant. A flight is e^{−σs}(a cos ωs + b sin ωs).
 
 import { after } from "./events.js";
 
@@ -25,7 +25,7 @@ export class Flights {
     this.states.at(-1).flights.push({ seconds, view });
   }
 
-  /** Goes to an instant, forwards or backwards. */
+  /** Sets the flights to those of an instant, forwards or backwards. */
   to(t) {
     const segment = Math.max(0, after(this.times, t + 1e-9) - 1);
     const state = this.states[segment];
@@ -73,7 +73,7 @@ export class Flights {
   }
 }
 
-/** The amplitudes of a, b after `s` seconds, into `out`: position, and the envelope that it moves within. */
+/** Position of a flight (a, b) after `s` seconds, and the envelope within which it moves, into `out`. */
 export function flight(a, b, omega, sigma, s, out) {
   const fall = Math.exp(-sigma * s);
   if (omega === 0) {

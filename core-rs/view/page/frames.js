@@ -1,4 +1,4 @@
-// Sampled positions of a part: chunks of frames, unpacked when they are near, and forgotten when they are far.
+// Sampled positions of a part: chunks of frames that are unpacked when the instant is near, and dropped when it is far.
 
 import { after } from "./events.js";
 
@@ -26,14 +26,14 @@ export class Frames {
     this.times.push(seconds);
   }
 
-  /** A promise that the frames about `t` are unpacked; null where they are. */
+  /** A promise that the frames around `t` are unpacked; null if they are already. */
   prepare(t) {
     const i = after(this.times, t + 1e-9) - 1;
     const needed = [this.chunks[i], this.chunks[i + 1]].filter((chunk) => chunk && !chunk.rows && chunk.coding !== 0);
     return needed.length ? Promise.all(needed.map((chunk) => this.unpack(chunk))) : null;
   }
 
-  /** What is not squeezed needs no wait: a live piece is drawn as it comes. */
+  /** Reads frames that are not compressed at once: a live piece is drawn without delay. */
   near(chunk) {
     if (!chunk || chunk.rows || chunk.coding !== 0) return;
     chunk.rows = chunk.frames * (4 + 2 * this.count) <= chunk.packed.length ? plain(chunk, this.count) : [];
@@ -54,13 +54,13 @@ export class Frames {
     return chunk.wait;
   }
 
-  /** Displacements at `t` into `out` from `first` on; false where they are not known, or not unpacked yet. */
+  /** Displacements at `t` into `out` from `first` on; false if they are unknown, or not unpacked yet. */
   at(t, out, first) {
     const i = after(this.times, t + 1e-9) - 1;
     const chunk = this.chunks[i];
     this.near(chunk);
     this.near(this.chunks[i + 1]);
-    if (!chunk?.rows?.length) return false; // not yet, or what it holds is none
+    if (!chunk?.rows?.length) return false; // not unpacked yet, or damaged
     const at = Math.min(Math.max(0, (t - chunk.seconds) / chunk.hop), chunk.frames);
     const k = Math.min(Math.floor(at + 1e-6), chunk.frames - 1);
     const share = Math.max(0, at - k);
@@ -112,7 +112,7 @@ function unzigzag(chunk, n, bytes) {
   });
 }
 
-/** A zlib stream of a known length: of one that goes on, no more is unpacked. */
+/** Unpacks a zlib stream up to a known length; further data are not unpacked. */
 async function inflate(packed, length) {
   const reader = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate")).getReader();
   const all = new Uint8Array(length);

@@ -1,8 +1,8 @@
-// WebGL2, with less to say: programs with their uniforms, buffers, textures of numbers.
+// A small layer over WebGL2: programs with their uniforms, buffers, textures of numbers.
 
 export const WIDTH = 1024; // of a texture that holds points
 
-/** A context; null where there is none. */
+/** A WebGL2 context; null if there is none. */
 export function context(canvas) {
   return canvas.getContext("webgl2", {
     alpha: false,
@@ -33,7 +33,7 @@ export class Program {
     }
   }
 
-  /** Makes it the current one, with values: numbers, 2, 3 or 16 numbers, units of textures as {unit}. */
+  /** Makes the program current, and sets its uniforms: a number, 2, 3 or 16 numbers, or a texture unit as {unit}. */
   use(values) {
     const { gl } = this;
     gl.useProgram(this.program);
@@ -48,7 +48,7 @@ export class Program {
   }
 }
 
-/** A buffer that grows with what is put into it. */
+/** A buffer that grows as needed. */
 export class Buffer {
   constructor(gl, data = null) {
     this.gl = gl;
@@ -66,7 +66,7 @@ export class Buffer {
     } else gl.bufferSubData(gl.ARRAY_BUFFER, 0, data);
   }
 
-  /** As an attribute of `n` numbers, for each vertex or (each: 1) instance. */
+  /** Binds the buffer as an attribute of `n` numbers, for each vertex or (each: 1) for each instance. */
   attribute(at, n, { each = 0, stride = 0, offset = 0, integers = false } = {}) {
     const { gl } = this;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);

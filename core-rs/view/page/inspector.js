@@ -1,11 +1,11 @@
-// What is known of one point: told where the pointer is, or the keyboard.
+// Information about one point, shown when the pointer or the keyboard selects it.
 
 import { project } from "./camera.js";
 import { flight } from "./flights.js";
 
 const NEAR = 14; // [px]
 
-/** The point that is drawn nearest to a place of the picture; null where none is near. */
+/** The point drawn nearest to a pixel; null if none is near. */
 export function pick(story, motion, look, x, y, width, height) {
   const { model } = story;
   let best = NEAR ** 2;
@@ -26,7 +26,7 @@ export function pick(story, motion, look, x, y, width, height) {
   return found;
 }
 
-/** What is told of a point at t: lines of text. */
+/** Description of a point at t: lines of text. */
 export function describe(story, motion, point, t) {
   const { model, flights } = story;
   const part = model.parts[model.partOf[point]];
@@ -39,7 +39,7 @@ export function describe(story, motion, point, t) {
     const one = {};
     flight(flights.a[point], flights.b[point], omega, sigma, t - flights.begin[point], one);
     lines.push(`±${si(one.amplitude, "m")}`);
-    // The table has no masses: ½ω²A², by which cells of one mass can be compared.
+    // The table has no masses: ½ω²A² is the energy per mass.
     lines.push(`energy ${si(0.5 * (omega * one.amplitude) ** 2, "J")} per kg`);
   } else if (part.kind !== "none") {
     if (model.inSpace(point)) lines.push(`at ${motion.where(point).map((x) => si(x, "m")).join(", ")}`);
@@ -50,7 +50,7 @@ export function describe(story, motion, point, t) {
   return lines;
 }
 
-/** What a hand does to a key. */
+/** Position of a key, and the position that its gesture asks for. */
 function hand(story, point, t) {
   const number = story.model.keys.findIndex((key) => key.point === point);
   const row = number < 0 ? null : story.hands.at(t)?.get(number);

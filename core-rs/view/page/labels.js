@@ -1,4 +1,5 @@
-// Words over the picture: loudspeakers, keys, parts and how much they are exaggerated. They are elements, so that they can be read aloud.
+// Labels over the picture: loudspeakers, keys, and parts with their exaggeration. They are elements, so that they can
+// be read aloud.
 
 import { project } from "./camera.js";
 import { levels } from "./draw.js";
@@ -20,7 +21,7 @@ export class Labels {
     for (const k of model.keys) this.add("key", k.name, () => [model.x[k.point], model.y[k.point], model.z[k.point]], k.point);
     model.parts.forEach((part, i) => {
       if (part.layout === "key" || !part.count) return;
-      // What of an instrument is not computed has no words of its own where the rest has.
+      // The points of an instrument that are not computed have no label if other points of it are computed.
       const isRest = part.kind === "none" && model.parts.some((other) => other.name === part.name && other.kind !== "none");
       if (isRest) return;
       const { centre } = model.extent(model.pointsOf(part));
@@ -70,9 +71,9 @@ export class Labels {
 
 const LETTER = 7; // [px] at the size of the page's words
 const LINE = 16; // [px]
-const FAR = 6 * LINE; // [px] from what they name, words say no more whose they are: the pointer names it
+const FAR = 6 * LINE; // [px] a label that would be farther from its point is hidden; the pointer still shows it
 
-/** Moves words down until they cover none of those that are taken; whether they are near enough there. */
+/** Moves a label down until it covers none of those placed before; returns whether it is still near enough. */
 function below(taken, at, words) {
   const half = (words.length * LETTER) / 2;
   const begin = at[1];

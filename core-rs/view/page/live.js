@@ -1,24 +1,24 @@
-// What is played now: which instant of the piece is heard, by the server's clock and the chunks that tell it.
+// Live playback: which instant of the piece is heard now, from the server's clock and the `clock` chunks.
 
-export const BACK = 5; // [s] of what was played that can be gone back to
+export const BACK = 5; // [s] how far back a live piece can be scrubbed
 const FAR = 0.1; // [s] beyond which the picture jumps to what is heard
-const PULL = 0.1; // of the difference, in a picture: what a card tells of its blocks jitters
+const PULL = 0.1; // share of the difference that is corrected in a picture: the times of a sound card jitter
 
 export class Live {
-  /** `offset()` [s] from this page's clock to the server's; null where it is not known yet. */
+  /** `offset()`: the server's clock minus this page's [s]; null if it is not known yet. */
   constructor(offset, alignment) {
     this.offset = offset;
     this.alignment = alignment;
-    this.isNow = true; // the picture goes with what is heard
-    this.heard = null; // the last word about that
+    this.isNow = true; // whether the picture follows the live sound
+    this.heard = null; // the newest `clock` chunk
   }
 
-  /** A chunk `clock`: `seconds` of the piece are heard at an instant of the server, and go so fast from there on. */
+  /** Takes a chunk `clock`: the instant `seconds` of the piece is heard at an instant of the server, at a given speed from then on. */
   take(seconds, view) {
     this.heard = { seconds, server: view.getFloat64(0, true), speed: view.getFloat64(8, true) };
   }
 
-  /** What is heard at `now` [s] of the page; where no clock says it, the end of what is known. */
+  /** The instant heard at `now` [s] of the page; without a clock, the end of what is known. */
   at(now, end) {
     const offset = this.offset();
     if (!this.heard || offset === null) return end;
@@ -26,7 +26,7 @@ export class Live {
     return seconds + speed * (now + this.alignment.ahead + offset - server);
   }
 
-  /** Goes on from `t` to what is heard `step` seconds later. */
+  /** The instant to draw `step` seconds after `t`: it approaches what is heard, or jumps to it. */
   follow(t, step, now, end) {
     const there = this.at(now, end);
     const away = there - (t + step);

@@ -1,4 +1,4 @@
-// The page: what is asked for in its address, the piece that it is given, and one instant after the other.
+// The page: reads the options in its address, loads the piece, and draws one instant after the other.
 
 import { Alignment, STEP } from "./alignment.js";
 import { Camera, presets, project } from "./camera.js";
@@ -52,12 +52,12 @@ class Page {
     document.body.classList.toggle("stage", this.stage);
     if (this.stage) addEventListener("click", () => document.documentElement.requestFullscreen?.());
     addEventListener("resize", () => this.changed());
-    // What was on the graphics card is gone with it.
+    // With the context, everything on the graphics card is lost.
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => location.reload());
   }
 
-  // --- what comes ---
+  // --- input ---
 
   async load(body) {
     const chunks = new Chunks((chunk) => this.take(chunk));
@@ -71,7 +71,7 @@ class Page {
     if (!this.story.model) throw new Error("the file ends before its manifest does");
   }
 
-  /** A message of what is played now. Each greeting begins as a file does, and ends what was before. */
+  /** A message of the live piece. A greeting begins like a file, and replaces what came before. */
   takes(bytes) {
     if (!this.live) return;
     if (MAGIC.every((byte, i) => bytes[i] === byte)) this.chunks = new Chunks((chunk) => this.take(chunk));
@@ -105,7 +105,7 @@ class Page {
     document.title = `${model.title || "ergon"}: view`;
   }
 
-  /** What was chosen for a part holds for the part of that name in a new model; points have other numbers. */
+  /** Keeps the choices made for parts by name when the model changes, because points get new numbers. */
   choices(model) {
     const before = new Map(this.look.seen.map((seen, i) => [this.names[i], seen]));
     this.names = model.parts.map((part) => part.name);
@@ -127,7 +127,7 @@ class Page {
     this.changed();
   }
 
-  // --- one instant ---
+  // --- drawing an instant ---
 
   get view() {
     const { canvas, clock } = this;
@@ -155,7 +155,7 @@ class Page {
     this.text();
   }
 
-  /** A key that is followed stays in the middle. */
+  /** Keeps the key that is followed in the middle of the picture. */
   keepUp() {
     if (this.following === null) return;
     const { model } = this.story;
@@ -189,7 +189,7 @@ class Page {
     }
   }
 
-  /** Draws exactly one instant [s], and then it stands in the picture. */
+  /** Stops the clock and draws exactly one instant [s]. */
   async one(t) {
     this.clock.runs = false;
     this.clock.seek(t, this.story.duration, this.story.begins);
@@ -222,7 +222,7 @@ class Page {
     requestAnimationFrame((next) => this.loop(next));
   }
 
-  /** Time goes on to `now` [s] of the page. Only at its own speed a live piece is seen as it is heard. */
+  /** Advances time to `now` [s] of the page. A live piece is drawn as it is heard only at its own speed. */
   tick(now) {
     const { clock, live, story } = this;
     if (live && clock.rate !== 1) live.isNow = false;
@@ -239,7 +239,7 @@ class Page {
     element("told").textContent = text;
   }
 
-  // --- what one does ---
+  // --- actions of the user ---
 
   play(runs) {
     if (this.live) this.live.isNow = runs && this.clock.rate === 1;
@@ -250,7 +250,7 @@ class Page {
   seek(t) {
     this.clock.seek(t, this.story.duration, this.story.begins);
     if (this.live) {
-      // The end of what is played is now.
+      // At the end of what was played, follow the live playback again.
       this.live.isNow = t >= this.story.duration;
       if (this.live.isNow) this.play(true);
     }
@@ -272,7 +272,7 @@ class Page {
     this.camera.look(look);
   }
 
-  /** Goes from preset to preset: stops [t, which] in order; how many presets there are where one is not there. */
+  /** Starts a tour through presets: stops [t, index] in order. Returns the number of presets if an index does not exist. */
   travel(stops) {
     const looks = stops.map(([t, i]) => [t, this.presets[i]]);
     if (looks.some(([, look]) => !look)) return this.presets.length;
@@ -330,7 +330,7 @@ class Page {
     this.showPoint(part.first + next, 40, 90);
   }
 
-  /** The pointer is at a place [px]. */
+  /** The pointer has moved to a pixel. */
   point(x, y) {
     if (!this.motion || this.stage) return;
     this.showPoint(pick(this.story, this.motion, this.view, x, y, this.canvas.clientWidth, this.canvas.clientHeight), x, y);
@@ -369,7 +369,7 @@ class Page {
     this.inspected = null;
   }
 
-  /** Where a place [m] is in the picture [px]; null behind the eye. */
+  /** Pixel of a position [m]; null if it is behind the camera. */
   project(x, y, z) {
     return project(this.view.matrix, x, y, z, this.canvas.width, this.canvas.height);
   }
@@ -383,13 +383,13 @@ async function main() {
     return;
   }
   const file = await fetch("motion");
-  // Asked each time: behind an address that was a file's, another server may show what is played now.
+  // Requested at every start: another server at the same address may be live instead of serving a file.
   const page = new Page(gl, canvas, file.status === 204);
   window.ergon = {
     page,
     /** Draws exactly one instant. */
     seek: (t) => page.one(t),
-    /** Fulfilled when all of the file is here and the first picture is drawn. */
+    /** Resolves when the whole file is loaded and the first picture is drawn. */
     ready: null,
   };
   page.connection = new Connection({ takes: (bytes) => page.takes(bytes), isLost: () => page.lost(), isBack: (another) => page.back(another) });

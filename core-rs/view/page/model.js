@@ -1,9 +1,9 @@
-// What is: points, links, names, parts, loudspeakers; and the shapes of modes.
+// The model: points, links, names, parts, loudspeakers, and mode shapes.
 
 const NONE = 0xffffffff;
 const MOST = 1 << 22; // points and modes that a page takes
 
-/** Along which axis of the picture each axis of a space goes: the last is up. */
+/** Axis of the picture for each axis of a space with 2 or 3 axes: the last is up. */
 export const ALONG = { 2: [0, 2], 3: [0, 1, 2] };
 
 /** What a file shows: its manifest, and the tables that come after it. */
@@ -28,8 +28,8 @@ export class Model {
       this.partOf.fill(i, part.first, part.first + part.count);
       part.shapes = []; // of each of its modes: which, and its shape over the part's points
     });
-    // Points in space: the points of the file that are their coordinates, axis by axis. The first of them is drawn; of a
-    // surface the last, a mass of a body.
+    // Points in space: for each, the points of the file that are its coordinates, axis by axis. The first of them is
+    // drawn; for a point on a surface the last, which is a mass of a body.
     this.space ??= [];
     if (!this.space.every((axes) => [2, 3].includes(axes.length) && axes.every((p) => p >= 0 && p < n))) {
       throw new Error("a point in space has coordinates that the model has not");
@@ -44,7 +44,7 @@ export class Model {
     }
     this.links = new Uint32Array(0);
     this.names = [];
-    this.version = 0; // goes up with every table, so that what is drawn follows
+    this.version = 0; // grows with every table, so that the drawing is updated
   }
 
   takePoints(view) {
@@ -91,26 +91,26 @@ export class Model {
     }
   }
 
-  /** The name of a point; of one without, its part and number. */
+  /** The name of a point; if it has none, its part and number. */
   nameOf(point) {
     const part = this.parts[this.partOf[point]];
     if (this.inSpace(point)) return (this.names[point] || part.name).replace(/\.[xyz]$/, "");
     return this.names[point] || `${part.name}.${point - part.first}`;
   }
 
-  /** Whether a point of the file is a coordinate of one in space. */
+  /** Whether a point of the file is a coordinate of a point in space. */
   inSpace(point) {
     this.coordinates ??= new Set(this.space.flat());
     return this.coordinates.has(point);
   }
 
-  /** Where an ergon was written, or nothing. */
+  /** The place in the score of an ergon; null if it has none. */
   source(number) {
     const found = number === NONE ? undefined : this.sources[number];
     return found ?? null;
   }
 
-  /** Centre and radius [m] of some points; of all where none are named. */
+  /** Centre and radius [m] of some points; by default of all. */
   extent(points = range(0, this.n)) {
     const low = [Infinity, Infinity, Infinity];
     const high = low.map((v) => -v);
@@ -130,7 +130,7 @@ export class Model {
   }
 }
 
-/** Columns of n doubles, which lie anywhere. */
+/** Columns of n doubles at an offset that need not be aligned. */
 function doubles(view, at, columns, n) {
   const all = new Float64Array(view.buffer.slice(at, at + 8 * n * columns));
   return Array.from({ length: columns }, (_, i) => all.subarray(i * n, (i + 1) * n));

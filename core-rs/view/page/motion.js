@@ -1,11 +1,12 @@
-// Where every point is at an instant, as it is drawn: position of what goes slowly, sweep of what only strobes, light.
+// Where every point is drawn at an instant: the position of slow points, the sweep of points that oscillate too fast to
+// be seen, and the light.
 
 import { flight } from "./flights.js";
 import { ALONG } from "./model.js";
 
-export const STROBE = 25; // [Hz] above which a point is seen as its sweep
+export const STROBE = 25; // [Hz] above which a point is drawn as its sweep
 const SPAN = 12; // octaves of speed from dark to bright
-const IN_SPACE = 0.5; // light of a point in space at least: where it is says how it moves
+const IN_SPACE = 0.5; // least light of a point in space: its position already shows its motion
 const SHOWN = 0.12; // share of a part's size that its largest displacement is drawn at
 
 export class Motion {
@@ -24,7 +25,7 @@ export class Motion {
     this.one = { z: 0, amplitude: 0 };
   }
 
-  /** Computes all points at `t` [s], for a picture whose time goes `rate` times as fast as the piece's. */
+  /** Computes all points at `t` [s]; `rate`: speed of the picture relative to the piece. */
   at(t, rate) {
     const { story } = this;
     story.flights.to(t);
@@ -38,7 +39,7 @@ export class Motion {
     for (const axes of story.model.space) this.inSpace(axes);
   }
 
-  /** All coordinates of a point in space are where the point is. */
+  /** Gives all coordinates of a point in space the position of that point. */
   inSpace(axes) {
     const moved = [0, 0, 0];
     let light = 0;
@@ -122,12 +123,12 @@ export class Motion {
     }
   }
 
-  /** By how much a part's displacement is drawn larger than it is. */
+  /** Factor with which the displacement of a part is drawn. */
   exaggeration(i) {
     return this.locked[i] ?? this.automatic(i);
   }
 
-  /** From the largest displacement so far, in steps of 1, 2, 5, so that it seldom changes. */
+  /** The factor from the largest displacement so far, in steps of 1, 2, 5, so that it seldom changes. */
   automatic(i) {
     const peak = Math.max(this.story.peaks[i], this.story.largest[i]);
     if (!(peak > 0)) return 1;
@@ -140,12 +141,12 @@ export class Motion {
   }
 }
 
-/** Whether an oscillation is too fast to be seen as such, for time that goes at a rate. */
+/** Whether an oscillation is too fast to be seen, at a rate of the picture. */
 function strobes(omega, rate) {
   return omega * rate > 2 * Math.PI * STROBE;
 }
 
-/** The greatest of 1, 2, 5, 10 … that is not above. */
+/** The largest of 1, 2, 5, 10 … that is not above x. */
 export function rounded(x) {
   const ten = 10 ** Math.floor(Math.log10(x) + 1e-9);
   const step = [5, 2, 1].find((s) => s * ten <= x * (1 + 1e-9)) ?? 1;

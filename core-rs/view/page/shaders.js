@@ -1,4 +1,4 @@
-// What the graphics card runs. Points are looked up by their numbers: where they rest, and how they stand at this instant.
+// The shaders. Points are looked up by their numbers: their rest positions, and their state at this instant.
 
 import { FOCAL } from "./camera.js";
 
@@ -20,13 +20,14 @@ ivec2 place(uint i){ return ivec2(int(i & 1023u), int(i >> 10)); }
 vec3 stands(uint i){ vec3 r = texelFetch(rest, place(i), 0).xyz; r.z += texelFetch(state, place(i), 0).x; return r; }
 `;
 
-// Brighter says what the hue says: speed from dark blue to white, up from bright orange, down from dim blue. A key is seen at rest.
+// Brightness carries the same information as hue: speed from dark blue to white, upward motion in bright orange,
+// downward in dim blue. A key is visible at rest.
 const COLOURS = `
 vec3 heat(float e){ return mix(mix(vec3(.10,.20,.55), vec3(.25,.72,1.), smoothstep(0.,.6,e)), vec3(1.,.96,.88), smoothstep(.6,1.,e)); }
 vec3 updown(float s){ return s > 0. ? mix(vec3(.40,.44,.50), vec3(1.,.66,.24), s) : mix(vec3(.40,.44,.50), vec3(.16,.26,.85), -s); }
 `;
 
-// What would be smaller than a pixel is a pixel, and as much darker.
+// A shape smaller than a pixel is drawn as one pixel, and darker in proportion to its area.
 const LEAST = `
 float least(float r, out float dim){ dim = min(1., r * r); return max(r, 1.); }
 `;
@@ -92,7 +93,8 @@ precision highp float;
 in vec4 col; out vec4 o;
 void main(){ o = col; }`,
   ],
-  // Each on its target's vertical, at the height that it has yet to fall; from below where it pushes up; and back.
+  // Each spark is above its target, at the height from which it has yet to fall (below, if it pushes up); after the
+  // strike it moves back.
   sparks: [
     `${HEAD}${POINTS}${CAPSULE}${LEAST}
 layout(location=0) in vec2 q;
@@ -115,7 +117,7 @@ void main(){
 }`,
     SOFT,
   ],
-  // Contacts and loudspeakers: a disc at a place, as bright as it is strong.
+  // Contacts and loudspeakers: a disc whose brightness shows the strength.
   discs: [
     `${HEAD}${LEAST}
 layout(location=0) in vec2 q;

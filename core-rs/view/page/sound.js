@@ -1,10 +1,11 @@
-// What is heard with the picture. While it sounds, the picture follows it: a sound card's clock is not the computer's.
+// The sound to the picture. While it plays, the picture follows it, because the clock of a sound card is not that of
+// the computer.
 
 const FAR = 0.1; // [s] beyond which the picture jumps to the sound
-const PULL = 0.1; // of the difference, in a picture: jitter of the browser's clock is smoothed
+const PULL = 0.1; // share of the difference that is corrected in a picture: smooths the jitter of the browser's clock
 
 export class Sound {
-  /** `tells(words)`: where a browser lets nothing sound before a key or click, or there is nothing to play. */
+  /** `tells(words)`: shows why there is no sound, such as a browser that waits for a key or click. */
   constructor(alignment, tells) {
     this.alignment = alignment;
     this.audio = new Audio();
@@ -15,7 +16,7 @@ export class Sound {
     for (const kind of ["keydown", "pointerdown"]) addEventListener(kind, () => (this.isRefused = false), true);
   }
 
-  /** Fetches all of it. */
+  /** Fetches the whole file. */
   async load(address) {
     const answer = await fetch(address);
     if (!answer.ok) throw new Error(`${answer.status}`);
@@ -36,7 +37,7 @@ export class Sound {
     this.wanted = !this.wanted;
   }
 
-  /** Sound and clock go together: only at the piece's own speed is there any. */
+  /** Keeps sound and clock together; there is sound only at the piece's own speed. */
   follow(clock) {
     const { audio } = this;
     const may = this.isThere && this.wanted && clock.runs && clock.rate === 1 && !this.isRefused && !(clock.t >= audio.duration);

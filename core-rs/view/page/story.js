@@ -1,4 +1,4 @@
-// All that is known of a piece, from its chunks: a file as a whole, a live stream as far back as can be scrubbed.
+// Everything known of a piece, from its chunks: a whole file, or a live stream as far back as can be scrubbed.
 
 import { KIND } from "./chunks.js";
 import { Breaks, Contacts, Ergons, Rows } from "./events.js";
@@ -8,12 +8,12 @@ import { BACK } from "./live.js";
 import { Model } from "./model.js";
 
 export class Story {
-  /** `live`: what is played now, of which only the last seconds are kept; null of a file. */
+  /** `live`: the live playback, of which only the last seconds are kept; null for a file. */
   constructor(live = null) {
     this.live = live;
     this.model = null;
-    this.begins = 0; // [s] from where on it is known
-    this.end = 0; // [s] up to where
+    this.begins = 0; // [s] beginning of what is known
+    this.end = 0; // [s] end of what is known
   }
 
   begin(bytes) {
@@ -27,7 +27,7 @@ export class Story {
     this.hands = new Rows();
     this.peaks = new Float32Array(this.model.parts.length); // [m]
     this.loudest = new Float64Array(this.model.parts.length); // [m/s] of free points
-    this.largest = new Float64Array(this.model.parts.length); // [m] of them
+    this.largest = new Float64Array(this.model.parts.length); // [m] of free points
     this.begins = this.end = 0;
     this.isBegun = false; // whether a key state has come
   }
@@ -47,13 +47,13 @@ export class Story {
     return this.model?.duration ?? this.end;
   }
 
-  /** A promise that what is drawn at `t` is at hand; null where it is. */
+  /** A promise that everything needed at `t` is unpacked; null if it is already. */
   prepare(t) {
     const waits = (this.frames ?? []).map((frames) => frames.prepare(t)).filter((wait) => wait);
     return waits.length ? Promise.all(waits) : null;
   }
 
-  /** How fast free points of each part are at most, and how far they go. */
+  /** Updates the largest speed and displacement of the free points of each part. */
   hear(view) {
     const { model } = this;
     for (let at = 0; at + 12 <= view.byteLength; at += 12) {
@@ -67,7 +67,7 @@ export class Story {
     }
   }
 
-  /** A live piece goes on without end: what is long past is forgotten. */
+  /** Drops the distant past of a live piece, which has no end. */
   keepUp(seconds) {
     if (!this.isBegun) this.begins = seconds;
     this.isBegun = true;

@@ -1,4 +1,4 @@
-// The whole piece in a strip: how dense ergons are, how loud it is, marks, the loop, and where one is.
+// The timeline of the piece: density of ergons, loudness, marks, the loop, and the current instant.
 
 import { after } from "./events.js";
 
@@ -20,7 +20,7 @@ export class Timeline {
     canvas.addEventListener("pointerup", () => (held = false));
   }
 
-  /** Counts anew, where there is more to count. */
+  /** Counts again if there are new data. */
   count(story) {
     this.begins = story.begins;
     this.duration = story.duration || 1;
@@ -72,7 +72,7 @@ export class Timeline {
   }
 }
 
-/** From 0 to 1 by the fourth root, so that what is soft is seen. */
+/** Scaled to 0 … 1 by the fourth root, so that small values are visible. */
 function scaled(values) {
   const most = values.reduce((a, b) => Math.max(a, b), 0) || 1;
   return values.map((v) => Math.sqrt(Math.sqrt(v / most)));

@@ -1,4 +1,4 @@
-// From view to view along a piece: where one looks from is a function of the instant alone, so that a film has the same pictures each time.
+// A camera path along a piece: the view depends on the instant alone, so that a film gives the same pictures each time.
 
 /**
  * Looks at t [s], by stops [t, look] in order: before the first and after the last these stand, between two of them one

@@ -5,29 +5,29 @@ use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
 
 use crate::payload::{Bytes, Reading};
 
-/// Most numbers of one chunk.
+/// Largest number of values in one chunk.
 const NUMBERS_MAX: usize = 1 << 24;
-/// Steps of a largest displacement: in a file, and live.
+/// Number of steps up to the largest displacement: in a file, and live.
 const FINE: f64 = 511.0;
 const WIDE: f64 = 32_767.0;
-/// How hard the bytes are squeezed, 0 to 10.
+/// Compression level, 0 to 10.
 const EFFORT: u8 = 6;
 
 /// Frames of one part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frames {
-    /// Which part.
+    /// Index of the part.
     pub part: u16,
     /// Seconds from one frame to the next.
     pub hop: f64,
-    /// Displacements [m]   (count, n); NaN: not known.
+    /// Displacements [m]   (count, n); NaN: unknown.
     pub rows: Vec<f64>,
-    /// How many frames there are.
+    /// Number of frames.
     pub count: usize,
 }
 
 impl Frames {
-    /// As a payload: ten bits a number and squeezed, or 16 bits as they are.
+    /// The payload: ten bits a value and compressed, or 16 bits a value and not compressed.
     pub fn bytes(&self, is_squeezed: bool) -> Vec<u8> {
         let n = self.rows.len() / self.count.max(1);
         let steps = if is_squeezed { FINE } else { WIDE };
@@ -40,7 +40,7 @@ impl Frames {
         for row in self.rows.chunks(n.max(1)) {
             let is_known = row.iter().all(|x| x.is_finite());
             let most = row.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-            // The scale as the reader has it.
+            // The scale as the reader gets it, in single precision.
             let scale = f64::from((most / steps) as f32).max(f64::from(f32::MIN_POSITIVE));
             let told = if is_known { scale } else { f64::NAN };
             let steps_of = |x: &f64| {
@@ -74,7 +74,7 @@ impl Frames {
         out.0
     }
 
-    /// The frames of a payload, of parts of so many points; `None` where it is no such payload.
+    /// The frames of a payload; `points_of`: number of points of a part. `None` if the payload is damaged.
     pub fn read(payload: &[u8], points_of: impl Fn(u16) -> Option<usize>) -> Option<Self> {
         let mut from = Reading(payload);
         let part = from.u16()?;
@@ -150,7 +150,7 @@ mod tests {
                     prop_assert!((x - y).abs() <= 0.501 * most / steps);
                 }
             }
-            // Neither more bytes nor fewer, nor another number of points.
+            // More bytes, fewer bytes, or another number of points are refused.
             prop_assert!(Frames::read(&bytes[..bytes.len() - 1], |_| Some(7)).is_none());
             prop_assert!(Frames::read(&bytes, |_| Some(8)).is_none());
         }

@@ -1,4 +1,4 @@
-//! What is seen of a simulation: its motion as chunks of bytes, the same in a file and on a wire.
+//! The visible motion of a simulation as chunks of bytes, in the same format for files and for live pages.
 
 pub mod frames;
 pub mod motion;

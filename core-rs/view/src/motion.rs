@@ -1,7 +1,8 @@
-//! `.motion`: chunks of a kind, an instant and a payload, each closed by its CRC-32.
+//! The `.motion` format: chunks of a kind, an instant and a payload, each closed by its CRC-32.
 //!
-//! A file is the eight bytes [`MAGIC`], then chunks. A chunk is `u16 kind, u16 version, u32 length, f64 seconds`, then the
-//! payload, then the CRC-32 of all of these; numbers are little-endian. A file that ends within a chunk holds the chunks before.
+//! A file is the eight bytes [`MAGIC`], then chunks. A chunk is `u16 kind, u16 version, u32 length, f64 seconds`, then
+//! the payload, then the CRC-32 of all of these; numbers are little-endian. If a file ends within a chunk, the chunks
+//! before it are valid.
 
 use thiserror::Error;
 
@@ -11,23 +12,23 @@ pub const MAGIC: [u8; 8] = *b"ERGM\x01\0\0\0";
 const HEAD: usize = 16;
 const CRC: usize = 4;
 
-/// Most bytes of a payload: a frame of 10⁶ points in f64 is an eighth of it.
+/// Largest length of a payload [bytes]: a frame of 10⁶ points in f64 is an eighth of it.
 pub const MOST: usize = 64 << 20;
 
 /// One chunk, as it is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chunk<'a> {
-    /// What the payload is.
+    /// Kind of the payload.
     pub kind: u16,
-    /// The version of this kind's payload.
+    /// Version of the payload's format.
     pub version: u16,
     /// The instant at which it is heard \[s\].
     pub seconds: f64,
-    /// As the kind says.
+    /// The data, in the format of its kind.
     pub payload: &'a [u8],
 }
 
-/// Why bytes are no chunk.
+/// Why bytes cannot be parsed as a chunk.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum ChunkError {
     /// The bytes end before the chunk does: more may follow.
@@ -36,7 +37,7 @@ pub enum ChunkError {
     /// A length above [`MOST`].
     #[error("a payload has {0} bytes; {MOST} is the most")]
     Long(usize),
-    /// The check sum is another.
+    /// The checksum does not match.
     #[error("the CRC-32 of a chunk is wrong")]
     Crc,
 }
@@ -45,7 +46,7 @@ pub enum ChunkError {
 ///
 /// # Panics
 ///
-/// Where the payload is longer than [`MOST`].
+/// If the payload is longer than [`MOST`].
 pub fn write(out: &mut Vec<u8>, chunk: &Chunk) {
     assert!(
         chunk.payload.len() <= MOST,
@@ -66,7 +67,7 @@ pub fn write(out: &mut Vec<u8>, chunk: &Chunk) {
 ///
 /// # Errors
 ///
-/// [`ChunkError`] where no whole chunk stands there.
+/// [`ChunkError`] if there is no complete chunk.
 pub fn read(bytes: &[u8]) -> Result<(Chunk<'_>, usize), ChunkError> {
     let head = bytes.get(..HEAD).ok_or(ChunkError::Cut)?;
     let number = |at: usize| u16::from_le_bytes([head[at], head[at + 1]]);

@@ -1,10 +1,10 @@
-//! What the payload of each kind of chunk holds, as bytes. `docs/motion.md` is the page of it.
+//! The contents of each kind of payload, as bytes. They are documented in `docs/motion.md`.
 
 use crate::motion::{self, Chunk};
 
-/// The version of every payload here.
+/// Version of every payload in this file.
 pub const VERSION: u16 = 1;
-/// No source, no track.
+/// Marks a missing source or track.
 pub const NONE: u32 = u32::MAX;
 
 /// Kinds of chunks.
@@ -13,39 +13,39 @@ pub mod kind {
     pub const MANIFEST: u16 = 1;
     /// Table of points.
     pub const POINTS: u16 = 2;
-    /// Free oscillations that begin.
+    /// Flights: free oscillations from an instant on.
     pub const FLIGHTS: u16 = 3;
     /// Sampled displacements.
     pub const FRAMES: u16 = 4;
-    /// What strikes.
+    /// Ergons and strikes.
     pub const ERGONS: u16 = 5;
-    /// What touched.
+    /// Pushes of contacts.
     pub const CONTACTS: u16 = 6;
-    /// Loudspeakers.
+    /// Levels of loudspeakers.
     pub const LEVELS: u16 = 7;
-    /// Keys.
+    /// Positions of keys, and those that their gestures ask for.
     pub const HANDS: u16 = 8;
-    /// When an instant is heard.
+    /// The instant of the piece that is heard, by the server's clock.
     pub const CLOCK: u16 = 9;
-    /// All flights under way.
+    /// Key state: all running flights.
     pub const STATE: u16 = 10;
-    /// Where segments begin.
+    /// Where segments begin in the file.
     pub const INDEX: u16 = 11;
-    /// Pairs of points.
+    /// Links, as pairs of points.
     pub const LINKS: u16 = 12;
-    /// Modes of a part.
+    /// Mode shapes of a part.
     pub const SHAPES: u16 = 13;
     /// Names of points.
     pub const NAMES: u16 = 14;
-    /// Largest displacements.
+    /// Largest displacements of parts.
     pub const PEAKS: u16 = 15;
     /// Links that broke.
     pub const BROKEN: u16 = 16;
-    /// The last that is known.
+    /// The last kind that is known.
     pub const LAST: u16 = BROKEN;
 }
 
-/// Bytes in the making.
+/// Bytes to which numbers are appended.
 #[derive(Clone, Debug, Default)]
 pub struct Bytes(pub Vec<u8>);
 
@@ -76,12 +76,12 @@ impl Bytes {
     }
 }
 
-/// Bytes that are read from the front; `None` where they end.
+/// Reads numbers from the front of bytes; `None` at their end.
 #[derive(Clone, Copy, Debug)]
 pub struct Reading<'a>(pub &'a [u8]);
 
 impl<'a> Reading<'a> {
-    /// The next so many bytes.
+    /// The next `n` bytes.
     pub fn take(&mut self, n: usize) -> Option<&'a [u8]> {
         let (own, rest) = self.0.split_at_checked(n)?;
         self.0 = rest;
@@ -129,7 +129,8 @@ pub fn put(out: &mut Vec<u8>, kind: u16, seconds: f64, payload: &[u8]) {
     motion::write(out, &chunk);
 }
 
-/// A number of half precision (IEEE 754), to the nearest, ties to even; what is too large becomes the largest.
+/// A number in half precision (IEEE 754), rounded to nearest, ties to even; a value that is too large becomes the
+/// largest finite one.
 pub fn half(value: f64) -> u16 {
     let sign = if value.is_sign_negative() { 0x8000 } else { 0 };
     let size = value.abs();
@@ -139,7 +140,7 @@ pub fn half(value: f64) -> u16 {
     if size >= 65_504.0 {
         return sign | 0x7bff;
     }
-    // Multiples of 2^−24 below 2^−14; above, eleven bits of the fraction.
+    // Below 2^−14: multiples of 2^−24; above: eleven significant bits.
     let exponent = if size < 6.103_515_625e-5 {
         -14
     } else {
@@ -147,11 +148,11 @@ pub fn half(value: f64) -> u16 {
     };
     let unit = f64::from_bits(((exponent - 10 + 1023) as u64) << 52);
     let steps = (size / unit).round_ties_even() as u16; // 1024 ≤ steps ≤ 2048 where it is normal
-    // A carry goes into the exponent by itself.
+    // A carry of the fraction increments the exponent.
     sign | ((((exponent + 14) as u16) << 10) + steps)
 }
 
-/// The value of a number of half precision.
+/// The value of a half-precision number.
 pub fn whole(bits: u16) -> f64 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
     let unit = |exponent: i32| f64::from_bits(((exponent + 1023) as u64) << 52);

@@ -1,4 +1,4 @@
-//! A motion file as far as it is whole, and where its points are at any instant.
+//! Reads the complete part of a motion file, and computes positions at any instant.
 
 use ergon_engine::simulation::Oscillation;
 use serde_json::Value;
@@ -8,49 +8,49 @@ use crate::frames::Frames;
 use crate::motion::{self, ChunkError, MAGIC};
 use crate::payload::{Reading, VERSION, kind, whole};
 
-/// Why a file is not read.
+/// Why a file cannot be read.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum ReadError {
-    /// It begins otherwise.
+    /// The file does not begin with the magic bytes.
     #[error("this is not a motion file: it does not begin with ERGM and version 1")]
     Magic,
-    /// Its manifest or a table is not whole, or damaged.
+    /// The manifest or a table is incomplete or damaged.
     #[error("the {0} of this motion file is missing or damaged")]
     Table(&'static str),
-    /// A payload that another program version wrote.
+    /// A payload of another version of the format.
     #[error("this motion file was written by a newer ergon: kind {0} has version {1}")]
     Version(u16, u16),
-    /// A payload does not hold what its kind says.
+    /// A payload that does not match its kind.
     #[error("a chunk of kind {0} at byte {1} of this motion file is damaged")]
     Payload(u16, usize),
 }
 
-/// One chunk, by its place in the file.
+/// One chunk, and where it is in the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// What it is.
+    /// Its kind.
     pub kind: u16,
     /// Its instant [s].
     pub seconds: f64,
-    /// Where its payload begins.
+    /// First byte of its payload.
     pub at: usize,
-    /// How long its payload is.
+    /// Length of its payload [bytes].
     pub len: usize,
 }
 
-/// What a file holds, up to its last whole chunk.
+/// The contents of a file, up to its last complete chunk.
 #[derive(Clone, Debug)]
 pub struct MotionFile {
     bytes: Vec<u8>,
-    /// All chunks that are whole.
+    /// All complete chunks.
     pub chunks: Vec<Place>,
     /// The manifest, as JSON.
     pub manifest: String,
-    /// Whether the last chunk is the index: the file was ended.
+    /// Whether the last chunk is the index: the recording was finished.
     pub is_whole: bool,
-    /// Points.
+    /// Number of points.
     pub n_points: usize,
-    /// Modes.
+    /// Number of modes.
     pub n_modes: usize,
     /// x, y, z, rest of each point [m]   (n_points)
     pub places: Vec<[f64; 4]>,
@@ -72,25 +72,26 @@ struct Part {
 enum Kind {
     Free,
     Sampled,
-    /// First mode, and how much each point sees of each   (n, n_modes)
+    /// Index of the first mode, number of modes, and the displacement of each point per unit of each mode   (n,
+    /// n_modes)
     Modal(usize, usize, Vec<f64>),
     None,
 }
 
-/// Most points and modes: more is damage.
+/// Largest number of points or modes: a larger one means damage.
 const MOST: usize = 1 << 24;
 
 impl MotionFile {
-    /// Read what is whole of a file.
+    /// Read the complete chunks of a file.
     ///
     /// # Errors
-    /// [`ReadError`] where its manifest and tables are not whole, or a chunk that is whole does not hold what it should.
+    /// [`ReadError`] if its manifest or tables are incomplete, or a complete chunk does not match its kind.
     pub fn new(bytes: Vec<u8>) -> Result<Self, ReadError> {
         if !bytes.starts_with(&MAGIC) {
             return Err(ReadError::Magic);
         }
         let (mut chunks, mut at) = (Vec::new(), MAGIC.len());
-        // A damaged chunk ends what can be trusted, as a cut does.
+        // As after a cut, nothing after a damaged chunk can be trusted.
         while let Ok((chunk, n)) = motion::read(&bytes[at..]) {
             let known = (kind::MANIFEST..=kind::LAST).contains(&chunk.kind);
             if known && chunk.version != VERSION {
@@ -125,7 +126,7 @@ impl MotionFile {
         Ok(own)
     }
 
-    /// Whether the bytes behind the last whole chunk end within a chunk: the file was cut, not damaged.
+    /// Whether the bytes after the last complete chunk are the beginning of a chunk: the file was cut, not damaged.
     pub fn is_cut(&self) -> bool {
         let end = self
             .chunks
@@ -139,7 +140,7 @@ impl MotionFile {
         &self.bytes[place.at..place.at + place.len]
     }
 
-    /// How long it is [s]: to the last frame or event.
+    /// Duration [s]: up to the last frame or event.
     pub fn duration(&self) -> f64 {
         let end = |place: &Place| match place.kind {
             kind::FRAMES => {
@@ -270,7 +271,7 @@ impl MotionFile {
         Some(())
     }
 
-    /// Whether every chunk that a player reads holds what its kind says.
+    /// Checks that every chunk that a player reads matches its kind.
     fn check(&self) -> Result<(), ReadError> {
         for place in &self.chunks {
             let payload = self.payload(place);
@@ -307,10 +308,10 @@ impl MotionFile {
         Frames::read(self.payload(place), points)
     }
 
-    /// Displacements of all points [m] at rising instants [s]   (n_instants · n_points); NaN where nothing is known.
+    /// Displacements of all points [m] at rising instants [s]   (n_instants · n_points); NaN if unknown.
     ///
     /// # Errors
-    /// [`ReadError`] where frames are damaged.
+    /// [`ReadError`] if frames are damaged.
     pub fn displacements(&self, instants: &[f64]) -> Result<Vec<f64>, ReadError> {
         let n = self.n_points;
         let mut out = vec![f64::NAN; instants.len() * n];
@@ -319,7 +320,7 @@ impl MotionFile {
         Ok(out)
     }
 
-    /// What goes by flights.
+    /// Points and modes that follow flights.
     fn swing(&self, instants: &[f64], out: &mut [f64]) {
         let n = self.n_points;
         let mut now = vec![(0.0, 0.0, 0.0); self.oscillations.len()];
@@ -360,7 +361,7 @@ impl MotionFile {
         }
     }
 
-    /// What goes by frames: straight from one to the next.
+    /// Sampled points: linear interpolation between frames.
     fn interpolate(&self, instants: &[f64], out: &mut [f64]) -> Result<(), ReadError> {
         let n = self.n_points;
         for (number, part) in self.parts.iter().enumerate() {
@@ -378,7 +379,7 @@ impl MotionFile {
                     let Some(place) = blocks.next() else { break };
                     let damaged = ReadError::Payload(place.kind, place.at);
                     let frames = self.frames(place).ok_or(damaged)?;
-                    // Of what is past one frame is enough.
+                    // Of the past frames, only the last one is needed.
                     known.drain(..known.len().saturating_sub(1));
                     at = 0;
                     for (i, x) in frames.rows.chunks(part.count.max(1)).enumerate() {

@@ -1,7 +1,8 @@
-//! A simulation into chunks: it is looked at once a video frame, and what a reader knows by itself is not told.
+//! Records a simulation as chunks: it is looked at once a video frame, and data that a reader can compute by itself are
+//! not written.
 //!
-//! What swings freely is an oscillation that a reader goes on computing. The recorder computes it as the reader does, and tells a
-//! new one, a flight, only where the engine is elsewhere: after an ergon, from the instant of the ergon on.
+//! A reader continues free oscillations by itself. The recorder computes them in the same way, and writes a new one, a
+//! flight, only if the engine differs from it: after an ergon, from the instant of the ergon on.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -22,42 +23,43 @@ mod tables;
 pub use live::Told;
 pub use parts::{Run, runs};
 
-/// What is written is told so long before it strikes [s].
+/// Written ergons are reported this long before they strike [s].
 const AHEAD: f64 = 1.0;
-/// What struck before the first look is told so long after it [s]: a live page goes back no further.
+/// Ergons that struck at most this long before the first look are reported as well [s]: a live page goes back no
+/// further.
 const BACK: f64 = 5.0;
 
-/// What is recorded beside what moves.
+/// Settings of a recording: everything besides the motion itself.
 #[derive(Clone, Debug)]
 pub struct Setup {
     /// The manifest, as JSON.
     pub manifest: String,
-    /// Where each point stands [m]   (n_points)
+    /// Position of each point [m]   (n_points)
     pub places: Vec<[f64; 3]>,
     /// Ergons that are known beforehand, by rising instant.
     pub ergons: Vec<Record>,
-    /// MATs that may be struck by what nobody knew beforehand, by the number that the timeline gave each.
+    /// MATs that may be struck live, by the number of their point in the timeline.
     pub strike_points: HashMap<u32, usize>,
     /// The MAT of each key, by its number in the timeline.
     pub keys: Vec<usize>,
-    /// Loudspeakers.
+    /// Number of loudspeakers.
     pub n_speakers: usize,
     /// Looks a second [Hz].
     pub fps: f64,
 }
 
-/// One second of chunks, which is written when it is over.
+/// One second of chunks, which are written when it is over.
 #[derive(Default)]
 struct Segment {
     start: f64,
     state: Bytes,
-    /// Of each sampled run   (count · n)
+    /// Displacements of each run that is sampled   (count · n)
     rows: Vec<Vec<f64>>,
     count: usize,
     events: Vec<(f64, u16, Bytes)>,
 }
 
-/// A simulation on its way into chunks.
+/// Records a simulation as chunks.
 pub struct Recorder {
     look: Look,
     setup: Setup,
@@ -66,40 +68,41 @@ pub struct Recorder {
     tracks: Vec<Track>,
     /// (n_tracks)
     flights: Vec<Flight>,
-    /// Instants at which each point, and behind them each body, is struck: rising.
+    /// Rising instants of the strikes on each point, and after these on each body.
     blows: Vec<Vec<f64>>,
-    /// What a file is told.
+    /// Reused by [`Recorder::look`] for every look.
     glance: Glance,
-    /// Displacements of modal points, as far as they are asked for   (n_points)
+    /// Displacements of the points of modal parts, as of their last evaluation   (n_points)
     shaped: Vec<f64>,
     peaks: Vec<f64>,
-    /// Points by MAT.
+    /// Index of the point of each MAT.
     points: HashMap<usize, usize>,
     frame: u64,
-    /// Where the simulation was when it began to be seen [s]: what its score wrote before did not strike in it.
+    /// Instant of the simulation at which the recording begins [s]: ergons written before it did not strike in the
+    /// simulation.
     since: f64,
     last: f64,
     told: usize,
-    /// The number of each link that may break in the table of links, where both its ends are seen.
+    /// Index in the table of links of each breakable link; `None` unless both its ends are seen.
     links: Vec<Option<u32>>,
-    /// Since when each is seen broken [s].
+    /// Instant at which each was first seen broken [s].
     broken: Vec<Option<f64>>,
-    /// Strikes that nobody knew beforehand and that no look has told: instant [s], point of the file, impulse [N·s].
+    /// Live strikes that are not reported yet: instant [s], point of the file, impulse [N·s].
     struck: Vec<(f64, u32, f64)>,
     squares: Vec<f64>,
     heard: u64,
     segment: Segment,
     index: Vec<(f64, u64)>,
     out: Vec<u8>,
-    /// Bytes that were taken.
+    /// Number of bytes taken so far.
     taken: u64,
 }
 
 impl Recorder {
-    /// The file begins: manifest and tables.
+    /// A recorder that begins the file with its manifest and tables.
     ///
     /// # Errors
-    /// A sentence where a table would be too long.
+    /// A sentence if a table is too long.
     pub fn new(simulation: &Simulation, look: Look, setup: Setup) -> Result<Self, String> {
         let network = simulation.network();
         let runs = runs(&look);
@@ -156,7 +159,7 @@ impl Recorder {
         frame as f64 / self.rate
     }
 
-    /// The sample of the simulation at which it is to be looked at next.
+    /// The frame of the simulation at which the next look is due.
     pub fn next(&self) -> u64 {
         (self.frame as f64 * self.rate / self.setup.fps + 0.5) as u64
     }
@@ -169,14 +172,14 @@ impl Recorder {
         self.glance = glance;
     }
 
-    /// Go on to what was seen next.
+    /// Record the next glance.
     pub fn see(&mut self, glance: &Glance) {
         let now = self.seconds(glance.frame);
         let is_first = self.frame.is_multiple_of(self.per_segment());
         if self.frame == 0 {
-            // What is looked at later than from its beginning on has a past.
+            // If the recording begins later than the simulation, there was a frame before the first look.
             self.last = (now - 1.0 / self.setup.fps).max(0.0);
-            // An instant lies within the frame that its strike acts in.
+            // The instant of a strike may be up to half a frame before the frame in which it acts.
             let since = (self.since - 0.5 / self.rate).max(now - BACK);
             self.told = (self.setup.ergons).partition_point(|ergon| ergon.time < since);
         }
@@ -201,12 +204,12 @@ impl Recorder {
         ((self.setup.fps + 0.5) as u64).max(1)
     }
 
-    /// Take what loudspeakers sound since the last look   (n_frames · n_speakers)
+    /// Take the signals of the loudspeakers since the last look   (n_frames · n_speakers)
     pub fn hear(&mut self, mixed: &[f64]) {
         self.heard += add_squares(&mut self.squares, mixed);
     }
 
-    /// Take the sums of squares of what `n` frames sound   (n_speakers)
+    /// Take the sums of the squares of `n` frames   (n_speakers)
     pub fn hear_squares(&mut self, squares: &[f64], n: u64) {
         for (square, more) in self.squares.iter_mut().zip(squares) {
             *square += more;
@@ -214,13 +217,13 @@ impl Recorder {
         self.heard += n;
     }
 
-    /// The bytes that are complete by now, once.
+    /// The bytes completed since the last call.
     pub fn take(&mut self) -> Vec<u8> {
         self.taken += self.out.len() as u64;
         std::mem::take(&mut self.out)
     }
 
-    /// The last bytes: the segment that runs, and the index.
+    /// The last bytes: the current segment, and the index.
     pub fn finish(&mut self) -> Vec<u8> {
         self.end_segment();
         let at = self.taken + self.out.len() as u64;
@@ -248,7 +251,7 @@ impl Recorder {
         &mut events[last].2
     }
 
-    /// Contacts since the last look.
+    /// Pushes of contacts since the last look.
     fn touch(&mut self, pushes: &[Push]) {
         let (last, rate) = (self.last, self.rate);
         let all = pushes.iter().enumerate();
@@ -260,7 +263,7 @@ impl Recorder {
         }
     }
 
-    /// What written hands struck since the last look; at the first one, since this is seen.
+    /// Strikes of written hands since the last look; at the first look, since the recording began.
     fn spark(&mut self, sparks: &[Record]) {
         let (last, since) = (self.last, self.since - 0.5 / self.rate);
         for spark in sparks.iter().filter(|spark| spark.time >= since) {
@@ -275,7 +278,7 @@ impl Recorder {
         }
     }
 
-    /// Links that broke since the last look; with a key state all that are broken.
+    /// Links that broke since the last look; together with a key state, all that are broken.
     fn part(&mut self, broken: &[bool], now: f64, is_first: bool) {
         for (at, _) in broken.iter().enumerate().filter(|(_, is)| **is) {
             let is_new = self.broken[at].is_none();
@@ -306,7 +309,7 @@ impl Recorder {
         self.segment.count += 1;
     }
 
-    /// What will strike within a second, and what has struck before the first look.
+    /// Ergons that will strike within the next second; at the first look, also those that have struck before it.
     fn foretell(&mut self, now: f64) {
         while let Some(ergon) = self.setup.ergons.get(self.told).copied() {
             if ergon.time >= now + AHEAD {
@@ -325,7 +328,7 @@ impl Recorder {
         }
     }
 
-    /// A strike that nobody knew beforehand was done at `seconds`. What is seen next tells it; its speed is not known.
+    /// Take a live strike that happened at `seconds`. It is reported with the next look; its speed is unknown.
     pub fn struck(&mut self, seconds: f64, point: u32, impulse: f64) {
         let mat = self.setup.strike_points.get(&point);
         if let Some(&at) = mat.and_then(|mat| self.points.get(mat)) {
@@ -386,11 +389,11 @@ impl Recorder {
             .for_each(|square| to.f32((square / n).sqrt()));
     }
 
-    /// The segment that runs into bytes.
+    /// Write the current segment.
     fn end_segment(&mut self) {
         let mut segment = std::mem::take(&mut self.segment);
         if segment.count == 0 {
-            // What happened before the first look belongs to it.
+            // Events before the first look stay for its segment.
             self.segment.events = segment.events;
             return;
         }
@@ -401,7 +404,7 @@ impl Recorder {
         self.peaks.iter().for_each(|peak| peaks.f32(*peak));
         put(&mut self.out, kind::PEAKS, segment.start, &peaks.0);
         for (part, (run, rows)) in self.runs.iter().zip(&mut segment.rows).enumerate() {
-            // As many frames at once as a chunk holds.
+            // Split into chunks of the largest possible number of frames.
             for some in chunks(segment.count, (MOST / 16) / run.points.len().max(1)) {
                 if run.kind != "sampled" {
                     break;
@@ -434,7 +437,7 @@ fn put_ergon(to: &mut Bytes, dt: f64, point: usize, ergon: &Record) {
     to.u32(ergon.source);
 }
 
-/// Add the squares of frames to those of each loudspeaker; how many frames there were.
+/// Add the squares of the signals to the sums of the loudspeakers; returns the number of frames.
 pub fn add_squares(squares: &mut [f64], mixed: &[f64]) -> u64 {
     let frames = mixed.chunks_exact(squares.len().max(1));
     let n = frames.len() as u64;
@@ -446,7 +449,7 @@ pub fn add_squares(squares: &mut [f64], mixed: &[f64]) -> u64 {
     n
 }
 
-/// `n` in pieces of at most `most`.
+/// The range 0 to `n` in pieces of at most `most`.
 fn chunks(n: usize, most: usize) -> impl Iterator<Item = Range<usize>> {
     let most = most.max(1);
     (0..n)

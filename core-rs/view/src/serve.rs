@@ -1,6 +1,7 @@
-//! The page and what it draws, by HTTP and WebSocket on one port: a blocking thread for each connection, all of them bounded.
+//! Serves the page and its data over HTTP and WebSocket on one port: a blocking thread for each connection, with limits
+//! for all.
 //!
-//! Nothing that a page sends steers anything: it may ask for files, and for the time.
+//! A page cannot control anything: it may ask for files, and for the time.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -24,18 +25,18 @@ mod viewer;
 pub use access::Key;
 pub use hub::{Cursor, Hub, Keep, Taken};
 
-/// What a connection may take; the defaults are for people, shorter ones for tests.
+/// Limits of connections; the defaults suit people, tests use shorter times.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Pages that are sent what happens, at once.
+    /// Largest number of live viewers.
     pub viewers: usize,
-    /// Connections at once, viewers among them.
+    /// Largest number of connections, including viewers.
     pub connections: usize,
-    /// Within which a whole request has come \[s\].
+    /// Time within which a request must be complete \[s\].
     pub head: Duration,
-    /// Without a byte taken, after which a connection is dropped \[s\].
+    /// Time without progress after which a connection is dropped \[s\].
     pub stall: Duration,
-    /// Bytes a second that a reader takes at least, counted once `stall` is over.
+    /// Lowest rate at which a reader must take data [bytes/s], after the first `stall`.
     pub floor: u64,
 }
 
@@ -54,20 +55,20 @@ impl Default for Limits {
 /// What is served, and where.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Port 0 is any free one.
+    /// Address and port; port 0 is any free one.
     pub at: SocketAddr,
-    /// Stands in every address; needed wherever others than this machine can reach the port.
+    /// Secret that is part of every address; required if other machines can reach the port.
     pub key: Option<Key>,
     /// The `.motion` file that pages play.
     pub file: Option<PathBuf>,
-    /// The WAV or FLAC file that is heard with it.
+    /// The WAV or FLAC file that is played with it.
     pub sound: Option<PathBuf>,
     /// See [`Limits`].
     pub limits: Limits,
 }
 
 impl Options {
-    /// A file, to pages on this machine alone.
+    /// Serves a file to pages on this machine only.
     pub fn local(file: PathBuf) -> Self {
         Self {
             at: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0),
@@ -79,10 +80,10 @@ impl Options {
     }
 }
 
-/// Why nothing is served.
+/// Why the server cannot start.
 #[derive(Debug, Error)]
 pub enum ServeError {
-    /// Others could read along.
+    /// The address is open to other machines, but there is no key.
     #[error("{0} can be reached from other machines: a key is needed")]
     Open(SocketAddr),
     /// The port is taken, or is not this machine's.
@@ -90,21 +91,21 @@ pub enum ServeError {
     Bind(SocketAddr, io::Error),
 }
 
-/// How many connections there were, and what became of them.
+/// Counts of connections and requests.
 #[derive(Debug, Default)]
 pub struct Tally {
-    /// Requests that were answered with what they asked for.
+    /// Requests that got what they asked for.
     pub served: AtomicU64,
-    /// Requests that were answered with an error, or not at all.
+    /// Requests that got an error, or no answer.
     pub refused: AtomicU64,
-    /// Readers that were too slow, and pages that said what no page says.
+    /// Connections dropped because the reader was too slow, or the page sent a message that the protocol does not have.
     pub dropped: AtomicU64,
-    /// Pages that are connected now.
+    /// Number of connected live viewers.
     pub viewers: AtomicUsize,
     connections: AtomicUsize,
 }
 
-/// What every connection knows.
+/// Data shared by all connections.
 struct Shared {
     options: Options,
     at: SocketAddr,
@@ -121,9 +122,11 @@ pub struct Server {
 }
 
 impl Server {
+    /// Starts to listen.
+    ///
     /// # Errors
     ///
-    /// [`ServeError`] where the address needs a key that is not given, or cannot be listened at.
+    /// [`ServeError`] if the address requires a key and none is given, or the port cannot be opened.
     pub fn start(options: Options) -> Result<Self, ServeError> {
         if !options.at.ip().is_loopback() && options.key.is_none() {
             return Err(ServeError::Open(options.at));
@@ -150,12 +153,12 @@ impl Server {
         })
     }
 
-    /// Where it listens.
+    /// The address at which it listens.
     pub fn at(&self) -> SocketAddr {
         self.shared.at
     }
 
-    /// What a browser opens, with the key.
+    /// The URL to open in a browser, with the key.
     pub fn url(&self) -> String {
         let key = self.shared.options.key.as_ref();
         format!(
@@ -165,17 +168,17 @@ impl Server {
         )
     }
 
-    /// What all viewers are sent.
+    /// The messages for all viewers.
     pub fn hub(&self) -> &Hub {
         &self.shared.hub
     }
 
-    /// What has happened so far.
+    /// Counts so far.
     pub fn tally(&self) -> &Tally {
         &self.shared.tally
     }
 
-    /// The clock that pages compare theirs with \[s\].
+    /// The server's clock, with which pages compare theirs \[s\].
     pub fn now(&self) -> f64 {
         self.shared.now()
     }
@@ -185,7 +188,7 @@ impl Drop for Server {
     fn drop(&mut self) {
         self.shared.over.store(true, Ordering::Release);
         self.shared.hub.close();
-        // The listener waits in `accept`: a connection of ours wakes it.
+        // The listener waits in `accept`: a connection from here wakes it.
         let near = self.shared.near();
         let woken = TcpStream::connect_timeout(&near, Duration::from_secs(1)).is_ok();
         if let Some(listener) = self.listener.take()
@@ -201,7 +204,8 @@ impl Shared {
         self.begin.elapsed().as_secs_f64()
     }
 
-    /// Where this machine reaches it: an address of loopback, where it listens at all.
+    /// The address by which this machine reaches the server: that at which it listens, or loopback if it listens at
+    /// all.
     fn near(&self) -> SocketAddr {
         let ip = match self.at.ip() {
             ip if !ip.is_unspecified() => ip,
@@ -215,7 +219,7 @@ impl Shared {
     }
 }
 
-/// A place among the connections or the viewers, given back when it is dropped.
+/// A place among the connections or viewers; dropping it frees the place.
 struct Place<'a>(&'a AtomicUsize);
 
 impl<'a> Place<'a> {
@@ -235,7 +239,7 @@ impl Drop for Place<'_> {
     }
 }
 
-/// A thread of a connection holds little: files go by pieces, messages are shared.
+/// Connection threads need little stack: files are sent in pieces, and messages are shared.
 const STACK: usize = 512 << 10;
 
 fn listen(listener: &TcpListener, shared: &Arc<Shared>) {
@@ -244,7 +248,7 @@ fn listen(listener: &TcpListener, shared: &Arc<Shared>) {
             return;
         }
         let Ok(stream) = stream else {
-            // Out of descriptors, which others may give back.
+            // No file descriptors are left; other connections may free some.
             thread::sleep(Duration::from_millis(10));
             continue;
         };

@@ -1,4 +1,4 @@
-//! Links that break are told when they do, and again with each key state.
+//! Broken links are reported when they break, and again with each key state.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use ergon_view::record::{Recorder, Setup, runs};
 const RATE: f64 = 44_100.0;
 const FPS: f64 = 1_000.0;
 const K: f64 = 1_000.0;
-/// Stiffness that nobody feels [N/m].
+/// A negligible stiffness [N/m].
 const LOOSE: f64 = 1e-6;
 const LENGTH: f64 = 0.1;
 
@@ -42,13 +42,14 @@ fn thread(network: &mut Network, ends: (SpacePoint, SpacePoint), k: f64, breaks:
         .unwrap();
 }
 
-/// When a ball of 1 kg that flies off a spring at `v` [m/s] has gone as far as `x` [m].
+/// The instant at which a ball of 1 kg that leaves a spring at rest with `v` [m/s] has moved by `x` [m].
 fn instant(v: f64, x: f64) -> f64 {
     let omega = K.sqrt();
     asin(x * omega / v) / omega
 }
 
-/// Two balls that tear off, one of them two threads side by side, and one that holds. Threads are written across islands.
+/// Three balls on threads: two tear off, one of them from two threads side by side, and one holds. The order of the
+/// threads is not that of the islands.
 fn torn() -> (Network, Vec<Option<f64>>) {
     let mut network = Network::new();
     network.part("w", None);
@@ -106,7 +107,7 @@ fn recorded(mut simulation: Simulation, seconds: f64) -> (Look, MotionFile) {
     (look, MotionFile::new(recorder.finish()).unwrap())
 }
 
-/// The ends of each link of the table, as MATs.
+/// The ends of each link in the table, as MATs.
 fn links(look: &Look, file: &MotionFile) -> Vec<(usize, usize)> {
     let table = file.chunks.iter().find(|place| place.kind == kind::LINKS);
     let mut from = Reading(file.payload(table.unwrap()));
@@ -128,7 +129,7 @@ fn check(simulation: Simulation, network: &Network, when: &[Option<f64>]) {
         while !from.0.is_empty() {
             let instant = place.seconds + from.f32().unwrap();
             let number = from.u32().unwrap() as usize;
-            // Two pairs of each link, for it has two axes.
+            // Each link has two pairs, one for each of its two axes.
             assert_eq!(number % 2, 0);
             let link = number / 2;
             let run = network.run_of(link).unwrap();
@@ -141,7 +142,7 @@ fn check(simulation: Simulation, network: &Network, when: &[Option<f64>]) {
             assert_eq!(told, &[]);
             continue;
         };
-        // At the first look after it broke, and at the beginning of each second.
+        // Reported at the first look after the break, and at the beginning of each second.
         let seconds: Vec<f64> = told.iter().map(|(seconds, _)| *seconds).collect();
         let late = seconds[0] - when;
         assert!((-1e-4..1.0 / FPS + 1e-4).contains(&late), "{late} s late");

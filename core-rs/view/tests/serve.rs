@@ -1,4 +1,5 @@
-//! The server over real sockets: what a page gets, who is refused, and what a thousand hostile requests cost.
+//! The server with real sockets: what a page gets, which requests are refused, and what a thousand hostile requests
+//! cost.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs::File;
@@ -14,7 +15,7 @@ use ergon_view::serve::{Keep, Key, Limits, Options, ServeError, Server};
 use tungstenite::protocol::Role;
 use tungstenite::{Message, WebSocket};
 
-/// Bytes that are held now, and the most that ever were since it was last looked at.
+/// Counts the allocated bytes: current number, and the maximum since the last reset.
 struct Counting;
 
 static HELD: AtomicUsize = AtomicUsize::new(0);
@@ -39,10 +40,10 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// The tests run one after the other: one of them counts bytes.
+/// The tests run one at a time, because one of them counts bytes.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// After which a test gives up; nothing is judged by it.
+/// Timeout of a test; no test measures it.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 fn alone() -> std::sync::MutexGuard<'static, ()> {
@@ -51,7 +52,7 @@ fn alone() -> std::sync::MutexGuard<'static, ()> {
         .unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
-/// A file of a length, which is removed in the end.
+/// A file of a given length, which is removed when dropped.
 struct Lent(PathBuf);
 
 impl Lent {
@@ -76,7 +77,7 @@ fn connect(server: &Server) -> TcpStream {
     stream
 }
 
-/// All that comes back for some bytes, up to the end.
+/// The whole answer to some bytes.
 fn say(server: &Server, bytes: &[u8]) -> String {
     let mut stream = connect(server);
     let _ = stream.write_all(bytes);
@@ -105,7 +106,7 @@ fn body(answer: &str) -> &str {
 const UPGRADE: &str = "Upgrade: websocket\r\nConnection: keep-alive, Upgrade\r\nSec-WebSocket-Version: 13\r\n\
     Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
 
-/// A page's WebSocket.
+/// Opens the WebSocket of a page.
 fn watch(server: &Server, path: &str) -> Option<WebSocket<TcpStream>> {
     let mut stream = connect(server);
     let port = server.at().port();
@@ -122,7 +123,7 @@ fn watch(server: &Server, path: &str) -> Option<WebSocket<TcpStream>> {
         answer.push(byte[0]);
     }
     let answer = String::from_utf8(answer).expect("text");
-    // The answer that RFC 6455 has for this key.
+    // The answer of RFC 6455 to this key.
     let accepted = answer.contains("s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
     (status(&answer) == "101" && accepted)
         .then(|| WebSocket::from_raw_socket(stream, Role::Client, None))
@@ -176,7 +177,7 @@ fn where_there_is_no_file_a_page_learns_that_without_an_error() {
     let none = get(&server, "/motion", "");
     assert_eq!((status(&none), body(&none)), ("204", ""));
     assert!(none.contains("default-src 'self'"));
-    // One that was there and is gone is missed.
+    // A file that existed at the start and is gone gives an error.
     let server = Server::start(Options::local(lent.0.clone())).expect("a server");
     drop(lent);
     assert_eq!(status(&get(&server, "/motion", "")), "404");
@@ -274,7 +275,7 @@ fn elsewhere_the_key_is_needed_and_in_the_address() {
     }
     assert!(watch(&server, "/live").is_none());
     assert!(watch(&server, &format!("/{key}/live")).is_some());
-    // Whatever address the machine has there; no name of another's domain.
+    // Any address of the machine is accepted, but no name in another's domain.
     let port = server.at().port();
     let named = |host: &str| format!("GET /{key}/ HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n");
     assert_eq!(
@@ -308,7 +309,7 @@ fn sixteen_pages_are_told_and_a_seventeenth_is_not() {
         let at: f64 = words[2].parse().expect("a time");
         assert!((0.0..=server.now()).contains(&at));
     }
-    // A page that stalls keeps nobody waiting, and is not asked for.
+    // The first page does not read: it delays neither the other pages nor `publish`.
     for i in 0..1000u32 {
         server.hub().publish(&i.to_le_bytes(), Keep::All);
         for page in &mut pages[1..] {
@@ -343,13 +344,13 @@ fn a_page_that_takes_nothing_is_dropped() {
     assert!(server.hub().bytes() <= 16 << 20);
 }
 
-/// What strangers say, one way after the other.
+/// One kind of hostile request, chosen by `i`.
 fn hostile(server: &Server, i: u64) {
     let port = server.at().port();
     let host = format!("Host: 127.0.0.1:{port}\r\n");
     let origin = format!("Origin: http://127.0.0.1:{port}\r\n");
     let upgrade = format!("GET /live HTTP/1.1\r\n{host}{origin}{UPGRADE}\r\n");
-    // SplitMix64, so that each is another.
+    // SplitMix64, so that every request differs.
     let mut seed = i.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let mut random = move || {
         seed = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
@@ -369,26 +370,26 @@ fn hostile(server: &Server, i: u64) {
             String::new()
         }
         4 => format!("GET / HTTP/1.1\r\n{host}X: {}", "y".repeat(200_000)),
-        // Half a head, and then nothing.
+        // Half of a head, and then nothing.
         5 => format!("GET / HTTP/1.1\r\n{host}X-"),
-        // A frame that says that it is 2⁶² bytes long.
+        // A frame whose declared length is 2⁶² bytes.
         6 => {
             then.extend([0x82, 0xff, 0x40, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 4, 5]);
             upgrade
         }
-        // Frames of random bytes, the first of which is none that a page sends.
+        // Frames of random bytes; the first is one that no page sends.
         7 => {
             then.push(0x70 | random() as u8 & 0x0f);
             then.extend((0..500).map(|_| random() as u8));
             upgrade
         }
-        // Text that asks for nothing, masked by zeros.
+        // A text that is not a valid message, masked with zeros.
         8 => {
             then.extend([0x81, 0x84, 0, 0, 0, 0]);
             then.extend(b"play");
             upgrade
         }
-        // A reader that asks for all and takes nothing.
+        // A reader that requests everything and takes nothing.
         _ => format!("GET /motion HTTP/1.1\r\n{host}\r\n"),
     };
     let mut stream = connect(server);
@@ -396,7 +397,7 @@ fn hostile(server: &Server, i: u64) {
     let _ = stream.write_all(&then);
     if i % 10 == 9 {
         stream.set_write_timeout(Some(PATIENCE)).expect("a timeout");
-        // It ends where the server has closed.
+        // Writing fails once the server has closed the connection.
         while stream.write_all(b"x").is_ok() {
             thread::sleep(Duration::from_millis(10));
         }
@@ -427,7 +428,7 @@ fn a_thousand_hostile_requests_are_refused_and_a_page_misses_nothing() {
     };
     let server = Server::start(options).expect("a server");
     let mut page = watch(&server, "/live").expect("a page");
-    // It is answered once it has joined.
+    // An answer to `ping` shows that the page has joined.
     page.send(Message::text("ping 0")).expect("a ping");
     page.read().expect("a pong");
     PEAK.store(HELD.load(Ordering::Relaxed), Ordering::Relaxed);
@@ -446,7 +447,7 @@ fn a_thousand_hostile_requests_are_refused_and_a_page_misses_nothing() {
                 }
             });
         }
-        // Every event, though strangers hold connections meanwhile.
+        // Every event arrives, even while hostile clients hold connections.
         let mut seen = vec![0; N as usize];
         for _ in 0..N {
             let bytes = page.read().expect("an event").into_data();

@@ -1,4 +1,4 @@
-//! Strings, plates, banks and bodies by their modes.
+//! Strings, plates, banks, and bodies that are given by their modes.
 
 use ergon_engine::generator::{
     self, BankForm, Decay, GeneratorError, Place as MemberPlace, Shape, Topology,
@@ -17,7 +17,7 @@ enum Decays {
     Points(Vec<(f64, f64)>),
 }
 
-/// What the links of a body are: tuned to a pitch and a decay, or K and Z of each.
+/// How the links of a body are given: by a pitch and a decay, or by K and Z of each link.
 enum Links {
     Tuned(f64, Option<Decays>),
     Given([f64; 2]),
@@ -42,7 +42,7 @@ impl Links {
     }
 }
 
-/// How the members of a bank lie, by its word; `hole` is that of a galaxy.
+/// The arrangement of the members of a bank by its word; `hole` is used for a galaxy.
 fn placed(place: &str, hole: f64) -> PyResult<MemberPlace> {
     Ok(match word("place", place, words::PLACES)? {
         MemberPlace::Galaxy { .. } => MemberPlace::Galaxy { hole },
@@ -52,7 +52,7 @@ fn placed(place: &str, hole: f64) -> PyResult<MemberPlace> {
 
 #[pymethods]
 impl Network {
-    /// A row of MAS, tuned so that its lowest mode is f.
+    /// `masses` MAS in a row, whose lowest vibrating mode has f and t60, or with links of the given K and Z.
     #[pyo3(signature = (name, *, masses, M, f=None, t60=None, K=None, Z=None, ends="fixed", stiffness=0.0, inharmonicity=None, hardening=0.0, stretching=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn string(
@@ -81,7 +81,7 @@ impl Network {
         self.mesh(py, name, topology, M, &links, [hardening, stretching])
     }
 
-    /// A mesh, tuned so that its lowest non-rigid mode is f.
+    /// A mesh, whose lowest vibrating mode has f and t60, or with links of the given K and Z.
     #[pyo3(signature = (name, *, shape="hex", radius=0, sides=None, M, f=None, t60=None, K=None, Z=None, rim="free", bending=None, hardening=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn plate(
@@ -149,7 +149,7 @@ impl Network {
         .map_err(from_engine)
     }
 
-    /// CELs with a frequency, a decay and a mass each.
+    /// CELs side by side, each with f [Hz], t60 [s] and M [kg]; the index of the first.
     #[pyo3(signature = (name, *, cells, place="line", hole=0.3))]
     fn cells(
         &mut self,
@@ -167,7 +167,8 @@ impl Network {
         computing(py, || self.0.cells(name, &masses, &cells))?.map_err(from_engine)
     }
 
-    /// A body of which modes and their levels at places are known.
+    /// A body of `modes`, each f [Hz] and t60 [s], with `levels` (n_modes, n_places) at places; the index of the first
+    /// place.
     #[pyo3(signature = (name, *, M, modes, levels))]
     #[allow(non_snake_case)]
     fn modal(
@@ -185,13 +186,13 @@ impl Network {
         computing(py, || self.0.modal(name, M, &modes, &levels))?.map_err(from_engine)
     }
 
-    /// The highest mode of a STRING or PLATE [Hz], by the index of its first MAT.
+    /// Frequency [Hz] of the highest mode of the STRING or PLATE that begins at index `first`.
     fn highest_mode(&self, py: Python<'_>, first: usize) -> PyResult<f64> {
         self.there(first)?;
         computing(py, || self.0.highest_mode(first))
     }
 
-    /// How many MATs the module that begins at index `first` has.
+    /// Number of MATs of the module that begins at index `first`.
     fn count(&self, first: usize) -> usize {
         self.0.count(first)
     }

@@ -17,7 +17,7 @@ use crate::words;
 
 #[pymethods]
 impl Network {
-    /// Spring and damper between two MATs.
+    /// Spring and damper between two MATs; the LIA's index.
     #[pyo3(signature = (name, a, b, *, K=0.0, Z=0.0, rest=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn r#ref(
@@ -32,7 +32,7 @@ impl Network {
         self.0.spring(name, a, b, K, Z, rest).map_err(from_engine)
     }
 
-    /// One-sided contact of the striker a on b.
+    /// One-sided contact of the striker a on b; the LIA's index.
     #[pyo3(signature = (name, a, b, *, K=0.0, Z=0.0, gap=0.0, side="below", contact="plain", restitution=1.0, exponent=1.0, clamp=false, steps=2))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn but(
@@ -66,7 +66,7 @@ impl Network {
         self.0.but(name, a, b, but).map_err(from_engine)
     }
 
-    /// A friction with memory.
+    /// A friction with memory between MATs a and b; the LIA's index.
     #[pyo3(signature = (name, a, b, *, sigma0, Fc, sigma1=0.0, sigma2=0.0, Fs=None, vs=1e-3))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn bristle(
@@ -92,7 +92,7 @@ impl Network {
         self.0.bristle(name, a, b, bristle).map_err(from_engine)
     }
 
-    /// Dry friction that holds rigidly.
+    /// Dry friction between MATs a and b that holds rigidly; the LIA's index.
     #[pyo3(signature = (name, a, b, *, F, static_level=None, speed=1e-3))]
     #[allow(non_snake_case)]
     fn dry(
@@ -112,7 +112,7 @@ impl Network {
         self.0.dry(name, a, b, dry).map_err(from_engine)
     }
 
-    /// A non-linear link.
+    /// A link between MATs a and b with a law, at `rest` [m]; the LIA's index.
     #[pyo3(signature = (name, a, b, law, *, rest=0.0))]
     fn lnl(&mut self, name: &str, a: usize, b: usize, law: &Law, rest: f64) -> PyResult<usize> {
         self.0
@@ -120,7 +120,7 @@ impl Network {
             .map_err(from_engine)
     }
 
-    /// A non-linear link some of whose constants follow MATs, each by (MAT, offset, span, from, to).
+    /// A link with a law some of whose constants follow MATs, each as (MAT, offset, span, from, to); the LIA's index.
     #[pyo3(signature = (name, a, b, *, law, damping, constants, follows, rest=0.0))]
     #[allow(clippy::too_many_arguments)]
     fn following_lnl(
@@ -149,7 +149,7 @@ impl Network {
             .map_err(from_engine)
     }
 
-    /// Every different law that can be native code.
+    /// Every different law that has rows, and how many links have it.
     fn laws(&self) -> Vec<LawUse> {
         let laws = self.0.laws().into_iter();
         laws.map(|law| LawUse {
@@ -160,7 +160,7 @@ impl Network {
         .collect()
     }
 
-    /// Let the law `laws()[index]` of each (index, address) be computed by native code there.
+    /// Compute laws by native code: each entry is (index in `laws`, address of the code).
     fn native(&mut self, entries: Vec<(usize, usize)>) -> PyResult<()> {
         let laws = self.0.laws();
         let mut found = HashMap::new();

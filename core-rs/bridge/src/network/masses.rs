@@ -1,4 +1,4 @@
-//! MATs, one by one and as points in space.
+//! MATs: single ones, points in space and proxies.
 
 use ergon_engine::network::{Along, Following, Shares, SpacePoints, Tie};
 use pyo3::prelude::*;
@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use super::Network;
 use crate::error::{from_engine, refused};
 
-/// What a value follows: a MAT, an offset and a span [m], the values from end to end.
+/// How a value follows a MAT: the MAT, an offset and a span [m], and the values at both ends of the span.
 pub(super) type FollowingValue = (usize, f64, f64, f64, f64);
 
 pub(super) fn following((mat, offset, span, from, to): FollowingValue) -> Following {
@@ -33,7 +33,7 @@ impl Network {
         self.0.sol(name, X0).map_err(from_engine)
     }
 
-    /// A MAS tied to the ground, by K and Z, or by its damped frequency f and decay t60.
+    /// A mass tied to the ground, by K and Z, or by the damped frequency f and the decay t60.
     #[pyo3(signature = (name, *, M, K=None, Z=None, f=None, t60=None, X0=0.0, V0=0.0, rest=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn cel(
@@ -61,7 +61,7 @@ impl Network {
         self.0.cel(name, M, tie, rest, X0, V0).map_err(from_engine)
     }
 
-    /// Points in space, axis by axis: X0 and V0 have one value for each axis and point.
+    /// Points in space, each with a mass; X0 and V0 have one value for each axis and point, axis by axis.
     #[pyo3(signature = (name, *, axes, M, X0, V0, Z=0.0, numbered=true))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn points(
@@ -84,7 +84,7 @@ impl Network {
         self.0.points(name, numbered, points).map_err(from_engine)
     }
 
-    /// Gravity of g [m/s²] along the axis of `count` MATs from `first` on.
+    /// Let gravity g [m/s²] act along the axis of `count` MATs from `first` on.
     fn weigh(&mut self, first: usize, count: usize, g: f64) -> PyResult<()> {
         if count == 0 {
             return Ok(());
@@ -94,26 +94,26 @@ impl Network {
         self.0.weigh(first..first + count, g).map_err(from_engine)
     }
 
-    /// Let the mass of a MAS follow a MAT.
+    /// Let the mass of a MAS follow another MAT.
     fn follow_mass(&mut self, name: &str, index: usize, by: FollowingValue) -> PyResult<()> {
         self.0
             .follow_mass(name, index, following(by))
             .map_err(from_engine)
     }
 
-    /// A massless point between masses, each with its share.
+    /// A massless point between masses, each (index, share): its position is their sum by shares.
     fn proxy(&mut self, name: &str, shares: Vec<(usize, f64)>) -> PyResult<usize> {
         let shares = Shares::Fixed(shares.into());
         self.0.proxy(name, shares).map_err(from_engine)
     }
 
-    /// The masses of a proxy that stays, each with its share.
+    /// The masses of a proxy, each (index, share), with all MATs at their initial positions; empty for another MAT.
     fn shares(&self, index: usize) -> PyResult<Vec<(usize, f64)>> {
         self.there(index)?;
         Ok(self.0.shares(index))
     }
 
-    /// One on rows of MATs, which stands at a place or follows other MATs.
+    /// A massless point on rows of MATs, at a fixed place or following other MATs.
     fn moving_proxy(
         &mut self,
         name: &str,
@@ -144,7 +144,7 @@ impl Network {
         self.0.start(index, X0, V0).map_err(from_engine)
     }
 
-    /// The MAT's position is imposed (ENX).
+    /// Impose the MAT's position (ENX).
     fn impose(&mut self, index: usize) -> PyResult<()> {
         self.there(index)?;
         self.0.impose(index);

@@ -8,7 +8,7 @@ use pyo3::types::PyBytes;
 
 use crate::error::from_engine;
 
-/// The part of a network that a hand can move, linear and at rest.
+/// The part of a network that a hand can move, made linear and at rest, with all contacts closed.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct ReachableNetwork {
     pub(super) reached: network::ReachableNetwork,
@@ -23,7 +23,7 @@ impl ReachableNetwork {
         self.reached.others
     }
 
-    /// Bytes that determine the response.
+    /// Bytes that determine `response`: equal bytes, equal response.
     fn key<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         let mut bytes = self.reached.network.numbers();
         bytes.extend((self.reached.mat as u64).to_le_bytes());

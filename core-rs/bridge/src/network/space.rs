@@ -9,7 +9,7 @@ use super::Network;
 use crate::error::{from_engine, refused};
 use crate::law::Law;
 
-/// Two points in space by the MATs that are their coordinates, and how many axes they have.
+/// Checks two points in space, each given by the MATs of its axes; returns them and the number of axes.
 fn points(name: &str, ends: [&[usize]; 2]) -> PyResult<([SpacePoint; 2], usize)> {
     let axes = ends[0].len();
     if !(2..=3).contains(&axes) || ends[1].len() != axes {
@@ -27,7 +27,8 @@ fn points(name: &str, ends: [&[usize]; 2]) -> PyResult<([SpacePoint; 2], usize)>
     Ok((ends, axes))
 }
 
-/// A contact of power `exponent` and stiffness `k`; with a pull `cohesion` [N] one that sticks.
+/// A contact with exponent `exponent` and stiffness `k`; with `cohesion` [N], a contact that also pulls, up to `reach`
+/// [m] apart.
 fn contact([exponent, k]: [f64; 2], clamp: bool, cohesion: Option<f64>, reach: f64) -> SpaceLaw {
     match cohesion {
         None => SpaceLaw::Contact { exponent, clamp },
@@ -40,12 +41,12 @@ fn contact([exponent, k]: [f64; 2], clamp: bool, cohesion: Option<f64>, reach: f
     }
 }
 
-/// Corners [m], and the corners of each triangle.
+/// Corners [m], and the three corners of each triangle.
 type Triangles = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
 #[pymethods]
 impl Network {
-    /// The distance of two points in space at the beginning [m]; each is the MATs that are its coordinates.
+    /// Distance [m] of two points in space at the beginning; each is the MATs of its axes.
     fn distance(&self, a: Vec<usize>, b: Vec<usize>) -> PyResult<f64> {
         for &mat in a.iter().chain(&b) {
             self.there(mat)?;
@@ -54,10 +55,11 @@ impl Network {
         Ok(self.0.distance((ends[0], ends[1]), axes))
     }
 
-    /// Springs between `count` pairs of points in space that follow one another; an end is the MATs that are the
-    /// coordinates of its first point.
-    /// Beyond the force `yields` [N] their rest length follows, and `breaks` [m] longer than it was they break.
-    /// Beyond the distance `core` [m] their force falls as that of masses that attract each other.
+    /// Springs and dampers between `count` pairs of consecutive points in space; an end is the MATs of the axes of its
+    /// first point.
+    ///
+    /// Beyond the force `yields` [N] the rest length follows; `breaks` [m] longer than `rest` a link breaks for good.
+    /// Beyond the distance `core` [m] the force falls as that of masses that attract each other.
     #[pyo3(signature = (name, a, b, *, rest, count=1, K=0.0, Z=0.0, yields=None, breaks=None, core=None))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn space_ref(
@@ -87,13 +89,14 @@ impl Network {
         self.space(name, [&a, &b], count, law, [K, Z, rest])
     }
 
-    /// A link between two points in space that does nothing: its length can be listened to.
+    /// A link between two points in space without force, to listen to its length; its index.
     fn gauge(&mut self, name: &str, a: Vec<usize>, b: Vec<usize>) -> PyResult<usize> {
         self.space(name, [&a, &b], 1, SpaceLaw::Gauge, [0.0; 3])
     }
 
-    /// Contacts between `count` pairs of points in space that follow one another, closed where they are nearer than `gap`.
-    /// With `cohesion` [N] they pull as well, until the ends are `reach` [m] farther apart than that.
+    /// Contacts between `count` pairs of consecutive points in space, closed at distances below `gap` [m].
+    ///
+    /// With `cohesion` [N] they also pull, until the ends are `reach` [m] farther apart than `gap`.
     #[pyo3(signature = (name, a, b, *, gap, count=1, K=0.0, Z=0.0, exponent=1.0, clamp=false, cohesion=None, reach=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn space_but(
@@ -115,7 +118,7 @@ impl Network {
         self.space(name, [&a, &b], count, law, [K, Z, rest])
     }
 
-    /// A law of distance − `rest` between two points in space.
+    /// A link between two points in space with a law of distance − `rest` [m]; the LIA's index.
     fn space_lnl(
         &mut self,
         name: &str,
@@ -131,10 +134,14 @@ impl Network {
             .map_err(from_engine)
     }
 
-    /// Contacts between all points of two groups, each (coordinates of its first point, count); the same group twice: between
-    /// all its points. With `normal` they touch planes through the points of the first group, with `surface` triangles (their
-    /// corners [m] from these points, and corners of each), with `inside` they are held in spheres around these. `friction` is the coefficient of dry friction across a contact. With `core` [m] they attract
-    /// each other. With `cohesion` [N] they pull as well, until the ends are `reach` [m] farther apart than where they touch.
+    /// Contacts between all points of two groups, each (MATs of the axes of its first point, count); with the same
+    /// group twice, between all its points.
+    ///
+    /// The points of `b` touch planes through the points of `a` with `normal`, triangles with `surface` (corners [m]
+    /// from the points of `a`, and the corners of each triangle), and are held in spheres around the points of `a` with
+    /// `inside`. `friction` is the coefficient of dry friction across a contact. With `core` [m] the points attract
+    /// each other. With `cohesion` [N] they also pull, until the ends are `reach` [m] farther apart than where they
+    /// touch.
     #[pyo3(signature = (name, a, b, *, gap=0.0, K=0.0, Z=0.0, exponent=1.0, clamp=false, inside=false, normal=None, surface=None, friction=0.0, core=None, cohesion=None, reach=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn pairwise(

@@ -6,7 +6,7 @@ use super::{Kick, Oscillator, Strikes};
 use crate::kernel::bank::{LANES, Lanes, Motion, Rates};
 use crate::units::Rate;
 
-/// A lane that holds no oscillator.
+/// Marks a lane without an oscillator.
 const NOBODY: u32 = u32::MAX;
 
 /// A blow on one lane of a group or on all lanes.
@@ -39,14 +39,14 @@ pub(super) struct Script {
     pub(super) rates: Vec<Rates>,
     /// Weights of groups with several outputs, output by output; empty for one output   (n_groups)
     pub(super) weights: Vec<Vec<Lanes>>,
-    /// Scale of the positions in the lanes: the weight where there is one output   (n_groups)
+    /// Scale of the positions in the lanes: the weight if there is one output, otherwise 1   (n_groups)
     pub(super) scales: Vec<Lanes>,
     /// By rising frame   (n_groups)
     pub(super) events: Vec<Vec<Event>>,
     pub(super) strikes: Vec<Strikes>,
     /// Sum of amplitudes below which a group is set to rest.
     pub(super) faint: f64,
-    /// Group and lane of each oscillator, in the order they were added.
+    /// Group and lane of each oscillator, in the order of the list that the bank is made from.
     pub(super) places: Vec<(u32, u32)>,
     /// Which oscillator each lane holds   (n_groups · LANES)
     pub(super) holds: Vec<u32>,
@@ -64,7 +64,7 @@ impl Script {
         };
         let group = self.rates.len();
         let n_heard = oscillators[members[0]].heard.len();
-        // With one output the lanes hold weighted positions: the sum needs no weights.
+        // With one output, the lanes hold positions times their weights: the sum then needs no weights.
         let scale = |own: &Oscillator| match own.heard[..] {
             [(_, weight)] => weight,
             _ => 1.0,

@@ -9,7 +9,7 @@ use crate::units::Rate;
 pub(super) const SLEEP: u64 = 4_096;
 /// Largest level of all groups at rest together, relative to the hardest blow [dB]: below the rounding of 24 bits.
 const ASLEEP: f64 = -160.0;
-/// Threshold where further strikes are unknown [m]: about the width of an atomic nucleus.
+/// Threshold if further strikes are unknown [m]: about the width of an atomic nucleus.
 pub(super) const NOTHING: f64 = 1e-15;
 
 impl Bank {
@@ -32,7 +32,7 @@ impl Bank {
 }
 
 /// Amplitude of an oscillator from two positions (b = r², a = 2r·cos θ) [m]; infinite for an overdamped one, which has
-/// no such bound, unless it has one pole alone (b = 0).
+/// no such bound, unless it has a single pole (b = 0).
 fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
     if now == 0.0 && before == 0.0 {
         return 0.0;
@@ -48,9 +48,9 @@ fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
     }
 }
 
-/// Largest sum of amplitudes of all groups at rest: [`ASLEEP`] below the hardest blow.
+/// Largest sum of amplitudes that counts as rest, for all groups together: [`ASLEEP`] below the hardest blow.
 pub(super) fn faint(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate) -> f64 {
-    // With one output the lanes hold weighted positions.
+    // With one output, the lanes hold positions times their weights.
     let scale = |own: &Oscillator| match own.heard[..] {
         [(_, weight)] => weight.abs(),
         _ => 1.0,

@@ -1,4 +1,4 @@
-//! A bank that begins at a later frame, or takes over the motion of another bank.
+//! Starts a bank at a later frame, and transfers the motion of another bank.
 
 use super::{Bank, Oscillator};
 use crate::kernel::bank::Lanes;
@@ -25,7 +25,7 @@ impl Bank {
         self.put(group, lane, (scale * now, scale * before));
     }
 
-    /// Copy the motion of an oscillator of another bank; exact to the last bit where both have the same scale.
+    /// Copy the motion of an oscillator of another bank; exact to the last bit if both have the same scale.
     pub(crate) fn copy_motion(&mut self, oscillator: usize, old: &Self, there: usize) {
         let ((group, lane), (from, at)) = (self.place(oscillator), old.place(there));
         if self.script.scales[group].0[lane] == old.script.scales[from].0[at] {

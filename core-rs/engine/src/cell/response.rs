@@ -1,32 +1,32 @@
-//! What one coordinate of a linear body does after an impulse, as displacements at two samples: from then on its
-//! recurrence x[n+1] = a·x[n] − b·x[n−1] runs through the samples of its continuous motion.
+//! The response of one coordinate of a linear body to an impulse, given as displacements at two samples. From then on
+//! the recurrence x[n+1] = a·x[n] − b·x[n−1] runs through the samples of the continuous motion.
 
 use super::{Cell, Ratios, STEEP};
 use crate::maths::{cos, exp, sin, sqrt};
 use crate::units::Rate;
 
-/// A decay of so much a step is computed from the poles: κ and ζ would round b.
+/// Above this decay per step, a and b are computed from the poles: by κ and ζ, b would be rounded.
 const STRONG: f64 = 0.5;
 
-/// How a coordinate goes on after an impulse of 1 N·s at t = 0.
+/// The motion of a coordinate after an impulse of 1 N·s at t = 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Response {
-    /// As a mass of 1 on a spring and a damper.
+    /// That of a mass of 1 kg on a spring and a damper.
     Cell(Cell),
-    /// As the real part of gain·e^st, s = −decay + iω.
+    /// The real part of gain·e^st, s = −decay + iω.
     Pair {
         decay: f64,
         omega: f64,
         gain: [f64; 2],
     },
-    /// As gain·e^(−decay·t).
+    /// gain·e^(−decay·t).
     Real { decay: f64, gain: f64 },
-    /// As gain·t: nothing holds it.
+    /// gain·t: a motion without a restoring force.
     Free { gain: f64 },
 }
 
 impl Response {
-    /// The forces [N] on a mass of 1 at samples n and n+1 that stand for an impulse [N·s] at (n + α)T, 0 <= α < 1.
+    /// The forces [N] on a mass of 1 kg at samples n and n+1 that replace an impulse [N·s] at (n + α)T, 0 <= α < 1.
     pub(crate) fn split(&self, impulse: f64, alpha: f64, rate: Rate) -> [f64; 2] {
         let step = rate.step();
         let unit = impulse / (step * step);
@@ -40,7 +40,7 @@ impl Response {
             } => {
                 let first = re * cos(omega * rest) - im * sin(omega * rest);
                 let back = re * cos(omega * past) + im * sin(omega * past);
-                // −b times where it would have been at sample n.
+                // The second force is −b times the response extended back to sample n.
                 [
                     unit * exp(-decay * rest) * first,
                     -unit * exp(-decay * (rest + step)) * back,
@@ -67,8 +67,8 @@ impl Response {
         }
     }
 
-    /// The same function continued to before the impulse: `t` [s] of any sign. What fades by more than e^-STEEP over
-    /// `t` is continued as if it faded both ways, for there it would explode.
+    /// The same function extended to times `t` [s] before the impulse. If it decays by more than e^-STEEP over `t`, it
+    /// is extended as if it decayed both ways, since its own continuation would become too large.
     pub(crate) fn around(&self, t: f64) -> f64 {
         let fades = |decay: f64| {
             let is_steep = -decay * t > STEEP;
@@ -86,7 +86,7 @@ impl Response {
         }
     }
 
-    /// Velocity [m/s] per impulse [N·s], at once.
+    /// Velocity [m/s] per impulse [N·s], right after it.
     pub(crate) fn jump(&self) -> f64 {
         match *self {
             Self::Cell(cell) => cell.jump(),
@@ -100,7 +100,7 @@ impl Response {
         }
     }
 
-    /// The fastest of its motions: |λ| of e^(λt) [1/s].
+    /// The largest |λ| [1/s] of its components e^(λt).
     pub(crate) fn reach(&self) -> f64 {
         match *self {
             Self::Cell(cell) => cell.reach(),
@@ -110,18 +110,18 @@ impl Response {
         }
     }
 
-    /// Its largest displacement per impulse [m/N·s], where it has one of its own.
+    /// Its largest displacement per impulse [m/N·s]; `None` for a cell, 0 for a motion without a bound.
     pub(crate) fn size(&self) -> Option<f64> {
         match *self {
             Self::Cell(_) => None,
             Self::Pair { gain: [re, im], .. } => Some(sqrt(re * re + im * im)),
             Self::Real { gain, .. } => Some(gain.abs()),
-            // It grows for ever.
+            // It grows without bound.
             Self::Free { .. } => Some(0.0),
         }
     }
 
-    /// Weights of where it is and of where it is one sample later that make where it is `part` of the way between.
+    /// Weights of two successive samples that give the free motion at the fraction `part` of the step between them.
     pub(crate) fn interpolation(&self, part: f64, rate: Rate) -> (f64, f64) {
         let step = rate.step();
         match *self {
@@ -140,7 +140,7 @@ impl Response {
     }
 }
 
-/// a and b of the recurrence of −decay ± iω.
+/// a and b of the recurrence whose poles are −decay ± iω.
 pub(crate) fn recurrence(decay: f64, omega: f64, rate: Rate) -> (f64, f64) {
     let (s, theta) = (decay * rate.step(), omega * rate.step());
     if s > STRONG {

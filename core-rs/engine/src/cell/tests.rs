@@ -15,7 +15,7 @@ fn product(a: &Matrix, b: &Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| a[i][0] * b[0][j] + a[i][1] * b[1][j]))
 }
 
-/// e^{At} by scaling and squaring a Taylor series: knows nothing of poles.
+/// e^{At} by scaling and squaring a Taylor series, without any use of poles.
 fn expm(a: &Matrix, t: f64) -> Matrix {
     let size = a
         .iter()
@@ -47,7 +47,7 @@ fn expm(a: &Matrix, t: f64) -> Matrix {
 
 /// Position and velocity after `t` of m ẍ + z ẋ + k x = 0.
 fn flow(m: f64, k: f64, z: f64, t: f64, x: f64, v: f64) -> (f64, f64) {
-    // Time in units of |t|, so that one Taylor scale serves both entries.
+    // Time is in units of |t|, so that one scale of the Taylor series serves all entries.
     let unit = t.abs();
     let e = expm(
         &[[0.0, 1.0], [-k / m * unit * unit, -z / m * unit]],
@@ -59,7 +59,7 @@ fn flow(m: f64, k: f64, z: f64, t: f64, x: f64, v: f64) -> (f64, f64) {
     )
 }
 
-// Vectors computed by another program, in more digits.
+// Reference values, computed by another program with more digits.
 #[test]
 fn ratios_match_the_vectors() {
     let vectors = [
@@ -130,11 +130,11 @@ fn limits_are_exact() {
         .map(|p| p.1),
         Some(f64::INFINITY)
     );
-    // No oscillation: critical, creeping, or a K beyond the scheme's reach.
+    // No oscillation: critical damping, damping above it, or a K too large for the scheme.
     for (kappa, zeta) in [(0.0, 0.1), (0.001, 0.1), (4.5, 0.0)] {
         assert_eq!(Ratios { kappa, zeta }.pitch(rate), None);
     }
-    // A step that forgets everything still starts from finite numbers.
+    // A cell that loses all velocity in one step still starts from finite numbers.
     assert_eq!(
         Cell::new(1e-6, 1.0, 1e4).last_step(1.0, 2.0, 0.0, rate),
         0.002
@@ -148,7 +148,7 @@ fn limits_are_exact() {
     ));
 }
 
-/// Mass, stiffness, viscosity of any damping at 1 kHz: over ω₀T and the damping ratio.
+/// Mass, stiffness and viscosity of cells with any damping at 1 kHz, from ω₀T and the damping ratio.
 fn cells() -> impl Strategy<Value = (f64, f64, f64)> {
     let ratio = prop_oneof![
         Just(0.0),
@@ -173,7 +173,7 @@ proptest! {
         prop_assert!(close(t60_again, t60, 1e-11));
     }
 
-    // From its own backward flow, the scheme runs through the continuous motion.
+    // Started from its own backward step, the scheme runs through the continuous motion.
     #[test]
     fn the_scheme_is_the_continuous_motion(
         (m, k, z) in cells(), x0 in -1.0..1.0f64, v0 in -300.0..300.0f64, rest in -1.0..1.0f64,
@@ -183,7 +183,7 @@ proptest! {
         let Ratios { kappa, zeta } = cell.ratios(rate);
         let last = cell.last_step(x0, v0, rest, rate);
         let (before, _) = flow(m, k, z, -rate.step(), x0 - rest, v0);
-        // What is forgotten in one step is as much larger one step before.
+        // What decays within one step is larger by the same factor one step before.
         let size = exp(z / m * rate.step()) * (1.0 + (x0 - rest).abs() + v0.abs() * rate.step());
         prop_assert!((x0 - last - rest - before).abs() <= 4e-12 * size, "{last} {before}");
         let (mut x, mut delta) = (x0 - rest, last);
@@ -195,7 +195,7 @@ proptest! {
         }
     }
 
-    // An impulse between two samples, split over both, leaves no difference afterwards.
+    // An impulse between two samples, split over both, leaves no error afterwards.
     #[test]
     fn the_split_is_the_continuous_impulse((m, k, z) in cells(), alpha in 0.0..1.0f64) {
         let rate = rate(1_000.0);

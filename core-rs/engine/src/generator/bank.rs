@@ -20,8 +20,8 @@ pub enum Place {
     Line,
     /// On a sunflower's spiral that fills a disc of 1 m evenly (H. Vogel, Math. Biosci. 44, 1979).
     Spiral,
-    /// By pitch on a disc of 1 m: the lowest at its rim, the highest round a hole, the radius inversely proportional to
-    /// cents (from a pitch below the lowest, which the hole determines).
+    /// By pitch on a disc of 1 m: the lowest at the rim, the highest around a hole. The radius is inversely
+    /// proportional to the cents above a pitch below the lowest one, which the hole determines.
     Galaxy {
         /// Radius of the highest pitch over that of the lowest, above 0 and at most 1.
         hole: f64,
@@ -29,8 +29,8 @@ pub enum Place {
 }
 
 impl Place {
-    /// (x, y) [m] of member `i` of `count`; `rise` is how far up its pitch lies between the lowest (0) and the highest
-    /// (1), by logarithm.
+    /// (x, y) [m] of member `i` of `count`; `rise` is its pitch on a logarithmic scale from the lowest (0) to the
+    /// highest (1).
     pub fn position(self, i: usize, count: usize, rise: f64) -> [f64; 2] {
         let share = (i as f64 + 0.5) / count as f64;
         let radius = match self {
@@ -63,9 +63,9 @@ pub struct BankForm {
     pub f: (f64, f64),
     /// Shortest and longest decay [s].
     pub t60: (f64, f64),
-    /// How they are spread.
+    /// How pitches and decays are spread.
     pub spread: Spread,
-    /// Where they lie.
+    /// Where members lie.
     pub place: Place,
 }
 
@@ -85,8 +85,8 @@ const POLL_EVERY: usize = 1024;
 /// π(3 - √5): the angle between one seed of a sunflower and the next.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
-/// The members. `draw(member)` gives two numbers from [0, 1), for pitch and decay; it is asked once for each
-/// member in turn, and only where the spread is random.
+/// The members of a bank. `draw(member)` returns two numbers from [0, 1), for pitch and decay; it is called once for
+/// each member in turn, and only if the spread is random.
 ///
 /// ```
 /// use ergon_engine::generator::{BankForm, Place, Spread, bank};

@@ -1,10 +1,10 @@
 //! PLATE with `bending`: a thin plate after Kirchhoff, as masses and links that resist curvature.
 //!
-//! The energy of a plate is ½·D·∫ (w_xx + w_yy)² - 2·(1 - ν)·(w_xx·w_yy - w_xy²). Where nothing holds the rim it is
-//! taken at every mass: the curvature is that of the parabola through the masses around it by least squares, and the
-//! area is the mass's own. Each such square form of differences is a set of links between these masses, some of them
-//! negative; together they are passive, for each form is. With a rim held at rest but free to turn, on straight
-//! edges, the second part is nothing and the first is the square of the membrane's matrix.
+//! The energy of a plate is ½·D·∫ (w_xx + w_yy)² - 2·(1 - ν)·(w_xx·w_yy - w_xy²). For a free rim and for a disc, it is
+//! evaluated at every mass: the curvature is that of a parabola fitted to the masses around it by least squares, and
+//! the area is that of the mass. Each such quadratic form of differences is a set of links between these masses, some
+//! of them negative. Together the links are passive, because each form is. For a rim that is held but free to turn, on
+//! straight edges, the second part vanishes and the first is the square of the membrane's matrix.
 
 use std::f64::consts::{PI, TAU};
 
@@ -15,13 +15,13 @@ use super::{GeneratorError, Topology, count};
 use crate::interrupt;
 use crate::maths::{cos, sin, sqrt};
 
-/// Most rings: the lowest mode lies r⁴ below the highest, and is found by iteration.
+/// Most rings: the lowest eigenvalue is r⁴ times smaller than the highest, and is found by iteration.
 const MAX_RADIUS: usize = 60;
-/// Fewer have no curvature worth the name.
+/// Fewest rings for which a curvature can be resolved.
 const MIN_RADIUS: usize = 3;
-/// Masses within so many spacings count as neighbours, whose links harden.
+/// Masses within this many spacings are neighbours, whose links harden.
 const NEIGHBOUR: f64 = 1.3;
-/// Masses within so many spacings make the first patch of a parabola, which grows until it has enough.
+/// Masses within this many spacings form the first patch for a parabola; the patch grows until it has enough masses.
 const PATCH: f64 = 1.35;
 /// Coefficients of a parabola: w, w_x, w_y, w_xx, w_yy, w_xy.
 const UNKNOWNS: usize = 6;
@@ -64,7 +64,7 @@ pub fn bent_plate(
     }
 }
 
-/// A rim at rest that may turn, on straight edges: the membrane's matrix, squared.
+/// A rim that is held but free to turn, on straight edges: the square of the membrane's matrix.
 fn held(membrane: Topology) -> Result<Topology, GeneratorError> {
     let lowest = membrane.lowest()?;
     let matrix = Sparse::of(&membrane);
@@ -79,20 +79,20 @@ fn held(membrane: Topology) -> Result<Topology, GeneratorError> {
     })
 }
 
-/// Where masses lie, and how much of the plate each stands for.
+/// Where masses lie, and the area of the plate that each represents.
 pub(super) struct Sites {
     /// Masses, then fixed points [spacings]   (n_mat + n_fixed,)
     pub(super) places: Vec<[f64; 2]>,
     pub(super) n_mat: usize,
     /// Area [spacings²]   (n_mat + n_fixed,)
     pub(super) areas: Vec<f64>,
-    /// On the bench, in metres   (n_mat + n_fixed,)
+    /// Positions on the bench [m]   (n_mat + n_fixed,)
     pub(super) positions: Vec<[f64; 2]>,
     pub(super) centre: usize,
 }
 
 impl Sites {
-    /// Those of a mesh whose links are all one spacing long; its outermost masses lie on the edge.
+    /// The sites of a mesh whose links are all one spacing long; its outermost masses lie on the edge.
     fn of(mesh: &Topology) -> Self {
         let run = &mesh.runs[0];
         let spacing = distance(mesh.positions[run.a], mesh.positions[run.b]);
@@ -109,7 +109,8 @@ impl Sites {
             }
         }
         let whole = degree.iter().copied().max().unwrap_or(0);
-        // Between two neighbours in turn lies a triangle or a quarter of a square; an edge has one fewer than links.
+        // Between two successive neighbours lies a triangle or a quarter of a square; at an edge there is one fewer
+        // than links.
         let area = |links: &usize| match *links {
             links if links == whole => 1.0,
             links => links.saturating_sub(1) as f64 / whole as f64,
@@ -159,7 +160,7 @@ pub(super) fn disc(radius: usize, rim: Rim) -> Sites {
     }
 }
 
-/// The links of all curvatures.
+/// The links of the curvatures at all masses.
 fn curved(sites: Sites, poisson: f64) -> Topology {
     let n = sites.places.len();
     let mut matrix = Sparse::zero(sites.n_mat);
@@ -192,7 +193,7 @@ fn curved(sites: Sites, poisson: f64) -> Topology {
     }
 }
 
-/// Enough masses around one for a parabola.
+/// The masses around `middle`, enough for a parabola.
 fn patch(sites: &Sites, middle: usize) -> Vec<usize> {
     let mut reach = PATCH;
     loop {

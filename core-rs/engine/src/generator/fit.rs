@@ -4,9 +4,9 @@ use crate::maths::sqrt;
 
 /// The weights x of `columns` for which |Σ x_j·column_j − `target`| is least; columns and target (n_rows,).
 ///
-/// A column that the ones before it span has the weight 0.
+/// A column that is spanned by those before it has the weight 0.
 pub(super) fn least_squares(columns: &[Vec<f64>], target: &[f64]) -> Vec<f64> {
-    /// What rounding leaves of a column that those before it span.
+    /// Relative rounding error that remains of a column that is spanned by those before it.
     const SPANNED: f64 = 1e-13;
     let n = columns.len();
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(n);
@@ -15,7 +15,7 @@ pub(super) fn least_squares(columns: &[Vec<f64>], target: &[f64]) -> Vec<f64> {
     let mut left = target.to_vec();
     for (j, column) in columns.iter().enumerate() {
         let mut own = column.clone();
-        // Twice: once leaves what rounding of nearly parallel columns gives.
+        // Twice: a single pass leaves the rounding errors of nearly parallel columns.
         for _ in 0..2 {
             for (i, axis) in basis.iter().enumerate() {
                 let share = dot(axis, &own);

@@ -1,9 +1,10 @@
 //! Decays at several pitches: the dampers that a body needs for them.
 //!
-//! Z = M·s(M⁻¹K) has the modes of K, each with the loss s(λ). Two decays, of which the higher one is shorter by no more
-//! than the square of their pitches, are s = α + β·λ: dampers from every mass to the ground, and beside every spring.
-//! Else s is a polynomial, fitted to what lies between the named points, straight in logarithms: dampers also between
-//! neighbours but one and further, of either sign, which lose energy together, for s > 0 at every mode.
+//! Z = M·s(M⁻¹K) has the modes of K, each with the loss s(λ). For two decays, of which the higher one is shorter by no
+//! more than the square of the ratio of their pitches, s is α + β·λ: dampers from every mass to the ground, and in
+//! parallel with every spring. Otherwise s is a polynomial. It is fitted to the named points and, between them, to
+//! lines that are straight in logarithms. It needs dampers also between more distant neighbours, of either sign;
+//! together they lose energy, because s > 0 at every mode.
 
 use super::fit::{least_squares, polynomial};
 use super::sparse::Sparse;
@@ -17,7 +18,7 @@ use std::f64::consts::{PI, TAU};
 /// How long a body sounds.
 #[derive(Clone, Copy, Debug)]
 pub enum Decay<'a> {
-    /// The decay of its lowest mode [s]; none: no decay.
+    /// The T60 of its lowest mode [s]; `None`: no decay.
     Lowest(Option<f64>),
     /// Decays [s] at frequencies [Hz], two or more.
     Points(&'a [(f64, f64)]),
@@ -32,31 +33,31 @@ impl From<Option<f64>> for Decay<'_> {
 /// Springs and dampers of a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Losses {
-    /// Of every link of factor 1.
+    /// Spring and damper of every link of factor 1.
     pub tuned: Tuned,
     /// Damper from each MAT of mean mass to the ground [N·s/m].
     pub ground: f64,
-    /// Dampers alone, whose factors are [N·s/m].
+    /// Dampers without springs, whose factors are [N·s/m].
     pub dampers: Vec<LinkRun>,
 }
 
 /// Most masses whose decays are fitted.
 const MAX_FITTED: usize = 20_000;
-/// Powers of the matrix, at most: of a row, and of a mesh, where each reaches one ring further in all directions.
+/// Most powers of the matrix: for a row, and for a mesh, where each power reaches one ring further in all directions.
 const POWERS_ROW: usize = 8;
 const POWERS_MESH: usize = 3;
-/// Powers are added until the named decays are so near.
+/// Powers are added until the named decays are within this relative error.
 const NEAR: f64 = 0.003;
-/// Decays further off are refused.
+/// Decays with a larger relative error are refused.
 const FAR: f64 = 0.01;
-/// Places at which the fit is looked at.
+/// Number of places at which the fit is evaluated.
 const PLACES: usize = 256;
-/// What rounding may take from a frequency's square.
+/// Relative rounding error of the square of a frequency.
 const ROUNDING: f64 = 1e-9;
-/// How much more a named decay counts than a place between.
+/// Weight of a named decay relative to a place between named decays.
 const NAMED: f64 = 1_000.0;
 
-/// Stiffness (or κ) and loss (or ζ) over mass of a mode.
+/// Stiffness (or κ) and loss (or ζ) of a mode, divided by its mass.
 #[derive(Clone, Copy, Debug)]
 struct Pole {
     lambda: f64,
@@ -91,11 +92,11 @@ impl Pole {
     }
 }
 
-/// Loss over λ.
+/// Loss as a function of λ.
 enum Curve {
     /// α + β·λ
     Straight { alpha: f64, beta: f64 },
-    /// Straight in logarithms from point to point, and on beyond the outermost.
+    /// Straight in logarithms from point to point, and continued beyond the outermost points.
     Bent(Vec<Pole>),
 }
 
@@ -124,10 +125,10 @@ impl Curve {
         }
     }
 
-    /// The mode that sounds at `f`.
+    /// The pole of the mode that sounds at `f`.
     fn pole_of(&self, f: f64, discrete: Option<Rate>) -> Pole {
         let mut pole = Pole::new((f, 1e3), discrete);
-        // Damping moves a pitch by its square: this converges at once where a body sounds at all.
+        // Damping shifts a pitch only by its square, so this converges at once if a body sounds at all.
         for _ in 0..64 {
             let t60 = Pole::t60(self.at(pole.lambda), discrete);
             pole = Pole::new((f, t60), discrete);
@@ -136,13 +137,13 @@ impl Curve {
     }
 }
 
-/// Springs and dampers that give the lowest mode damped frequency `f` [Hz], and modes at the named frequencies [Hz]
-/// the decays [s] of `points`, two or more.
+/// Springs and dampers that give the lowest mode the damped frequency `f` [Hz], and modes at the frequencies [Hz] of
+/// `points` (two or more) the decays [s] there.
 ///
-/// `mass` is each MAT's mean [kg], or the algorithmic M at the rate `discrete`.
+/// `mass` is the mean mass of a MAT [kg], or the algorithmic M at the rate `discrete`.
 ///
 /// # Errors
-/// Numbers out of range, a body without modes, decays that no damper gives.
+/// Numbers out of range, a body without modes, or decays that no damper gives.
 pub fn tune_points(
     topology: &Topology,
     mass: f64,
@@ -204,17 +205,17 @@ pub fn tune_points(
     })
 }
 
-/// A polynomial of a body's matrix that is to have the losses of a curve.
+/// The fit of a polynomial of a body's matrix to the losses of a curve.
 struct Fit<'a> {
     topology: &'a Topology,
-    /// The plainer body whose matrix it is a polynomial of.
+    /// The plainer body whose matrix is the argument of the polynomial.
     base: &'a Topology,
-    /// Above every eigenvalue of that matrix.
+    /// Upper bound of the eigenvalues of that matrix.
     top: f64,
     powers: usize,
-    /// Eigenvalue over `top`, loss and weight of places   (n_places,)
+    /// Eigenvalue over `top`, loss and weight of each place   (n_places,)
     places: Vec<[f64; 3]>,
-    /// Frequency and loss of those that are named, at the end of `places`.
+    /// Frequency and loss of the named places, which are at the end of `places`.
     named: Vec<(f64, f64)>,
 }
 
@@ -252,7 +253,7 @@ impl<'a> Fit<'a> {
         }
         let mut named = Vec::new();
         for (f, pole) in points {
-            // The lowest mode itself is among them, whichever way it was rounded.
+            // The margin keeps the lowest mode itself, however it was rounded.
             let from = lambda(low) * (1.0 - ROUNDING);
             if !(from..=lambda(top)).contains(&pole.lambda) {
                 continue;
@@ -278,13 +279,13 @@ impl<'a> Fit<'a> {
         })
     }
 
-    /// Coefficients from the constant on, of powers of the eigenvalue over `top`.
+    /// Coefficients, from the constant on, of the powers of the eigenvalue over `top`.
     fn best(&self, discrete: Option<Rate>) -> Result<Vec<f64>, GeneratorError> {
         let mut best: Option<(f64, Vec<f64>)> = None;
         for powers in 1..=self.powers {
             let mut fitted = self.fitted(0, powers);
             if fitted[0] < 0.0 {
-                // What a mass loses to the ground alone is not negative.
+                // The loss of a mass to the ground must not be negative.
                 fitted = self.fitted(1, powers);
             }
             let loses = self
@@ -330,7 +331,7 @@ impl<'a> Fit<'a> {
         fitted
     }
 
-    /// The named decay that is furthest off, and by what part.
+    /// Index and relative error of the named decay with the largest error.
     fn worst(&self, fitted: &[f64]) -> (usize, f64) {
         let places = &self.places[self.places.len() - self.named.len()..];
         let error = |[u, loss, _]: &[f64; 3]| (value(fitted, *u) / loss - 1.0).abs();

@@ -1,8 +1,9 @@
-//! MODES: masses at the places of a body of which modes are known, joined so that it has these modes and levels.
+//! MODES: masses at the places of a body whose modes are known, joined so that the body has these modes and levels.
 //!
-//! Modes q of mass M are seen at place p as Σ φ_kp·q_k. An orthogonal change of coordinates takes the modes to masses: one
-//! at each place, the others inside. It exists where the places move independently of each other at the first
-//! instant, as they do on a real body; a list of modes ends somewhere, so that short high modes are added which make it so.
+//! The motion at place p is Σ φ_kp·q_k, where the modes q have the mass M. An orthogonal change of coordinates turns
+//! modes into masses: one at each place, the others inside. It exists if the places move independently of each other at
+//! the first instant, as they do on a real body. A list of modes is finite, so short high modes are added to make this
+//! true.
 
 use super::{GeneratorError, count};
 use crate::interrupt;
@@ -12,7 +13,7 @@ use crate::maths::sqrt;
 pub const MAX_MODAL: usize = 500;
 /// Most places of one body.
 pub const MAX_PLACES: usize = 64;
-/// Share of a place's own mobility below which what is left of it is rounding.
+/// Fraction of a place's own mobility below which the remainder is rounding error.
 const NOTHING: f64 = 1e-12;
 
 /// Masses, and the stiffness and damping between them.
@@ -26,8 +27,8 @@ pub struct ModalBody {
     pub damping: Vec<f64>,
 }
 
-/// The body whose modes have `poles` (ω² and ζ of a mass of 1, n_modes) and `levels` (n_modes, n_places), and mass `mass` [kg]
-/// where a level is 1; `beyond` is the pole of modes that are added.
+/// The body whose modes have `poles` (ω² and ζ of a mass of 1, n_modes), `levels` (n_modes, n_places), and the modal
+/// mass `mass` [kg] at a level of 1; `beyond` is the pole of the modes that are added.
 ///
 /// ```
 /// use ergon_engine::generator::modal_body;
@@ -38,7 +39,7 @@ pub struct ModalBody {
 /// ```
 ///
 /// # Errors
-/// No mode or too many, no place or too many, and a place that no mode moves.
+/// No mode or too many, no place or too many, or a place that no mode moves.
 pub fn modal_body(
     mass: f64,
     poles: &[(f64, f64)],
@@ -60,7 +61,7 @@ pub fn modal_body(
     let mut poles = poles.to_vec();
     poles.resize(shapes.len(), beyond);
     let n = shapes.len();
-    // Coordinates x = Hᵀ q: the first ones are those of the places, as far as these have a share of their own.
+    // Coordinates x = Hᵀ q, of which the first are those of the places.
     let mut basis: Vec<Vec<f64>> = (0..places)
         .map(|place| shapes.iter().map(|row| row[place]).collect())
         .collect();
@@ -96,15 +97,15 @@ pub fn modal_body(
     })
 }
 
-/// Levels of modes, each at all places, that with the known ones make places move independently at the first instant.
+/// Levels of additional modes, each at all places: with them, places move independently at the first instant.
 ///
-/// With Σ φφᵀ = G they are E = L·Lᵀ such that G + E has no entries off its diagonal, each place with as much more as it has in
-/// common with the others.
+/// With G = Σ φφᵀ of the known modes, they are the columns of L in E = L·Lᵀ, where G + E is diagonal. Each place gains
+/// as much on the diagonal as it has in common with the others.
 fn added(levels: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let n = levels.first().map_or(0, Vec::len);
     let inner = |p: usize, q: usize| -> f64 { levels.iter().map(|row| row[p] * row[q]).sum() };
     let own: Vec<f64> = (0..n).map(|p| sqrt(inner(p, p))).collect();
-    // In units of each place's own mobility.
+    // In units of the mobility of each place.
     let mut rest = vec![0.0; n * n];
     for p in 0..n {
         for q in (0..n).filter(|&q| q != p) {
@@ -113,7 +114,7 @@ fn added(levels: &[Vec<f64>]) -> Vec<Vec<f64>> {
             rest[p * n + p] += common.abs();
         }
     }
-    // Cholesky; a pivot of 0 is the end of what is left.
+    // Cholesky; pivots that are only rounding errors are skipped.
     let mut modes = Vec::new();
     for at in 0..n {
         let pivot = rest[at * n + at];
@@ -148,7 +149,8 @@ fn diagonal(values: impl Iterator<Item = f64>, n: usize) -> Vec<f64> {
     matrix
 }
 
-/// v of the reflection 1 - v·vᵀ that takes `own` to a positive multiple of axis `at`, where axes before it are left alone.
+/// v of the reflection 1 - v·vᵀ that takes `own` to a positive multiple of axis `at` and leaves the axes before it
+/// alone.
 fn mirror(own: &[f64], at: usize) -> Option<Vec<f64>> {
     let mut v: Vec<f64> = own.to_vec();
     v[..at].fill(0.0);
@@ -157,7 +159,7 @@ fn mirror(own: &[f64], at: usize) -> Option<Vec<f64>> {
         return None;
     }
     let size = sqrt(v[at] * v[at] + beyond);
-    // own - |own|·axis, without the difference of near numbers.
+    // own - |own|·axis, without a difference of nearly equal numbers.
     v[at] = if v[at] > 0.0 {
         -beyond / (v[at] + size)
     } else {

@@ -13,7 +13,7 @@ pub enum Shape {
     Hex,
     /// Four neighbours, 2r + 1 masses a side.
     Square,
-    /// Four neighbours, so many masses a side; `radius` means nothing.
+    /// Four neighbours, with this many masses a side; `radius` is ignored.
     Rectangle {
         /// Masses of a row.
         across: usize,
@@ -53,7 +53,7 @@ impl Shape {
         }
     }
 
-    /// The ring of a site; none for the corners of a fixed square, which have no neighbour inside.
+    /// The ring of a site; `None` for the corners of a fixed square, which have no neighbour inside.
     fn ring(self, (x, y): (isize, isize), outer: usize, fixed: bool) -> Option<usize> {
         let (x, y, z) = (x.unsigned_abs(), y.unsigned_abs(), (x + y).unsigned_abs());
         match self {
@@ -72,7 +72,7 @@ impl Shape {
         }
     }
 
-    /// The lowest λ of a square that is not rigid, from those of two strings; `None` for other shapes.
+    /// The lowest non-rigid λ of a square, from those of two strings; `None` for other shapes.
     fn lowest_lambda(self, radius: usize, rim: Rim) -> Option<f64> {
         let side = (2 * radius + 1) as f64;
         let string = |gaps: f64| 4.0 * sin(FRAC_PI_2 / gaps) * sin(FRAC_PI_2 / gaps);

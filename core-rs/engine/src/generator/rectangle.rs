@@ -29,7 +29,7 @@ pub(super) fn rectangle(across: usize, up: usize, fixed: bool) -> Result<Topolog
         (0..up).for_each(|y| links.join(left + y, y * across, 1.0));
         (0..up).for_each(|y| links.join(y * across + across - 1, right + y, 1.0));
     }
-    // Half a spacing more on either side where SOLs lie.
+    // With SOLs, one spacing more on either side.
     let edge = if fixed { 1.0 } else { 0.0 };
     let half = |side: usize| 0.5 * (side - 1) as f64 + edge;
     let width = (2.0 * half(across).max(half(up))).max(1.0);

@@ -1,8 +1,8 @@
 //! PLATE of shape disc without `bending`: a round membrane, as masses and springs between neighbours.
 //!
-//! Rings of 6, 12, 18 … masses are joined by triangles, over which the membrane is flat. The energy of a triangle is a
-//! spring along each of its sides, half the cotangent of the angle opposite to it (R. Duffin, J. Math. Mech. 8, 1959);
-//! a third of its area goes to each of its corners.
+//! Rings of 6, 12, 18 … masses are joined by triangles, over which the membrane is flat. The energy of a triangle is
+//! that of a spring along each side, whose stiffness is half the cotangent of the opposite angle (R. Duffin, J. Math.
+//! Mech. 8, 1959). A third of its area goes to each of its corners.
 
 use super::bent_plate::{Sites, disc};
 use super::plate::Rim;
@@ -55,7 +55,8 @@ pub fn round_membrane(radius: usize, rim: Rim) -> Result<Topology, GeneratorErro
     })
 }
 
-/// Corners of all triangles: in each of six sectors those that stand on a ring, and those that hang from the next.
+/// Corners of all triangles: in each of six sectors those with a side on the outer ring, and those with a side on the
+/// inner ring.
 fn triangles(radius: usize) -> Vec<[usize; 3]> {
     let member = |ring: usize, place: usize| match ring {
         0 => 0,

@@ -9,9 +9,9 @@ use crate::interrupt;
 #[derive(Clone, Debug)]
 pub(super) struct Sparse(pub(super) Vec<BTreeMap<usize, f64>>);
 
-/// Rows between two looks at whether there is to be an end.
+/// Rows between two polls of an interruption.
 const LOOK: usize = 256;
-/// Entries so much smaller than the largest are what rounding leaves.
+/// Entries below this fraction of the largest are rounding errors.
 const ROUNDING: f64 = 1e-14;
 
 impl Sparse {
@@ -65,8 +65,8 @@ impl Sparse {
         }
     }
 
-    /// Links that have this matrix: between masses by its entries, and to the fixed point `ground` by what a row has
-    /// left over. `hardens` says of two masses whether their link does.
+    /// The links whose matrix this is: between masses by its entries, and from each mass to the fixed point `ground` by
+    /// the sum of its row. `hardens` tells whether the link between two masses hardens.
     pub(super) fn links(
         &self,
         ground: usize,

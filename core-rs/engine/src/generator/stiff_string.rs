@@ -1,10 +1,10 @@
-//! STRING with `inharmonicity`: a row of masses that resists bending, its partials where a stiff string has them.
+//! STRING with `inharmonicity`: a row of masses that resists bending, with the partials of a stiff string.
 //!
-//! On a row of masses with the matrix L of plain springs, every polynomial p(L) has the modes of the row, and the
-//! stiffness p(u) where L has u = 4·sin²(θ/2). So the coefficients of p are fitted to the stiffness that each of the
-//! first partials has to have: bending and the dispersion of the lattice in one. L² is the square of the curvature, a
-//! link of −1 between neighbours but one and of 4 between neighbours; p(u) > 0 for every mode makes the whole passive,
-//! though some links are negative.
+//! Let L be the matrix of plain springs on a row of masses. Every polynomial p(L) has the modes of the row, and the
+//! stiffness p(u) where L has u = 4·sin²(θ/2). The coefficients of p are fitted to the stiffness that each of the first
+//! partials needs; this includes bending and the dispersion of the lattice. L² is the square of the curvature: a link
+//! of −1 between neighbours but one and of 4 between neighbours. If p(u) > 0 for every mode, the whole is passive,
+//! although some links are negative.
 
 use std::f64::consts::PI;
 
@@ -13,20 +13,20 @@ use super::string::{Ends, Row, string};
 use super::{GeneratorError, Links, Topology, count};
 use crate::maths::{log, sin};
 
-/// How many partials are in tune.
+/// Number of partials that are in tune.
 const PARTIALS: usize = 20;
-/// Neighbours on either side that links reach, at most.
+/// Most neighbours on either side that links reach.
 const REACH_MAX: usize = 8;
-/// More neighbours are taken until the partials are so near [cents].
+/// The reach grows until all partials are within this error [cents].
 const NEAR: f64 = 0.25;
-/// Beyond this a string is refused [cents].
+/// A string with a larger error is refused [cents].
 const FAR: f64 = 1.0;
-/// Most masses: the sums of large links of either sign leave the lowest mode to rounding.
+/// Most masses: with more, sums of large links of either sign lose the lowest mode in rounding errors.
 const MAX_BENT: usize = 5_000;
 
-/// `masses` MATs in a row with partials f₁·n·√((1 + B·n²)/(1 + B)), B the `inharmonicity`.
+/// `masses` MATs in a row with partials f₁·n·√((1 + B·n²)/(1 + B)), where B is the `inharmonicity`.
 ///
-/// With the left end alone held n counts 1, 3, 5 ….
+/// If only the left end is held, n counts 1, 3, 5 ….
 ///
 /// # Errors
 /// Numbers out of range, or too few masses for the first 20 partials within 1 cent.
@@ -64,7 +64,7 @@ pub fn stiff_string(
             links.join_bent(i, i + apart, -entry, apart == 1);
         }
     }
-    // What a row of the matrix has left over is a link to a fixed end.
+    // The sum of a row of the matrix is a link to a fixed end.
     if row.n_fixed() > 0 {
         let reach = symbol.len() - 1;
         let near_an_end = |i: &usize| *i < reach || *i + reach >= masses;
@@ -90,11 +90,11 @@ pub fn stiff_string(
     })
 }
 
-/// Where the modes of a row lie, and what stiffness the first of them have to have.
+/// The eigenvalues of a row, and the stiffness that its first modes need.
 struct Partials {
-    /// L of every mode, rising   (n_modes)
+    /// Eigenvalue of L for every mode, rising   (n_modes)
     u: Vec<f64>,
-    /// The stiffness of each partial over the first one's   (n_partials)
+    /// The stiffness of each partial relative to the first   (n_partials)
     wanted: Vec<f64>,
 }
 
@@ -117,7 +117,7 @@ impl Partials {
         Self { u, wanted }
     }
 
-    /// Coefficients of p, from L¹ on, that bring the partials where they belong; `None` where none do.
+    /// Coefficients of p, from L¹ on, that tune the partials; `None` if none are near enough.
     fn fitted(&self) -> Option<Vec<f64>> {
         let mut best: Option<(f64, Vec<f64>)> = None;
         for reach in 2..=REACH_MAX.min(self.u.len()) {
@@ -143,7 +143,7 @@ impl Partials {
     fn with_reach(&self, reach: usize) -> Vec<f64> {
         let n = self.wanted.len();
         let most = self.u[n.saturating_sub(1)];
-        // Each partial counts by its relative error; powers of u over the largest one, so that none is tiny.
+        // Each partial counts by its relative error. Powers of u are relative to the largest u, so that none is tiny.
         let scaled: Vec<f64> = self.u[..n].iter().map(|u| u / most).collect();
         let mut power = vec![1.0; n];
         let columns: Vec<Vec<f64>> = (0..reach)
@@ -163,7 +163,7 @@ impl Partials {
             .collect()
     }
 
-    /// The largest error of a partial against the first one [cents].
+    /// The largest error of a partial relative to the first one [cents].
     fn error(&self, all: &[f64]) -> f64 {
         let cents = |(own, wanted): (&f64, &f64)| 600.0 / log(2.0) * log(own / all[0] / wanted);
         let errors = all.iter().zip(&self.wanted).map(cents);
@@ -171,7 +171,7 @@ impl Partials {
     }
 }
 
-/// What p(L) has beside its diagonal on a row without ends: a_0, a_1 …, with L^j = Σ (-1)^d·C(2j, j + d).
+/// A row of p(L) without ends, from its diagonal on: a_0, a_1 …, with L^j = Σ (-1)^d·C(2j, j + d).
 fn stencil(coefficients: &[f64]) -> Vec<f64> {
     let mut symbol = vec![0.0; coefficients.len() + 1];
     for (j, c) in coefficients.iter().enumerate() {
@@ -190,7 +190,7 @@ fn stencil(coefficients: &[f64]) -> Vec<f64> {
     symbol
 }
 
-/// An entry of p(L) on a row: that of the endless row, and of what each end mirrors.
+/// An entry of p(L) on a row: that of the endless row, plus its reflections at both ends.
 fn entry(symbol: &[f64], i: usize, j: usize, masses: usize, ends: Ends) -> f64 {
     let at = |apart: usize| symbol.get(apart).copied().unwrap_or(0.0);
     let right = 2 * masses - 1 - i - j;

@@ -16,7 +16,8 @@ pub enum Ends {
     Left,
 }
 
-/// Most masses of a string with stiffness, whose lowest mode is found by an iteration that takes longer for more masses.
+/// Most masses of a string with stiffness: its lowest mode is found by an iteration, which takes longer for more
+/// masses.
 const MAX_STIFF: usize = 20_000;
 
 /// `masses` MATs in a row; `stiffness` s >= 0 adds links of factor s between neighbours but one.
@@ -96,7 +97,7 @@ impl Row {
             Ends::Left => (true, false),
             Ends::Free => (false, false),
         };
-        // Fixed points lie half a metre to either side; free ends too.
+        // Fixed points, or free ends, lie half a metre to either side.
         let (first, gaps) = (
             f64::from(left),
             (masses - 1) as f64 + f64::from(left) + f64::from(right),

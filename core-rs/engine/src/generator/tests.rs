@@ -25,7 +25,7 @@ fn distance(topology: &Topology, (a, b): (usize, usize)) -> f64 {
     ((ax - bx) * (ax - bx) + (ay - by) * (ay - by)).sqrt()
 }
 
-/// Every pair of points, not both SOLs, whose distance on the bench is one link's.
+/// Every pair of points, not both SOLs, whose distance on the bench is the length of a link.
 fn neighbours(topology: &Topology, length: f64) -> Vec<(usize, usize)> {
     let n = topology.n_mat + topology.n_fixed;
     let pairs = (0..topology.n_mat).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
@@ -103,7 +103,7 @@ fn strings_have_their_springs() {
         let gap = distance(&plain, (0, 1));
         assert_eq!(links(&plain), neighbours(&plain, gap));
         let stiff = string(7, ends, 0.02).expect("string");
-        // Neighbours but one, of which a fixed end may be one.
+        // Neighbours but one; a fixed end may be one of them.
         assert_eq!(links(&stiff).len(), springs + 5 + fixed);
         let extra: usize = stiff
             .runs
@@ -291,7 +291,7 @@ fn discrete_tuning_gives_the_pole() {
 }
 
 proptest! {
-    // Runs and their slices do what the links one by one do.
+    // Runs, and slices of them, act as their links do one by one.
     #[test]
     fn apply_is_the_dense_matrix(seed in 0..1_000u32, fixed in any::<bool>()) {
         let rim = if fixed { Rim::Fixed } else { Rim::Free };

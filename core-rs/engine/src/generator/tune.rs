@@ -21,12 +21,12 @@ impl Topology {
     /// The lowest non-rigid λ of the network with masses and springs of 1 (and of `stiffness`).
     ///
     /// # Errors
-    /// [`GeneratorError::NoMode`] where no two masses can move against each other.
+    /// [`GeneratorError::NoMode`] if no two masses can move against each other.
     pub fn lowest(&self) -> Result<f64, GeneratorError> {
         if let Some(lambda) = self.lowest_lambda {
             return Ok(lambda);
         }
-        // In coordinates √M·x the matrix stays symmetric where masses differ.
+        // In coordinates √M·x the matrix stays symmetric even if masses differ.
         let root: Vec<f64> = (0..self.n_mat).map(|i| sqrt(self.share(i))).collect();
         let mut own = vec![0.0; self.n_mat];
         let mut apply = |x: &[f64], y: &mut [f64]| {

@@ -19,14 +19,14 @@ pub enum GestureError {
         "point {index}: a throw needs time: from {from} s to {to} s there is not one audio sample"
     )]
     Short {
-        /// The point thrown to, from 0.
+        /// Index of the point thrown to, from 0.
         index: usize,
-        /// When it is struck [s].
+        /// Instant of the strike [s].
         from: f64,
-        /// When it is to be there [s].
+        /// Instant at which the key has to be there [s].
         to: f64,
     },
-    /// Tracked ergons as particles, which would be launched before the force that they have to give is known.
+    /// Tracked ergons as particles: a particle would be launched before the force that it has to give is known.
     #[error(
         "tracked ergons cannot be particles: a particle is launched before the force that it must give is known"
     )]
@@ -34,9 +34,9 @@ pub enum GestureError {
     /// A joining time, force limit or grain that is not a positive number.
     #[error("{what} must be a positive number, not {value}")]
     Positive {
-        /// Which.
+        /// Name of the number.
         what: &'static str,
-        /// What was given.
+        /// Its value.
         value: f64,
     },
 }

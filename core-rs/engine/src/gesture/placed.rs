@@ -1,10 +1,10 @@
-//! A path placed in the piece: shared, scaled and stretched.
+//! A path placed in the piece: shared, scaled, and stretched in time.
 
 use std::sync::Arc;
 
 use super::profile::{PathError, Profile};
 
-/// A path placed in the piece: it is at x·scale at the instant `at` + t·stretch.
+/// A path placed in the piece: position x at time t of the path becomes x·scale at the instant `at` + t·stretch.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -32,7 +32,7 @@ impl Placed {
     /// The profile with its zero of time at `at` [s] of the piece, neither scaled nor stretched.
     ///
     /// # Errors
-    /// [`PathError::Placement`] where `at` is not finite.
+    /// [`PathError::Placement`] if `at` is not finite.
     pub fn new(profile: Arc<Profile>, at: f64) -> Result<Self, PathError> {
         Self::transformed(profile, at, 1.0, 1.0, false)
     }
@@ -40,7 +40,7 @@ impl Placed {
     /// The profile as x·`scale` [m] at `at` + t·`stretch` [s]; with `reverse` it runs backwards within the same time.
     ///
     /// # Errors
-    /// [`PathError::Placement`] where a number is not finite or `stretch` is not above 0.
+    /// [`PathError::Placement`] if a number is not finite or `stretch` is not above 0.
     pub fn transformed(
         profile: Arc<Profile>,
         at: f64,

@@ -1,4 +1,4 @@
-//! A path in time, as quintic pieces; `Curve`: the ways from one written point to the next.
+//! A path in time, made of quintic pieces, and the curves between its written points.
 
 use thiserror::Error;
 
@@ -85,7 +85,7 @@ pub enum PathError {
 
 /// A piecewise quintic path, at rest before its first knot and after its last.
 ///
-/// Two successive knots may have one instant, where the velocity jumps; at that instant the later knot holds.
+/// Two successive knots may have the same instant, at which the velocity jumps; at that instant the later knot counts.
 ///
 /// ```
 /// use ergon_engine::gesture::profile::{Curve, Point, Profile};
@@ -105,14 +105,15 @@ pub struct Profile {
     a: Vec<f64>,
 }
 
-/// Number of knots that a cursor moves by before it searches instead.
+/// Most knots that a cursor steps over before a binary search replaces it.
 const WALK: usize = 8;
 
 impl Profile {
     /// The path through written points, (n_points,), whose instants [s] rise strictly.
     ///
     /// # Errors
-    /// Where there are no points, a number is not finite, instants do not rise strictly, or a curve does not fit its points.
+    /// If there are no points, a number is not finite, instants do not rise strictly, or a curve does not fit its
+    /// points.
     pub fn through(points: &[Point]) -> Result<Self, PathError> {
         check(points)?;
         let mut profile = Self {
@@ -143,8 +144,8 @@ impl Profile {
         Ok(profile)
     }
 
-    /// The spline of least jerk through `t` [s] and `x` [m], both (n_knots,): not empty, finite,
-    /// `t` rising strictly (the caller has checked).
+    /// The spline of least jerk through `t` [s] and `x` [m], both (n_knots,): not empty, finite, `t` rising strictly
+    /// (the caller must check this).
     pub fn spline(t: Vec<f64>, x: Vec<f64>, ends: Ends) -> Self {
         let (v, a) = spline::slopes(&t, &x, ends);
         Self { t, x, v, a }
@@ -254,7 +255,7 @@ impl Profile {
     pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
         let (from, to) = (from.min(to), from.max(to));
         let (first, last) = (self.search(from), self.search(to));
-        // Knots first: most pieces then cannot exceed them, and need no roots.
+        // Start with the knots: most pieces cannot exceed them, and then need no roots.
         let ends = [self.at(from).0, self.at(to).0];
         let mut known = extremes(ends.iter().chain(&self.x[first + 1..=last]));
         for i in first..(last + 1).min(self.t.len() - 1) {
@@ -290,11 +291,11 @@ impl Profile {
         }
     }
 
-    /// Bounds of piece `i`: the least and greatest ordinate of its Bézier polygon.
+    /// Bounds of piece `i`: the smallest and the largest ordinate of its Bézier polygon.
     fn hull(&self, i: usize) -> (f64, f64) {
         let (k, l) = (self.knot(i), self.knot(i + 1));
         let h = (l.t - k.t) / 5.0;
-        // Ordinates two in: x + 2V/5 + A/20 with V = h·v, A = h²·a.
+        // The third ordinate from either end is x ± 2V/5 + A/20, with V = T·v, A = T²·a and T = 5h.
         let bend = 25.0 / 20.0 * h * h;
         extremes(&[
             k.x,

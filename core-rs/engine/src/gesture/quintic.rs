@@ -29,14 +29,14 @@ pub struct Knot {
 pub struct Quintic {
     start: f64,
     length: f64,
-    /// Coefficients in s = (t - start)/length: dimensionless time keeps 1 ms and 10 s alike.
+    /// Coefficients in s = (t - start)/length; dimensionless time treats 1 ms and 10 s alike.
     c: [f64; 6],
 }
 
 crate::archive::state!(Quintic { start, length, c });
 
 impl Quintic {
-    /// The piece from one knot to a later one. With no time between them it rests at `to`.
+    /// The piece from one knot to a later one. If there is no time between them, it rests at `to`.
     pub fn joining(from: Knot, to: Knot) -> Self {
         let h = to.t - from.t;
         if h <= 0.0 {
@@ -47,7 +47,7 @@ impl Quintic {
             };
         }
         let (v0, v1, a0, a1) = (from.v * h, to.v * h, from.a * h * h, to.a * h * h);
-        // What the last three coefficients have to add to the motion that the left end determines.
+        // What the last three coefficients add to the motion that the left end determines.
         let x = (to.x - from.x) - v0 - 0.5 * a0;
         let v = v1 - v0 - a0;
         let a = a1 - a0;
@@ -94,8 +94,8 @@ fn value(c: &[f64], s: f64) -> f64 {
     c.iter().rev().fold(0.0, |sum, c| sum * s + c)
 }
 
-/// Where a polynomial changes sign in [low, high], rising: between two extrema it is monotone, so
-/// the roots of its slope bracket its own.
+/// The rising roots in [low, high] at which a polynomial changes sign. It is monotone between two extrema, so the roots
+/// of its slope bracket its own roots.
 fn roots(c: &[f64], low: f64, high: f64) -> Vec<f64> {
     if c.len() < 2 {
         return Vec::new();
@@ -131,7 +131,7 @@ fn bisect(c: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// (t-1)(t-2)(t-3)(t-4)(t-5)/10 and its slopes, written out.
+    /// (t-1)(t-2)(t-3)(t-4)(t-5)/10 and its derivatives, written out.
     fn wave(t: f64) -> Knot {
         let c = [-120.0, 274.0, -225.0, 85.0, -15.0, 1.0].map(|c: f64| c / 10.0);
         let slope: Vec<f64> = (1..6).map(|k| c[k] * k as f64).collect();
@@ -164,8 +164,8 @@ mod tests {
     fn range_finds_the_hidden_extrema() {
         let piece = Quintic::joining(wave(0.9), wave(5.1));
         let (low, high) = piece.range(1.0, 5.0);
-        // About t = 3 it is (u⁵ - 5u³ + 4u)/10, whose slope vanishes at u² = (15 ± √145)/10; the
-        // outer pair has the higher waves.
+        // With u = t − 3 it is (u⁵ - 5u³ + 4u)/10, whose slope vanishes at u² = (15 ± √145)/10; the outer pair has the
+        // larger extrema.
         let u = ((15.0 + 145.0f64.sqrt()) / 10.0).sqrt();
         let wanted = u * (4.0 + u * u * (u * u - 5.0)) / 10.0;
         assert!(

@@ -5,17 +5,17 @@
 pub struct Report {
     /// Number of ergons.
     pub n_ergons: u64,
-    /// First instant at which it ran [s]; NaN: it never ran.
+    /// First instant at which it ran [s]; NaN if it never ran.
     pub start: f64,
-    /// Last instant at which it ran [s]; NaN: it never ran.
+    /// Last instant at which it ran [s]; NaN if it never ran.
     pub stop: f64,
-    /// Largest |done − asked| on the loaded key [m].
+    /// Largest |actual − asked| position of the loaded key [m].
     pub worst: f64,
     /// Instant of `worst` [s].
     pub worst_at: f64,
     /// The MAT of another part that pushed the key most at that instant.
     pub pushed_by: Option<usize>,
-    /// Sum of (done − asked)² over the compared frames [m²].
+    /// Sum of (actual − asked)² over the compared frames [m²].
     pub square: f64,
     /// Number of compared frames.
     pub compared: u64,
@@ -29,7 +29,7 @@ pub struct Report {
     pub force_max: f64,
     /// Number of steps that needed more than the force limit.
     pub missed: u64,
-    /// Whether it cut another gesture and joined its path only after its first point.
+    /// Whether it interrupted another gesture and joined its path only after its first point.
     pub first_point_missed: bool,
 }
 
@@ -72,7 +72,7 @@ impl Default for Report {
 }
 
 impl Report {
-    /// Root of the mean square of done − asked [m].
+    /// Root of the mean square of actual − asked [m].
     pub fn rms(&self) -> f64 {
         if self.compared == 0 {
             0.0

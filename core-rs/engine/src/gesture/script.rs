@@ -10,7 +10,7 @@ use crate::units::frame;
 pub enum Touch {
     /// Ergons are computed for the free key, so forces of the instrument move the key off its path.
     Open,
-    /// Ergons are whatever keeps the key on its path.
+    /// Ergons have the size that keeps the key on its path.
     Tracked,
 }
 
@@ -30,18 +30,18 @@ pub struct Manner {
     pub touch: Touch,
     /// How an ergon is computed.
     pub ergons: Ergons,
-    /// Time between ergons along a path [s]; `None`: one a frame.
+    /// Time between ergons along a path [s]; `None`: one per frame.
     pub grain: Option<f64>,
     /// Length of the joining curve [s].
     pub join: f64,
-    /// Largest force of one ergon [N].
+    /// Largest force of one ergon [N]; `None`: no limit.
     pub limit: Option<f64>,
-    /// Whether the gesture adds to what the key does already.
+    /// Whether the gesture is added to the motion that the key already has.
     pub layer: bool,
 }
 
 impl Manner {
-    /// As a score plays where it says nothing: exact impulses at every frame, and 20 ms to join.
+    /// The defaults of a score: exact impulses at every frame, and 20 ms to join.
     pub const OPEN: Self = Self {
         touch: Touch::Open,
         ergons: Ergons::Event,
@@ -52,12 +52,12 @@ impl Manner {
     };
 }
 
-/// A part of a gesture between two ways of moving the key; they follow one another.
+/// A part of a gesture in which the key is moved in one way. Stretches follow one another in time.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Stretch {
     /// Follow a path up to `stop` [s].
     Path { path: Placed, stop: f64 },
-    /// One strike at `from` [s], after which the key flies freely and passes `x` [m] at `to` [s], as written point `point`.
+    /// One strike at `from` [s]; the key then flies freely and passes `x` [m] at `to` [s], the written point `point`.
     Throw {
         from: f64,
         to: f64,
@@ -66,7 +66,7 @@ pub(crate) enum Stretch {
     },
 }
 
-/// A narrative gesture or a take, placed in time. It is the same at every rate.
+/// A written gesture or a take, placed in time. It does not depend on the rate.
 #[derive(Clone, Debug)]
 pub struct Gesture {
     pub(crate) key: usize,
@@ -105,7 +105,7 @@ impl Gesture {
         Ok(())
     }
 
-    /// Whether another gesture asks the same path in the same manner, whatever its place in the score.
+    /// Whether another gesture asks for the same path in the same manner, wherever it is in the score.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let instants = |gesture: &Self| -> Vec<u64> {
             let points = gesture.points.iter();
@@ -121,7 +121,7 @@ impl Gesture {
         Self { key, ..self }
     }
 
-    /// The position that the gesture asks for where it begins at `t` [s]; in metres.
+    /// The position [m] that the gesture asks for if it begins at `t` [s].
     pub(crate) fn entry_at(&self, t: f64) -> f64 {
         match self.stretches.first() {
             Some(Stretch::Path { path, .. }) => path.at(t.max(self.start)).0,

@@ -1,17 +1,16 @@
 //! The path of least jerk through given points: the C4 quintic spline.
 //!
-//! Solved for its jerk, which is a quadratic spline, in B-splines: with x''' = Σ λ_j B_j the normal
-//! equations are Σ_j ∫B_i B_j λ_j = ∫B_i x''' = α_{i+1} - α_i, where α is twice a second divided
-//! difference of the points (Peano; de Boor, *A Practical Guide to Splines*, 1978, ch. V
-//! and XIII). Once its diagonal is one, their five-banded Gram matrix has a condition number bounded
-//! whatever the spacing (de Boor 1976); that of the usual equations in v and a grows with the ratio
-//! of neighbouring intervals (at 10⁵ they err by 1e-7, these by 4e-16). Velocity and acceleration
-//! at a knot then follow from its two neighbours.
+//! The spline is solved for its jerk, a quadratic spline, in B-splines: with x''' = Σ λ_j B_j the normal equations are
+//! Σ_j ∫B_i B_j λ_j = ∫B_i x''' = α_{i+1} - α_i, where α is twice a second divided difference of the points (Peano; de
+//! Boor, *A Practical Guide to Splines*, 1978, ch. V and XIII). Their five-banded Gram matrix, scaled to a unit
+//! diagonal, has a condition number that is bounded for any spacing (de Boor 1976). That of the usual equations in v
+//! and a grows with the ratio of neighbouring intervals: at 10⁵ they err by 1e-7, these by 4e-16. Velocity and
+//! acceleration at a knot then follow from its two neighbours.
 
 /// Conditions at the two ends of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Ends {
-    /// No jerk and no snap: the ends of a take, before and after which the motion is unknown.
+    /// No jerk and no snap: for the ends of a take, beyond which the motion is unknown.
     Natural,
     /// Given (velocity [m/s], acceleration [m/s²]).
     Clamped {
@@ -32,9 +31,9 @@ impl Ends {
 
 /// Velocities [m/s] and accelerations [m/s²] (n_knots,) of the spline at its knots.
 ///
-/// `t` [s] and `x` [m] are (n_knots,), finite, and `t` rises strictly; the caller has checked that.
-/// Between two knots the path is [`Quintic::joining`](super::quintic::Quintic::joining). Through
-/// one knot it rests, through two natural ones it is straight. O(n) time and memory.
+/// `t` [s] and `x` [m] are (n_knots,) and finite, and `t` rises strictly; the caller must check this. Between two knots
+/// the path is [`Quintic::joining`](super::quintic::Quintic::joining). With one natural knot the path is at rest, with
+/// two it is straight. O(n) time and memory.
 pub fn slopes(t: &[f64], x: &[f64], ends: Ends) -> (Vec<f64>, Vec<f64>) {
     assert_eq!(t.len(), x.len());
     let n = t.len();
@@ -43,7 +42,7 @@ pub fn slopes(t: &[f64], x: &[f64], ends: Ends) -> (Vec<f64>, Vec<f64>) {
     if n > 1 {
         let jerk = Jerk::solve(points, ends);
         for i in 1..n - 1 {
-            // Without the contribution of the jerk, two straight lines meet in this knot.
+            // Without the contribution of the jerk, two straight lines meet at this knot.
             let (left, right) = (points.step(i - 1), points.step(i));
             let before = points.slope(i - 1) - jerk.on(points, i - 1).slope_from_right();
             let after = points.slope(i) - jerk.on(points, i).slope_from_left();
@@ -54,7 +53,7 @@ pub fn slopes(t: &[f64], x: &[f64], ends: Ends) -> (Vec<f64>, Vec<f64>) {
             ((v[0], a[0]), (v[n - 1], a[n - 1])) = (first, last);
         } else {
             let (first, last) = (jerk.on(points, 0), jerk.on(points, n - 2));
-            // Through two points a[1] is still zero and so is the jerk: the line.
+            // With two points, a[1] and the jerk are still 0, which gives a straight line.
             a[0] = a[1] - first.gain();
             v[0] = points.slope(0) - first.slope_from_left() - 0.5 * first.h * a[0];
             a[n - 1] = a[n - 2] + last.gain();
@@ -81,7 +80,7 @@ impl Points<'_> {
         (self.x[i + 1] - self.x[i]) / self.step(i)
     }
 
-    /// The shares (p, r) of an interval in its joint width with the left and with the right neighbour.
+    /// Width of an interval divided by its joint width with the left neighbour (p) and with the right neighbour (r).
     ///
     /// Beyond a clamped end the neighbour has no width; beyond a natural end no B-spline uses the share.
     fn shares(self, i: usize) -> (f64, f64) {
@@ -95,7 +94,7 @@ impl Points<'_> {
         (h / (left + h), h / (h + right))
     }
 
-    /// Twice the second divided differences, ends included where they are known.
+    /// Twice the second divided differences, including the ends if these are clamped.
     fn bends(self, ends: Ends) -> Vec<f64> {
         let last = self.t.len() - 2;
         let inner = (0..last)
@@ -117,7 +116,7 @@ impl Points<'_> {
 /// Coefficients of the jerk in quadratic B-splines.
 struct Jerk {
     lambda: Vec<f64>,
-    /// Index of the first B-spline of interval 0: 0, or −2 at a natural end, where two are missing.
+    /// Index of the first B-spline of interval 0: 0, or −2 at a natural end, which lacks two.
     first: isize,
 }
 
@@ -160,7 +159,7 @@ impl Jerk {
         let mut bands = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
         for i in 0..points.t.len() - 1 {
             let (h, (p, r)) = (points.step(i), points.shares(i));
-            // The three B-splines of the interval in Bernstein's quadratics.
+            // The three B-splines of the interval, in Bernstein's quadratics.
             let splines = [[p, 0.0, 0.0], [1.0 - p, 1.0, 1.0 - r], [0.0, 0.0, r]];
             for (k, left) in splines.iter().enumerate() {
                 let Some(row) = index(first, i, k, n) else {
@@ -203,7 +202,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Solve G·y = b in place by LDLᵀ; `bands[k][i]` is G[i][i+k]. G is positive definite: no pivots.
+/// Solve G·y = b in place by LDLᵀ; `bands[k][i]` is G[i][i+k]. G is positive definite, so no pivoting is needed.
 fn solve_banded(bands: &mut [Vec<f64>; 3], y: &mut [f64]) {
     let [d, one, two] = bands;
     let n = y.len();

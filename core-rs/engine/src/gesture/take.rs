@@ -1,4 +1,4 @@
-//! Takes: movements as they were captured.
+//! Takes: captured movements.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::section::Section;
 /// Most samples of a take: five and a half hours at 1 kHz, 1.3 GB while it is being read.
 pub const MAX_SAMPLES: usize = 20_000_000;
 
-/// A movement as it was captured: the natural quintic spline through its samples.
+/// A captured movement: the natural quintic spline through its samples.
 ///
 /// ```
 /// use ergon_engine::gesture::take::{Preparation, Take};
@@ -31,7 +31,7 @@ pub struct Take {
 /// Why samples do not define a take.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TakeError {
-    /// Not as many positions as instants.
+    /// Different numbers of instants and positions.
     #[error(
         "a take has one position for each instant; here are {n_t} instants and {n_x} positions"
     )]
@@ -93,10 +93,10 @@ pub enum TakeError {
         from: f64,
         /// Wanted end [s].
         to: f64,
-        /// How long the take lasts [s].
+        /// Duration of the take [s].
         stop: f64,
     },
-    /// `smooth` that these samples cannot carry.
+    /// A cutoff of `smooth` that is too high for the samples, or not above 0.
     #[error(
         "smooth {cutoff} Hz must lie above 0 and below half of the {rate} samples a second \
          of this take"
@@ -121,12 +121,12 @@ pub struct Preparation {
 impl Take {
     /// The take of samples (`t` [s], `x` [m]), both (n,).
     ///
-    /// `smooth` filters the complete take; then `trim` cuts the path, whose ends thus lie exactly on the path of the
+    /// `smooth` filters the complete take first. `trim` then cuts the path, so its ends lie exactly on the path of the
     /// complete take.
     ///
     /// # Errors
-    /// Where the samples are too few, not finite or not in order, the cutoff is not below half their rate, or the trim lies
-    /// outside the take.
+    /// If there are too few samples, or they are not finite or not in order, the cutoff is not below half their rate,
+    /// or the trim lies outside the take.
     pub fn new(t: &[f64], x: &[f64], preparation: Preparation) -> Result<Self, TakeError> {
         check(t, x)?;
         let natural = |t: &[f64], x: &[f64]| Profile::spline(t.to_vec(), x.to_vec(), Ends::Natural);
@@ -157,7 +157,8 @@ impl Take {
         })
     }
 
-    /// The part of the take between two instants [s], counted from its first sample; the path is exactly the same.
+    /// The part of the take between two instants [s], counted from its first sample; the path between them is
+    /// unchanged.
     ///
     /// # Errors
     /// [`TakeError::Part`] unless 0 ≤ `from` < `to` ≤ [`Take::duration`].
@@ -181,7 +182,7 @@ impl Take {
     /// The take with its first instant at `at` [s] of the piece, positions times `scale`, durations times `stretch`.
     ///
     /// # Errors
-    /// [`PathError::Placement`] where a number is not finite or `stretch` is not above 0.
+    /// [`PathError::Placement`] if a number is not finite or `stretch` is not above 0.
     pub fn placed(
         &self,
         at: f64,
@@ -189,12 +190,12 @@ impl Take {
         stretch: f64,
         reverse: bool,
     ) -> Result<Placed, PathError> {
-        // The clock of a capture may begin anywhere: its origin is no part of the movement.
+        // The clock of a capture may begin at any value, so its origin is not part of the movement.
         let zero = at - self.profile.start() * stretch;
         Placed::transformed(Arc::clone(&self.profile), zero, scale, stretch, reverse)
     }
 
-    /// From its first instant to its last [s].
+    /// Time from its first instant to its last [s].
     pub fn duration(&self) -> f64 {
         self.profile.stop() - self.profile.start()
     }
@@ -230,13 +231,13 @@ fn check(t: &[f64], x: &[f64]) -> Result<(), TakeError> {
     Ok(())
 }
 
-/// Mean samples a second.
+/// Mean rate of the samples [Hz].
 fn rate(t: &[f64]) -> f64 {
     (t.len() - 1) as f64 / (t[t.len() - 1] - t[0])
 }
 
-/// The samples at even steps, as a digital filter needs them; where instants jitter (0.0333, 0.0667, 0.1), samples of
-/// the spline.
+/// The samples at even steps, as a digital filter needs them. If instants jitter (0.0333, 0.0667, 0.1), the spline is
+/// sampled instead.
 fn evenly(
     t: &[f64],
     x: &[f64],
@@ -247,7 +248,7 @@ fn evenly(
     let even: Vec<f64> = (0..=last)
         .map(|i| start + (stop - start) * (i as f64 / last as f64))
         .collect();
-    // 1e-9 of a step covers the rounding of i·T, and is no jitter.
+    // 1e-9 of a step allows for the rounding of i·T, which is not jitter.
     let tolerance = 1e-9 * (stop - start) / last as f64;
     if t.iter().zip(&even).all(|(t, e)| (t - e).abs() <= tolerance) {
         return (even, x.to_vec());

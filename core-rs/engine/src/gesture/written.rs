@@ -11,7 +11,7 @@ use super::script::{Ergons, Gesture, Manner, Stretch, Touch};
 /// How the key goes to a written point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Approach {
-    /// Along a curve, led by ergons all the way.
+    /// Along a curve, driven by ergons all the way.
     Path(Curve),
     /// In free flight, after one strike at the previous point.
     Throw,
@@ -24,7 +24,7 @@ pub struct Written<'a> {
     pub t: &'a [f64],
     /// Positions [m].
     pub x: &'a [f64],
-    /// How the key goes to each point; the first is ignored.
+    /// How the key goes to each point; that of the first point is ignored.
     pub approaches: &'a [Approach],
     /// Places in the score, or empty.
     pub sources: &'a [u32],
@@ -85,7 +85,7 @@ impl Gesture {
     /// A gesture that plays a take on a key, cut at `until` [s].
     ///
     /// # Errors
-    /// [`GestureError`] where `manner` has a number out of range, or tracks the key by particles.
+    /// [`GestureError`] if `manner` has a number out of range, or tracks the key by particles.
     pub fn from_take(
         key: usize,
         path: Placed,
@@ -97,7 +97,7 @@ impl Gesture {
         let stop = until.map_or(path.stop(), |until| until.min(path.stop()));
         let ends = [path.at(start).0, path.at(stop).0];
         let stretches = vec![Stretch::Path { path, stop }];
-        // A take has no written points that a grain would have to meet: frame 0 is before all of them.
+        // A take has no written points that ergons have to meet: its single point is at frame 0, before the take.
         Self::new(key, stretches, start, ends, vec![(0.0, source)], manner)
     }
 
@@ -153,7 +153,7 @@ impl Manner {
             .map_or(Ok(()), |grain| positive("grain", grain, f64::MIN_POSITIVE))
     }
 
-    /// Largest force of one ergon [N]; infinite where there is no limit.
+    /// Largest force of one ergon [N]; infinite if there is no limit.
     pub(crate) fn force_limit(&self) -> f64 {
         self.limit.unwrap_or(f64::INFINITY)
     }

@@ -6,12 +6,12 @@ use crate::units::Rate;
 
 use super::MAX_STEPS;
 
-/// Factors from κ and ζ of the frame to those of 2, 4 and 8 steps a frame, in units of the frame   (n_mat each).
+/// Factors that turn κ and ζ of the frame into those of 2, 4 and 8 steps a frame, in units of the frame   (n_mat each).
 #[derive(Clone, Debug)]
 pub(super) struct Cells([[Vec<f64>; 2]; 3]);
 
 impl Cells {
-    /// `None` where the network has no CEL.
+    /// Compute the factors; `None` if the network has no CEL, or the method does not use poles.
     pub(super) fn new(
         scheme: &Scheme,
         network: &Network,

@@ -1,9 +1,9 @@
 //! A frame in several steps of CA.
 //!
-//! In S steps x advances by d/S and d by a/S each; forces read d in metres a frame as ever. The velocity d belongs to
-//! the middle of a step: 1/2S before the end of a frame in S steps, 1/2 before the end of an ordinary frame. Where the
-//! number of steps changes, d is moved between the two instants by the acceleration of links and ties. Outside forces
-//! act at the beginning of the frame, as in one step.
+//! In each of S steps, x advances by d/S and d by a/S; d stays in metres a frame, as forces expect it. The velocity d
+//! belongs to the middle of a step: 1/(2S) of a frame before the end of a frame in S steps, and 1/2 before the end of
+//! an ordinary frame. When the number of steps changes, d is moved between the two instants by the acceleration of
+//! links and ties. Outside forces act at the beginning of the frame, as in a frame of one step.
 
 use super::{CALM_FRAMES, CALM_SHARE, Guard, MAX_STEPS};
 use crate::kernel::{fine_steps, sound};
@@ -12,7 +12,7 @@ use crate::kernel::{fine_steps, sound};
 pub(crate) trait Stage {
     /// Compute the forces of all links at the present positions and steps, into `force`.
     fn links(&mut self);
-    /// The state, to be stepped.
+    /// The state that a step advances.
     fn motion(&mut self) -> Motion<'_>;
 }
 
@@ -26,7 +26,8 @@ pub(crate) struct Motion<'a> {
 }
 
 impl Guard {
-    /// Set the MATs whose path is imposed in the next finer frame, ports among them; `path` gives its two ends [m].
+    /// Set the MATs whose path is imposed in the next finer frame: the ports and `targets`; `path` gives positions at
+    /// the beginning and the end of the frame [m].
     pub(crate) fn impose(
         &mut self,
         targets: impl Iterator<Item = usize>,
@@ -40,8 +41,8 @@ impl Guard {
         }));
     }
 
-    /// Compute a frame in smaller steps; `stage` holds its beginning and all forces that act in it. False where a
-    /// position is no longer finite or plausible.
+    /// Compute a frame in smaller steps; `stage` holds the state at its beginning and the sum of all forces that act in
+    /// it. Returns false if a position is no longer finite or plausible.
     pub(crate) fn compute_finer(&mut self, stage: &mut impl Stage) -> bool {
         self.begin(stage);
         let mut steps = if self.steps > 1 { self.steps } else { 2 };
@@ -71,7 +72,7 @@ impl Guard {
         }
     }
 
-    /// Compute the frame in `steps` steps; false where they are too few and more are possible.
+    /// Compute the frame in `steps` steps; false if they are too few and more are possible.
     fn try_steps(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
         let part = 1.0 / f64::from(steps);
         let shift = 0.5 / f64::from(self.previous_steps) - 0.5 * part;
@@ -121,7 +122,7 @@ impl Guard {
         true
     }
 
-    /// End the frame: its step is the mean of its steps, and the difference of the last one is kept as `lead`.
+    /// End the frame: `d` becomes the mean of its steps, and `lead` the last step minus that mean.
     fn end(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
         let Motion { ties, x, d, .. } = stage.motion();
         for i in 0..x.len() {
@@ -130,7 +131,7 @@ impl Guard {
             d[i] = mean;
         }
         let (risen, _) = self.stiffening_exact(x, ties[0]);
-        // Half the steps only where a quarter would be enough.
+        // The number of steps is halved only if a quarter of it would be enough.
         let is_calm = match steps {
             2 => risen <= CALM_SHARE * (self.limit - self.rest_lambda),
             _ => 4 * self.steps_needed(risen) <= steps,

@@ -1,4 +1,4 @@
-//! An island as the guard steps it, by the kernels.
+//! Lets the guard step an island, by the kernels.
 
 use super::{Motion, Stage};
 use crate::kernel;

@@ -1,4 +1,4 @@
-//! What the guard knows of links, and what it takes for sure.
+//! The guard's bound on λ, the reach of laws, and which links are watched.
 
 use std::sync::Arc;
 
@@ -22,7 +22,8 @@ fn law(text: &str) -> Arc<Law> {
     Arc::new(Law::new(&text).unwrap())
 }
 
-/// Masses joined at random by what `join` makes of a link's number; some are held.
+/// A network of masses with random links, each made by `join` from its number; every fifth link holds a mass to a fixed
+/// point.
 fn net(seed: i128, mut join: impl FnMut(&mut Network, usize, usize, usize)) -> Network {
     let mut chance = Chance::new(seed, "guard", "", 0, 0);
     let mut network = Network::new();
@@ -45,7 +46,8 @@ fn net(seed: i128, mut join: impl FnMut(&mut Network, usize, usize, usize)) -> N
     network
 }
 
-/// λ at any moment is below what the guard says, which is that at rest where nothing is stretched.
+/// λ is within the limit while there is a margin, and otherwise at most λ at rest plus the rise that the guard
+/// computes.
 #[test]
 fn what_links_have_stiffened_by_bounds_lambda() {
     let [k, q, z] = [2e4, 3e10, 0.05];
@@ -91,7 +93,7 @@ fn what_links_have_stiffened_by_bounds_lambda() {
             nearest = nearest.min((guard.rest_lambda + risen) / lambda);
         }
     }
-    // And there are moments at which it is no more than that.
+    // The bound is tight: some state comes within 10 % of it.
     assert!(nearest < 1.1, "{nearest}");
 }
 
@@ -139,7 +141,7 @@ fn what_cannot_stiffen_is_not_watched() {
     assert!(!guard(Arc::new(Law::hardening(2e4, -1e6, 0.0).unwrap())));
 }
 
-/// A number that is none is beyond every reach.
+/// A position that is NaN or infinite is beyond every reach.
 #[test]
 fn no_number_is_overlooked() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {

@@ -26,7 +26,7 @@ enum Stiffening {
     Square(f64),
     /// Any law, and its stiffness at rest [N/m].
     Law(Arc<Law>, f64),
-    /// Laws of which it may be any, and the greatest of their stiffnesses at rest [N/m].
+    /// Any of several laws, and the greatest of their stiffnesses at rest [N/m].
     Any(Vec<Law>, f64),
 }
 
@@ -73,7 +73,7 @@ impl Stiffening {
     }
 }
 
-/// Runs that stiffen and have an end that moves, but for couplings, which open.
+/// Runs that stiffen and have an end that moves; runs with a gate are left out.
 pub(super) fn watches(runs: &[Run], moves: impl Fn(usize) -> bool) -> Vec<Watch> {
     let watch = |run: &Run| {
         let stiffening = Stiffening::of(&run.kind).filter(|_| run.gate.is_none())?;
@@ -103,7 +103,8 @@ pub(super) fn set_reaches(watches: &mut Vec<Watch>, rise: f64, w: &[f64]) {
                 .for_each(|n| *n += 1.0);
         }
     }
-    // With stiffnesses of at most half of `rise` over the links of either end no edge sum is above it.
+    // If the stiffening of each link is at most half of `rise`, divided by degree times 1/M at either end, no edge sum
+    // exceeds `rise`.
     let at = |mat: usize| degree[mat] * w[mat];
     for watch in &mut *watches {
         let ends = (0..watch.len).map(|i| at(watch.a + i).max(at(watch.b + i)));
@@ -115,9 +116,10 @@ pub(super) fn set_reaches(watches: &mut Vec<Watch>, rise: f64, w: &[f64]) {
 }
 
 wide! {
-    /// The largest magnitude of some numbers; NaN where one is NaN.
+    /// The largest magnitude of some numbers; NaN if one is NaN.
     pub(super) fn peak(numbers: &[f64]) -> f64 {
-        // Bits of positive numbers have their order, and those of NaN are above all.
+        // The bits of positive numbers, read as integers, have the order of the numbers; those of NaN are above all
+        // others.
         f64::from_bits(numbers.iter().fold(0, |peak, d| d.abs().to_bits().max(peak)))
     }
 }

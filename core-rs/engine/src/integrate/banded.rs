@@ -3,7 +3,7 @@
 use crate::maths::sqrt;
 use crate::maths::wide::wide;
 
-/// Numbers of a factor at most (1 GB of two copies).
+/// Largest number of entries of a factor (1 GB for its two copies).
 pub(super) const MOST: usize = 60_000_000;
 
 /// The factor of a banded matrix.
@@ -14,14 +14,15 @@ pub(super) struct Factor {
     band: usize,
     /// Column j of L from the diagonal down          (n · (band + 1))
     columns: Vec<f64>,
-    /// Row i of L up to, without, the diagonal       (n · band)
+    /// Row i of L, left of the diagonal              (n · band)
     rows: Vec<f64>,
     /// 1/L[j, j]                                     (n)
     inverse: Vec<f64>,
 }
 
 impl Factor {
-    /// From the lower half by columns, (n · (band + 1)), diagonal first. `None` unless it is positive.
+    /// Factorises a matrix given by the columns of its lower half, (n · (band + 1)), diagonal first. `None` if it is
+    /// not positive definite.
     pub(super) fn new(band: usize, mut columns: Vec<f64>) -> Option<Self> {
         let width = band + 1;
         let n = columns.len() / width;
@@ -74,8 +75,8 @@ wide! {
 }
 
 wide! {
-    /// Forwards by the columns of L, backwards by those of Lᵀ: each a sum onto many numbers, which
-    /// vectorises without a change of its order.
+    /// Forward substitution by the columns of L, backward substitution by those of Lᵀ: each column updates many
+    /// independent sums, so that vectorisation does not change the order of any sum.
     fn solve(n: usize, band: usize, factor: [&[f64]; 3], y: &mut [f64]) {
         let [columns, rows, inverse] = factor;
         for j in 0..n {

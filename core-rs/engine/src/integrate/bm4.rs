@@ -1,10 +1,10 @@
-//! BM4: kicks and drifts of order 4 with a small constant, SRKN6b (Blanes & Moan 2002).
+//! BM4: kicks and drifts of order 4 with a small error constant, SRKN6b (Blanes & Moan 2002).
 //!
-//! Six passes a step, the last kick's forces being the next first one's. A kick is the flow of v at fixed
-//! positions, losses among it: exact for ties; for links by the midpoint rule, the way to the midpoint by
-//! the losses of the kick before, so that a kick passes over the dampers once. The composition is
-//! symmetric and meets the conditions of order 3 for any two flows: its order stays 4 with losses, down
-//! to where what these kicks leave out shows, (ζb)² of the losses.
+//! Six force evaluations per step: the forces of the last kick serve the first kick of the next step. A kick is the
+//! flow of v at fixed positions, with losses. For ties this flow is exact. For links it is the midpoint rule, which
+//! reaches the midpoint with the damping forces of the kick before, so that each kick evaluates the dampers once. The
+//! composition is symmetric and meets the conditions of order 3 for any two flows: its order stays 4 with losses, until
+//! the error of these kicks dominates, (ζb)² of the losses.
 
 use std::sync::Arc;
 
@@ -30,17 +30,17 @@ pub(crate) const STAGES: [[f64; 2]; 6] =
 #[derive(Clone, Debug)]
 pub(super) struct Bm4 {
     mesh: Arc<Mesh>,
-    /// e^(−ζb) and (1 − e^(−ζb))/ζ of the ties for each stage's b; empty where none loses energy, or
-    /// links do too   (n_mat each)
+    /// e^(−ζb) and (1 − e^(−ζb))/ζ of the ties for each stage's b; empty if no tie loses energy, or if links lose
+    /// energy too   (n_mat each)
     losses: Arc<Vec<[Vec<f64>; 2]>>,
-    /// K and Z of the springs as the network says them       (n_springs)
+    /// K and Z of the springs as written in the network      (n_springs)
     written: Arc<[[f64; 2]]>,
     /// Position [m] and velocity per step [m]                (n_mat)
     x: Vec<f64>,
     v: Vec<f64>,
     /// Elastic forces at x [N]                               (n_mat)
     force: Vec<f64>,
-    /// Viscous forces of the last kick [N], and velocities halfway through it   (n_mat)
+    /// Viscous forces of the last kick [N], and velocities at its midpoint       (n_mat)
     viscous: Vec<f64>,
     midway: Vec<f64>,
     room: Room,
@@ -80,7 +80,7 @@ impl Bm4 {
         }
     }
 
-    /// The flow of v for a time b at fixed positions, then that of x for a time a; `stage` counts.
+    /// The flow of v for a time b at fixed positions, then that of x for a time a; `stage` is an index into `losses`.
     fn kick_drift(&mut self, stage: usize, [b, a]: [f64; 2], team: &mut ThreadTeam<'_>) {
         let (mesh, room) = (&*self.mesh, &mut self.room);
         let (x, v, force) = (&mut self.x, &mut self.v, &self.force);
@@ -125,7 +125,7 @@ fn losses(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
 impl Stepper for Bm4 {
     fn lead(&mut self, lead: &Lead, (n, part): (u64, f64)) {
         let [of_k, of_z] = lead.at(n, part);
-        // Only this state holds the numbers by now: nothing is copied.
+        // The mesh is not shared since `own`: nothing is copied.
         let mesh = Arc::make_mut(&mut self.mesh);
         for ((spring, first), [k, z]) in mesh
             .springs

@@ -1,4 +1,4 @@
-//! CA: the scheme itself, by the kernels that step an island, so that the bytes are the same.
+//! CA: the scheme itself, stepped by the same kernels as an island, so that the results are equal to the last bit.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ use crate::units::Rate;
 pub(super) struct Ca {
     mesh: Arc<Mesh>,
     scheme: Scheme,
-    /// Its forces are those of the links at the present frame.
+    /// Its forces are those of the links at the current frame.
     body: Body,
     laws: Laws,
     guard: Option<Guard>,

@@ -1,10 +1,10 @@
-//! CA2P: CA whose forces are found a little further on, which takes out the bend of its pitch.
+//! CA2P: CA with forces computed at a shifted position, which corrects the error of its pitch.
 //!
-//! The modified equation of x⁺ − 2x + x⁻ = T²a is cured by a(x + T²a/12) (Takahashi & Imada 1984;
-//! Chin 2007): order 4 for undamped linear bodies. Dampers see the velocity of the frame itself,
-//! v′ = d + ½a, so that κ̃ = κ − κ²/12 − ½ζκ and ζ̃ = ζ − ½ζ² are the exact poles' to next order; the slope
-//! with damped links falls to 2, far below CA's level. An impulse is a bend of the velocity within the
-//! step, not a force that is held: what counts 1/12 for a force counts 1/6 for it.
+//! The scheme x⁺ − 2x + x⁻ = T²a has an error of order T², which a(x + T²a/12) cancels (Takahashi & Imada 1984;
+//! Chin 2007): order 4 for undamped linear bodies. Dampers take the velocity at the frame itself, v′ = d + ½a,
+//! so that κ̃ = κ − κ²/12 − ½ζκ and ζ̃ = ζ − ½ζ² agree with the exact poles to the next order. With damped links
+//! the order falls to 2, with an error far below that of CA. An impulse is a jump of the velocity within the step,
+//! not a force held over the step: the factor 1/12 of a force becomes 1/6.
 
 use std::sync::Arc;
 
@@ -23,13 +23,13 @@ pub(super) struct Ca2p {
     /// Position [m] and last step x − x⁻ [m]                    (n_mat)
     x: Vec<f64>,
     d: Vec<f64>,
-    /// The same a step ago, impulses given.
+    /// Position and last step at the previous frame, with its impulses applied.
     previous: Box<PreviousState>,
     guard: Option<Box<Guard>>,
-    /// Where the second pass looks                              (n_mat)
+    /// Positions and velocities at which the second pass computes forces   (n_mat)
     there: Vec<f64>,
     v: Vec<f64>,
-    /// Elastic and viscous forces at x and d, and the elastic ones a step before [N]   (n_mat)
+    /// Elastic and viscous forces at x and d, and the elastic forces of the step before [N]   (n_mat)
     elastic: Vec<f64>,
     viscous: Vec<f64>,
     elastic_before: Vec<f64>,
@@ -51,7 +51,8 @@ crate::archive::state!(Ca2p {
     force
 });
 
-/// Steps back over one frame, to start from: with them the start's error is far below the method's.
+/// Number of backward steps over the frame before the start: with so many the error of the start is far below that of
+/// the method.
 const STEPS_BACK: usize = 8;
 
 impl Ca2p {
@@ -83,7 +84,7 @@ impl Ca2p {
         Ok(it)
     }
 
-    /// The first pass: forces at the present frame.
+    /// The first pass: forces at the current frame.
     fn look(&mut self, team: &mut ThreadTeam<'_>) {
         let (mesh, room) = (&*self.mesh, &mut self.room);
         std::mem::swap(&mut self.elastic, &mut self.elastic_before);
@@ -189,7 +190,8 @@ impl Stepper for Ca2p {
         &self.x
     }
 
-    /// d = V − ½A + J/6 backwards; the change of the acceleration by a look to both sides.
+    /// From d = V − ½A + J/6, where the change of acceleration J is a difference between half a step ahead and half a
+    /// step behind.
     fn velocity(&self, mat: usize) -> f64 {
         let x = |i: usize| self.x[i];
         let d = |i: usize| self.d[i];
@@ -232,7 +234,7 @@ impl Stepper for Ca2p {
         &mut self.d
     }
 
-    /// CA's with K − KM⁻¹K/12: exactly kept by undamped linear bodies.
+    /// The energy of CA with K − KM⁻¹K/12 in place of K: undamped linear bodies conserve it exactly.
     fn energy(&self) -> f64 {
         let (mesh, scheme) = (&*self.mesh, &self.mesh.scheme);
         let a = |force: &[f64], x: f64, i: usize| {

@@ -21,18 +21,18 @@ use crate::network::{Error, Network};
 use crate::scheme::{Certificate, Refusal, Scheme, StabilityGuarantee, Top, top_up_to};
 use crate::units::Rate;
 
-/// Largest error of an eigenvalue by rounding.
+/// Factor on a limit that allows for the rounding error of an eigenvalue.
 const BORDER: f64 = 1.0 - 1e-14;
-/// CA2P: for modes that K and Z share, and for any.
+/// CA2P: largest λ if K and Z share their modes, and for any modes.
 const SHARED: f64 = 12.0 * BORDER;
 const ANY: f64 = 6.0 * BORDER;
-/// BM4: so much of Z counts as K.
+/// BM4: the weight c of Z in λmax(M⁻¹(K + c·Z)).
 const LOSSES: f64 = 2.0;
 
 /// Certify that a method steps a network stably.
 ///
 /// # Errors
-/// With the name of the module that would move most where the network is unstable.
+/// If the network is unstable: names the module that would move most.
 pub(crate) fn certify(
     network: &Network,
     rate: Rate,
@@ -83,13 +83,15 @@ pub(crate) fn certify(
             } else {
                 trapezoid::linear(&mesh, network)?;
             }
-            // Of non-linear links IEQ keeps an energy that is not that of their laws.
+            // IEQ has no stability limit, but for non-linear links it conserves an energy that is not that of their
+            // laws.
             Ok(of(&look(0.0, f64::INFINITY, f64::INFINITY)?, sure))
         }
     }
 }
 
-/// What CA2P bears where links stiffen: tangents share no modes with what is at rest.
+/// The stability limit that CA2P's guard watches. The trusted part is the bound for any modes: a stiffened link need
+/// not share modes with the network at rest.
 pub(super) fn ca2p_bears(mesh: &Mesh) -> Limit {
     Limit {
         c: ca2p(mesh).0,
@@ -99,7 +101,7 @@ pub(super) fn ca2p_bears(mesh: &Mesh) -> Limit {
     }
 }
 
-/// How much of Z counts as K by CA2P, and how large λ may be for sure.
+/// CA2P: the weight c of Z in λmax(M⁻¹(K + c·Z)), and the bound below which stability is proved.
 fn ca2p(mesh: &Mesh) -> (f64, f64) {
     let loses = mesh.damped || mesh.scheme.zeta.iter().any(|zeta| *zeta != 0.0);
     if loses { (6.0, ANY) } else { (0.0, SHARED) }

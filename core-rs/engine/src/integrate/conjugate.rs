@@ -1,22 +1,22 @@
-//! Conjugate gradients with a diagonal preconditioner (Hestenes & Stiefel 1952), to rounding.
+//! Conjugate gradients with a diagonal preconditioner (Hestenes & Stiefel 1952), iterated down to rounding.
 //!
-//! How many rounds it takes is a function of the numbers alone, and every sum has its lanes written out:
-//! the same bits on any processor.
+//! The number of iterations depends on the numbers alone, and every sum has a fixed order of lanes: the result has the
+//! same bits on any processor.
 
 use crate::maths::wide::wide;
 
-/// The residual, as a part of the right side, at which only rounding is left.
+/// The residual relative to the right side, below which only rounding is left.
 const KNOWN: f64 = 1e-16;
-/// Rounds at most: a mesh takes a few dozen.
+/// Largest number of iterations: a mesh takes a few dozen.
 const ROUNDS: usize = 2000;
-/// A new start is worth its while where the square of the residual has come down to this part.
+/// A restart is worth it only if the squared residual has fallen below this part of its value at the last restart.
 const SMALLER: f64 = 0.1;
 const LANES: usize = 8;
 
-/// Room for a solution.
+/// Work space for a solution.
 #[derive(Clone, Debug)]
 pub(super) struct Conjugate {
-    /// Residual, direction, and its image    (n)
+    /// Residual r, direction p, and A·p or A·x    (n)
     r: Vec<f64>,
     p: Vec<f64>,
     y: Vec<f64>,
@@ -31,11 +31,11 @@ impl Conjugate {
         }
     }
 
-    /// Solve A·x = `right` from the guess in `x`. `apply`: y = A·p; `inverse`: 1 over A's diagonal, 0 where
-    /// x stays as it is.
+    /// Solve A·x = `right` from the guess in `x`. `apply`: y = A·p; `inverse`: 1 over A's diagonal, 0 where x stays as
+    /// it is.
     ///
-    /// The residual that the rounds carry along runs away from the true one where A is stiff, so they
-    /// start anew from the true one as long as this makes it smaller.
+    /// The residual that the iterations update drifts away from the true one if A is stiff. So they restart from the
+    /// true residual as long as this makes it smaller.
     pub(super) fn solve(
         &mut self,
         apply: &mut dyn FnMut(&[f64], &mut [f64]),
@@ -49,7 +49,7 @@ impl Conjugate {
         while rounds < ROUNDS {
             apply(x, y);
             let mut rho = residual(inverse, right, y, r);
-            // Written so that a NaN ends it too.
+            // Written so that a NaN ends the loop too.
             if !(rho > enough && rho < SMALLER * last) {
                 break;
             }
@@ -105,7 +105,7 @@ wide! {
 }
 
 wide! {
-    /// r = right − y; its size.
+    /// r = right − y; returns Σ inverse·r².
     fn residual(inverse: &[f64], right: &[f64], y: &[f64], r: &mut [f64]) -> f64 {
         let n = inverse.len();
         let (right, y, r) = (&right[..n], &y[..n], &mut r[..n]);
@@ -128,7 +128,7 @@ wide! {
 }
 
 wide! {
-    /// x += α·p, r −= α·y; the new size of r. `numbers` are inverse, p and y.
+    /// x += α·p, r −= α·y; returns the new Σ inverse·r². `numbers` are inverse, p and y.
     fn descend(
         alpha: f64,
         numbers: [&[f64]; 3],

@@ -22,7 +22,8 @@ pub(crate) struct Flow {
 }
 
 impl Flow {
-    /// The flow of masses whose map over one frame is `frame`. `None` where a mode oscillates in two kicks or faster.
+    /// The flow of masses whose map over one frame is `frame`. `None` if b has no inverse, as when a mode has exactly
+    /// two kicks per period.
     pub(crate) fn new(frame: &Square, macrostep: u32) -> Option<Self> {
         let n = frame.n / 2;
         let steps = f64::from(macrostep);
@@ -32,7 +33,7 @@ impl Flow {
         let turned = b.times(&d).over(&b)?;
         let moved = a.plus(&Square::one(n), -1.0);
         let bc = b.times(&c);
-        // b·d·b⁻¹·a = b·d·b⁻¹ + b·d·b⁻¹·(a − 1): a − 1 is small, and keeps its digits.
+        // b·d·b⁻¹·a = b·d·b⁻¹ + b·d·b⁻¹·(a − 1): a − 1 is small, and this form keeps its digits.
         let turned_moved = turned.times(&moved);
         let keep = turned.plus(&turned_moved, 1.0).plus(&bc, -1.0);
         let pull = moved.clone().plus(&bc, 1.0).plus(&turned_moved, -1.0);
@@ -44,14 +45,15 @@ impl Flow {
         })
     }
 
-    /// The velocity of the first straight motion, from positions and velocities.
+    /// The velocity of the first straight motion, given positions and velocities at the start.
     pub(crate) fn start(&self, x: &[f64], v: &[f64]) -> Vec<f64> {
         let [by_x, by_v] = &self.start;
         let pairs = by_x.apply(x).into_iter().zip(by_v.apply(v));
         pairs.map(|(from_x, from_v)| from_x + from_v).collect()
     }
 
-    /// Velocities after a kick, from those before and from how far the masses are from rest, towards it; `None`: from rest.
+    /// Velocities after a kick, from those before and from `bent`, the displacements from each mass back to its rest
+    /// position. `None`: the masses were at rest.
     pub(crate) fn pulled(&self, before: Option<&[f64]>, bent: &[f64], after: &mut [f64]) {
         after.fill(0.0);
         if let Some(before) = before {
@@ -60,8 +62,9 @@ impl Flow {
         dense::apply(&self.pull.entries, bent, after);
     }
 
-    /// What a push at one of the masses, by a metre a frame and so many frames before a kick, leaves undone until
-    /// then: what is missing of the positions, and of the velocities after the kick.
+    /// The response that kicks and straight motion lack after one mass was pushed by a metre a frame, `frames` frames
+    /// before a kick. `moved` holds the exact positions and velocities at the kick. Returns what the positions lack at
+    /// the kick, and the velocities after it.
     pub(crate) fn missing(&self, pushed: usize, frames: u32, moved: &[f64]) -> [Vec<f64>; 2] {
         let (x, v) = moved.split_at(self.keep.n);
         let mut alone = vec![0.0; self.keep.n];
@@ -78,7 +81,7 @@ impl Flow {
 }
 
 /// The map of positions and velocities [m a frame] over one frame, of masses with M⁻¹K and M⁻¹Z in units of a frame:
-/// their continuous motion or, where it `is_discrete`, the CA network itself.
+/// the continuous motion, or one step of CA if `is_discrete`.
 pub(crate) fn frame(k: &Square, z: &Square, is_discrete: bool) -> Square {
     let n = k.n;
     let mut map = Square::zero(2 * n);
@@ -113,7 +116,7 @@ mod tests {
         }
     }
 
-    /// For one CEL the kicks are those of its exact CA scheme at the slow rate, in closed form.
+    /// For one CEL the kicks equal those of its exact CA scheme at the slow rate, in closed form.
     #[test]
     fn a_cel_alone_is_kicked_as_by_its_own_poles_at_the_slow_rate() {
         let (rate, m) = (Rate::new(44_100.0).unwrap(), 2e-3);
@@ -131,7 +134,7 @@ mod tests {
         }
     }
 
-    /// Alone, kicks and straight ways meet the exact flow at every kick, whatever the damping.
+    /// Without fast links, kicks and straight motion agree with the exact flow at every kick, whatever the damping.
     #[test]
     fn alone_the_kicks_are_the_exact_flow() {
         let (mut k, mut z) = (Square::zero(3), Square::zero(3));

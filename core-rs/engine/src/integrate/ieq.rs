@@ -1,10 +1,10 @@
-//! IEQ: each non-linear link's energy as ½ψ², ψ carried along (Ducceschi, Bilbao, Willemsen & Serafin 2021).
+//! IEQ: the energy of each non-linear link is written ½ψ², and ψ is a state of the scheme (Ducceschi, Bilbao, Willemsen
+//! & Serafin 2021).
 //!
-//! With s = x⁺ − x⁻ and g = dψ/de at the present frame a link's force is g·(ψ + ¼g·s) and ψ⁺ = ψ + ½g·s: one
-//! symmetric positive definite system (M + ½Z + ¼BG²Bᵀ + βK)·s = r a step, whatever the law. Linear springs
-//! are explicit (β = 0) as long as the rate carries them; beyond that β (Newmark 1959) takes just as much
-//! of them into the system as keeps the energy positive. Stable by that energy, for any stiffness; its
-//! errors are those of CA.
+//! With s = x⁺ − x⁻ and g = dψ/de at the current frame, a link's force is g·(ψ + ¼g·s) and ψ⁺ = ψ + ½g·s. Each step
+//! solves one symmetric positive definite linear system (M + ½Z + ¼BG²Bᵀ + βK)·s = r, whatever the law. Linear springs
+//! are explicit (β = 0) as long as the rate allows it. Beyond that, β (Newmark 1959) makes just enough of them implicit
+//! to keep the energy positive. This energy makes the scheme stable for any stiffness; its errors are those of CA.
 
 mod links;
 mod loops;
@@ -22,7 +22,7 @@ use links::{Links, State};
 
 pub(super) use links::takes;
 
-/// λmax(M⁻¹K) up to which springs are explicit; the border is 4.
+/// Largest λmax(M⁻¹K) at which all springs are explicit; the stability limit is 4.
 const EXPLICIT: f64 = 3.9;
 
 #[derive(Clone, Debug)]
@@ -30,13 +30,13 @@ pub(super) struct Ieq {
     mesh: Arc<Mesh>,
     links: Arc<Links>,
     state: State,
-    /// Position [m], last step x − x⁻ [m], and x − x⁻⁻: the guess of the next solution   (n_mat)
+    /// Position x [m], last step x − x⁻ [m], and x − x⁻⁻, the first guess of the next solution   (n_mat)
     x: Vec<f64>,
     d: Vec<f64>,
     s: Vec<f64>,
-    /// What the system has of each MAT alone, M·(1 + ½ζ + βκ); 0 for fixed points        (n_mat)
+    /// The part of the system's diagonal that comes from each MAT alone, M·(1 + ½ζ + βκ); 0 for fixed points   (n_mat)
     own: Arc<Vec<f64>>,
-    /// Right side, and 1 over the system's diagonal                                      (n_mat)
+    /// Right side, and 1 over the system's diagonal                                              (n_mat)
     right: Vec<f64>,
     inverse: Vec<f64>,
     room: Conjugate,
@@ -85,8 +85,8 @@ impl Ieq {
     }
 }
 
-/// x(0) − x(−T) = V − ½A [m] with the acceleration that the system itself gives a stiff link, of the method's
-/// own order   (n_mat)
+/// x(0) − x(−T) = V − ½A [m], with the acceleration A that the implicit system gives; of the method's own order
+/// (n_mat)
 fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
     let (x, v) = (&network.mats().x0, mesh.start(network));
     let (scheme, n) = (&mesh.scheme, x.len());
@@ -122,7 +122,7 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
 impl Stepper for Ieq {
     fn step(&mut self, impulses: &[(usize, f64)], _team: &mut ThreadTeam<'_>) {
         let (mesh, links) = (&*self.mesh, &*self.links);
-        // The links' explicit forces into `right`, their shares of the diagonal into `inverse`.
+        // Add the links' explicit forces to `right` and their part of the diagonal to `inverse`.
         self.right.fill(0.0);
         self.inverse.copy_from_slice(&self.own);
         links.gather(
@@ -193,7 +193,7 @@ impl Stepper for Ieq {
         &mut self.d
     }
 
-    /// Between the last frame and this one; exactly kept without losses.
+    /// Energy between the last frame and this one; conserved exactly if there are no losses.
     fn energy(&self) -> f64 {
         let (mesh, beta) = (&*self.mesh, self.links.beta);
         let before = |i: usize| self.x[i] - self.d[i];

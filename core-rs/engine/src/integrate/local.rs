@@ -1,4 +1,4 @@
-//! Quantities of a mesh outside the steps: acceleration of one MAT, energies.
+//! Quantities of a mesh that a step does not need: acceleration of one MAT, energies.
 
 use super::mesh::{Mesh, force_of};
 use crate::kernel;
@@ -12,8 +12,8 @@ impl Spring {
 }
 
 impl Mesh {
-    /// Turn last steps x[n] − x[n−1] into velocities per step at n, by half a step's acceleration; `room`, `x` and
-    /// `v`: (n_mat).
+    /// Turn last steps x[n] − x[n−1] into velocities per step at n, by adding half a step's acceleration; `room`, `x`
+    /// and `v`: (n_mat).
     pub(super) fn velocities_from_steps(&self, x: &[f64], v: &mut [f64], room: &mut [f64]) {
         for (mat, half) in room.iter_mut().enumerate() {
             *half = 0.5 * self.acceleration(mat, &|i| x[i], &|i| v[i]);
@@ -23,7 +23,7 @@ impl Mesh {
         }
     }
 
-    /// Acceleration per step squared of one MAT [m], of a motion given as functions of a MAT's index.
+    /// Acceleration per step squared of one MAT [m], for positions and velocities given as functions of a MAT's index.
     pub(super) fn acceleration(
         &self,
         mat: usize,
@@ -67,7 +67,7 @@ impl Mesh {
         self.m.iter().zip(v).map(|(m, v)| 0.5 * m * (v * v)).sum()
     }
 
-    /// Energy of all links and ties at positions `x` [J].
+    /// Potential energy of all links and ties at positions `x` [J].
     pub(super) fn stored(&self, x: &[f64]) -> f64 {
         let mut sum = self.grounds(&|i| x[i], &|i| x[i]);
         for run in &self.springs {
@@ -85,9 +85,9 @@ impl Mesh {
         sum
     }
 
-    /// What a staggered scheme keeps between the last frame and this one [J], (x − d) and x: springs as
-    /// ½k·e⁻e, every other energy as the mean of its two values; `damped`: less ¼Z(e − e⁻)², by which
-    /// damping from the last step takes from the mass.
+    /// The energy that a staggered scheme conserves between the last frame (x − d) and this one (x) [J]: ½k·e⁻e for
+    /// springs, the mean of both values for every other energy. `damped` subtracts ¼Z(e − e⁻)² for each damper: damping
+    /// that is computed from the last step reduces the effective mass.
     pub(super) fn staggered(&self, x: &[f64], d: &[f64], damped: bool) -> f64 {
         let before = |i: usize| x[i] - d[i];
         let mut sum = self.kinetic(d) + self.grounds(&before, &|i| x[i]);

@@ -1,4 +1,4 @@
-//! A mesh as the methods step it: the numbers of a scheme, with all springs gathered for one pass.
+//! A mesh as the methods step it: the scaled numbers of a scheme, with all springs in one list for a single pass.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use crate::scheme::{Kind, Run, Scheme};
 use crate::scheme::{Pull, Spring};
 use crate::units::Rate;
 
-/// A network in numbers per step.
+/// A network in numbers scaled by the step.
 #[derive(Clone, Debug)]
 pub(super) struct Mesh {
     pub(super) scheme: Scheme,
@@ -22,7 +22,7 @@ pub(super) struct Mesh {
     pub(super) m: Vec<f64>,
     /// Springs, hardening or not, in order of declaration.
     pub(super) springs: Vec<Spring>,
-    /// The first link of each.
+    /// The first link of each run of springs.
     pub(super) firsts: Vec<usize>,
     /// Contacts and other laws, in order of declaration.
     pub(super) others: Vec<Run>,
@@ -30,7 +30,7 @@ pub(super) struct Mesh {
     pub(super) damped: bool,
 }
 
-/// Room in which forces are found.
+/// Work space for the computation of forces.
 #[derive(Clone, Debug)]
 pub(super) struct Room {
     /// Forces of one run   (longest run)
@@ -45,7 +45,7 @@ impl Room {
     }
 }
 
-/// Which part of the forces.
+/// Which part of the forces is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
     Elastic,
@@ -134,7 +134,7 @@ impl Mesh {
         self.scheme.w[mat] * (impulse * self.scheme.rate)
     }
 
-    /// V0 per step [m]; 0 where nothing moves   (n_mat)
+    /// V0 per step [m]; 0 for MATs that do not move freely   (n_mat)
     pub(super) fn start(&self, network: &Network) -> Vec<f64> {
         let mats = network.mats();
         (0..self.n_mat())
@@ -145,7 +145,7 @@ impl Mesh {
             .collect()
     }
 
-    /// Elastic forces of all links at positions `x` [N], contacts among them.
+    /// Elastic forces of all links at positions `x` [N], including contacts.
     pub(super) fn elastic(
         &self,
         x: &[f64],
@@ -159,7 +159,7 @@ impl Mesh {
         self.others(Part::Elastic, [x, x], room, force);
     }
 
-    /// Losses of all links at positions `x` and velocities `v` [N].
+    /// Damping forces of all links at positions `x` and velocities `v` [N].
     pub(super) fn viscous(
         &self,
         [x, v]: [&[f64]; 2],
@@ -195,7 +195,7 @@ impl Mesh {
         self.others(Part::Total, [x, v], room, force);
     }
 
-    /// A pass over all springs, by a thread team where the mesh is partitioned.
+    /// Runs `pass` over all springs, by a thread team if the mesh is partitioned.
     fn springs(
         &self,
         room: &mut Room,
@@ -211,7 +211,8 @@ impl Mesh {
         }
     }
 
-    /// A pass over all MATs: `work` on some of them, what they bring with them, and their part of what is changed.
+    /// Runs `work` over all MATs, by a thread team if the mesh is partitioned: each call gets a range of MATs, their
+    /// ties and their slices of `changed`.
     pub(super) fn ranges<const N: usize>(
         &self,
         room: &Room,
@@ -228,7 +229,7 @@ impl Mesh {
         }
     }
 
-    /// Partition the mesh for a number of threads, where this gains time.
+    /// Partition the mesh for a number of threads if this saves time.
     pub(super) fn share(&self, room: &mut Room, threads: usize) {
         room.laws.mesh_partition = MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
     }
@@ -282,7 +283,7 @@ pub(super) fn force_of(run: &Run, e: f64, de: f64) -> f64 {
         | Kind::Bristle { .. }
         | Kind::Dry { .. }
         | Kind::Space(_)
-        | Kind::Pairwise { .. } => 0.0, // refused
+        | Kind::Pairwise { .. } => 0.0, // refused by all methods that compute this
         Kind::But(but) => {
             let s = kernel::side(but);
             s * kernel::push(but, run.k, run.z, s * e, s * de)
@@ -294,7 +295,7 @@ fn only_ca(what: &str) -> String {
     format!("only the CA scheme can compute {what}; write `method: ca`, or leave `method` out")
 }
 
-/// A mesh keeps positions and velocities alone.
+/// Refuses links with a state of their own: a mesh stores only positions and velocities.
 fn has_no_memory(network: &Network) -> Result<(), Error> {
     let mut runs = network.runs().iter();
     match runs.find(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_))) {
@@ -306,7 +307,8 @@ fn has_no_memory(network: &Network) -> Result<(), Error> {
     }
 }
 
-/// Methods other than CA need a continuous truth, and forces that are functions of the state.
+/// Refuses what methods other than CA cannot step: they need parameters in continuous time, and forces that are
+/// functions of the positions and velocities.
 fn takes(network: &Network) -> Result<(), Error> {
     let discrete = network.parts().iter().find(|part| part.ca_rate.is_some());
     if let Some(part) = discrete {

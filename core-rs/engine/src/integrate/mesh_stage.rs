@@ -1,4 +1,4 @@
-//! A mesh as the guard steps it: frames computed in finer steps, with the forces of the mesh's method.
+//! The interface through which the guard steps a mesh: it computes frames in finer steps, with the forces of the mesh.
 
 use super::mesh::{Mesh, Room};
 use crate::guard::{Guard, Motion, Stage};
@@ -31,7 +31,8 @@ impl Stage for MeshStage<'_, '_> {
 }
 
 impl MeshStage<'_, '_> {
-    /// Compute one frame in finer steps; positions and steps are those at its beginning, impulses included.
+    /// Compute one frame in finer steps. `x` and `d` hold the state at the beginning of the frame, with its impulses
+    /// already applied.
     pub(super) fn step_finer(mut self, guard: &mut Guard) {
         self.links();
         guard.compute_finer(&mut self);

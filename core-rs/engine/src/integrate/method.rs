@@ -8,11 +8,11 @@ pub(super) const BM4_LIMIT: f64 = 3.164;
 pub(crate) enum MeshMethod {
     /// The scheme of CORDIS-ANIMA.
     Ca,
-    /// CA in two passes, the second where the forces' own curvature is taken out (Takahashi & Imada 1984).
+    /// CA in two passes: the second cancels the leading error of the pitch (Takahashi & Imada 1984).
     Ca2p,
     /// The symmetric splitting of order 4 with six stages, SRKN6b (Blanes & Moan 2002).
     Bm4,
-    /// Quadratised energy link by link, one linear system a step (Ducceschi et al. 2021).
+    /// Invariant energy quadratisation link by link, one linear system a step (Ducceschi et al. 2021).
     Ieq,
     /// The trapezoidal rule (Newmark 1959, β = ¼), for linear bodies.
     Trapezoid,
@@ -25,12 +25,12 @@ pub(crate) struct Facts {
     pub(crate) name: &'static str,
     /// Order of convergence of an undamped linear body.
     pub(crate) order: u32,
-    /// Order with non-linear links; `None` where the method refuses them.
+    /// Order with non-linear links; `None` if the method refuses them.
     pub(crate) order_nonlinear: Option<u32>,
-    /// Evaluations of all links in one step, roughly: the unit of cost. Of the implicit ones as on a mesh
-    /// of some hundred masses, moderately struck.
+    /// Rough number of evaluations of all links per step: the unit of cost. For implicit methods: measured for a mesh
+    /// of some hundred masses under moderate strikes.
     pub(crate) passes: f64,
-    /// Largest ωT at which an undamped mode is stable; `None`: any.
+    /// Largest ωT at which an undamped mode is stable; `None`: no limit.
     pub(crate) limit: Option<f64>,
 }
 

@@ -1,6 +1,6 @@
 //! Numbering by reverse Cuthill-McKee (1969; George 1971), which keeps neighbours near each other.
 
-/// An order of the nodes of a graph, given by each one's neighbours: the node that stands at each place, (n).
+/// Orders the nodes of a graph, given the neighbours of each node: returns the node at each place, (n).
 pub(super) fn near(neighbours: &[Vec<usize>]) -> Vec<usize> {
     let n = neighbours.len();
     let mut placed = vec![false; n];
@@ -18,8 +18,8 @@ pub(super) fn near(neighbours: &[Vec<usize>]) -> Vec<usize> {
     order
 }
 
-/// Breadth first from a node, thin neighbours first; the nodes reached are appended to `order`. Says how
-/// many levels there were.
+/// Breadth-first search from a node; the neighbours of a node are visited by rising degree. Appends the nodes reached
+/// to `order` and returns the number of levels.
 fn walk(
     start: usize,
     neighbours: &[Vec<usize>],
@@ -48,8 +48,8 @@ fn walk(
     levels
 }
 
-/// A node at the far end of its component (George & Liu 1979): go to the last level as long as this
-/// makes the component deeper.
+/// A node at the far end of its component (George & Liu 1979): moves to the last node that a search reaches, as long as
+/// this increases the number of levels.
 fn far(start: usize, neighbours: &[Vec<usize>]) -> usize {
     let look = |from: usize| {
         let (mut seen, mut order) = (vec![false; neighbours.len()], Vec::new());

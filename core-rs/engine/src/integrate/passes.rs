@@ -1,5 +1,5 @@
-//! Inner loops over all springs of a mesh at once: chosen for the processor once a pass, not once a run,
-//! since a mesh's rows are short.
+//! Inner loops over all springs of a mesh. Each loop chooses the vector instructions once per pass rather than once per
+//! run, since the rows of a mesh are short.
 
 use std::ops::Range;
 
@@ -37,7 +37,7 @@ wide! {
 }
 
 wide! {
-    /// Take the forces of links with a stiffness each: y −= L·p with L their Laplacian; `c`: (n_links).
+    /// Add the forces of links that each have a stiffness `c`, (n_links): y −= L·p, with L their Laplacian.
     pub(super) fn each(
         runs: &[Spring],
         c: &[f64],
@@ -68,7 +68,7 @@ wide! {
     }
 }
 
-/// What a MAT brings with it, (n_mat) each: 1/M, κ, ζ of its tie, and where the ground is.
+/// The ties of MATs to the ground, (n_mat) each: 1/M of the MAT, κ and ζ of its tie, and the rest position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ties<'a> {
     pub(super) w: &'a [f64],
@@ -78,7 +78,7 @@ pub(super) struct Ties<'a> {
 }
 
 impl<'a> Ties<'a> {
-    /// Those of some MATs.
+    /// The ties of a range of MATs.
     pub(super) fn of(&self, mats: Range<usize>) -> Self {
         let of = |numbers: &'a [f64]| &numbers[mats.clone()];
         Self {
@@ -89,7 +89,7 @@ impl<'a> Ties<'a> {
         }
     }
 
-    /// The same, with lengths that the compiler sees.
+    /// The same arrays, with a length that the compiler can see.
     #[inline(always)]
     fn cut(&self, n: usize) -> [&[f64]; 4] {
         [
@@ -122,7 +122,7 @@ wide! {
 }
 
 wide! {
-    /// v = decay·v + gain·(F/M − κ(x − rest)), x += a·v: a kick among exact losses of the ties.
+    /// v = decay·v + gain·(F/M − κ(x − rest)), x += a·v: a kick with exact losses of the ties.
     pub(super) fn decaying_kick_drift(
         a: f64,
         losses: [&[f64]; 2],
@@ -164,7 +164,7 @@ wide! {
 }
 
 wide! {
-    /// v += b·((F_e + F_v)/M − κ(x − rest) − ζ·mid), x += a·v, the forces F_v at `mid`; `stage` is [b, a].
+    /// v += b·((F_e + F_v)/M − κ(x − rest) − ζ·mid), x += a·v, with F_v computed at `mid`; `stage` is [b, a].
     pub(super) fn lossy_kick_drift(
         stage: [f64; 2],
         ties: Ties<'_>,
@@ -186,8 +186,8 @@ wide! {
 }
 
 wide! {
-    /// Where CA's second pass looks: x′ = x + a_e/12, v′ = d + ½(a_e + a_v) with the elastic and the
-    /// viscous acceleration, ties among them.
+    /// The point at which the second pass of CA2P computes forces: x′ = x + a_e/12, v′ = d + ½(a_e + a_v), with the
+    /// elastic and the viscous acceleration, including those of the ties.
     pub(super) fn look(
         ties: Ties<'_>,
         forces: [&[f64]; 2],
@@ -210,7 +210,8 @@ wide! {
 }
 
 wide! {
-    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with forces found at x′, v′, the `look`; `from` are x and d before.
+    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with F computed at x′, v′ (see `look`); `from` holds x and d before the
+    /// step.
     pub(super) fn leap(
         ties: Ties<'_>,
         force: &[f64],

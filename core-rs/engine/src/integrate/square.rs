@@ -5,10 +5,10 @@ use nalgebra::DMatrix;
 use crate::interrupt;
 use crate::kernel::dense;
 
-/// Terms of the exponential's series: at a norm of ½ what follows is below 1e-19.
+/// Terms of the exponential's series: at a norm of ½ the remainder is below 1e-19.
 const TERMS: u32 = 16;
 
-/// An (n, n) matrix, column by column.
+/// An (n, n) matrix, stored column by column.
 #[derive(Clone, Debug)]
 pub(crate) struct Square {
     pub(crate) n: usize,
@@ -37,7 +37,7 @@ impl Square {
         self.entries[column * self.n + row]
     }
 
-    /// The block of the size `n` at some row and column.
+    /// The (n, n) block whose first entry is at `row` and `column`.
     pub(crate) fn block(&self, row: usize, column: usize, n: usize) -> Self {
         let column = |j: usize| {
             let first = (column + j) * self.n + row;
@@ -89,7 +89,7 @@ impl Square {
         power
     }
 
-    /// e^self, by its series at half to a quarter of norm 1 and squarings.
+    /// e^self: the matrix is halved until its norm is ½ or less, and the sum of the series is squared as often.
     pub(crate) fn exponential(&self) -> Self {
         let columns = self.entries.chunks_exact(self.n.max(1));
         let norm = columns.map(|column| column.iter().map(|entry| entry.abs()).sum::<f64>());
@@ -110,9 +110,9 @@ impl Square {
         sum
     }
 
-    /// self·other⁻¹; `None` where there is none.
+    /// self·other⁻¹; `None` if `other` has no inverse.
     pub(crate) fn over(&self, other: &Self) -> Option<Self> {
-        // Y·B = A is Bᵀ·Yᵀ = Aᵀ, and a transposed matrix is one by rows.
+        // Y·B = A is Bᵀ·Yᵀ = Aᵀ; the columns of a matrix are the rows of its transpose.
         let b = DMatrix::from_row_slice(self.n, self.n, &other.entries);
         let a = DMatrix::from_row_slice(self.n, self.n, &self.entries);
         let y = b.lu().solve(&a)?.transpose();
@@ -126,7 +126,7 @@ impl Square {
 mod tests {
     use super::*;
 
-    /// e^(t·J) of a rotation, a decay and a shear, in closed form.
+    /// Compares e^A of a rotation, a decay and a shear with the closed form.
     #[test]
     fn an_exponential_is_that_of_a_rotation_a_decay_and_a_shear() {
         let mut a = Square::zero(5);

@@ -26,12 +26,12 @@ fn rate() -> Rate {
     Rate::new(HERTZ).expect("a rate")
 }
 
-/// A network that goes on by a way, at 44.1 kHz.
+/// An integrator of a network by method `way`, at 44.1 kHz.
 fn by(network: &Network, way: MeshMethod, substeps: u32) -> Integrator {
     Integrator::new(network, rate(), way, substeps).expect("an integrator")
 }
 
-/// Masses of 1 g in a row between two fixed points, joined by k·e + q·e³ and z; they start bent and moving.
+/// Masses of 1 g in a row between two fixed points, joined by k·e + q·e³ and z; they start displaced and moving.
 fn row(n: usize, k: f64, q: f64, z: f64) -> Network {
     let mut network = Network::new();
     network.part("row", None);
@@ -65,7 +65,7 @@ fn hex(hardening: f64, t60: Option<f64>) -> Network {
     hex_of(10, 500.0, hardening, t60)
 }
 
-/// The same of `radius` rings, its lowest mode at `f` [Hz].
+/// The same with `radius` rings and its lowest mode at `f` [Hz].
 fn hex_of(radius: usize, f: f64, hardening: f64, t60: Option<f64>) -> Network {
     let mut network = Network::new();
     network.part("gong", None);
@@ -76,7 +76,8 @@ fn hex_of(radius: usize, f: f64, hardening: f64, t60: Option<f64>) -> Network {
     network
 }
 
-/// Positions of all MATs over some frames; `strikes`: (frame, MAT, impulse). Ends where it goes unsound.
+/// Positions of all MATs over some frames; `strikes`: (frame, MAT, impulse). Ends early if positions leave the valid
+/// range.
 fn play(mut it: Integrator, frames: usize, strikes: &[(usize, usize, f64)]) -> Vec<Vec<f64>> {
     let mut path = Vec::with_capacity(frames);
     for n in 0..frames {
@@ -94,7 +95,7 @@ fn play(mut it: Integrator, frames: usize, strikes: &[(usize, usize, f64)]) -> V
     path
 }
 
-/// 20·log10(‖y − x‖/‖x‖) over all MATs and the frames of `x`; +∞ where `y` ended before.
+/// 20·log10(‖y − x‖/‖x‖) over all MATs and the frames of `x`; +∞ if `y` ended early.
 fn decibels(y: &[Vec<f64>], x: &[Vec<f64>]) -> f64 {
     if y.len() < x.len() {
         return f64::INFINITY;

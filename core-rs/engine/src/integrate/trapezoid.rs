@@ -1,7 +1,7 @@
-//! The trapezoidal rule for linear bodies: stable whatever the stiffness, exact in energy, low in pitch.
+//! The trapezoidal rule for linear bodies: stable for any stiffness, conserves the energy exactly, lowers the pitch.
 //!
-//! With u = ½(V + V⁺): (M + ½Z + ¼K)·u = M·V + ½F(x), then x⁺ = x + u, V⁺ = 2u − V. The matrix is factorised
-//! once. ½V'MV + ½x'Kx is kept to rounding, and loses u'Zu a step.
+//! With u = ½(V + V⁺): (M + ½Z + ¼K)·u = M·V + ½F(x), then x⁺ = x + u, V⁺ = 2u − V. The matrix is factorised once.
+//! Without losses ½V'MV + ½x'Kx is constant to rounding; dampers take u'Zu of it per step.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::network::{Error, Network};
 pub(super) struct Trapezoid {
     mesh: Arc<Mesh>,
     factor: Arc<Factor>,
-    /// The MAT at each place of the factor            (n_moving)
+    /// The MAT at each row of the factor               (n_moving)
     mats: Arc<Vec<usize>>,
     /// Position [m] and velocity per step [m]         (n_mat)
     x: Vec<f64>,
@@ -73,7 +73,7 @@ fn factorise(mesh: &Mesh, network: &Network) -> Result<(Vec<usize>, Factor), Err
     for (at, &mat) in moving.iter().enumerate() {
         slot[mat] = at;
     }
-    // Two MATs that move, and the sum of ½z + ¼k between them; a fixed one is `usize::MAX`.
+    // The two MATs of each link, and ½z + ¼k of the link. The `slot` of a MAT that does not move is `usize::MAX`.
     let links = || {
         mesh.springs.iter().flat_map(|run| {
             let stiff = 0.5 * run.z + 0.25 * run.k;

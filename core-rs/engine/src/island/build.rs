@@ -30,7 +30,7 @@ use crate::timeline::{Drive, DriveKind, Key, Timeline, first, greatest, pushes};
 use crate::units::Rate;
 use crate::units::frame;
 
-/// Contacts are computed finer than a frame from so many substeps on.
+/// The least number of substeps at which contacts are computed finer than a frame.
 const FINE: usize = 2;
 
 /// How a simulation is to run.
@@ -40,11 +40,11 @@ pub struct Options {
     pub ledger: bool,
     /// Keep the stream of ergons.
     pub record: bool,
-    /// What to do with a part that goes non-finite.
+    /// What to do with a part that diverges.
     pub on_fault: OnFault,
-    /// Threads that share the work; the bytes are the same for any number.
+    /// Threads that share the work; the result is the same to the last bit for any number.
     pub threads: usize,
-    /// Run even what the certificate refuses: to see where a scheme really diverges.
+    /// Run even a network that the certificate refuses, to see when a scheme really diverges.
     pub unchecked: bool,
 }
 
@@ -102,7 +102,7 @@ impl Island {
         let (scripts, voices) = hands(&network, timeline, &gestures, plans)?;
         let ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
         let guard = if options.unchecked || timeline.is_unguarded {
-            None // where it really diverges is asked for
+            None // the run has to show when it really diverges
         } else if timeline.leads.is_empty() {
             Guard::new(&scheme, &network, Limit::CA, &ports)?.map(Box::new)
         } else {
@@ -117,9 +117,10 @@ impl Island {
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts, timeline);
         }
-        // K that changes in time gives and takes energy, as a hand does. Where a real hand is, the stages before its
-        // key bound what it gets, and a part that falls silent would let the key jump. Forces of springs in one pass are
-        // not told one by one; the guard bounds how stiff they become.
+        // No energy accounts are kept where K changes in time, because that gives and takes energy as a hand does. With
+        // a real hand, the stages before its key bound the force, and muting a part would make the key jump. Fused
+        // springs have no accounts, because their forces are not known one by one; the guard bounds how stiff they
+        // become.
         let has_hand = timeline.drives.iter().any(|drive| drive.hand().is_some());
         let is_accounted =
             timeline.leads.is_empty() && !network.follows() && !has_hand && !options.unchecked;
@@ -132,7 +133,7 @@ impl Island {
         bodies
             .iter_mut()
             .for_each(|body| body.share(options.threads));
-        // What contacts do within a frame is added to a motion that is a CEL's own.
+        // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
         let touches = |mat| fine.as_ref().map_or(0, |fine| fine.touches(mat));
         let pushes = pushes(&network, timeline, |mat| {
             network.degree(mat) == touches(mat)
@@ -212,7 +213,7 @@ impl Island {
     }
 }
 
-/// Runs that a gate opens: it has whole runs, whatever they were cut into.
+/// Sets the gate of each run that a gate opens; a gate covers whole runs, however they were cut.
 fn gate(scheme: &mut Scheme, timeline: &Timeline) {
     for (index, gate) in timeline.gates.iter().enumerate() {
         let runs = scheme.runs.iter_mut().chain(&mut scheme.exact);
@@ -245,7 +246,7 @@ fn positions(network: &Network, timeline: &Timeline, drives: &[Drive]) -> Vec<f6
     let mut x = network.mats().x0.clone();
     for drive in drives
         .iter()
-        // Where a hand will be nobody knows yet: the scene begins with its key where that begins.
+        // The position of a real hand is not yet known: its key begins where the network has it.
         .filter(|drive| drive.kind == DriveKind::Position && drive.hand().is_none())
     {
         x[drive.mat] = drive.value(0, timeline.rate.hertz());
@@ -256,7 +257,7 @@ fn positions(network: &Network, timeline: &Timeline, drives: &[Drive]) -> Vec<f6
     x
 }
 
-/// Springs in one pass, but for those whose forces are heard, or told of in a gesture's report, and those that are led.
+/// Fuses springs into one pass, except those that are led and those whose forces are heard or reported by a gesture.
 fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript], timeline: &Timeline) {
     let mut is_told = vec![false; network.n_lia()];
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
@@ -313,11 +314,11 @@ fn join(
     bodies.iter().map(start).collect()
 }
 
-/// What is heard of a network that rests where it is, (n_out).
+/// Writes the outputs of a network at rest at its initial positions into `heard` (n_out).
 pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
     let x = network.mats().x0.clone();
     let mut body = Body::new(scheme, x.clone(), vec![0.0; x.len()]);
-    // What presses may be heard too, though it moves nothing.
+    // An output may hear the force of a contact that presses at rest.
     kernel::links(
         scheme,
         &[],
@@ -364,8 +365,7 @@ fn framed(timeline: &Timeline) -> Vec<FramedGesture> {
         .collect()
 }
 
-/// The voices of all keys: one for the gestures that follow one another, one for each that is laid
-/// over them.
+/// The voices of all keys: one for the successive gestures of a key, and one for each gesture with `layer`.
 fn hands(
     network: &Network,
     timeline: &Timeline,
@@ -411,7 +411,7 @@ fn hands(
     Ok((scripts, voices))
 }
 
-/// A key's part on its own, and its motion at frame 0. Refuses a key that cannot be struck.
+/// A free copy of a key's part, and its motion at frame 0. Refuses a key that cannot be struck.
 pub(super) fn free_key(
     network: &Network,
     timeline: &Timeline,
@@ -426,7 +426,7 @@ pub(super) fn free_key(
         });
     }
     let part = mats.part[key.struck] as usize;
-    // A gesture is written for the key as it will be.
+    // Links that close by the end are left out: a gesture is written for the key as it is in the end.
     let closing = timeline.gates.iter().filter(|gate| gate.closes());
     let own = network.part_alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
     let inside = |mat: usize| own.mat(mat);

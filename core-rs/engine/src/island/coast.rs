@@ -1,7 +1,8 @@
-//! Steps in which nothing meets: masses fly or swing by themselves, bodies sound by their modes, and nothing else is
-//! looked at. After the stroke of a hammer that is all there is for seconds.
+//! Coasting: steps in which no contact closes. Masses fly or swing freely, bodies move by their modes, and nothing else
+//! is computed. After the blow of a hammer this is the case for seconds.
 //!
-//! Every bit is that of steps done one by one; a contact is only asked a hair more carefully whether it may close.
+//! The result is the same to the last bit as that of ordinary steps; only the test whether a contact may close has a
+//! slightly wider margin.
 
 use super::fault::Fault;
 use super::step::StepOutputs;
@@ -12,18 +13,18 @@ use crate::scheme::Scheme;
 use crate::state::Body;
 use crate::timeline::{Drive, Source};
 
-/// Fewer steps are not worth the look.
+/// Fewer steps are not worth coasting.
 const LEAST: usize = 2;
-/// Steps for which one look at how far masses swing is enough: rounding adds less than [`SLACK`] and a hair to it.
+/// Steps for which one bound on the swing of masses is valid: rounding adds less than about [`SLACK`] to it.
 const FAR: usize = 1024;
-/// Steps after a look in vain.
+/// Steps until the next attempt at such a bound.
 const AGAIN: usize = 32;
-/// A part of a swing that is given to rounding.
+/// Share by which bounds on the swing are enlarged for rounding.
 const SLACK: f64 = 1e-6;
 
 impl Island {
-    /// Whether it may coast: its masses are joined by contacts alone, its bodies go by modes, and nobody holds a key or
-    /// watches.
+    /// Whether it may coast: its masses are joined by finely computed contacts alone, its bodies are computed by modes,
+    /// and it has no real hand, no drive but strikes, and no layer, gate, glide, ledger or muted part.
     pub(super) fn may_coast(&self) -> bool {
         let (script, state) = (&self.script, &self.state);
         let scheme = &script.scheme;
@@ -42,7 +43,7 @@ impl Island {
             && fine.is_some()
     }
 
-    /// Coast for as long as nothing meets, from one step of a block to another at most; how many steps that was.
+    /// Coast while no contact closes, from one step of a block to another at most; returns the number of steps.
     pub(super) fn coast(
         &mut self,
         heard: &mut StepOutputs<'_>,
@@ -70,7 +71,7 @@ impl Island {
         if most < LEAST {
             return Ok(0);
         }
-        // Where its points go by themselves is asked, not by what pushed them in the step before.
+        // The motion without forces is needed here: forces of the step before are cleared.
         state.body.force.fill(0.0);
         let (mut done, mut sound, mut open_until, mut next_look) = (0, true, 0, 0);
         while done < most && sound {
@@ -121,8 +122,8 @@ impl Island {
     }
 }
 
-/// How far a MAT that swings by itself goes from where its tie rests, and how far in one step [m]; infinite where that is
-/// not told by its poles.
+/// Bounds on the free motion of a MAT [m]: its distance from its rest position, and its step. Infinite if its poles
+/// give no bound.
 fn swing(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
     let (kappa, b) = (scheme.kappa[mat], 1.0 - scheme.zeta[mat]);
     let x = body.x[mat] - scheme.rest[mat];
@@ -138,7 +139,8 @@ fn swing(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
     let h = 0.5 * (1.0 + b - kappa);
     let room = b - h * h;
     if room > 0.0 {
-        // Poles of size √b: the frame before is as if it had not faded since. A pole is √κ away from 1.
+        // Poles of magnitude √b: `past` is the position a step before, less the decay of one step. Each pole is √κ away
+        // from 1.
         let past = before * b.sqrt();
         let square = (x * x + past * past - 2.0 * x * before * h) * b / room;
         let most = square.max(0.0).sqrt();

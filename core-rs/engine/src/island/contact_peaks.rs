@@ -1,4 +1,4 @@
-//! The strongest push of each contact since somebody last looked.
+//! The strongest push of each contact since it was last taken.
 
 use crate::network::Network;
 
@@ -7,7 +7,7 @@ use crate::network::Network;
 pub(crate) struct ContactPeak {
     /// Step of the island in which it pushed most.
     pub(crate) frame: u64,
-    /// Force then, of the largest size [N].
+    /// Force in that step: the largest in magnitude [N].
     pub(crate) force: f64,
 }
 
@@ -19,7 +19,7 @@ const NONE: ContactPeak = ContactPeak {
 /// The contacts of an island, while they are watched.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ContactPeaks {
-    /// The link that each is; empty: nobody looks.
+    /// Link of each contact; empty: contacts are not watched.
     links: Vec<u32>,
     /// (n_links)
     most: Vec<ContactPeak>,
@@ -48,12 +48,12 @@ impl ContactPeaks {
         }
     }
 
-    /// Whether any of them pushes by these forces (n_lia).
+    /// Whether any watched contact pushes, by the forces of all links (n_lia).
     pub(super) fn are_pushed(&self, forces: &[f64]) -> bool {
         self.links.iter().any(|&link| forces[link as usize] != 0.0)
     }
 
-    /// Tell of those that pushed (link, how), and begin anew.
+    /// Tell each contact that pushed (link, peak), and forget its peak.
     pub(super) fn take(&mut self, mut tell: impl FnMut(usize, ContactPeak)) {
         for (&link, most) in self.links.iter().zip(&mut self.most) {
             if most.force != 0.0 {

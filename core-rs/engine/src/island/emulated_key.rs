@@ -1,4 +1,4 @@
-//! A key alone, force by force: what an emulated device has of a key that a score says.
+//! A key on its own, stepped force by force: the mechanics of an emulated device.
 
 use super::build::free_key;
 use super::written_hand::free::{FreeKey, Motion};
@@ -8,9 +8,9 @@ use crate::state::Target;
 use crate::timeline::{Key, Timeline};
 use crate::units::Rate;
 
-/// A key alone, one frame after the other.
+/// A key on its own, stepped frame by frame.
 ///
-/// It goes as the free copy of the key that a gesture strikes, and as the key of a scene under the same forces.
+/// It moves as the free copy of a key that gestures strike, and as the key in a scene does under the same forces.
 ///
 /// ```
 /// use ergon_engine::network::Tie;
@@ -38,7 +38,7 @@ impl EmulatedKey {
     /// The part of a network whose MAT `struck` takes the forces, at its beginning.
     ///
     /// # Errors
-    /// [`Error`] where nothing moves that MAT, or the key is unstable at this rate.
+    /// [`Error`] if that MAT is neither a MAS nor a CEL, or the key is unstable at this rate.
     pub fn new(network: &Network, struck: usize, rate: Rate) -> Result<Self, Error> {
         let key = Key {
             name: network.mat_name(struck),
@@ -55,18 +55,18 @@ impl EmulatedKey {
         })
     }
 
-    /// Where it is [m].
+    /// Position of the key [m].
     pub fn position(&self) -> f64 {
         self.motion.body.x[self.free.struck]
     }
 
-    /// Put it somewhere, at rest: an end of its travel has stopped it.
+    /// Put the key at `x` [m] with no velocity, as an end of its travel stops it.
     pub fn stop_at(&mut self, x: f64) {
         let (body, struck) = (&mut self.motion.body, self.free.struck);
         (body.x[struck], body.d[struck]) = (x, 0.0);
     }
 
-    /// One frame under a force [N].
+    /// Compute one frame under a force [N].
     pub fn step(&mut self, force: f64) {
         let (free, motion, n) = (&self.free, &mut self.motion, self.frame);
         free.forces(motion, n, &mut self.laws, &mut self.targets);

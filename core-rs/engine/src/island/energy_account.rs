@@ -1,16 +1,16 @@
-//! Accounts of energy, and what was made beyond them.
+//! Accounts of energy, and energy that was created beyond them.
 
-/// Made energy is told of from this part of what was there on.
+/// Created energy is reported above this share of the energy that was there.
 const TOLD: f64 = 0.01;
-/// And is a fault from this part on: twice what was there.
+/// It is a fault above this share: then there is twice as much energy as there was.
 const BORNE: f64 = 1.0;
 
-/// Energy that something took [J].
+/// Account of the energy that something took [J].
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Account {
-    /// What it took and has not given back.
+    /// Energy that it took and has not given back.
     held: f64,
-    /// The most that this was, together with the energy of what moved around it at that time.
+    /// The most of `held` plus the energy of what moved around it at the time.
     most: f64,
 }
 
@@ -18,12 +18,12 @@ crate::archive::option!(Account, maybe);
 
 crate::archive::state!(Account { held, most });
 
-/// Energy that something made [J].
+/// Energy that something created [J].
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub(crate) struct Gain {
-    /// What it gave or stores beyond what it took.
+    /// Energy given or stored beyond the energy taken.
     pub(crate) made: f64,
-    /// What was there without that.
+    /// Energy that was there without it.
     pub(crate) of: f64,
     /// The step at which it was found.
     pub(crate) frame: u64,
@@ -34,7 +34,7 @@ crate::archive::option!(Gain, maybe);
 crate::archive::state!(Gain { made, of, frame });
 
 impl Account {
-    /// Of what stores so much.
+    /// The account of something that stores `stored` [J] already.
     pub(crate) fn new(stored: f64) -> Self {
         Self {
             held: stored,
@@ -46,38 +46,39 @@ impl Account {
         self.take_beside(work, 0.0);
     }
 
-    /// Take work from what has so much energy `around` it after that.
+    /// Add work that was taken from masses whose energy is `around` after it.
     ///
-    /// What it takes lowers one term of the sum as it raises the other, so the sum never counts energy that it made.
+    /// Work that is taken raises `held` and lowers `around`, so their sum never counts created energy.
     pub(crate) fn take_beside(&mut self, work: f64, around: f64) {
         self.held += work;
         self.most = self.most.max(self.held + around);
     }
 
-    /// Count what was stored where it began.
+    /// Add the energy that was stored when the account began.
     pub(super) fn add_start(&mut self, start: f64) {
         (self.held, self.most) = (self.held + start, self.most + start);
     }
 
-    /// Whether more was given than was ever taken, whatever is stored.
+    /// Whether more energy was given than was ever taken, even if none is stored.
     pub(super) fn is_overdrawn(&self) -> bool {
         self.held < -TOLD * self.most
     }
 
-    /// What was made where so much is stored, beside the energy of what moves around it.
+    /// The energy created so far, if `stored` is stored now and masses nearby have the energy `around`.
     ///
-    /// It is compared with the most that was there since the account began: what was lost since then makes no fault of it.
+    /// It is compared with the most energy since the account began, so that losses since then do not turn it into a
+    /// fault.
     pub(crate) fn gain(&mut self, stored: f64, around: f64, frame: u64) -> Gain {
         self.take_beside(0.0, around);
         let made = stored - self.held;
-        // What pushes away from where it rests stores less than nothing.
+        // A link that pushes away from its rest position stores negative energy.
         let of = self.most.max(-stored);
         Gain { made, of, frame }
     }
 }
 
 impl Gain {
-    /// What is said of it.
+    /// The message about it.
     pub(crate) fn sentence(&self, module: &str, seconds: f64) -> String {
         let [made, of] = [self.made, self.of].map(joules);
         format!(
@@ -86,12 +87,12 @@ impl Gain {
         )
     }
 
-    /// Whether it is worth telling.
+    /// Whether it is large enough to be reported.
     pub(crate) fn is_told(&self) -> bool {
         self.made > TOLD * self.of
     }
 
-    /// Whether no render can stand it.
+    /// Whether it is so large that the part has to stop.
     pub(super) fn is_fault(&self) -> bool {
         self.made > BORNE * self.of
     }

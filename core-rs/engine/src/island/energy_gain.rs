@@ -1,8 +1,9 @@
-//! Energy that explicit steps make out of nothing.
+//! Energy that explicit steps create.
 //!
-//! A contact or a law that is stepped by its force at the present frame gives back what it took only where its own
-//! oscillation is slow beside the steps. So each keeps account of what it took, ½(e⁺ − e⁻)·f a step: by this work the
-//! scheme balances exactly, whatever else moves its ends. What it gave beyond that and beyond what it stores is made.
+//! A contact or a law whose force is that at the present frame gives back what it took only if its own oscillation is
+//! slow against the steps. So each has an account of the work that it took, ½(e⁺ − e⁻)·f a step: with this work the
+//! scheme balances exactly, whatever else moves the ends. What a link gave or stores beyond the work that it took is
+//! created energy.
 
 use super::energy_account::{Account, Gain};
 use super::pair_gain::PairGains;
@@ -14,22 +15,22 @@ use crate::state::Body;
 
 /// Steps between two looks at the accounts.
 pub(super) const BLOCK: u64 = 256;
-/// Links of one run at most: a longer one of laws is stepped faster than it is accounted for.
+/// Longest run of laws with accounts: a longer one would take more time for its accounts than for its steps.
 const LONGEST: usize = 32;
-/// Elongations [m] and rates [m/s] at which a law's damping is asked whether it gives energy.
+/// Elongations [m] and rates [m/s] at which a law's damping is tested for giving energy.
 const ACTIVE: (f64, f64) = (1e-2, 10.0);
 
-/// What one link took, as it is added to at every step.
+/// The account of one link, added to at every step.
 #[derive(Clone, Debug)]
 struct Taken {
     a: usize,
     b: usize,
     link: usize,
-    /// In the step before: how fast it stretched [m a step], and its force [N].
+    /// In the step before: the stretch [m a step], and the force [N].
     stretch: f64,
     force: f64,
     account: Account,
-    /// Of a link in space the same along each axis.
+    /// The same along each axis, for a link in space.
     space: Option<TakenInSpace>,
 }
 
@@ -63,7 +64,7 @@ impl TakenInSpace {
         }
     }
 
-    /// The work that the link took since the step before [J], where it pulls with `force` [N] now.
+    /// The work that the link took since the step before [J], if it pulls with `force` [N] now.
     fn step(&mut self, ends: (usize, usize), force: f64, body: &Body) -> f64 {
         let (_, along) = self.link.line(ends, |mat| body.x[mat]);
         let mut work = 0.0;
@@ -77,14 +78,14 @@ impl TakenInSpace {
     }
 }
 
-/// A link whose account is looked at.
+/// A link whose account is checked.
 #[derive(Clone, Debug)]
 struct Watched {
-    /// A run of this link alone.
+    /// A run of only this link.
     run: Run,
-    /// Its elongations [m] where its account began: there, and a step before.
+    /// Elongations [m] when the account began, and a step before.
     from: [f64; 2],
-    /// Whether the account counts what was stored there: it is looked up when it matters.
+    /// Whether the account counts the energy that was stored when it began; that is computed only when needed.
     is_whole: bool,
     worst: Option<Gain>,
 }
@@ -95,7 +96,7 @@ crate::archive::state!(Watched {
     worst
 });
 
-/// All links that may make energy.
+/// All links that may create energy.
 #[derive(Clone, Debug)]
 pub(super) struct Gains {
     taken: Vec<Taken>,
@@ -115,7 +116,7 @@ crate::archive::state!(Gains {
 });
 
 impl Gains {
-    /// `None` where nothing can make energy.
+    /// `None` if nothing can create energy.
     pub(super) fn new(scheme: &Scheme) -> Option<Box<Self>> {
         let may_gain = |run: &&Run| {
             let may = match &run.kind {
@@ -124,7 +125,7 @@ impl Gains {
                 | Kind::Followed { .. }
                 | Kind::Bristle { .. }
                 | Kind::Dry { .. } => false,
-                Kind::Pairwise { .. } => false, // they have one account together
+                Kind::Pairwise { .. } => false, // all contacts of pairs share one account
                 Kind::But(_) => true,
                 Kind::Space(space) => match &space.law {
                     law if law.is_contact() => true,
@@ -181,12 +182,12 @@ impl Gains {
         })
     }
 
-    /// Begin anew at the next step: what happened in this one is not known.
+    /// Begin the accounts anew at the next step, because what happened in this one is not known.
     pub(super) fn restart(&mut self) {
         self.is_fresh = true;
     }
 
-    /// Let go of links on some MATs (n_mat).
+    /// Remove links that end on the marked MATs (n_mat).
     pub(super) fn release(&mut self, mats: &[bool]) {
         let stays = |a: usize, b: usize| !mats[a] && !mats[b];
         self.taken.retain(|taken| stays(taken.a, taken.b));
@@ -195,7 +196,7 @@ impl Gains {
         self.restart();
     }
 
-    /// A step whose forces are all known, before the MATs move.
+    /// Account for a step in which all forces are known and MATs have not moved yet.
     #[inline(never)]
     pub(super) fn step(&mut self, scheme: &Scheme, body: &Body) {
         if self.is_fresh {
@@ -245,7 +246,7 @@ impl Gains {
 }
 
 impl Watched {
-    /// What it made by frame `n`, if that is worth telling; `around`: the energy of all masses.
+    /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses.
     fn look(
         &mut self,
         account: &mut Account,
@@ -286,9 +287,9 @@ fn elongations(run: &Run, body: &Body) -> [f64; 2] {
     [now, now - (body.d[run.b] - body.d[run.a])]
 }
 
-/// Energy of a link in space that rounding alone accounts for [J]: its elongation is a difference of coordinates.
+/// Energy of a link in space that rounding alone explains [J]: its elongation is a difference of coordinates.
 fn rounding(run: &Run, body: &Body) -> f64 {
-    /// As many of the last digit, for rounding adds up from step to step.
+    /// Error of the elongation in units of the last digit: rounding adds up from step to step.
     const DIGITS: f64 = 1e4;
     if run.n_axes() == 1 {
         return 0.0; // a contact that is open has no force at all
@@ -323,7 +324,7 @@ fn around(scheme: &Scheme, body: &Body) -> f64 {
 }
 
 impl Island {
-    /// Links and bodies that made energy, each with the most that it made.
+    /// Links and bodies that created energy, each with the most that it created.
     pub(crate) fn gains(&self) -> impl Iterator<Item = (String, Gain)> {
         let links = self.state.gains.iter().flat_map(|gains| &gains.links);
         let links = links.filter_map(|link| {
@@ -341,7 +342,7 @@ impl Island {
         }))
     }
 
-    /// Look at the accounts: stop or mute where a part made too much.
+    /// Check the accounts; stop, or mute, if a part created too much.
     #[cold]
     pub(super) fn look_for_gains(&mut self) -> Result<(), Fault> {
         let n = self.state.frame;
@@ -373,7 +374,7 @@ impl Island {
             }
         }
         let parts = self.network.parts();
-        // Under `units: ca` the steps are the instrument: what they make is meant.
+        // Under `units: ca` the time step is part of the instrument: the energy that it creates is intended.
         faults.retain(|(_, part, _)| parts[*part].ca_rate.is_none());
         for (module, part, gain) in faults {
             if self.script.on_fault == OnFault::Stop {

@@ -1,4 +1,4 @@
-//! Parts that go non-finite: named and stopped, or put to silence while all others play on.
+//! Parts that diverge: named and stopped, or muted while all others play on.
 
 use super::{Gain, Island, inside};
 use crate::kernel;
@@ -9,7 +9,7 @@ use crate::scheme::Spring;
 /// A muted part's outputs fade from where they were over this time [s].
 const FADE: f64 = 0.005;
 
-/// What to do with a part that goes non-finite.
+/// What to do with a part that diverges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OnFault {
     /// End the run with a `Fault` (a render).
@@ -18,19 +18,19 @@ pub enum OnFault {
     Mute,
 }
 
-/// A part went non-finite, or made energy.
+/// A part diverged, or created energy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{}", self.sentence())]
 pub struct Fault {
-    /// The module that went first, as the composer wrote it.
+    /// The module that diverged first, by its name in the score.
     pub module: String,
-    /// What is said of the energy that it made; `None`: it went beyond all bounds.
+    /// Message about the energy that the module created; `None`: its motion diverged.
     pub gain: Option<String>,
-    /// Its part.
+    /// The part of the module.
     pub part: String,
-    /// When.
+    /// Frame of the fault.
     pub frame: u64,
-    /// When [s].
+    /// Time of the fault [s].
     pub seconds: f64,
 }
 
@@ -46,7 +46,7 @@ impl Fault {
         })
     }
 
-    /// With the frame of the scene that it fell on, by the step of its island.
+    /// The fault with its frame in the scene, in place of the step of its island.
     pub(crate) fn in_scene(self, island: &Island) -> Self {
         Self {
             frame: island.frame_at(self.frame),
@@ -55,12 +55,12 @@ impl Fault {
     }
 }
 
-/// Which parts are mute, and since when.
+/// Which parts are muted, and since when.
 #[derive(Clone, Debug)]
 pub(super) struct Mutes {
-    /// Frame at which each part fell silent   (n_parts)
+    /// Frame at which each part was muted   (n_parts)
     since: Vec<Option<u64>>,
-    /// Last sound frame of outputs            (n_out)
+    /// Last finite sample of each output   (n_out)
     last: Vec<f64>,
     /// Outputs that listen to a muted part, and since when  (n_out)
     outputs: Vec<Option<u64>>,
@@ -81,7 +81,7 @@ impl Mutes {
         }
     }
 
-    /// What it was heard at last passes on: where it falls silent, it fades from there.
+    /// Take over the last samples, from which outputs fade when a part is muted.
     pub(super) fn continue_from(&mut self, old: &Self) {
         if self.last.len() == old.last.len() {
             self.last.copy_from_slice(&old.last);
@@ -99,8 +99,8 @@ impl Mutes {
             .filter_map(|(part, since)| since.map(|frame| (part, frame)))
     }
 
-    /// Fade the outputs of muted parts from their last sound sample; keep that of the others. A force
-    /// may be non-finite one frame before a position shows it: that frame repeats the one before.
+    /// Fade the outputs of muted parts from their last finite sample; keep the samples of the others. A force may be
+    /// non-finite one frame before a position shows it: that frame repeats the sample before.
     pub(super) fn fade(&mut self, n: u64, scheme: &Scheme, out: &mut [f64]) {
         let length = FADE * scheme.rate;
         for ((sample, last), since) in out.iter_mut().zip(&mut self.last).zip(&self.outputs) {
@@ -114,7 +114,7 @@ impl Mutes {
 }
 
 impl Island {
-    /// The MAT phase left something beyond all bounds: name it; stop, or mute its part.
+    /// Handles a step that left a position beyond all bounds: stops with the name of the module, or mutes its part.
     #[cold]
     pub(super) fn fault(&mut self) -> Result<(), Fault> {
         let n = self.state.frame;
@@ -150,11 +150,11 @@ impl Island {
         }
     }
 
-    /// Take a part out of the scene: its MATs stay where the ground is, its links let go.
+    /// Take a part out of the scene: its MATs stay at their rest positions, and its links are removed.
     pub(super) fn mute(&mut self, part: usize, n: u64) {
         let state = &mut self.state;
         state.mutes.since[part] = Some(n);
-        // A part is muted once in a run: a copy of the scheme for it is allowed to cost.
+        // A part is muted at most once in a run, so a copy of the scheme is acceptable.
         let script = std::sync::Arc::make_mut(&mut self.script);
         let scheme = &mut script.scheme;
         scheme.alike = Vec::new();
@@ -164,7 +164,7 @@ impl Island {
             .map(|&own| own as usize == part)
             .collect();
         for (mat, _) in ours.iter().enumerate().filter(|(_, ours)| **ours) {
-            // A ground beyond all bounds would go off again at once.
+            // A rest position beyond all bounds would cause the next fault at once.
             let ground = Some(scheme.rest[mat]).filter(|&x| kernel::sound(x));
             state.body.x[mat] = ground.unwrap_or(0.0);
             state.body.d[mat] = 0.0;

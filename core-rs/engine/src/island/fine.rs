@@ -1,9 +1,9 @@
 //! Contacts and single laws computed finer than a frame; contacts only while they may be closed.
 //!
-//! Between its links all that touches is linear, so within a frame a link needs of its two points only where each
-//! would go by itself, and what a push at one instant makes of all later ones. Both are smooth functions of time, kept as
-//! sums of polynomials (`basis`), so pushes fall on any instants: on those at which contacts close and open, and as close
-//! together as their own oscillation asks for (`march`). Laws alone are met at a few instants of a frame (`laws`). To the
+//! All between these links is linear. Within a frame a link therefore needs of its two points only their free motion,
+//! and their response at all later instants to a push at one instant. Both are smooth functions of time, kept as sums
+//! of polynomials (`basis`), so pushes may act at any instant: when contacts close and open, and as often as their own
+//! oscillation requires (`march`). If no contact is near, laws are solved at a few instants of a frame (`laws`). On the
 //! rest of the scene the pushes of a frame act as impulses at a few fixed instants.
 
 mod basis;
@@ -27,10 +27,10 @@ use laws::{LawScript, LawState};
 /// A contact that is further than this from closing stays open, however its distance is rounded [m].
 const HAIR: f64 = 1e-9;
 
-/// What does not change of links and their points.
+/// The constant data of links and their points.
 #[derive(Clone, Debug)]
 struct Script {
-    /// Steps a frame at least, and for a radian of a contact's own oscillation.
+    /// Least number of steps a frame, and number of steps for a radian of a contact's own oscillation.
     steps: usize,
     rate: Rate,
     basis: Basis,
@@ -38,50 +38,52 @@ struct Script {
     /// The two joints of each link.
     ends: Vec<(usize, usize)>,
     joints: Vec<Joint>,
-    /// What an impulse at one joint makes of another's way   (n_joints², n·n), and of its velocity   (n_joints²)
+    /// Response of one joint's path to an impulse at another   (n_joints², n·n), and of its velocity at once
+    /// (n_joints²)
     moves: Vec<Vec<f64>>,
     jumps: Vec<f64>,
-    /// What an impulse at the start of a frame on one joint makes of another at its instants; empty but between ports   (n_joints²)
+    /// Displacement of one joint at the instants of a frame by an impulse at another at its start; empty but between
+    /// ports   (n_joints²)
     begun: Vec<Vec<f64>>,
-    /// Products that tell in each frame where all joints go.
+    /// Number of products that the free paths of all joints take in each frame.
     ways: u64,
 }
 
-/// Contacts that play.
+/// Running contacts and laws.
 #[derive(Clone, Debug)]
 pub(crate) struct Fine {
     script: Arc<Script>,
     law_script: Arc<LawScript>,
     /// Each law   (n_laws)
     laws: Vec<LawState>,
-    /// Where each joint goes in this frame if no link pushes it, at the instants of the frame   (n_joints · n)
+    /// Free path of each joint in this frame, if no link pushes it, at the instants of the frame   (n_joints · n)
     values: Vec<f64>,
-    /// Impulses on each joint in this frame, as impulses at its instants   (n_joints · n)
+    /// Impulses on each joint in this frame, converted to impulses at the instants of the frame   (n_joints · n)
     pushed: Vec<f64>,
-    /// Where each joint goes in this frame, by coefficients   (n_joints · n)
+    /// Path of each joint in this frame, by coefficients   (n_joints · n)
     way: Vec<f64>,
-    /// Impulses on each joint in this frame, each times the polynomials at its instant   (n_joints · n)
+    /// Sum of the impulses on each joint in this frame, each times the polynomials at its instant   (n_joints · n)
     given: Vec<f64>,
-    /// The same before a step that may be taken again.
+    /// `way` and `given` before a step that may be repeated.
     saved: [Vec<f64>; 2],
     /// Force that each stepped joint still feels in the next frame   (n_joints)
     later: Vec<f64>,
-    /// Force on each joint that goes on over the whole frame [N]   (n_joints)
+    /// Force on each joint that acts over the whole frame [N]   (n_joints)
     steady: Vec<f64>,
     /// Whether a contact may be closed in this frame, and whether it pushes.
     near: Vec<bool>,
     pushes: Vec<bool>,
-    /// Whether it has pushed since the beginning of the frame.
+    /// Whether each contact has pushed since the beginning of the frame.
     rests: Vec<bool>,
-    /// Whether the instant at which it closes or opens in this step is known.
+    /// Whether the instant at which each contact closes or opens in this step is known.
     located: Vec<bool>,
     /// Forces of contacts that are solved together [N]   (n_links)
     forces: Vec<f64>,
     /// K and Z of each link at the start of this frame, and at its end   (n_links)
     numbers: Vec<[[f64; 2]; 2]>,
-    /// Whether each joint is no longer what the tables of laws were made for   (n_joints)
+    /// Whether each joint has glided since the tables of laws were made   (n_joints)
     has_glided: Vec<bool>,
-    /// Whether one has been closed.
+    /// Whether a contact has ever been closed.
     pub(super) has_touched: bool,
     /// Work done so far.
     pub(super) work: FineWork,
@@ -89,7 +91,7 @@ pub(crate) struct Fine {
 
 crate::archive::option!(Fine, fixed);
 
-/// All that is not found anew in each frame.
+/// All state that is not computed anew in each frame.
 impl State for Fine {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         state_of!(
@@ -103,7 +105,7 @@ impl State for Fine {
             work
         )?;
         if matches!(archive, Archive::Read(_)) && self.has_glided.contains(&true) {
-            // The next frame tunes them again.
+            // With NaN, the next frame retunes these joints.
             let joints = &mut Arc::make_mut(&mut self.script).joints;
             let glided = joints.iter_mut().zip(&self.has_glided);
             for (joint, _) in glided.filter(|(_, has_glided)| **has_glided) {
@@ -117,21 +119,21 @@ impl State for Fine {
 /// Work of contacts that are computed finely, counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct FineWork {
-    /// Contacts and laws, once for each time they were computed.
+    /// Evaluations of contacts and laws.
     pub(crate) instants: u64,
-    /// Sums of products.
+    /// Products in sums.
     pub(crate) products: u64,
 }
 
 crate::archive::state!(FineWork { instants, products });
 
 impl Fine {
-    /// The instants of a frame, 0 to 1, at which bodies tell their ways and take impulses.
+    /// The instants of a frame, 0 to 1, at which bodies give paths and take impulses.
     pub(super) fn instants(&self) -> &[f64] {
         &self.script.basis.instants
     }
 
-    /// Continue as the same contacts of another version stand.
+    /// Take over the state of the same contacts and laws in another version.
     pub(super) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.later, &mut old.later);
         if self.rests.len() == old.rests.len() {
@@ -145,30 +147,30 @@ impl Fine {
         self.has_touched = old.has_touched;
     }
 
-    /// How far the bristles of a link are bent [m]; `None` where it is not computed here.
+    /// Bend of the bristles of a link [m]; `None` if it is not computed here.
     pub(super) fn bend_of(&self, link: usize) -> Option<f64> {
         let at = self.law_of(link)?;
         Some(self.laws[at].bend_at_start())
     }
 
-    /// Bend the bristles of a link, if it is computed here [m].
+    /// Set the bend of the bristles of a link [m], if it is computed here.
     pub(super) fn set_bend(&mut self, link: usize, bend: f64) {
         if let Some(at) = self.law_of(link) {
             self.laws[at].set_bend(bend);
         }
     }
 
-    /// Which of its laws a link is.
+    /// Index of a link among the laws.
     fn law_of(&self, link: usize) -> Option<usize> {
         let links = &self.script.links;
         let mut laws = self.law_script.links.iter();
         laws.position(|&own| links[own].first == link)
     }
 
-    /// Let go of the links on some MATs (n_mat), whose links are returned, and of the bodies that leave: `places` are
-    /// where the others are from now on (n_bodies).
+    /// Remove the links on the marked MATs (n_mat), and bodies that leave; returns the removed links. `places` gives
+    /// the new index of each body that stays (n_bodies).
     pub(super) fn release(&mut self, mats: &[bool], places: &[Option<usize>]) -> Vec<usize> {
-        // A part leaves once in a run: a copy of the script for it is allowed to cost.
+        // A part leaves at most once in a run, so a copy of the script is acceptable.
         let script = Arc::make_mut(&mut self.script);
         for (joint, later) in script.joints.iter_mut().zip(&mut self.later) {
             joint.port = (joint.port).and_then(|(owner, port)| Some((places[owner]?, port)));
@@ -199,7 +201,7 @@ impl Fine {
         links
     }
 
-    /// Give a link, if it is here still, K and Z times what they are: at the start of this frame, and at its end.
+    /// Multiply K and Z of a link, if it is still here, by factors at the start and at the end of this frame.
     pub(super) fn lead(&mut self, link: usize, factors: [[f64; 2]; 2]) {
         for (run, numbers) in self.script.links.iter().zip(&mut self.numbers) {
             if run.first == link {
@@ -208,14 +210,14 @@ impl Fine {
         }
     }
 
-    /// Take a joint whose MAT glides as it is in this frame: 1/M, κ and ζ at its start and at its end.
+    /// Set 1/M, κ and ζ of the joint of a MAT that glides, at the start and at the end of this frame.
     pub(super) fn glide(&mut self, mat: usize, numbers: [[f64; 3]; 2]) {
         let has_changed =
             |joint: &Joint| joint.mat == mat && joint.cell.is_some() && joint.numbers != numbers;
         let Some(joint) = self.script.joints.iter().position(has_changed) else {
             return;
         };
-        // A copy is made where a version of this simulation was kept, once.
+        // The script is copied once if another version of this simulation shares it.
         self.has_glided[joint] |= Arc::make_mut(&mut self.script).retune(joint, numbers);
     }
 
@@ -230,7 +232,7 @@ impl Fine {
         self.work
     }
 
-    /// How many of its links end on a MAT.
+    /// Number of its links that end on a MAT.
     pub(super) fn touches(&self, mat: usize) -> u32 {
         let links = self.script.links.iter();
         links
@@ -238,12 +240,12 @@ impl Fine {
             .sum()
     }
 
-    /// Whether the last frame left nothing to this one.
+    /// Whether the last frame left no force to this one.
     pub(super) fn is_done(&self) -> bool {
         self.later.iter().all(|later| *later == 0.0)
     }
 
-    /// Whether every contact is open in this frame, and a hair from closing, where nothing moves its points but themselves.
+    /// Whether every contact stays open in this frame, with a margin of `HAIR`, if its points move freely.
     pub(super) fn stays_open(&self, scheme: &Scheme, body: &Body) -> bool {
         let is_open = |run: &Run| {
             let next = |mat: usize| kernel::predict(scheme, body, mat);
@@ -254,8 +256,8 @@ impl Fine {
         self.laws.is_empty() && self.script.links.iter().all(is_open)
     }
 
-    /// Whether no contact closes for as long as nothing moves its points but themselves: each goes at most so far from
-    /// where its tie rests, and in one step [m].
+    /// Whether no contact closes for as long as its points move freely; `swing` bounds the distance of each from its
+    /// rest position, and its step [m].
     pub(super) fn cannot_close(
         &self,
         scheme: &Scheme,
@@ -278,7 +280,7 @@ impl Fine {
             && self.script.links.iter().all(is_open)
     }
 
-    /// As frames in which every contact is open leave it.
+    /// Set the state that frames with open contacts leave.
     pub(super) fn rest(&mut self, body: &mut Body) {
         self.near.fill(false);
         self.rests.fill(false);
@@ -287,14 +289,14 @@ impl Fine {
         }
     }
 
-    /// Note the forces that go on over the whole frame: those of links and drives, before all that strikes.
+    /// Note the forces that act over the whole frame: those of links and drives, before strikes are added.
     pub(super) fn lean(&mut self, body: &Body) {
         for (joint, steady) in self.script.joints.iter().zip(&mut self.steady) {
             *steady = body.force[joint.mat];
         }
     }
 
-    /// Forces that the frame before left to this one.
+    /// Add the forces that the frame before left to this one.
     pub(super) fn carry(&mut self, body: &mut Body) {
         for (joint, later) in self.script.joints.iter().zip(&mut self.later) {
             if *later != 0.0 {
@@ -303,7 +305,7 @@ impl Fine {
         }
     }
 
-    /// One frame of all laws and of every contact that may be closed, once all other forces are summed.
+    /// Compute one frame of all laws and of every contact that may be closed, once all other forces are summed.
     pub(super) fn step(
         &mut self,
         scheme: &Scheme,
@@ -346,7 +348,8 @@ impl Fine {
                 script.basis.fit(values, way);
             }
             self.march(&script, &laws, gates, body);
-            // Impulses at the instants that do to any smooth function what those between them did.
+            // Impulses at the instants of the frame that have the same effect on any smooth function as those between
+            // them.
             for (given, pushed) in self.given.chunks(n).zip(self.pushed.chunks_mut(n)) {
                 for (own, row) in given.iter().zip(script.basis.fit.chunks(n)) {
                     for (impulse, weight) in pushed.iter_mut().zip(row) {
@@ -360,7 +363,7 @@ impl Fine {
         self.give(&script, bodies, body);
     }
 
-    /// What a near contact pushes may go elsewhere than it would by itself: contacts of it are near as well.
+    /// Mark more contacts as near: a near contact may push points off their free paths, and with them other contacts.
     fn spread(&mut self) {
         let script = &*self.script;
         let is_moved_by = |mover: usize, moved: usize| {
@@ -384,7 +387,7 @@ impl Fine {
         }
     }
 
-    /// Where all joints go in this frame if no contact pushes them.
+    /// Compute the paths of all joints in this frame if no contact pushes them.
     fn ways(
         &mut self,
         script: &Script,
@@ -396,7 +399,8 @@ impl Fine {
         let (n, n_joints) = (script.basis.n(), script.joints.len());
         for (at, joint) in script.joints.iter().enumerate() {
             let values = &mut self.values[at * n..(at + 1) * n];
-            // Forces that last act all through the frame: as impulses at its start they take it to the same end.
+            // Lasting forces act throughout the frame, but are applied as impulses at its start. Both lead to the same
+            // end; the path between is corrected here.
             let mut bend = 0.5 * self.steady[at] * scheme.w[joint.mat];
             match joint.port {
                 Some((owner, port)) => {
@@ -411,7 +415,7 @@ impl Fine {
                         *x_at = rest + (x * from + then * to);
                     }
                     if joint.cell.is_some() {
-                        // A mesh bends the way of its port all through the frame too.
+                        // The forces inside a mesh also bend the path of its port throughout the frame.
                         bend += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
                     } else {
                         bend = 0.0;
@@ -424,7 +428,7 @@ impl Fine {
                 }
             }
         }
-        // What else pushes a port acts from the start of the frame.
+        // Other forces on a port act from the start of the frame.
         for (at, joint) in script.joints.iter().enumerate() {
             let force = body.force[joint.mat];
             if joint.port.is_none() || force == 0.0 {
@@ -450,7 +454,7 @@ impl Fine {
         self.work.products += (n * n) as u64;
     }
 
-    /// Hand the impulses of a frame to what they act on.
+    /// Apply the impulses of a frame to bodies and MATs.
     fn give(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
         let n = script.basis.n();
         for (at, joint) in script.joints.iter().enumerate() {
@@ -470,7 +474,7 @@ impl Fine {
                         self.later[at] += impulse * later;
                     }
                 }
-                // It moves as it is told, and a hand that holds it feels what it is told by.
+                // The motion of such a MAT is imposed; a hand that holds it feels the force.
                 (None, None) => {
                     body.push(joint.mat, pushed.iter().sum::<f64>() * script.rate.hertz());
                 }
@@ -480,13 +484,13 @@ impl Fine {
 }
 
 impl Script {
-    /// The rate of an elongation by an impulse that its link gives [m/frame per N·s].
+    /// Change of a link's rate of elongation by an impulse of the link [m/frame per N·s].
     fn jump(&self, a: usize, b: usize) -> f64 {
         let jump = |from: usize, to: usize| self.jumps[from * self.joints.len() + to];
         jump(a, a) + jump(b, b) - jump(a, b) - jump(b, a)
     }
 
-    /// Bend the ways of all joints by an impulse on one of them [N·s].
+    /// Change the paths of all joints by an impulse on one of them [N·s].
     fn bend(&self, joint: usize, impulse: f64, at: &At, way: &mut [f64]) {
         let (n, n_joints) = (self.basis.n(), self.joints.len());
         for (other, way) in way.chunks_mut(n).enumerate() {
@@ -507,8 +511,8 @@ fn keep<T>(list: &mut Vec<T>, stays: &[bool]) {
     list.retain(|_| *stays.next().unwrap_or(&true));
 }
 
-/// How far a contact may come beyond its gap between two elongations [m]: it is at one of them, or so near that what it
-/// does in between could take it there.
+/// Bound on the penetration of a contact between two elongations [m]: the larger of the two, plus the distance between
+/// them for what happens in between.
 fn nearest(run: &Run, now: f64, then: f64) -> f64 {
     let Kind::But(but) = &run.kind else {
         return f64::NEG_INFINITY;

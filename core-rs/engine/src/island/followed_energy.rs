@@ -1,4 +1,4 @@
-//! What links whose laws follow MATs store, and what a law that changes gives or takes.
+//! Energy that is stored in links whose laws follow MATs, and energy that a change of the law gives or takes.
 
 use crate::law::Law;
 use crate::network::Followed;
@@ -6,18 +6,19 @@ use crate::scheme::{Kind, Run, Scheme};
 
 /// Energies of one link over a frame, in joules.
 pub(super) struct Frame {
-    /// ½(V(e[n]) + V(e[n−1])) by the law of frame n: what it was by the law before came in with the change.
+    /// ½(V(e[n]) + V(e[n−1])) by the law of frame n; the difference to the energy by the previous law is injected by
+    /// the change.
     pub(super) held: f64,
     /// ½(V(e[n+1]) + V(e[n])) by the same law.
     pub(super) stored: f64,
     /// The elastic part of the force at frame n [N].
     pub(super) elastic: f64,
-    /// What the damping adds to it where the link is stretched by `step` then [N].
+    /// Force that the damping adds when the link stretches by `step` [N].
     pub(super) drag: f64,
 }
 
 impl Frame {
-    /// By the law of frame n, elongations e[n−1], e[n], e[n+1] [m], and the step that led to e[n+1].
+    /// From the law of frame n, elongations e[n−1], e[n], e[n+1] [m], and the step that led to e[n+1].
     pub(super) fn new(law: &Law, rate: f64, [before, now, next]: [f64; 3], step: f64) -> Self {
         let [before, at, next] = [before, now, next].map(|e| law.potential(e));
         let elastic = law.spring(now);
@@ -30,7 +31,8 @@ impl Frame {
     }
 }
 
-/// A run whose law follows MATs: what it follows, and frames a second as its law takes them.
+/// What the law of a run follows, and the factor from steps to the law's velocities [1/s]; `None` if it does not follow
+/// MATs.
 pub(super) fn followed(run: &Run) -> Option<(&Followed, f64)> {
     match &run.kind {
         Kind::Followed { by, rate, .. } => Some((by, *rate)),
@@ -38,7 +40,7 @@ pub(super) fn followed(run: &Run) -> Option<(&Followed, f64)> {
     }
 }
 
-/// Room for the law of each run that follows MATs, in the order of the runs.
+/// A buffer for the law of each run that follows MATs, in the order of the runs.
 pub(super) fn laws(scheme: &Scheme) -> Vec<Law> {
     let runs = scheme.runs.iter().filter_map(followed);
     runs.map(|(by, _)| by.law().clone()).collect()

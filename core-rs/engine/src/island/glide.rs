@@ -1,4 +1,4 @@
-//! MATs whose numbers glide while they are stepped.
+//! MATs whose parameters glide, and links whose K and Z are led, while they are stepped.
 
 use super::fine::Fine;
 use crate::cell::Ratios;
@@ -7,25 +7,26 @@ use crate::network::{Error, Network};
 use crate::scheme::Scheme;
 use crate::timeline::{Lead, Ties, Timeline, next_change};
 
-/// sin²(θ/2) this near to the Nyquist frequency: no recurrence holds an amplitude there.
+/// Largest sin²(θ/2) of an oscillation whose amplitude is corrected: nearer to the Nyquist frequency no recurrence
+/// holds an amplitude.
 const NYQUIST: f64 = 0.99;
 
-/// 1/M, κ, ζ and the stiffness of the ground of a MAT, as a frame takes them.
+/// 1/M, κ, ζ and the stiffness of the tie of a MAT in one frame.
 type Numbers = [f64; 4];
 
-/// A MAT on its way from some numbers to others.
+/// A MAT whose parameters glide.
 #[derive(Clone, Debug)]
 pub(super) struct Glide {
     mat: usize,
-    /// Frames, rising, and which of the numbers the MAT has there.
+    /// Frames in rising order, each with the index in `numbers` of the parameters there.
     points: Vec<(u64, usize)>,
     numbers: Vec<Numbers>,
-    /// ln(θ/sin θ) of each, θ the angle of a step   (as `numbers`)
+    /// ln(θ/sin θ) of each, where θ is the angle of a step   (as `numbers`)
     bends: Vec<f64>,
 }
 
 impl Glide {
-    /// The numbers of frame `n`.
+    /// The parameters of frame `n`.
     fn at(&self, n: u64) -> Numbers {
         let next = self.points.partition_point(|&(frame, _)| frame <= n);
         let of = |point: usize| self.numbers[self.points[point].1];
@@ -42,8 +43,8 @@ impl Glide {
         let share = (n - start) as f64 / (stop - start) as f64;
         let (from, to) = (of(next - 1), of(next));
         let [w, kappa, zeta, ground] = std::array::from_fn(|i| from[i] + (to[i] - from[i]) * share);
-        // An oscillation whose pitch changes slowly keeps ω times its square; its samples by this recurrence keep sin θ
-        // times it. The poles are moved outwards by what the two differ.
+        // A continuous oscillation whose frequency ω changes slowly keeps ω times its squared amplitude; the samples of
+        // this recurrence keep sin θ times it. The poles are moved outwards by the difference.
         let bend = (self.bends[after] - self.bends[before]) / (stop - start) as f64;
         [
             w,
@@ -53,7 +54,7 @@ impl Glide {
         ]
     }
 
-    /// The first frame, `n` or later, at which the numbers may change.
+    /// The first frame, `n` or later, at which the parameters may change.
     pub(super) fn due(&self, n: u64) -> u64 {
         next_change(&self.points, n)
     }
@@ -93,7 +94,7 @@ pub(super) fn glides(
         ties.push(own);
     }
     let mut refused = Vec::new();
-    // One scheme tells one number of every MAT.
+    // One scheme gives each MAT one set of parameters, so every round computes the next set of each glide.
     for round in 0..ties.iter().map(Vec::len).max().unwrap_or(0) {
         let here = || found_at(&ties, round);
         let mut other = network.clone();
@@ -136,7 +137,7 @@ pub(super) fn glides(
     Ok(found)
 }
 
-/// ln(θ/sin θ) of an oscillation of angle θ a step; 0 where there is none.
+/// ln(θ/sin θ) of an oscillation of angle θ a step; 0 if there is none, or it is too near the Nyquist frequency.
 fn bend(own: Ratios) -> f64 {
     let root = sqrt(1.0 - own.zeta);
     let loss = own.zeta / (1.0 + root);
@@ -148,7 +149,7 @@ fn bend(own: Ratios) -> f64 {
     log(theta / sin(theta))
 }
 
-/// The parameters of one round, by the number of the glide.
+/// The glides that have parameters in a round: index of the glide, and its parameters.
 fn found_at(
     ties: &[Vec<Option<Ties>>],
     round: usize,
@@ -157,7 +158,7 @@ fn found_at(
     some.filter_map(move |(at, own)| own.get(round).map(|own| (at, *own)))
 }
 
-/// The numbers of frame `n` into `now`; what is mute stays so.
+/// Write the parameters of frame `n` into `now`; muted MATs are left out.
 pub(super) fn turn(glides: &[Glide], own: &Scheme, now: &mut Scheme, n: u64) {
     for glide in glides.iter().filter(|glide| own.w[glide.mat] != 0.0) {
         let mat = glide.mat;
@@ -166,7 +167,7 @@ pub(super) fn turn(glides: &[Glide], own: &Scheme, now: &mut Scheme, n: u64) {
     }
 }
 
-/// 1/M of masses that follow MATs, where these are at `x` [m], into `now`; what is mute stays so.
+/// Write 1/M of masses that follow MATs into `now`, for MATs at `x` [m]; muted masses are left out.
 pub(super) fn weigh(own: &Scheme, now: &mut Scheme, x: &[f64]) {
     for mass in &own.following_masses {
         if now.w[mass.mat] != 0.0 {
@@ -175,7 +176,7 @@ pub(super) fn weigh(own: &Scheme, now: &mut Scheme, x: &[f64]) {
     }
 }
 
-/// The numbers of frame `n` and of the next for what goes on between them.
+/// Give the parameters of frames `n` and `n` + 1 to what is computed between them.
 pub(super) fn between(glides: &[Glide], own: &Scheme, fine: &mut Fine, n: u64) {
     for glide in glides.iter().filter(|glide| own.w[glide.mat] != 0.0) {
         let numbers = [n, n + 1].map(|n| glide.at(n));
@@ -193,7 +194,7 @@ pub(super) struct Led {
     place: Place,
 }
 
-/// Where their run is.
+/// Where their run stands in the scheme.
 #[derive(Clone, Copy, Debug)]
 enum Place {
     Run(usize),
@@ -202,7 +203,7 @@ enum Place {
     Fine,
 }
 
-/// The runs of a scheme that are led; their K and Z are numbers from now on.
+/// The runs of a scheme that are led; from now on each has its K and Z as numbers.
 pub(super) fn led(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -> Vec<Led> {
     let mut found = Vec::new();
     for lead in &timeline.leads {
@@ -226,7 +227,7 @@ pub(super) fn led(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -
     found
 }
 
-/// K and Z of frame `n` into `now`.
+/// Write K and Z of frame `n` into `now`.
 pub(super) fn lead(all: &[Led], own: &Scheme, now: &mut Scheme, fine: &mut Option<Fine>, n: u64) {
     for Led { lead, place } in all {
         let (own, now) = match *place {

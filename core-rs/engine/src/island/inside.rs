@@ -19,7 +19,7 @@ pub(crate) enum BodyPlan {
     Slow(Slow),
 }
 
-/// A body while it runs.
+/// A running body.
 #[derive(Clone, Debug)]
 pub(crate) enum RunningBody {
     Modal(Box<modal::RunningModal>),
@@ -38,8 +38,8 @@ impl State for RunningBody {
 }
 
 impl BodyPlan {
-    /// At frame 0, against forces that act on its ports there (n_mat of the island); `body` is the island as if its
-    /// ports were masses alone.
+    /// Start the body at frame 0, against forces that act on its ports there (n_mat of the island); in `body`, the
+    /// ports are plain masses.
     pub(super) fn start(&self, force: &[f64], body: &Body) -> Result<RunningBody, Error> {
         Ok(match self {
             Self::Modal(modal) => {
@@ -50,7 +50,7 @@ impl BodyPlan {
         })
     }
 
-    /// The same body where nothing strikes it.
+    /// The same body without strikes.
     pub(crate) fn without_strikes(&self) -> Self {
         let mut own = self.clone();
         match &mut own {
@@ -61,7 +61,7 @@ impl BodyPlan {
         own
     }
 
-    /// Its strikes: the frame of each, the point that is struck, and its numbers.
+    /// Its strikes: frame, struck point or MAT, and [part of a frame, impulse [N·s]].
     pub(crate) fn strikes(&self) -> Box<dyn Iterator<Item = (u64, usize, [f64; 2])> + '_> {
         match self {
             Self::Modal(modal) => {
@@ -74,12 +74,12 @@ impl BodyPlan {
                 let strikes = mesh.strikes.iter();
                 Box::new(strikes.map(|&(frame, mat, impulse)| (frame, mat, [0.0, impulse])))
             }
-            // What is struck of it is a port.
+            // Strikes on a slow body go through its ports.
             Self::Slow(_) => Box::new(std::iter::empty()),
         }
     }
 
-    /// How many modes the body is computed by.
+    /// Number of modes by which the body is computed.
     pub(crate) fn n_modes(&self) -> usize {
         match self {
             Self::Modal(modal) => modal.modes.len(),
@@ -87,7 +87,7 @@ impl BodyPlan {
         }
     }
 
-    /// When it is first struck [frames]; infinite where it never is.
+    /// Frame of its first strike [frames]; infinite if it has none.
     pub(crate) fn first_strike(&self) -> f64 {
         let first = match self {
             Self::Modal(modal) => {
@@ -95,14 +95,14 @@ impl BodyPlan {
                 blows.map(|&(frame, _, _)| frame).min()
             }
             Self::Mesh(mesh) => mesh.strikes.first().map(|&(frame, _, _)| frame),
-            // What is struck of it is a port.
+            // Strikes on a slow body go through its ports.
             Self::Slow(_) => None,
         };
         first.map_or(f64::INFINITY, |frame| frame as f64)
     }
 
-    /// Whether it goes by the same numbers as another, so that one can go on as the other does; `name`: of the MAT
-    /// that a port is, in its island and in the other's.
+    /// Whether another body is equal, so that one can continue from the state of the other. `own` and `their` give the
+    /// names of port MATs in either island.
     pub(crate) fn is_same(
         &self,
         other: &Self,
@@ -121,7 +121,7 @@ impl BodyPlan {
         is_same && names(self, &own) == names(other, &their)
     }
 
-    /// Of a mesh: its method, and steps a frame.
+    /// For a mesh: its method, and steps a frame.
     pub(crate) fn mesh_method(&self) -> Option<(MeshMethod, u32)> {
         match self {
             Self::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
@@ -162,14 +162,14 @@ impl RunningBody {
         }
     }
 
-    /// What a hand gives a MAT of the island at the end of this frame [m a frame].
+    /// Take the velocity that a hand gives a MAT of the island at the end of this frame [m a frame].
     pub(crate) fn give(&mut self, mat: usize, velocity: f64) {
         if let Self::Slow(slow) = self {
             slow.give(mat, velocity);
         }
     }
 
-    /// A strike on a MAT of the island in this frame [N], whose force is in the sum already.
+    /// Take note of a strike on a MAT of the island in this frame [N]; its force is in the sum already.
     pub(crate) fn struck(&mut self, mat: usize, force: f64) {
         if let Self::Slow(slow) = self {
             slow.strike(mat, force);
@@ -184,7 +184,7 @@ impl RunningBody {
         }
     }
 
-    /// Whether a port of it is among some MATs (n_mat), or a MAT of its own in a part.
+    /// Whether one of its ports is among the marked MATs (n_mat), or one of its own MATs is in a part.
     pub(crate) fn is_of(&self, mats: &[bool], part: usize) -> bool {
         match self {
             Self::Modal(modal) => modal.touches(mats),
@@ -202,7 +202,7 @@ impl RunningBody {
         }
     }
 
-    /// The name and part of a MAT that left all reason.
+    /// The name and part of a MAT whose position is beyond all bounds.
     pub(crate) fn culprit(&self) -> Option<(String, usize)> {
         match self {
             Self::Modal(_) => None,
@@ -211,7 +211,7 @@ impl RunningBody {
         }
     }
 
-    /// Its modes, where it goes by them.
+    /// Its modes, if it is computed by modes.
     pub(crate) fn modal(&self) -> Option<&modal::RunningModal> {
         match self {
             Self::Modal(modal) => Some(modal),
@@ -219,7 +219,7 @@ impl RunningBody {
         }
     }
 
-    /// Its modes, where it goes by them.
+    /// Its modes, if it is computed by modes.
     pub(crate) fn modal_mut(&mut self) -> Option<&mut modal::RunningModal> {
         match self {
             Self::Modal(modal) => Some(modal),
@@ -227,7 +227,7 @@ impl RunningBody {
         }
     }
 
-    /// Let it fade by a factor more a frame.
+    /// Make its motion decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, by: f64) {
         match self {
             Self::Modal(modal) => modal.damp(by),
@@ -236,7 +236,7 @@ impl RunningBody {
         }
     }
 
-    /// Begin at frame `n`: strikes before it are past.
+    /// Begin at frame `n`: strikes before it are skipped.
     pub(crate) fn seek(&mut self, n: u64) {
         match self {
             Self::Modal(modal) => modal.seek(n),
@@ -245,7 +245,7 @@ impl RunningBody {
         }
     }
 
-    /// Continue as an equal body of another version does.
+    /// Take over the state of an equal body of another version.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
         match (self, old) {
             (Self::Modal(own), Self::Modal(old)) => own.continue_from(old),
@@ -255,14 +255,14 @@ impl RunningBody {
         }
     }
 
-    /// Be ready for a crew of so many threads, where that gains anything.
+    /// Prepare for a team of `threads` threads, if the body gains by it.
     pub(crate) fn share(&mut self, threads: usize) {
         if let Self::Mesh(mesh) = self {
             mesh.share(threads);
         }
     }
 
-    /// Whether a crew can share its work.
+    /// Whether a team of threads can share its work.
     pub(crate) fn is_shared(&self) -> bool {
         match self {
             Self::Modal(_) | Self::Slow(_) => false,
@@ -278,7 +278,7 @@ impl RunningBody {
         }
     }
 
-    /// Look whether it made energy.
+    /// Check whether it created energy.
     pub(super) fn look_for_gain(&mut self, n: u64) -> Option<Gain> {
         match self {
             Self::Modal(_) | Self::Slow(_) => None,
@@ -286,7 +286,7 @@ impl RunningBody {
         }
     }
 
-    /// The most energy that it made.
+    /// The most energy that it created.
     pub(super) fn gain(&self) -> Option<Gain> {
         match self {
             Self::Modal(_) | Self::Slow(_) => None,
@@ -294,7 +294,7 @@ impl RunningBody {
         }
     }
 
-    /// The name and part of the first MAT of a mesh.
+    /// The name and part of the first MAT of a mesh that moves.
     pub(super) fn first_module(&self) -> Option<(String, usize)> {
         match self {
             Self::Modal(_) | Self::Slow(_) => None,
@@ -302,14 +302,14 @@ impl RunningBody {
         }
     }
 
-    /// Room for what a frame may bring.
+    /// Reserve room, so that steps do not allocate.
     pub(crate) fn reserve(&mut self) {
         if let Self::Mesh(mesh) = self {
             mesh.reserve();
         }
     }
 
-    /// Whether it is within reason: modes cannot leave it.
+    /// Whether all positions are finite and plausible; those of modes always are.
     pub(crate) fn sound(&self) -> bool {
         match self {
             Self::Modal(_) => true,

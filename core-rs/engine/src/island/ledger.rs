@@ -1,7 +1,7 @@
 //! The ledger: energy at the start + injected = stored + lost − produced, to rounding.
 //!
-//! Linear: H = ½δᵀ(M − Z/2)δ + ½x⁺ᵀKx closes exactly. Non-linear links store ½(V(e⁺) + V(e)); what the
-//! scheme's work differs from that is the production P, the quality figure of an explicit contact.
+//! Linear: H = ½δᵀ(M − Z/2)δ + ½x⁺ᵀKx closes exactly. Non-linear links store ½(V(e⁺) + V(e)); the difference to the
+//! work of the scheme is the production P, the quality figure of an explicit contact.
 
 use crate::island::followed_energy::{self, Frame, followed};
 use crate::island::pair_energy;
@@ -23,11 +23,11 @@ pub struct Energy {
     pub injected: f64,
     /// Taken by damping (negative where a bow gives).
     pub lost: f64,
-    /// Made by the scheme itself at non-linear links, signed.
+    /// Created by the scheme itself at non-linear links, signed.
     pub produced: f64,
     /// start + injected − lost + produced − stored: rounding alone.
     pub residual: f64,
-    /// Σ|injected| + Σ|lost| + Σ|produced| + start: what the residual is held against.
+    /// Σ|injected| + Σ|lost| + Σ|produced| + start: the scale on which the residual is judged.
     pub flow: f64,
 }
 
@@ -86,11 +86,11 @@ pub(super) struct Ledger {
     hold: Vec<f64>,
     /// ½(V(e⁺) + V(e)) of links that are not plain springs [J]     (n_lia)
     potential: Vec<f64>,
-    /// Of contacts of all pairs, in the order of their runs
+    /// Buffers of contacts of all pairs, in the order of their runs
     neighbours: Vec<Neighbours>,
-    /// Of runs whose laws follow MATs, in their order
+    /// Buffers of laws that follow MATs, in the order of their runs
     laws: Vec<Law>,
-    /// 1/M of masses that follow MATs, as it was   (n_following_masses)
+    /// 1/M of masses that follow MATs, in the frame before   (n_following_masses)
     lightness: Vec<f64>,
 }
 
@@ -127,7 +127,7 @@ fn yielded(run: &Run, body: &Body, i: usize) -> f64 {
     }
 }
 
-/// The stiffness that the links of a run have in common: now, and one step ago.
+/// The stiffness that the links of a run share: now, and one step ago.
 fn tensions(run: &Run, body: &Body) -> [f64; 2] {
     [
         kernel::tension(run, |i| elongation(run, body, i).0),
@@ -135,7 +135,7 @@ fn tensions(run: &Run, body: &Body) -> [f64; 2] {
     ]
 }
 
-/// Energy of one link.
+/// Energy of one link [J].
 fn potential(run: &Run, tension: f64, e: f64) -> f64 {
     kernel::potential(run, e) + kernel::tension_energy(tension, e)
 }
@@ -166,7 +166,7 @@ fn elastic(run: &Run, e: f64) -> f64 {
     }
 }
 
-/// What a law's damping adds to the force where it is stretched by `step` a frame.
+/// The force that a law's damping adds when the link stretches by `step` a frame.
 fn drag(run: &Run, e: f64, step: f64) -> f64 {
     match &run.kind {
         Kind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
@@ -242,7 +242,7 @@ impl Ledger {
         ledger
     }
 
-    /// Room for as many imposed MATs: while it steps it does not allocate.
+    /// Reserve room for this many imposed MATs, so that steps do not allocate.
     pub(super) fn reserve(&mut self, n_targets: usize) {
         self.hold.reserve(n_targets);
     }
@@ -267,8 +267,9 @@ impl Ledger {
             }));
     }
 
-    /// After the MAT phase: positions are those of frame n + 1, forces still those of frame n. Of a frame that was
-    /// computed finer, what is told is how far forces from outside went; what its links did beside counts as produced.
+    /// After the MAT phase: positions are those of frame n + 1, forces still those of frame n. For a frame that was
+    /// computed finer, `finer` gives the distance over which outside forces acted; what else does not balance counts as
+    /// produced.
     pub(super) fn after(
         &mut self,
         scheme: &Scheme,
@@ -293,7 +294,7 @@ impl Ledger {
         for (target, hold) in targets.iter().zip(&self.hold) {
             self.injected.add(0.5 * s(target.mat) * hold);
         }
-        // What moves a proxy along its masses works against the force on it.
+        // A proxy that moves along its masses does work against the force on it.
         let moving = scheme.proxies.iter().filter(|proxy| proxy.is_moving());
         for proxy in moving.filter(|_| finer.is_none()) {
             let with_masses = proxy.sum(|mat| body.x[mat] - body.d[mat], s);
@@ -307,7 +308,7 @@ impl Ledger {
             let [now, next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
             let [tension_next, tension] = tensions(run, body);
             if let Some((by, _)) = run.bristle() {
-                // What it takes and does not store is lost: between frames its bristles bend exactly.
+                // Work on the bristles that is not stored is lost: their bend between frames is exact.
                 for i in 0..run.len {
                     let stored = next * by.energy(body.memory[run.first + i]);
                     let risen = stored - self.potential[run.first + i];
@@ -335,7 +336,7 @@ impl Ledger {
                 }
                 continue;
             }
-            // Where the frame's forces acted.
+            // Positions at which the frame's forces acted.
             let then = |mat: usize| body.x[mat] - body.d[mat];
             if let Some((by, rate)) = followed(run) {
                 let Some(law) = laws.next() else { continue };
@@ -376,7 +377,7 @@ impl Ledger {
                     continue;
                 }
                 if run.yields() {
-                    // What was stored before it yielded in this frame, and is not now, is lost.
+                    // Energy that was stored before the link yielded in this frame, and no longer is, counts as lost.
                     let before = |mat: usize| body.x[mat] - body.d[mat] - d[mat];
                     let e_before = run.elongation(i, before) - yielded(run, body, i);
                     let [then, earlier] = [e, e_before].map(|e| kernel::potential(run, e));
@@ -417,7 +418,7 @@ impl Ledger {
         for i in (0..scheme.n_mat()).filter(|&i| scheme.w[i] != 0.0) {
             let (x, d, rest) = (body.x[i], body.d[i], scheme.rest[i]);
             if let Some(weight) = scheme.weight.get(i) {
-                // By the same work 0.5·(x[n+1] − x[n−1])·F a step as other forces do.
+                // With the same work a step as other forces: 0.5·(x[n+1] − x[n−1])·F.
                 sum.add(-weight * (x - 0.5 * d));
             }
             let own = 0.5 * d * d + 0.5 * scheme.kappa[i] * (x - rest) * (x - d - rest)

@@ -1,4 +1,4 @@
-//! Strikes in an island that nobody knew of before: impulses in, each at the frame that is computed next.
+//! Live strikes on an island: impulses that arrive while it plays, each applied in the next step.
 
 use crate::scheme::Scheme;
 use crate::state::Body;
@@ -8,7 +8,7 @@ use crate::timeline::{Drive, Source};
 #[derive(Clone, Debug)]
 pub(super) struct StrikePoint {
     mat: usize,
-    /// Its name in the scene.
+    /// Number of the point in the scene.
     point: u32,
 }
 
@@ -24,7 +24,7 @@ pub(super) fn strike_points(drives: &[Drive]) -> Vec<StrikePoint> {
     drives.iter().filter_map(strike_point).collect()
 }
 
-/// Add the forces of the impulses [N·s], each in this one step. A muted MAT takes none.
+/// Adds the forces of the impulses [N·s] to this step. A muted MAT takes none.
 pub(super) fn apply(
     strike_points: &[StrikePoint],
     impulses: &mut [f64],
@@ -40,7 +40,7 @@ pub(super) fn apply(
 }
 
 impl super::Island {
-    /// Strike a point of the scene by an impulse [N·s] in the next step; false where the point is not in this island.
+    /// Strike a point of the scene by an impulse [N·s] in the next step; false if the point is not in this island.
     pub(crate) fn strike(&mut self, point: u32, impulse: f64) -> bool {
         let mut is_here = false;
         for (own, pending) in self

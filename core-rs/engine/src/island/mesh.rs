@@ -1,5 +1,5 @@
-//! A body inside an island that goes on by a method of its own: a non-linear mesh, or a linear body that has no
-//! modes here.
+//! A body inside an island that is stepped by a method of its own: a non-linear mesh, or a linear body that is not
+//! computed by modes.
 
 use crate::archive::{Archive, Damaged, State, state_of};
 use std::sync::Arc;
@@ -13,20 +13,20 @@ use crate::state::Body;
 use crate::timeline::Lead;
 use crate::units::Rate;
 
-/// What a plan says of a mesh.
+/// The plan of a mesh.
 #[derive(Clone, Debug)]
 pub(crate) struct Mesh {
     pub(crate) network: Arc<Network>,
     pub(crate) rate: Rate,
     pub(crate) way: MeshMethod,
     pub(crate) substeps: u32,
-    /// MATs that other modules touch: here, and in the island.
+    /// MATs that other modules touch: index in the mesh, and in the island.
     pub(crate) ports: Vec<(usize, usize)>,
     /// Outputs that hear it, each a weighted sum of positions.
     pub(crate) heard: Vec<(u32, Vec<(usize, f64)>)>,
     /// Frame, MAT and impulse [N·s] of what strikes it, by rising frame.
     pub(crate) strikes: Vec<(u64, usize, f64)>,
-    /// How K and Z of its links go.
+    /// How K and Z of its links change in time.
     pub(crate) leads: Vec<Lead>,
 }
 
@@ -36,13 +36,14 @@ pub(crate) struct RunningMesh {
     plan: Arc<Mesh>,
     integrator: Integrator,
     impulses: Vec<(usize, f64)>,
-    /// Where the ports were one frame ago, and what their last steps were without any push   (n_ports)
+    /// Positions of the ports one frame ago, and the steps that followed from inertia and outside forces alone [m]
+    /// (n_ports)
     previous: Vec<f64>,
     own: Vec<f64>,
     next: usize,
-    /// By how much all it moves by is less at each frame.
+    /// Factor on all velocities at each frame.
     damped: f64,
-    /// What it took, where its method may make energy, and the most that it made.
+    /// Account of its energy, if its method may create energy, and the most that it created.
     account: Option<Account>,
     worst: Option<Gain>,
 }
@@ -57,13 +58,13 @@ impl State for RunningMesh {
 }
 
 impl Mesh {
-    /// Whether its method steps over motions that are faster than frames.
+    /// Whether its method steps over motions that are faster than frames, without following them.
     pub(crate) fn leaps(&self) -> bool {
         matches!(self.way, MeshMethod::Ieq | MeshMethod::Trapezoid)
     }
 
-    /// Whether it goes as another does. What strikes it may differ, and how the same links are led: each step reads both
-    /// anew.
+    /// Whether network, method, ports and led links are those of another mesh. Strikes, and how the links are led, may
+    /// differ: each step reads both anew.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let how = |mesh: &Self| (mesh.rate.hertz(), mesh.way, mesh.substeps);
         let ports = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
@@ -88,7 +89,7 @@ impl RunningMesh {
             .iter()
             .zip(&velocities)
             .map(|(&port, v)| x[port] - v * step);
-        // Each port, and as many strikes as fall on one frame, without allocating.
+        // Room for one impulse of each port and for the most strikes of one frame, so that steps do not allocate.
         let at_once = plan.strikes.chunk_by(|a, b| a.0 == b.0).map(<[_]>::len);
         Ok(Self {
             previous: before.collect(),
@@ -105,17 +106,17 @@ impl RunningMesh {
         })
     }
 
-    /// Let its motion fade by a factor more a frame.
+    /// Make its motion decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, by: f64) {
         self.damped = by * by;
     }
 
-    /// Where a MAT of it is, and its step in a frame [m].
+    /// Position of a MAT [m], and its step in a frame [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
         self.integrator.motion(mat)
     }
 
-    /// Set MATs of it going as they go elsewhere (mat; x, step).
+    /// Set positions and steps [m] of MATs to values from elsewhere: (mat, (x, step)).
     pub(crate) fn put(&mut self, all: &[(usize, (f64, f64))]) {
         for &(mat, motion) in all {
             self.integrator.put(mat, motion);
@@ -146,7 +147,7 @@ impl RunningMesh {
         self.next = self.plan.strikes.partition_point(|strike| strike.0 < n);
     }
 
-    /// Continue as an equal mesh does, whatever else is to strike it.
+    /// Take over the state of an equal mesh; its strikes may differ.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.integrator, &mut old.integrator);
         std::mem::swap(&mut self.previous, &mut old.previous);
@@ -154,19 +155,19 @@ impl RunningMesh {
         std::mem::swap(&mut self.account, &mut old.account);
     }
 
-    /// Be ready for a crew of so many threads.
+    /// Prepare for a team of `threads` threads.
     pub(crate) fn share(&mut self, threads: usize) {
         if self.plan.leads.is_empty() {
             self.integrator.share(threads);
         }
     }
 
-    /// Whether a crew can share its work.
+    /// Whether a team of threads can share its work.
     pub(crate) fn is_shared(&self) -> bool {
         self.integrator.is_shared()
     }
 
-    /// Room for all impulses of a frame: a cloned vector has only what it holds.
+    /// Reserve room for all impulses of a frame, because a cloned vector has no spare capacity.
     pub(crate) fn reserve(&mut self) {
         let at_once = self
             .plan
@@ -181,7 +182,7 @@ impl RunningMesh {
         }
     }
 
-    /// Add what is heard of it now to `out` (n_out).
+    /// Add its outputs to `out` (n_out).
     pub(crate) fn tap(&self, out: &mut [f64]) {
         let x = self.integrator.positions();
         for (output, row) in &self.plan.heard {
@@ -192,7 +193,8 @@ impl RunningMesh {
         }
     }
 
-    /// Put the ports where they are, as they came there; they go on as they did, pushed or not.
+    /// Set positions and steps of the ports in the island; `inner` is the part of the last step that the mesh's own
+    /// forces made.
     pub(crate) fn place(&self, body: &mut Body) {
         let x = self.integrator.positions();
         let memory = self.previous.iter().zip(&self.own);
@@ -204,14 +206,14 @@ impl RunningMesh {
         }
     }
 
-    /// From frame `n` to the next, by the forces that the ports feel (n_mat).
+    /// Step from frame `n` to the next, under the forces at the ports (n_mat).
     pub(crate) fn step(&mut self, n: u64, force: &[f64], team: &mut ThreadTeam<'_>) {
         let step = self.plan.rate.step();
         self.impulses.clear();
         for (row, &(own, mat)) in self.plan.ports.iter().enumerate() {
             let x = self.integrator.positions()[own];
             let mass = self.plan.network.mats().m[own];
-            // The next step without the curve of its own forces: straight on, and pushed.
+            // The next step without the mesh's own forces: inertia, and the force at the port.
             self.own[row] = (x - self.previous[row]) + force[mat] * step * step / mass;
             self.previous[row] = x;
             if force[mat] != 0.0 {
@@ -240,14 +242,14 @@ impl RunningMesh {
         self.integrator.step_led(n, leads, &self.impulses, team);
     }
 
-    /// Account from here on for what is taken and given.
+    /// Begin the account anew.
     fn begin_account(&mut self) {
         if let Some(account) = &mut self.account {
             *account = Account::new(self.integrator.stored());
         }
     }
 
-    /// Look whether it made energy by frame `n`.
+    /// Check whether it created energy by frame `n`.
     pub(super) fn look_for_gain(&mut self, n: u64) -> Option<Gain> {
         let gain = self
             .account
@@ -260,7 +262,7 @@ impl RunningMesh {
         Some(gain)
     }
 
-    /// The most energy that it made.
+    /// The most energy that it created.
     pub(super) fn gain(&self) -> Option<Gain> {
         self.worst
     }
@@ -284,7 +286,7 @@ impl RunningMesh {
         self.plan.heard.iter().map(|&(output, _)| output).collect()
     }
 
-    /// The name and part of a MAT that left all reason.
+    /// The name and part of a MAT whose position is beyond all bounds.
     pub(crate) fn culprit(&self) -> Option<(String, usize)> {
         let x = self.integrator.positions();
         let mat = x.iter().position(|&x| !crate::kernel::sound(x))?;
@@ -300,7 +302,7 @@ impl RunningMesh {
         Some((&network.parts()[part].name, finer_frames))
     }
 
-    /// Whether all of it is within reason.
+    /// Whether all positions are finite and plausible.
     pub(crate) fn sound(&self) -> bool {
         self.integrator.sound()
     }

@@ -1,8 +1,8 @@
-//! A linear body inside an island: its modes, pushed and seen at its ports.
+//! A linear body inside an island: its modes, driven and observed at its ports.
 //!
-//! A body is always followed at least one frame ahead as if nothing pushed it: what does push it is added, for
-//! it is linear. While nothing has for a while it is followed many frames ahead at once; where something
-//! does after all, it goes back to that frame. What happens depends on frames alone, never on blocks.
+//! The free motion of a body is always computed at least one frame ahead. The effect of pushes is added to it, because
+//! the body is linear. If nothing has pushed the body for a while, many frames are computed ahead at once; if something
+//! then pushes it, the computation goes back to that frame. The result depends on frames alone, never on blocks.
 
 mod between;
 mod plan;
@@ -19,29 +19,29 @@ use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, follow, joined};
 use crate::kernel::ports;
 use crate::state::Body;
 
-/// Frames a body is followed ahead: enough to keep its modes in registers, few enough to lose.
+/// Frames that are computed ahead at once: enough to keep the modes in registers, and few to lose.
 const AHEAD: usize = 64;
-/// Frames without a push after which it is: a contact that bounces is not over.
+/// Frames without a push before [`AHEAD`] frames are computed ahead: a bouncing contact may push again soon.
 const QUIET: u32 = 16;
 
-/// A body that plays.
+/// A running body.
 #[derive(Clone, Debug)]
 pub(crate) struct RunningModal {
     script: Arc<Script>,
-    /// As they are at the last frame of `seen`.
+    /// The modes at the furthest frame in `seen`.
     motions: Vec<Motion>,
-    /// As they are at the first.
+    /// The modes at the first frame in `seen`.
     saved: Vec<Motion>,
-    /// What each row sees, from some frame up to the furthest   (n_rows, ROOM)
+    /// Position of each row (port or output) from some frame up to the furthest   (n_rows, ROOM)
     seen: Vec<f64>,
-    /// Where the present is in `seen`, and the furthest: at least one more.
+    /// Indices in `seen` of the present frame and of the furthest, which is at least one later.
     at: usize,
     until: usize,
-    /// Where the ports were one frame ago   (n_ports)
+    /// Positions of the ports one frame ago   (n_ports)
     was: Vec<f64>,
     sums: Vec<Sum>,
     kicks: Vec<Lanes>,
-    /// What impulses between frames still have to add.
+    /// What impulses between frames have still to add to the modes.
     pending: Vec<Lanes>,
     has_pending: bool,
     between: Option<Between>,
@@ -49,7 +49,7 @@ pub(crate) struct RunningModal {
     /// Frames without a push, up to QUIET.
     quiet: u32,
     next: usize,
-    /// Rates while everything is damped, and whether it is   (n_groups)
+    /// Rates under additional damping, and whether it is on   (n_groups)
     damped: Vec<Rates>,
     is_damped: bool,
 }
@@ -71,7 +71,7 @@ crate::archive::state!(RunningModal {
     is_damped
 });
 
-/// Frames in `seen`: the present, and what follows.
+/// Frames in `seen`: the present, and the frames ahead.
 const ROOM: usize = AHEAD + 1;
 
 impl RunningModal {
@@ -126,12 +126,12 @@ impl RunningModal {
         playing
     }
 
-    /// Add what is heard of the body now to `out` (n_out).
+    /// Add the body's outputs now to `out` (n_out).
     pub(crate) fn tap(&self, out: &mut [f64]) {
         self.tap_ahead(0, out);
     }
 
-    /// What will be heard so many frames on, if nothing pushes it.
+    /// Add the outputs in `frames` frames to `out` (n_out), if nothing pushes the body until then.
     pub(crate) fn tap_ahead(&self, frames: usize, out: &mut [f64]) {
         let plan = &self.script.plan;
         let (first, at) = (plan.ports.len(), self.at + frames);
@@ -140,12 +140,12 @@ impl RunningModal {
         }
     }
 
-    /// Put the ports where they are, as they came there, and where they would go.
+    /// Set positions, steps and free motion of the ports in the island.
     pub(crate) fn place(&self, body: &mut Body) {
         self.place_ahead(0, body);
     }
 
-    /// Where they will be so many frames on, if nothing pushes them.
+    /// Set the ports as they will be in `frames` frames, if nothing pushes the body until then.
     pub(crate) fn place_ahead(&self, frames: usize, body: &mut Body) {
         let at = self.at + frames;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
@@ -162,7 +162,7 @@ impl RunningModal {
         }
     }
 
-    /// For how many frames it is known what it does if nothing pushes it, and where it goes from there.
+    /// Number of frames for which the free motion and the step after it are already computed.
     pub(crate) fn ahead(&self) -> usize {
         if self.has_pending {
             0
@@ -171,18 +171,18 @@ impl RunningModal {
         }
     }
 
-    /// The frame of the next strike that is known of it.
+    /// The frame of its next strike, or `u64::MAX`.
     pub(crate) fn due(&self) -> u64 {
         let next = self.script.blows.get(self.next);
         next.map_or(u64::MAX, |blow| blow.0)
     }
 
-    /// Where nothing moves it: as it is followed so many frames later, or earlier.
+    /// For a body at rest: move the present by `frames`, which may be negative, within the frames ahead.
     pub(crate) fn turn(&mut self, frames: i64) {
         self.at = (self.at as i64 + frames).rem_euclid(self.until as i64) as usize;
     }
 
-    /// So many frames of those have passed.
+    /// Advance by `frames` of the frames that are computed ahead.
     pub(crate) fn coast(&mut self, frames: usize) {
         if frames == 0 {
             return;
@@ -194,7 +194,7 @@ impl RunningModal {
         self.quiet = self.quiet.saturating_add(frames as u32).min(QUIET);
     }
 
-    /// Take the strikes of frame `n`: contacts are to know where the ports go with them.
+    /// Apply the strikes of frame `n`, so that contacts know where the ports go with them.
     pub(crate) fn strike(&mut self, n: u64, body: &mut Body) {
         let is_due = |blow: &Blow| blow.0 <= n;
         if !self.script.blows.get(self.next).is_some_and(is_due) && !self.has_pending {
@@ -229,12 +229,12 @@ impl RunningModal {
         }
     }
 
-    /// How many modes it has.
+    /// Number of its modes.
     pub(crate) fn n_modes(&self) -> usize {
         self.script.plan.modes.len()
     }
 
-    /// Raise the square of each mode (n_modes) to that of its amplitude now.
+    /// Raise the squares of the modes (n_modes) to at least those of their amplitudes.
     pub(crate) fn squares(&self, squares: &mut [f64]) {
         let modes = self.script.plan.modes.iter().zip(squares);
         for (mode, (own, square)) in modes.enumerate() {
@@ -244,7 +244,7 @@ impl RunningModal {
                 *square = square.max(x * x);
                 continue;
             }
-            // b = r² and a = 2r·cos θ: the frame before, as if it had not faded since.
+            // b = r² and a = 2r·cos θ: `y` is the position a frame before, less the decay of one frame.
             let (y, sine) = (before * own.b.sqrt(), 1.0 - own.a * own.a / (4.0 * own.b));
             let now = if sine > 0.0 {
                 (x * x + y * y - x * before * own.a) / sine
@@ -260,7 +260,7 @@ impl RunningModal {
         self.script.plan.ports.iter().map(|port| port.mat)
     }
 
-    /// From frame `n` to the next, by the forces that the ports feel (n_mat).
+    /// Step from frame `n` to the next, under the forces at the ports (n_mat).
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let mut is_pushed = false;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
@@ -282,10 +282,10 @@ impl RunningModal {
         }
     }
 
-    /// Let every mode fade by a factor more a frame.
+    /// Make every mode decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, by: f64) {
         let script = self.script.clone();
-        // What was followed ahead was followed without.
+        // The frames ahead were computed without it.
         self.back(&script);
         self.is_damped = by < 1.0;
         for (damped, rates) in self.damped.iter_mut().zip(&script.rates) {
@@ -305,7 +305,7 @@ impl RunningModal {
         for mode in 0..script.plan.modes.len() {
             let (group, lane) = (mode / LANES, mode % LANES);
             let motion = &self.motions[group];
-            // The motions are those of the next frame, but for what impulses between frames have still to add.
+            // The motions are those of the next frame, without what impulses between frames have still to add.
             let next = motion.now.0[lane] + self.pending[group].0[lane];
             let (a, b) = (rates[group].a.0[lane], rates[group].b.0[lane]);
             now[mode] = motion.before.0[lane];
@@ -313,7 +313,7 @@ impl RunningModal {
         }
     }
 
-    /// What [`Self::amplitudes`] tells, of every mode (mode, now, before), without going back.
+    /// Tell what [`Self::amplitudes`] gives for every mode (mode, now, before), and keep the frames ahead.
     pub(crate) fn look(&self, mut tell: impl FnMut(usize, f64, f64)) {
         let rates = if self.is_damped {
             &self.damped
@@ -335,7 +335,7 @@ impl RunningModal {
         }
     }
 
-    /// Set its modes going by their amplitudes at this frame and the one before   (n_modes each)
+    /// Set the amplitudes of its modes at this frame and the one before   (n_modes each)
     pub(crate) fn set_amplitudes(&mut self, now: &[f64], before: &[f64]) {
         let script = self.script.clone();
         let rates = if self.is_damped {
@@ -373,7 +373,8 @@ impl RunningModal {
         self.next = self.script.blows.partition_point(|blow| blow.0 < n);
     }
 
-    /// Continue as an equal body does, whatever else is to strike it: how far it was followed changes nothing.
+    /// Take over the state of an equal body; its strikes may differ. How far that body was computed ahead does not
+    /// matter.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.motions, &mut old.motions);
         std::mem::swap(&mut self.saved, &mut old.saved);
@@ -395,7 +396,7 @@ impl RunningModal {
         self.script.plan.ports.iter().any(|port| mats[port.mat])
     }
 
-    /// To one frame ahead, from wherever the motions are.
+    /// Bring the motions back to one frame ahead of the present.
     fn back(&mut self, script: &Script) {
         if self.until > self.at + 1 {
             self.until = self.at + 1;
@@ -411,7 +412,7 @@ impl RunningModal {
         }
     }
 
-    /// Follow from the present, frame `n`, as far as nothing is known to happen.
+    /// Compute the free motion from the present, frame `n`, up to the next known strike at most.
     fn follow(&mut self, n: u64) {
         let script = self.script.clone();
         let blow = script.blows.get(self.next);
@@ -443,7 +444,7 @@ impl RunningModal {
         (self.at, self.until) = (0, far);
     }
 
-    /// Add what the forces do by the next frame, which the motions are at.
+    /// Add the effect of the forces at the next frame, which is the frame of the motions.
     fn push(&mut self, script: &Script) {
         for (row, moves) in script.moves.iter().enumerate() {
             for (moves, force) in moves.iter().zip(&self.forces) {

@@ -1,23 +1,24 @@
 //! How the steps of an island lie in the frames of the scene: `oversampling` steps in `every` frames.
 //!
-//! What is only seen may go once in many frames. Its own frames lie on multiples of `every`, and it is computed up to the first
-//! of them that is not before the scene. Between two of them it is seen on the straight line of its last step.
+//! An island that is only seen may be computed once in many frames. Its own frames lie on multiples of `every`, and it
+//! is computed up to the first of them that is not before the scene. Between two of its frames it is seen on the
+//! straight line of its last step.
 
 use super::Island;
 
 impl Island {
-    /// Frames of its own that are computed when the scene has computed so many.
+    /// Number of its own frames that are computed when the scene has computed `frame_of_scene` frames.
     fn own_frames(&self, frame_of_scene: u64) -> u64 {
         frame_of_scene.div_ceil(u64::from(self.every))
     }
 
-    /// How many frames of its own the scene's next `n_frames` from `frame_of_scene` on take.
+    /// Number of its own frames that fall in the scene's next `n_frames`, from `frame_of_scene` on.
     pub(crate) fn due_frames(&self, frame_of_scene: u64, n_frames: usize) -> usize {
         let end = self.own_frames(frame_of_scene + n_frames as u64);
         (end - self.own_frames(frame_of_scene)) as usize
     }
 
-    /// Its steps that are computed when the scene has computed so many frames.
+    /// Number of its steps that are computed when the scene has computed `frame_of_scene` frames.
     pub(crate) fn step_at(&self, frame_of_scene: u64) -> u64 {
         self.own_frames(frame_of_scene) * u64::from(self.oversampling)
     }
@@ -32,13 +33,13 @@ impl Island {
         f64::from(self.oversampling) / f64::from(self.every)
     }
 
-    /// By how many frames it is ahead of the scene, which has computed so many: less than `every`.
+    /// Number of frames by which it is ahead of the scene, which has computed `frame_of_scene`; less than `every`.
     pub(crate) fn ahead(&self, frame_of_scene: u64) -> u32 {
         let own = self.own_frames(frame_of_scene) * u64::from(self.every);
         (own - frame_of_scene) as u32
     }
 
-    /// Whether it has frames of its own.
+    /// Whether one of its frames takes several frames of the scene.
     pub(crate) fn is_slow(&self) -> bool {
         self.every > 1
     }

@@ -9,7 +9,7 @@ use crate::state::{Body, ContactHistory};
 pub(super) struct Work {
     /// Taken from the points by the whole force.
     pub(super) given: f64,
-    /// And by its elastic part.
+    /// Taken from the points by its elastic part.
     pub(super) kept: f64,
 }
 
@@ -32,8 +32,8 @@ pub(super) fn potential(
     sum
 }
 
-/// Work of the frame that has ended, by forces from where points were before it: `d` are the steps of the frames before
-/// and of this one [m] (n_mat each). Where both are this one's, the frame was computed finer.
+/// Work in the frame that has ended, by the forces at the positions before it. `d` are the steps of the frame before
+/// and of this one [m] (n_mat each); if the frame was computed finer, both are those of this one.
 pub(super) fn work(
     run: &PairRun,
     by: [f64; 2],
@@ -71,7 +71,7 @@ pub(super) fn work(
     work
 }
 
-/// Energy that friction across all touching pairs of stiffness `k` holds as a spring [J].
+/// Elastic energy of friction in all touching pairs of stiffness `k` [J].
 pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body) -> f64 {
     let link = &run.pairs.link;
     let of = |(points, anchor): ([u32; 2], [f64; 3])| {

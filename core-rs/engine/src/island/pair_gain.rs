@@ -1,4 +1,4 @@
-//! Energy that contacts of all pairs of points make out of nothing: one account for all of an island.
+//! Energy that contacts of all pairs of points create: one account for all of an island.
 
 use super::energy_account::{Account, Gain};
 use super::pair_energy::{held, potential};
@@ -8,24 +8,24 @@ use crate::network::PairRun;
 use crate::scheme::Scheme;
 use crate::state::Body;
 
-/// Energy that rounding alone accounts for is that of a spring stretched by so many of the last digit of a coordinate.
+/// Created energy is ignored up to that of a spring stretched by this many units of the last digit of a coordinate.
 const DIGITS: f64 = 1e4;
-/// Sums that are added up side by side: so many on every machine.
+/// Number of partial sums: the same on every machine.
 const LANES: usize = 8;
 
-/// What all these contacts took.
+/// The account of all these contacts.
 #[derive(Clone, Debug)]
 pub(super) struct PairGains {
     crowds: Vec<Crowd>,
     /// The step before: last steps [m], and forces of the contacts [N]   (n_mat each)
     d: Vec<f64>,
     force: Vec<f64>,
-    /// What friction held as a spring where the account began [J].
+    /// Elastic energy of friction when the account began [J].
     held: f64,
-    /// Positions [m] and last steps [m] where the account began   (n_mat each)
+    /// Positions [m] and last steps [m] when the account began   (n_mat each)
     from: [Vec<f64>; 2],
     account: Account,
-    /// Whether the account counts what was stored where it began: that is looked up when it matters.
+    /// Whether the account counts the energy that was stored when it began; that is computed only when needed.
     is_whole: bool,
     worst: Option<Gain>,
 }
@@ -42,7 +42,7 @@ crate::archive::state!(PairGains {
     worst
 });
 
-/// One run of them.
+/// One run of contacts of all pairs.
 #[derive(Clone, Debug)]
 struct Crowd {
     run: PairRun,
@@ -53,7 +53,7 @@ struct Crowd {
 }
 
 impl PairGains {
-    /// `None` where there are none, or gates open and close them.
+    /// `None` if there are no such contacts, or one of them has a gate.
     pub(super) fn new(scheme: &Scheme) -> Option<Self> {
         let runs = scheme.runs.iter().filter_map(|own| {
             let run = own.pairwise()?;
@@ -83,7 +83,7 @@ impl PairGains {
         })
     }
 
-    /// The link by whose name it is told of.
+    /// The link whose name stands for all of them in messages.
     pub(super) fn first_link(&self) -> usize {
         self.crowds[0].first
     }
@@ -92,14 +92,14 @@ impl PairGains {
         self.worst
     }
 
-    /// A MAT that they move.
+    /// A MAT that these contacts move.
     pub(super) fn moving_mat(&self, scheme: &Scheme) -> usize {
         let run = &self.crowds[0].run;
         let moving = (run.b..run.b + run.n).find(|&mat| scheme.w[mat] > 0.0);
         moving.unwrap_or(run.a)
     }
 
-    /// Whether any of these MATs is an end of them (n_mat).
+    /// Whether any of the marked MATs (n_mat) is an end of these contacts.
     pub(super) fn meets(&self, mats: &[bool]) -> bool {
         let mut spans = self.crowds.iter().flat_map(|crowd| crowd.run.spans());
         spans.any(|span| mats[span].iter().any(|&is_one| is_one))
@@ -120,7 +120,7 @@ impl PairGains {
         self.account.take(-work(&mut self.d, &mut self.force, now));
     }
 
-    /// What they made by frame `n`, if that is worth telling; `around`: the energy of all masses.
+    /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses.
     pub(super) fn look(&mut self, body: &Body, around: impl Fn() -> f64, n: u64) -> Option<Gain> {
         if self.account.is_overdrawn() && !self.is_whole {
             let start = stored(&mut self.crowds, [&self.from[0], &self.from[1]]);
@@ -139,7 +139,7 @@ impl PairGains {
         Some(gain)
     }
 
-    /// What friction holds as a spring [J].
+    /// Elastic energy of friction [J].
     fn held(&self, body: &Body) -> f64 {
         let crowds = self.crowds.iter();
         let of = |crowd: &Crowd| held(&crowd.run, crowd.k, &body.histories[crowd.room], body);
@@ -158,7 +158,8 @@ impl PairGains {
 }
 
 wide! {
-    /// Work of the forces of a step before along that step and the last [J]; both become what they are `now`.
+    /// Work of the forces of the step before, along half of its step and half of the present one [J]; then replaces `d`
+    /// and `force` by `now`.
     fn work(d: &mut [f64], force: &mut [f64], now: [&[f64]; 2]) -> f64 {
         let (mut sums, mut rest) = ([0.0; LANES], 0.0);
         let n = d.len();

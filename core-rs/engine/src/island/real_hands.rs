@@ -13,7 +13,7 @@ pub(crate) struct HandBinding {
 /// State of a hand.
 #[derive(Clone, Debug, Default)]
 pub(super) struct HandState {
-    /// Position that a device has sent for the next tick, and its last step where the device knows it [m].
+    /// Position that a device has sent for the next tick, and its last step if the device knows it [m].
     sent: Option<(f64, Option<f64>)>,
     /// Positions at the last tick and at the end of this one [m].
     from: f64,
@@ -41,7 +41,7 @@ impl HandBinding {
     }
 }
 
-/// Set the hands to the timeline's positions at frame `n`.
+/// Set the hands to the timeline's positions in the frame before `n`.
 pub(super) fn seek(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
         state.to = binding.hand.at(n.saturating_sub(1));
@@ -88,7 +88,7 @@ pub(super) fn arrive(
     }
 }
 
-/// Add the forces of frame `n`, once they are summed, to the mean of the tick.
+/// Add the summed forces of frame `n` to the mean of the tick.
 pub(super) fn feel(
     hand_bindings: &[HandBinding],
     hand_states: &mut [HandState],

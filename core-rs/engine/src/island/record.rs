@@ -1,6 +1,6 @@
-//! The stream of ergons that struck, for those who want to read it.
+//! The stream of ergons that struck.
 
-/// Mass of an event ergon, relative to the struck: small enough that v' ≈ −v, as in the paper.
+/// Mass of an event ergon, relative to the struck mass: small enough that v' ≈ −v, as in the paper.
 const MASS_RATIO: f64 = 1e-4;
 
 /// One ergon.
@@ -10,18 +10,18 @@ pub struct Record {
     pub time: f64,
     /// The struck MAT.
     pub mat: u32,
-    /// Place in the score, as the timeline was given it.
+    /// Place in the score, as the timeline gives it.
     pub source: u32,
     /// Mass [kg].
     pub mass: f64,
-    /// Velocity before the strike [m/s]; its sign is the ergon's.
+    /// Velocity of the ergon before the strike, with its sign [m/s].
     pub speed: f64,
     /// Impulse given [N·s].
     pub impulse: f64,
 }
 
 impl Record {
-    /// An event ergon: v = V + p(m + M)/(2mM) (elastic meeting of m and M, momentum p).
+    /// An event ergon: v = V + p(m + M)/(2mM) (elastic collision of m and M, momentum p).
     pub(crate) fn event(
         time: f64,
         mat: usize,
@@ -50,7 +50,7 @@ pub(crate) struct FramedErgon {
     pub(crate) record: Record,
 }
 
-/// Ergons kept since they were last ergon.
+/// Ergons kept since the last `take`, if any are kept.
 #[derive(Clone, Debug)]
 pub(crate) struct Stream(Option<Vec<FramedErgon>>);
 
@@ -63,7 +63,7 @@ impl Stream {
         self.0.is_some()
     }
 
-    /// How many are kept.
+    /// Number of kept ergons.
     pub(super) fn len(&self) -> usize {
         self.0.as_ref().map_or(0, Vec::len)
     }

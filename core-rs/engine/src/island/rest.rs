@@ -1,9 +1,10 @@
-//! Islands that nothing moves: steps that would leave one as it is are not computed, until something is due or comes from
+//! Resting islands: steps that would not change an island are skipped, until an event is due or something comes from
 //! outside.
 //!
-//! A step is a function of the state and of what is due at it. So where nothing is due, and steps leave the state and
-//! what is heard the same to the last bit, all that follow do. What of the state only counts steps is turned on. So the
-//! state is at every frame what it would be, and an island wakes by computing its next step.
+//! A step is a function of the state and of the events due at it. If no event is due, and a step leaves the state and
+//! the outputs the same to the last bit, so do all that follow. Only the counters of steps in the state are advanced.
+//! The state is therefore at every frame what it would be if all steps were computed, and an island wakes by computing
+//! its next step.
 
 use super::{Fault, Island, energy_gain, inside};
 use crate::archive::{Archive, State as _};
@@ -11,32 +12,33 @@ use crate::island::written_hand::voice::Voice;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::timeline::{Drive, Source};
 
-/// Frames that have to leave the state the same: looks at gains, pulls of slow bodies and what bodies are followed ahead
-/// come round in as many.
+/// Successive frames that must leave the state the same before an island rests. Periodic work recurs within so many:
+/// looks at gains, pulls of slow bodies, and modes that are computed ahead.
 const ALIKE: u64 = 256;
-/// Frames from its beginning to the first look at an island; each look that finds it moving is followed by one after
-/// twice as long.
+/// Frames from the beginning of an island to the first look at it; the wait doubles after each look that finds it
+/// moving.
 const FIRST: u64 = 64;
-/// Frames between two looks at most: one costs about as much as two frames.
+/// Most frames between two looks: one look costs about as much as two frames.
 const LATEST: u64 = 1 << 15;
-/// Bodies are followed ahead, and strikes fall between frames: events are met in steps that are computed [steps].
+/// Steps before an event from which on steps are computed, because bodies are computed ahead and strikes may fall
+/// between frames.
 const MARGIN: u64 = 4 * energy_gain::BLOCK;
-/// A larger state is not compared [bytes].
+/// States larger than this are not compared [bytes].
 const LARGEST: usize = 1 << 26;
 
-/// What is known of whether an island rests.
+/// State of the search for rest.
 #[derive(Clone, Debug)]
 pub(super) struct Rest {
     stage: Stage,
-    /// The step at which it is looked at next, and the frames to the look after that.
+    /// The step of the next look, and the frames from there to the look after it.
     next: u64,
     gap: u64,
     /// The state at the last look.
     left: Vec<u8>,
-    /// What was heard in the frame after it   (n_out), and the work of contacts.
+    /// Outputs in the frame after it   (n_out), and the work of contacts in that frame.
     heard: Vec<f64>,
     work: [u64; 2],
-    /// Steps that were not computed.
+    /// Number of steps that were skipped.
     passed: u64,
 }
 
@@ -44,7 +46,7 @@ pub(super) struct Rest {
 enum Stage {
     /// It moves, or may.
     Computed,
-    /// So many frames since the last look left it the same.
+    /// This many frames since the last look left the state the same.
     Alike(u64),
     /// It rests up to this step.
     Resting(u64),
@@ -65,7 +67,7 @@ impl Rest {
 }
 
 impl Island {
-    /// Play `n_frames` frames; what is heard of them into `out`, frame by frame, (n_frames · n_out).
+    /// Play `n_frames` frames and write their outputs into `out`, frame by frame, (n_frames · n_out).
     ///
     /// Fails with the first part that goes non-finite, unless faults are muted.
     pub(crate) fn process(
@@ -107,30 +109,30 @@ impl Island {
         Ok(())
     }
 
-    /// From here on steps are computed: something came from outside.
+    /// Compute steps from here on, because something came from outside.
     pub(super) fn wake(&mut self) {
         if !matches!(self.rest.stage, Stage::Computed) {
             self.begin_again();
         }
     }
 
-    /// The same where it stands elsewhere now: it is soon looked at.
+    /// Compute steps from here on, because the state was changed, and look soon whether the island rests.
     pub(super) fn begin_again(&mut self) {
         self.rest.gap = FIRST;
         self.go_on();
     }
 
-    /// Steps so far that were not computed, for it rested.
+    /// Number of steps skipped so far because the island rested.
     pub(crate) fn passed(&self) -> u64 {
         self.rest.passed
     }
 
-    /// Frames so far that were computed.
+    /// Number of frames computed so far.
     pub(crate) fn computed(&self) -> u64 {
         (self.state.frame - self.rest.passed) / u64::from(self.oversampling)
     }
 
-    /// The step up to which it rests; `None` where it moves, may move, or nothing will ever move it.
+    /// The step up to which it rests; `None` if it moves, may move, or rests for ever.
     pub(crate) fn rests_until(&self) -> Option<u64> {
         match self.rest.stage {
             Stage::Resting(last) if last < u64::MAX - MARGIN => Some(last),
@@ -138,7 +140,7 @@ impl Island {
         }
     }
 
-    /// Room for the state: looks at it do not allocate.
+    /// Reserve room for the state, so that looks at it do not allocate.
     pub(super) fn reserve_rest(&mut self) {
         let mut size = 0;
         let _ = self.archive_all(&mut Archive::Count(&mut size));
@@ -178,7 +180,8 @@ impl Island {
         }
     }
 
-    /// Whether the frame that was computed left it as it was at the look, `frames` before; `work`: of contacts, before.
+    /// Compare the frame that was just computed with the look, `frames` frames before; `work` is that of contacts
+    /// before the frame.
     fn compare(&mut self, heard: &[f64], frames: u64, work: [u64; 2]) {
         let after = self.fine_products();
         let work = [after[0] - work[0], after[1] - work[1]];
@@ -198,7 +201,7 @@ impl Island {
         }
     }
 
-    /// Whether its state is that of the look, turned on by so many frames.
+    /// Whether the state is that of the look, `frames` frames later.
     fn is_as_it_was(&mut self, frames: u64) -> bool {
         let (frames, often) = (frames as i64, i64::from(self.oversampling));
         let left = std::mem::take(&mut self.rest.left);
@@ -210,7 +213,7 @@ impl Island {
         is_same
     }
 
-    /// All that changes of it, also what no render recalls.
+    /// Archive the whole state, with the ledger and the length of the stream, which a stored render leaves out.
     fn archive_all(&mut self, archive: &mut Archive<'_>) -> Result<(), crate::archive::Damaged> {
         let state = &mut self.state;
         state.archive(archive)?;
@@ -218,7 +221,8 @@ impl Island {
         state.stream.len().archive(archive)
     }
 
-    /// Let all that counts steps count so many steps more, or less, and work of contacts that of so many frames.
+    /// Advance all counters of steps by `steps`, and the work of contacts by that of `frames` frames; both may be
+    /// negative.
     fn turn(&mut self, steps: i64, frames: i64) {
         let state = &mut self.state;
         state.frame = state.frame.wrapping_add_signed(steps);
@@ -236,10 +240,10 @@ impl Island {
         }
     }
 
-    /// The first step, `n` or later, in which anything may act but the state.
+    /// The first step, `n` or later, at which an event may be due; `n` if that is not known.
     fn due(&self, n: u64) -> u64 {
         let (script, state) = (&*self.script, &self.state);
-        // Where hands and takes go next is not asked.
+        // The future of hands and takes is not looked at.
         let is_known =
             |drive: &Drive| matches!(drive.source, Source::Constant(_) | Source::Strikes(_));
         if !script.drives.iter().all(is_known) || !script.hand_bindings.is_empty() {
@@ -273,17 +277,17 @@ impl Island {
 }
 
 impl inside::RunningBody {
-    /// The first step, `n` or later, in which anything strikes it or leads its numbers.
+    /// The first step, `n` or later, in which anything strikes it or changes its parameters.
     fn due(&self, n: u64) -> u64 {
         match self {
             Self::Modal(modal) => modal.due(),
             Self::Mesh(mesh) => mesh.due(n),
-            // What is struck of it is a port.
+            // Strikes on a slow body go through its ports, which are in the island.
             Self::Slow(_) => u64::MAX,
         }
     }
 
-    /// The most steps between two in which its springs act.
+    /// Most steps between two pulls of its springs.
     fn every(&self) -> u32 {
         match self {
             Self::Slow(slow) => slow.every(),
@@ -291,7 +295,7 @@ impl inside::RunningBody {
         }
     }
 
-    /// Let what counts steps count so many more, or less.
+    /// Advance its counters of steps by `steps`, which may be negative.
     fn turn(&mut self, steps: i64) {
         match self {
             Self::Modal(modal) => modal.turn(steps),

@@ -1,6 +1,6 @@
 //! A slow body inside an island: kicked by its own springs once every R frames, by all else at every frame.
 //!
-//! Its ports move frame by frame; what nothing else touches moves straight from kick to kick.
+//! Its ports move frame by frame; MATs that nothing else touches move in a straight line from kick to kick.
 
 mod led;
 mod springs;
@@ -13,42 +13,42 @@ use crate::state::Body;
 use springs::RunningSprings;
 pub(crate) use springs::Springs;
 
-/// What a plan says of a slow body.
+/// The plan of a slow body.
 #[derive(Clone, Debug)]
 pub(crate) struct Slow {
-    /// For its names.
+    /// The network of its modules.
     pub(crate) network: Arc<Network>,
-    /// The part that all of it belongs to.
+    /// The part to which the whole body belongs.
     pub(crate) part: usize,
     /// Its MATs that move, by their index in the network   (n)
     pub(crate) free: Vec<usize>,
     /// R, the frames from one kick to the next.
     pub(crate) macrostep: u32,
     pub(crate) springs: Springs,
-    /// How far its quickest mode turns from kick to kick [rad].
+    /// Phase of its fastest mode from kick to kick [rad].
     pub(crate) turn: f64,
-    /// Where linear springs balance [m]   (n)
+    /// Positions at which linear springs balance [m]   (n)
     pub(crate) rest: Vec<f64>,
-    /// Where it begins [m], and its steps there [m a frame]   (n)
+    /// Its first positions [m] and steps [m a frame]   (n)
     pub(crate) x0: Vec<f64>,
     pub(crate) v0: Vec<f64>,
     /// 1/M = T²/m [m/N]   (n)
     pub(crate) w: Vec<f64>,
-    /// What other modules or hands touch: which of its MATs, and the MAT in the island.
+    /// MATs that other modules or hands touch: index in the body, and MAT in the island.
     pub(crate) ports: Vec<(usize, usize)>,
-    /// The others, and for each of all whether it is one of them (1) or a port (0)   (n)
+    /// The other MATs; and for every MAT 1 if it is one of those, 0 if it is a port   (n)
     pub(crate) inner: Vec<usize>,
     pub(crate) is_inner: Vec<f64>,
-    /// The discrete network is the truth.
+    /// Whether it is computed as the discrete network, and not as continuous motion.
     pub(crate) is_discrete: bool,
-    /// Of each port that is struck, by the frames since the last kick: what a step of a metre a frame leaves undone of
-    /// positions and velocities until the next   (n_ports, R; [n, n])
+    /// For each port that is struck, by the frames since the last kick: corrections of positions and velocities that
+    /// are due at the next kick, for a change of the step by 1 m a frame   (n_ports, R; [n, n])
     pub(crate) missing: Vec<Vec<[Vec<f64>; 2]>>,
     /// Outputs that hear it, each a weighted sum of positions.
     pub(crate) heard: Vec<(u32, Vec<(usize, f64)>)>,
 }
 
-/// A slow body that plays.
+/// A running slow body.
 #[derive(Clone, Debug)]
 pub(crate) struct RunningSlow {
     plan: Arc<Slow>,
@@ -56,21 +56,21 @@ pub(crate) struct RunningSlow {
     v: Vec<f64>,
     /// What the last kick added to the velocities   (n)
     kick: Vec<f64>,
-    /// Where the ports were one frame ago   (n_ports)
+    /// Positions of the ports one frame ago   (n_ports)
     was: Vec<f64>,
     /// Frames since the last kick.
     since: u32,
-    /// The same at the frame that it began at.
+    /// Frames from the last kick to the frame at which it began.
     first: u32,
     /// Distances from rest   (n)
     bent: Vec<f64>,
-    /// What strikes since the last kick left undone of positions and velocities   (n)
+    /// Corrections of positions and velocities for strikes since the last kick   (n)
     undone: [Vec<f64>; 2],
     is_struck: bool,
     springs: RunningSprings,
-    /// What hands give its ports at the end of this frame [m a frame]   (n_ports)
+    /// Velocities that hands give its ports at the end of this frame [m a frame]   (n_ports)
     given: Vec<f64>,
-    /// By how much all it moves by is less at each kick.
+    /// Factor on all velocities at each kick.
     damped: f64,
 }
 
@@ -94,7 +94,7 @@ impl Slow {
         matches!(self.springs, Springs::Exact(_))
     }
 
-    /// The same body of the key alone, with its ports at other MATs.
+    /// The same body in the free copy of its key; `mat` gives the MATs of its ports there.
     pub(crate) fn alone(&self, mat: impl Fn(usize) -> Option<usize>) -> Self {
         let ports = self.ports.iter();
         Self {
@@ -107,8 +107,8 @@ impl Slow {
         }
     }
 
-    /// Whether it is of the same masses, goes as often and is touched at the same ones: one of other numbers goes on by
-    /// them from its next kick.
+    /// Whether another body has the same masses, macrostep and ports. Its other numbers may differ: a body continues
+    /// with them from its next kick.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let ports = |slow: &Self| slow.ports.iter().map(|port| port.0).collect::<Vec<_>>();
         let names = |slow: &Self| -> Vec<String> {
@@ -120,7 +120,7 @@ impl Slow {
             && names(self) == names(other)
     }
 
-    /// The same body at rest where its springs pull nothing: displacements from elsewhere.
+    /// The same body with positions as displacements from another motion: at rest at 0, where its springs do not pull.
     pub(crate) fn deviation(&self) -> Self {
         let n = self.free.len();
         Self {
@@ -133,12 +133,12 @@ impl Slow {
 }
 
 impl RunningSlow {
-    /// At frame 0, where the steps of its ports already tell of all that is not slow.
+    /// The body at frame 0, where the steps of its ports in `body` already contain all but the slow springs.
     pub(crate) fn new(plan: &Slow, body: &Body) -> Self {
         let bent: Vec<f64> = difference(&plan.x0, &plan.rest);
         let mut springs = plan.springs.running(&plan.network);
         let mut v = springs.start(plan, &bent);
-        // Half a kick lies between the velocity now and that of the way.
+        // Half a kick lies between the velocity at the start and that of the straight motion.
         let kick: Vec<f64> = difference(&v, &plan.v0).iter().map(|dv| 2.0 * dv).collect();
         let half = 0.5 / f64::from(plan.macrostep);
         let mut was = Vec::with_capacity(plan.ports.len());
@@ -180,7 +180,7 @@ impl RunningSlow {
         self.since = other.since;
     }
 
-    /// Where one of its MATs is, and its step in a frame [m].
+    /// Position of one of its MATs, and its step in a frame [m].
     pub(crate) fn motion(&self, own: usize) -> (f64, f64) {
         let pull = self.kick[own] / f64::from(self.plan.macrostep);
         let frames = f64::from(self.since) * self.plan.is_inner[own];
@@ -195,7 +195,7 @@ impl RunningSlow {
         self.first = (n % u64::from(self.plan.macrostep)) as u32;
     }
 
-    /// Set all of it going as it goes elsewhere (own; x, step): as if its springs had pulled when they were to.
+    /// Set positions and steps of all its MATs (own, (x, step)), as if its springs had pulled at their regular frames.
     pub(crate) fn put(&mut self, all: &[(usize, (f64, f64))]) {
         for &(own, (x, step)) in all {
             (self.x[own], self.v[own]) = (x, step);
@@ -203,7 +203,7 @@ impl RunningSlow {
         self.settle();
     }
 
-    /// Set its ports going as MATs of a network do; the others stay.
+    /// Set positions and steps of its ports from MATs of a network; the other MATs stay.
     pub(crate) fn put_ports(&mut self, body: &Body) {
         for &(own, mat) in &self.plan.ports {
             (self.x[own], self.v[own]) = (body.x[mat], body.d[mat]);
@@ -211,7 +211,7 @@ impl RunningSlow {
         self.settle();
     }
 
-    /// All are set: find what the springs pulled when they were to.
+    /// When all MATs are set: find the kick of the springs at their last regular frame.
     fn settle(&mut self) {
         for (&(own, _), was) in self.plan.ports.iter().zip(&mut self.was) {
             *was = self.x[own] - self.v[own];
@@ -229,23 +229,23 @@ impl RunningSlow {
         }
     }
 
-    /// How many frames lie between two kicks.
+    /// Number of frames between two kicks.
     pub(crate) fn every(&self) -> u32 {
         self.plan.macrostep
     }
 
-    /// Where nothing moves it: so many frames later, or earlier.
+    /// For a body at rest: advance by `frames`, which may be negative.
     pub(crate) fn turn(&mut self, frames: i64) {
         let since = i64::from(self.since) + frames;
         self.since = since.rem_euclid(i64::from(self.every())) as u32;
     }
 
-    /// Let its motion fade by a factor more a frame.
+    /// Make its motion decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, by: f64) {
         self.damped = (0..2 * self.plan.macrostep).fold(1.0, |all, _| all * by);
     }
 
-    /// Continue as an equal body does.
+    /// Take over the state of an equal body.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
         let damped = self.damped;
         std::mem::swap(self, old);
@@ -254,7 +254,7 @@ impl RunningSlow {
         self.damped = damped;
     }
 
-    /// Add what is heard of it now to `out` (n_out).
+    /// Add its outputs now to `out` (n_out).
     pub(crate) fn tap(&self, out: &mut [f64]) {
         let frames = f64::from(self.since);
         for (output, row) in &self.plan.heard {
@@ -265,7 +265,7 @@ impl RunningSlow {
         }
     }
 
-    /// Put the ports where they are, as they came there, and where they would go.
+    /// Set positions, steps and free motion of the ports in the island.
     pub(crate) fn place(&self, body: &mut Body) {
         for (&(own, mat), was) in self.plan.ports.iter().zip(&self.was) {
             let step = self.x[own] - was;
@@ -275,7 +275,7 @@ impl RunningSlow {
         }
     }
 
-    /// A strike on a MAT of the island in this frame [N]: what its springs would answer before they pull again.
+    /// Take note of a strike on a MAT of the island in this frame [N]: its springs answer it at their next kick.
     pub(crate) fn strike(&mut self, mat: usize, force: f64) {
         let port = self.plan.ports.iter().position(|port| port.1 == mat);
         let Some(port) = port else { return };
@@ -290,7 +290,7 @@ impl RunningSlow {
         }
     }
 
-    /// From frame `n` to the next, by the forces that the ports feel (n_mat).
+    /// Step from frame `n` to the next, under the forces at the ports (n_mat).
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let plan = &*self.plan;
         for (&(own, mat), was) in plan.ports.iter().zip(&mut self.was) {
@@ -307,7 +307,7 @@ impl RunningSlow {
             return;
         }
         for &own in &plan.inner {
-            // As many frames as it was on this way: the first may be shorter.
+            // The frames since the last kick: the first interval may be shorter.
             self.x[own] += f64::from(self.since) * self.v[own];
         }
         self.since = 0;
@@ -328,25 +328,25 @@ impl RunningSlow {
         }
     }
 
-    /// Velocities after its springs pull where it is now, from those in `kick` before, or from rest.
+    /// Set velocities to those after its springs pull at the present positions, from those in `kick`, or from rest.
     fn spring_kick(&mut self, is_moving: bool) {
         let before = is_moving.then_some(&self.kick[..]);
         let (x, bent, after) = (&self.x, &mut self.bent, &mut self.v);
         self.springs.pull(&self.plan, x, before, bent, after);
     }
 
-    /// How many numbers its motion is, at a kick.
+    /// Number of state variables at a kick.
     pub(crate) fn n_state(&self) -> usize {
         self.x.len() + self.v.len() + self.was.len()
     }
 
-    /// Each of these numbers.
+    /// Visit each of these variables.
     pub(crate) fn each(&mut self, visit: &mut impl FnMut(&mut f64)) {
         let all = self.x.iter_mut().chain(&mut self.v).chain(&mut self.was);
         all.for_each(visit);
     }
 
-    /// Set it going from rest, each mass with an energy by chance.
+    /// Set all positions to 0, and each velocity to a random one, scaled to equal energy.
     pub(crate) fn stir(&mut self, mut chance: impl FnMut() -> f64) {
         self.x.fill(0.0);
         self.was.fill(0.0);
@@ -355,7 +355,7 @@ impl RunningSlow {
         }
     }
 
-    /// Its energy, about [in units of a frame]: of its motion, and of linear springs as they pull.
+    /// Its approximate energy [in units of a frame]: of its motion, and of linear springs as they pull.
     pub(crate) fn energy(&self) -> f64 {
         let plan = &*self.plan;
         let pulled = match &plan.springs {
@@ -368,7 +368,7 @@ impl RunningSlow {
             .sum()
     }
 
-    /// Whether it is in some part.
+    /// Whether it belongs to a part.
     pub(crate) fn is_of(&self, part: usize) -> bool {
         self.plan.part == part
     }
@@ -378,20 +378,20 @@ impl RunningSlow {
         self.plan.heard.iter().map(|&(output, _)| output).collect()
     }
 
-    /// The name and part of a MAT that left all reason.
+    /// The name and part of a MAT whose position is beyond all bounds.
     pub(crate) fn culprit(&self) -> Option<(String, usize)> {
         let own = self.x.iter().position(|&x| !sound(x))?;
         let name = self.plan.network.mat_name(self.plan.free[own]);
         Some((name, self.plan.part))
     }
 
-    /// Whether all of it is within reason.
+    /// Whether all positions are finite and plausible.
     pub(crate) fn sound(&self) -> bool {
         self.x.iter().all(|&x| sound(x))
     }
 }
 
-/// Add what is due, and be done with it.
+/// Add `due` to `to`, and set it to 0.
 fn add_up(to: &mut [f64], due: &mut [f64]) {
     for (to, due) in to.iter_mut().zip(due) {
         *to += std::mem::take(due);

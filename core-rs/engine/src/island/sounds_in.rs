@@ -1,4 +1,5 @@
-//! Inputs in an island: samples of a sound card tick by tick, or values that are told; where none came, those of a file.
+//! Inputs in an island: samples of a sound card tick by tick, or values that are told; before any arrive, those of a
+//! file.
 
 use crate::state::{Body, Target};
 use crate::timeline::{Drive, DriveKind, InputSource, SoundIn, Source};
@@ -17,12 +18,12 @@ pub(super) struct SoundDrive {
     steps: u64,
 }
 
-/// What was played into an input.
+/// What an input received.
 #[derive(Clone, Debug)]
 pub(super) enum Played {
     /// Samples of a sound card.
     Samples(Samples),
-    /// The way to the last value that was told; `None`: none was.
+    /// The ramp to the last value that was told; `None`: none was.
     Told(Option<Way>),
 }
 
@@ -37,18 +38,18 @@ impl Played {
     }
 }
 
-/// The even way of an input from one value to another that was told, full scale 1.
+/// A linear ramp of an input to a value that was told, full scale 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Way {
     from: f64,
     to: f64,
-    /// The first frame on the way, and the number of frames to its end.
+    /// First frame of the ramp, and its number of frames.
     start: u64,
     length: u64,
 }
 
 impl Way {
-    /// The value at a frame that is no more than one before the first.
+    /// The value at a frame, which is at the earliest the one before `start`.
     fn at(&self, frame: u64) -> f64 {
         let done = frame + 1 - self.start;
         if done >= self.length {
@@ -61,12 +62,12 @@ impl Way {
 /// Samples of a sound card.
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
-    /// Frame of the score of the first; `None`: nobody plays.
+    /// Frame of the score of the first sample; `None`: no samples have arrived.
     from: Option<u64>,
-    /// The value of the frame before.
+    /// The value in the frame before `from`.
     before: f64,
     n: usize,
-    /// (FRAMES_MAX), of which `n` hold.
+    /// (FRAMES_MAX), of which the first `n` are valid.
     values: Box<[f64]>,
 }
 
@@ -83,7 +84,7 @@ impl Samples {
     }
 }
 
-/// The MATs among drives that inputs drive, and nothing played into them.
+/// The MATs that inputs drive, each with an input that has received nothing.
 pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
     let sound_drive = |drive: &Drive| match &drive.source {
         Source::SoundIn {
@@ -115,7 +116,7 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
 
 /// Add the forces of step `n`, and impose the positions at its end.
 ///
-/// Between frames a force holds, and a position goes evenly.
+/// Between frames of the score a force is held, and a position moves linearly.
 pub(super) fn apply(
     drives: &[SoundDrive],
     played: &[Played],
@@ -148,7 +149,8 @@ pub(super) fn apply(
 }
 
 impl super::Island {
-    /// Take the values of an input for the frames of the score from `from` on [m or N]; `before`: that of the frame before.
+    /// Take the values of an input for the frames of the score from `from` on [m or N]; `before` is the value in the
+    /// frame before.
     pub(crate) fn hear(&mut self, index: usize, from: u64, before: f64, values: &[f64]) {
         let pairs = self.script.sound_drives.iter().zip(&mut self.state.played);
         for (_, played) in pairs.filter(|(drive, _)| drive.sound.index == index) {
@@ -161,7 +163,8 @@ impl super::Island {
         }
     }
 
-    /// Let the input of a number go to a value from frame `start` of the score on, full scale 1; false where none is here.
+    /// Let the input `number` ramp to `value` (full scale 1) from frame `start` of the score on; false if it is not in
+    /// this island.
     pub(crate) fn tell(&mut self, number: u64, start: u64, value: f64) -> bool {
         let mut is_here = false;
         for (sound, way) in self.told_inputs(number) {
@@ -181,7 +184,7 @@ impl super::Island {
         is_here
     }
 
-    /// The inputs of a number and their ways.
+    /// The inputs with this number, and their ramps.
     fn told_inputs(&mut self, number: u64) -> impl Iterator<Item = (&SoundIn, &mut Option<Way>)> {
         let pairs = self.script.sound_drives.iter().zip(&mut self.state.played);
         pairs.filter_map(
@@ -194,7 +197,7 @@ impl super::Island {
         )
     }
 
-    /// The ways of inputs that were told a value, by their numbers.
+    /// The ramps of inputs that were told a value, with their numbers.
     pub(crate) fn ways(&self) -> impl Iterator<Item = (u64, Way)> {
         let pairs = self.script.sound_drives.iter().zip(&self.state.played);
         pairs.filter_map(
@@ -205,7 +208,7 @@ impl super::Island {
         )
     }
 
-    /// Let the input of a number go on by a way that it was on in another island.
+    /// Let the input `number` continue a ramp that it had in another island.
     pub(crate) fn go_on_as_told(&mut self, number: u64, way: Way) {
         self.told_inputs(number)
             .for_each(|(_, own)| *own = Some(way));

@@ -13,7 +13,7 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
 use crate::timeline::GateContinuation;
 
-/// Steps between two looks at whether a computation is to end: of half a million masses they take 50 ms.
+/// Steps between two polls for an interrupt; with half a million masses they take 50 ms.
 const LOOK: usize = 16;
 
 /// Output buffer of the steps of a frame; only the first step of a frame is heard.
@@ -56,7 +56,7 @@ impl Island {
         end
     }
 
-    /// All steps of so many frames.
+    /// Computes all steps of `n_frames` frames.
     fn go(
         &mut self,
         heard: &mut StepOutputs<'_>,
@@ -107,7 +107,7 @@ impl Island {
                 guard.slow_down(state.damped);
             }
             for body in &state.bodies {
-                body.place(&mut state.body); // they fade by themselves
+                body.place(&mut state.body); // bodies are damped by themselves
             }
         }
         real_hands::arrive(
@@ -230,7 +230,8 @@ impl Island {
     }
 }
 
-/// Go through the frame again, finer, where links have stiffened too much; says then whether all stayed within reason.
+/// Computes the frame again in smaller steps if links have stiffened too much, and returns whether all positions stayed
+/// plausible; `None` if the frame stands as it is.
 fn finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
     let (guard, body) = (state.guard.as_mut()?, &mut state.body);
     if !guard.needs_finer(&body.x, &body.d, &scheme.w) {
@@ -258,7 +259,7 @@ fn finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Optio
     Some(sound)
 }
 
-/// Where layers take the keys at this frame.
+/// Sums the deviations that layers add to each key at this frame.
 fn layers(script: &Script, state: &mut State) {
     state.layers.fill(0.0);
     for (voice, own) in state.voices.iter().zip(&script.voices) {
@@ -293,7 +294,7 @@ fn voices(
     }
 }
 
-/// Strikes that fall on frame `n`.
+/// Applies the pushes and ergons that fall on frame `n`.
 fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64) {
     let t = 1.0 / scheme.rate;
     let (body, bodies) = (&mut state.body, &mut state.bodies);
@@ -305,7 +306,7 @@ fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64) {
         state.pushed += 1;
         let mat = push.mat as usize;
         if scheme.w[mat] == 0.0 {
-            continue; // muted meanwhile
+            continue; // the part was muted
         }
         if push.impulse != 0.0 && state.stream.is_kept() {
             let velocity = kernel::centred(scheme, body, mat);
@@ -330,8 +331,8 @@ fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64) {
         if scheme.w[mat] == 0.0 {
             continue;
         }
-        // p = 2 m m_S/(m + m_S)·(v − V), V the centred velocity without the ergon: then the work on the
-        // struck is exactly the energy the ergon loses.
+        // p = 2 m m_S/(m + m_S)·(v − V), where V is the centred velocity without the ergon: with this impulse the work
+        // on the struck MAT is exactly the energy that the ergon loses.
         let mass = t * t / scheme.w[mat];
         let velocity = kernel::centred(scheme, body, mat);
         let impulse = 2.0 * ergon.mass * mass / (ergon.mass + mass) * (ergon.speed - velocity);

@@ -1,15 +1,15 @@
-//! The state of an island as bytes, for a render that goes on where an earlier one stood.
+//! The state of an island as bytes, for a render that continues from an earlier one.
 
 use super::{Island, State};
 use crate::archive::{Archive, Damaged, State as Archived, state_of};
 
 impl Island {
-    /// Whether its state can be written: all but ledgers and streams of ergons is.
+    /// Whether its state can be written: ledgers and streams of ergons cannot.
     pub(crate) fn is_storable(&self) -> bool {
         self.state.ledger.is_none() && !self.state.stream.is_kept()
     }
 
-    /// What changes of it, as it is now.
+    /// The changing state, as bytes.
     pub(crate) fn write_state(&mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
         // Writing into memory cannot fail.
@@ -20,7 +20,7 @@ impl Island {
     /// Continue from the state of an island of the same network and bodies, with the same events up to there.
     ///
     /// # Errors
-    /// [`Damaged`] where the bytes are not of such an island; this one is then of no use.
+    /// [`Damaged`] if the bytes do not fit such an island; this island is then unusable.
     pub(crate) fn read_state(&mut self, bytes: &[u8]) -> Result<(), Damaged> {
         let mut archive = Archive::Read(bytes);
         self.state.archive(&mut archive)?;
@@ -33,10 +33,11 @@ impl Island {
     }
 }
 
-/// What a render has: no ledger, no stream of ergons, no version that it took over from.
+/// The state of a render: ledger, stream of ergons and continuations from another version are left out.
 impl Archived for State {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
-        // Later gestures may be others: what is known of those that have not begun is nothing.
+        // Later gestures may differ from those of the writer, so only reports up to the last gesture that has begun are
+        // archived.
         let begun = |report: &crate::gesture::report::Report| !report.start.is_nan();
         let mut n_reports = self
             .reports

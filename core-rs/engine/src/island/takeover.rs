@@ -1,32 +1,33 @@
-//! An island that begins in the middle, and that goes on where one of another version stands.
+//! Starting an island at a later frame, and continuing one from the state of another version.
 
 use super::{Island, State};
 use crate::kernel;
 use crate::timeline::{DriveKind, GateContinuation};
 
-/// What passes from a voice, a gate or a hand of one island to one of another.
+/// An item whose state passes from an island to one of another version. Indices are in the old island first, then in
+/// the new.
 #[derive(Clone, Debug)]
 pub(crate) enum ItemTakeover {
     /// From a voice to a voice.
     Voice(crate::island::written_hand::voice::VoiceTakeover),
-    /// From a gate, or from a link that is always there, to a gate.
+    /// From a gate, or from a link without a gate (`None`), to a gate.
     Gate(Option<usize>, usize),
     /// From a hand to a hand.
     Hand(usize, usize),
-    /// From a gesture's report to the same gesture's; whether MATs have the same numbers.
+    /// From a gesture's report to that of the same gesture, and whether MATs have the same indices in both islands.
     Report(usize, usize, bool),
     /// From a body to an equal one.
     Body(usize, usize),
-    /// What a link remembers, there and here.
+    /// The memory of a link, from one index to another.
     Memory(usize, usize),
-    /// How points slid that meet in all pairs, by the first link there and here.
+    /// The sliding history of contacts of all pairs, from the first link of one run to that of another.
     History(usize, usize),
-    /// A part that may be mute: what it is called there and here.
+    /// Whether a part is muted, from one index to another.
     Part(usize, usize),
 }
 
 impl State {
-    /// What a link remembers [m].
+    /// The memory of a link [m]; infinite if the link is broken.
     pub(super) fn memory_of(&self, link: usize) -> f64 {
         let fine = self.fine.as_ref().and_then(|fine| fine.bend_of(link));
         let stepped = self.body.memory.get(link).copied();
@@ -44,7 +45,7 @@ impl State {
 }
 
 impl Island {
-    /// Begin at a frame of the scene instead of 0: what was due before it is past.
+    /// Begin at a frame of the scene instead of 0: events before it are skipped.
     pub(crate) fn seek(&mut self, frame_of_scene: u64) {
         let n = self.step_at(frame_of_scene);
         let (script, state) = (&*self.script, &mut self.state);
@@ -69,11 +70,12 @@ impl Island {
         self.begin_again();
     }
 
-    /// Continue as an island of the same network and bodies, stepped as often, to the last bit.
+    /// Take over, to the last bit, the state of an island of the same network and bodies with the same number of steps
+    /// a frame.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
         self.begin_again();
         if old.n_muted() > 0 {
-            // Muted parts are out of its lists: of what moves on, only where it is is sure.
+            // Muted parts were removed from the old island's lists, so only positions and steps are sure to match.
             self.state.body.x.copy_from_slice(&old.state.body.x);
             self.state.body.d.copy_from_slice(&old.state.body.d);
             if let Some(guard) = &mut self.state.guard {
@@ -123,7 +125,7 @@ impl Island {
                 let gate = &self.script.gates[to];
                 let then = old.state.frame;
                 self.state.gate_continuations[to] = match from {
-                    // A glide says itself where it comes from.
+                    // A gate that glides has its own start value.
                     _ if gate.glides() => None,
                     None => GateContinuation::new(gate, 1.0, n),
                     Some(from) => {
@@ -176,7 +178,7 @@ impl Island {
                 let is_mute =
                     |island: &Self, part| island.state.mutes.list().any(|(own, _)| own == part);
                 if is_mute(old, from) && !is_mute(self, to) {
-                    // It does not come back because something else was changed.
+                    // A muted part stays muted in the next version.
                     self.mute(to, self.state.frame);
                 }
             }
@@ -184,13 +186,13 @@ impl Island {
         }
     }
 
-    /// Where a MAT is [m], and its step in a frame of the scene [m].
+    /// Position of a MAT [m], and its step in a frame of the scene [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
         let body = &self.state.body;
         (body.x[mat], body.d[mat] * self.steps_a_frame())
     }
 
-    /// Put a MAT where it is, as it came there; one that cannot move stays.
+    /// Set position and step in a frame of the scene [m] of a MAT; values that are not finite or plausible are ignored.
     pub(crate) fn set_motion(&mut self, mat: usize, (x, step): (f64, f64)) {
         self.begin_again();
         if kernel::sound(x) && step.is_finite() {
@@ -202,7 +204,7 @@ impl Island {
         }
     }
 
-    /// One of its bodies, as long as none of its parts is mute.
+    /// One of the bodies; `None` if any part of the island is muted.
     pub(crate) fn body(&mut self, body: usize) -> Option<&mut super::inside::RunningBody> {
         self.begin_again();
         if self.n_muted() > 0 {
@@ -211,7 +213,7 @@ impl Island {
         self.state.bodies.get_mut(body)
     }
 
-    /// Ports where their bodies have them.
+    /// Set the ports to where their bodies have them.
     pub(crate) fn place(&mut self) {
         self.begin_again();
         for body in &self.state.bodies {
@@ -222,7 +224,7 @@ impl Island {
         kernel::proxies::join(scheme, &mut self.state.body);
     }
 
-    /// Its voices, gates, hands and parts, to be found in another version.
+    /// The script, whose voices, gates, hands and parts are matched with those of another version.
     pub(crate) fn script(&self) -> &super::Script {
         &self.script
     }

@@ -1,7 +1,7 @@
-//! Hands that play written gestures: ergons that take a key along its path.
+//! Hands that play written gestures: ergons that move a key along its path.
 //!
-//! `framed` says at which frames something is due. `voice` makes one force a frame of it, by `voice/answer`. `free` is the
-//! key alone, on which the force is found. `particle` is a force as a mass that strikes.
+//! `framed` holds the frames at which positions are due. `voice` computes one force a frame, by `voice/answer`. `free`
+//! is the key alone, on which the force is found. `particle` applies a force by a mass that strikes.
 
 mod ergons_for_view;
 pub(crate) mod framed;

@@ -1,8 +1,8 @@
 //! Groups of oscillators over many frames, x[n+1] = a·x[n] − b·x[n−1], and their weighted sums.
 //!
 //! A group of 32 stays in registers from frame to frame; its sum stays in eight lanes until the last frame. The product
-//! b·x[n−1] is rounded, a·x minus it is fused: on every processor, by hardware where it has fma, else by the exact fma
-//! of libm (slow, with the same bytes).
+//! b·x[n−1] is rounded first, and a·x[n] minus it is one fused operation. This is so on every processor: with hardware
+//! fma if there is one, else with the exact fma of libm (slow, with the same bytes).
 
 /// Number of oscillators in a group.
 pub(crate) const LANES: usize = 32;
@@ -39,7 +39,7 @@ pub(crate) struct Rates {
 crate::archive::state!(Rates { a, b });
 
 impl Rates {
-    /// Write to `into` the coefficients of a group whose poles have `by` times the modulus.
+    /// Write to `into` the coefficients of the group with the modulus of its poles multiplied by `by`.
     pub(crate) fn faded(&self, by: f64, into: &mut Self) {
         for (into, own) in into.a.0.iter_mut().zip(&self.a.0) {
             *into = own * by;
@@ -92,8 +92,8 @@ pub(crate) fn follow(
     follow_on(rates, motion, weights, n_frames, sums, room);
 }
 
-/// The loops for one kind of vector: `$width` numbers in a `$vector`. The sum of a group is
-/// (x₀ + x₈) + (x₁₆ + x₂₄) for each of eight lanes, whatever the width.
+/// Generates the loops for one kind of vector: `$width` numbers in a `$vector`. Whatever the width, the sum of a group
+/// has eight lanes, each (x₀ + x₈) + (x₁₆ + x₂₄).
 macro_rules! loops {
     ($module:ident, $(#[$feature:meta])? $width:literal, $vector:ty, $load:expr, $store:expr,
      $add:expr, $mul:expr, $less:expr, $more:expr) => {
@@ -153,7 +153,7 @@ macro_rules! loops {
                 }
             }
 
-            /// Add Σ w·x to a sum.
+            /// Add Σ w·x to a sum, lane by lane.
             $(#[$feature])?
             #[inline]
             unsafe fn see(sum: &mut Sum, part: usize, w: &Four, x: &Four) {
@@ -342,7 +342,7 @@ loops!(
     crate::maths::fma
 );
 
-/// Call the loop for the widest vectors of this processor.
+/// Defines a function that calls the loop for the widest vectors of this processor.
 macro_rules! fastest {
     ($name:ident, $loop:ident, $($value:ident: $kind:ty),*) => {
         fn $name($($value: $kind),*) {

@@ -1,5 +1,6 @@
-//! Forces of contacts that are written `contact: exact`, which keep the energy, by a discrete gradient (Chatziioannou & van Walstijn 2015), in closed
-//! form for a linear contact and by a bracketed secant for a power law. Dry friction is solved with them.
+//! Forces of contacts with `contact: exact`, which conserve the energy. They use a discrete gradient (Chatziioannou &
+//! van Walstijn 2015): in closed form for a linear contact, by a bracketed secant for a power law. Dry friction is
+//! solved together with them.
 
 mod friction;
 
@@ -11,7 +12,8 @@ use crate::maths::power_law;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 
-/// Largest number of secant steps. Two steps at least halve the bracket, so that it is closed by then; 5 to 10 are usual.
+/// Largest number of secant steps; 5 to 10 are usual. Two steps at least halve the bracket, so that so many steps
+/// always close it.
 const STEPS_MAX: usize = 200;
 
 /// Largest number of rounds over contacts that share a MAT. Each round reduces the error by the factor of their
@@ -20,8 +22,8 @@ const ROUNDS_MAX: usize = 200;
 /// Relative change of a force below which contacts that share a MAT have converged.
 const AGREE: f64 = 1e-14;
 
-/// Solve all exact contacts, after all other forces are summed. Contacts that share a MAT are solved in turn until
-/// they converge (Gauss-Seidel; the problem is convex, so that they converge).
+/// Solve all exact contacts and all dry friction, after all other forces are summed. Those that share a MAT are solved
+/// in turn until they converge (Gauss-Seidel; the problem is convex, so that this converges).
 pub(crate) fn contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
     for run in &scheme.exact {
         body.link[run.first] = 0.0;
@@ -29,13 +31,13 @@ pub(crate) fn contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body:
     solve(scheme, gates, targets, body, |_| true);
 }
 
-/// Solve all dry friction again, after contacts that are computed finer than a frame have pushed: it is the last of a
-/// mass's forces.
+/// Solve all dry friction again, after the forces of contacts in substeps were added: friction is the last force on a
+/// mass.
 pub(crate) fn friction(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
     solve(scheme, gates, targets, body, Run::is_dry);
 }
 
-/// Solve the exact runs of one kind in turn until they converge.
+/// Solve those exact runs for which `is_solved` holds, in turn until they converge.
 fn solve(
     scheme: &Scheme,
     gates: &[f64],
@@ -48,7 +50,7 @@ fn solve(
         let mut change = 0.0_f64;
         for run in scheme.exact.iter().filter(|run| is_solved(run)) {
             let before = body.link[run.first];
-            // Subtract the force of the last round, so that the contact is solved given all other forces.
+            // Subtract the force of the last round, so that the run is solved given all other forces.
             body.link[run.first] = -before;
             scatter(run, body);
             body.link[run.first] = force(scheme, gates, targets, body, run);
@@ -62,7 +64,7 @@ fn solve(
     }
 }
 
-/// Force of one exact contact, given all other forces [N].
+/// Force of one exact contact or dry friction, given all other forces [N].
 fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
     let but = match &run.kind {
         Kind::But(but) => but,
@@ -90,7 +92,7 @@ fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &
     s * contact.push(free, before, now)
 }
 
-/// A contact over one step, from n−1 to n+1: K and Z per step, and what a newton moves its penetration by (β) [m/N].
+/// A contact over one step, from n−1 to n+1: K and Z per step, and β, the change of its penetration per newton [m/N].
 pub(crate) struct Contact {
     pub(crate) k: f64,
     pub(crate) z: f64,
@@ -100,8 +102,8 @@ pub(crate) struct Contact {
 }
 
 impl Contact {
-    /// The force [N] that takes the penetration from w (at n−1) to u (at n+1); without this force the penetration at
-    /// n+1 is p_free [m].
+    /// The force [N] that takes the penetration from `w` (at n−1) to u (at n+1). `free` is the penetration at n+1
+    /// without this force, `now` that at n [m].
     pub(crate) fn push(&self, free: f64, w: f64, now: f64) -> f64 {
         // Both ends are imposed (β = 0): the next penetration is known, and the gradient is explicit.
         if self.beta == 0.0 {
@@ -158,7 +160,8 @@ impl Contact {
         (self.potential(u) - self.potential(w)) / apart
     }
 
-    /// Solve u + β·gradient(u, w) = p by a bracketed secant; the left side rises with u, so that a root is bracketed.
+    /// Solve u + β·gradient(u, w) = p by a bracketed secant; the left side increases with u, so that the root can be
+    /// bracketed.
     fn solve(&self, p: f64, w: f64, beta: f64) -> f64 {
         if p <= 0.0 && w <= 0.0 {
             return p;
@@ -167,7 +170,7 @@ impl Contact {
         let (mut high, mut low) = (p, p - beta * self.gradient(p, w));
         let (mut at_high, mut at_low) = (residue(high), residue(low));
         while at_low > 0.0 {
-            // Keep the ends of the bracket distinct where they are equal after rounding.
+            // If both ends of the bracket round to the same number, move them apart.
             low -= (high - low).max(f64::EPSILON * high.abs());
             at_low = residue(low);
         }
@@ -185,9 +188,9 @@ impl Contact {
             };
             let at = residue(u);
             if at.abs() <= f64::EPSILON * p.abs().max(u.abs()) {
-                return u; // the rest is rounding
+                return u; // only rounding is left
             }
-            // Illinois rule: halve the value at the end that stays, so that the next secant falls on its side.
+            // Illinois rule: halve the residue at the end that stays, so that the next secant falls on its side.
             let stays = if at * side > 0.0 { 0.5 } else { 1.0 };
             if at > 0.0 {
                 (high, at_high, at_low) = (u, at, stays * at_low);

@@ -16,15 +16,15 @@ pub(crate) struct Laws {
     pub(crate) room: Vec<f64>,
     /// The springs partitioned for a thread team; `None` for one thread.
     pub(crate) mesh_partition: Option<MeshPartition>,
-    /// One for each law                                  (n_laws)
+    /// Scratch memory of each law, by its index           (n_laws)
     pub(crate) scratch: Vec<Scratch>,
-    /// Laws some of whose constants follow MATs, as they are now, by their rooms.
+    /// Laws with constants that follow MATs, with the current values of the constants; indexed by `room`.
     pub(crate) followed: Vec<Law>,
-    /// Forces of a run of links in space.
+    /// Scratch memory for links in space.
     pub(crate) space: SpaceScratch,
-    /// Of points that meet in all pairs, by their rooms.
+    /// Neighbour lists of runs of contacts between all pairs; indexed by `room`.
     pub(crate) neighbours: Vec<Neighbours>,
-    /// For native code; shared by all laws               (largest)
+    /// Scratch memory for compiled laws; shared by all   (largest)
     pub(crate) native: Vec<f64>,
 }
 
@@ -65,13 +65,13 @@ impl Laws {
     }
 }
 
-/// Laws that follow MATs, one for every room that a scheme names.
+/// Laws that follow MATs, one for every `room` in the scheme.
 pub(crate) fn followed(scheme: &Scheme) -> Vec<Law> {
     let runs = scheme.runs.iter();
     let mut laws: Vec<Law> = Vec::new();
     for run in runs {
         if let Kind::Followed { by, room, .. } = &run.kind {
-            // What lies before is a law of a run that is gone.
+            // Entries below this index belong to runs that the scheme no longer has; they get any law.
             laws.resize(laws.len().max(room + 1), by.law().clone());
             laws[*room] = by.law().clone();
         }
@@ -79,7 +79,7 @@ pub(crate) fn followed(scheme: &Scheme) -> Vec<Law> {
     laws
 }
 
-/// Memory for every room that a scheme names: runs that it has let go leave theirs empty.
+/// A neighbour list for every `room` in the scheme; those of runs that the scheme no longer has stay empty.
 fn neighbours(scheme: &Scheme) -> Vec<Neighbours> {
     let mut rooms = Vec::new();
     for run in &scheme.runs {

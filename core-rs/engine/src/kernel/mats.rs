@@ -1,4 +1,4 @@
-//! The MAT phase: all kinds by one formula, d += F·w − κ(x − rest) − ζd, x += d.
+//! The update of MATs: all kinds by one formula, d += F·w − κ(x − rest) − ζd, x += d.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,7 +12,7 @@ use crate::state::{Body, PreviousState, Target};
 /// Positions beyond this are treated as non-finite [m].
 const RUNAWAY: f64 = 1e4;
 
-/// Position of a MAT at the next frame by the forces summed so far [m].
+/// Position of a MAT at the next frame [m], given the forces summed so far.
 pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
     let step = body.force[i] * scheme.w[i]
         - scheme.kappa[i] * (body.x[i] - scheme.rest[i])
@@ -25,13 +25,13 @@ pub(crate) fn needed(scheme: &Scheme, body: &Body, i: usize, x: f64) -> f64 {
     (x - predict(scheme, body, i)) / scheme.w[i]
 }
 
-/// Velocity of a MAT now, by the forces summed so far: (x̂[n+1] − x[n−1])/2T [m/s].
+/// Velocity of a MAT at the current frame, given the forces summed so far: (x̂[n+1] − x[n−1])/2T [m/s].
 pub(crate) fn centred(scheme: &Scheme, body: &Body, i: usize) -> f64 {
     let before = body.x[i] - body.d[i];
     (predict(scheme, body, i) - before) * (0.5 * scheme.rate)
 }
 
-/// Move every MAT by one frame, and each MAT with a target onto the target. Returns whether all positions are sound.
+/// Move every MAT by one frame, and each MAT with a target to its target. Returns whether all positions are sound.
 pub(crate) fn advance(
     scheme: &Scheme,
     targets: &mut [Target],
@@ -84,8 +84,8 @@ fn free_in_ranges(
     within.into_inner()
 }
 
-/// Move a range of MATs: in place, or from the positions and steps in `from`; `force` is that of all MATs, `moved` are
-/// positions and steps of the range. Returns whether all positions are sound.
+/// Move a range of MATs: in place, or from the positions and steps in `from`. `force` holds the forces of all MATs,
+/// `moved` the positions and steps of the range. Returns whether all positions are sound.
 fn move_range(
     scheme: &Scheme,
     mats: Range<usize>,

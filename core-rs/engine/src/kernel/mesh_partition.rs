@@ -11,15 +11,15 @@ use crate::scheme::{Pull, Spring};
 
 /// Largest number of ranges.
 const MOST: usize = 8;
-/// Smallest number of MATs in a range. Two threads gain nothing below 1,000 MATs, where they wait for each other as
-/// long as they work (`integrate::tests::cost::of_a_crew`); from 2,000 on they always gain.
+/// Smallest number of MATs in a range. In a mesh of fewer than 1,000 MATs two threads gain nothing: they wait for each
+/// other as long as they work (`integrate::tests::cost::of_a_crew`). From 2,000 MATs on they always gain.
 pub(crate) const LEAST: usize = 1_000;
 
 /// The ranges of a mesh, in order.
 #[derive(Clone, Debug)]
 pub(crate) struct MeshPartition(Vec<MeshRange>);
 
-/// A range of MATs, and the parts of the arrays that the pass changes for this range.
+/// A range of MATs, and its slices of the arrays that the pass changes.
 type Part<'a, const N: usize> = (Range<usize>, [&'a mut [f64]; N]);
 
 #[derive(Clone, Debug)]
@@ -33,7 +33,7 @@ struct MeshRange {
 }
 
 impl MeshPartition {
-    /// The partition for a number of threads; `None` where the mesh is too small for threads to gain time.
+    /// The partition for a number of threads; `None` if the mesh is too small for threads to save time.
     pub(crate) fn for_threads(springs: &[Spring], n_mat: usize, threads: usize) -> Option<Self> {
         let parts = threads.min(n_mat / LEAST).min(MOST);
         (parts > 1 && !springs.is_empty()).then(|| Self::cut(springs, n_mat, parts))
@@ -60,7 +60,7 @@ impl MeshPartition {
         Self(mesh_partition)
     }
 
-    /// Keep the ranges and replace the springs.
+    /// Keep the ranges and use other springs.
     pub(crate) fn cut_again(&mut self, springs: &[Spring]) {
         for range in &mut self.0 {
             *range = MeshRange::of(springs, range.mats.clone());
@@ -68,7 +68,7 @@ impl MeshPartition {
     }
 
     /// Call `work(springs, scratch, force)` for every range; `force` is the range's part of the forces [N], (n_mat),
-    /// set to 0 before.
+    /// and is set to 0 before.
     pub(crate) fn forces(
         &mut self,
         team: &mut ThreadTeam<'_>,
@@ -95,7 +95,7 @@ impl MeshPartition {
         });
     }
 
-    /// Call `work(mats, arrays)` for every range of MATs, with its part of each array that the pass changes, (n_mat) each.
+    /// Call `work(mats, arrays)` for every range of MATs, with its slice of each array in `changed`, (n_mat) each.
     pub(crate) fn ranges<const N: usize>(
         &self,
         team: &mut ThreadTeam<'_>,
@@ -133,7 +133,8 @@ impl MeshRange {
             let both = a.start.max(b.start)..a.end.min(b.end);
             let [only_a, only_b] = [&a, &b].map(|own| without(own, &both));
             let to = |end: usize, i: usize| end + i - mats.start;
-            // A MAT at an end a and at an end b of a run adds the force at its end a first, as in the undivided run.
+            // A MAT that is an end a of one link and an end b of another adds its force as end a first, as in the
+            // undivided run.
             own.extend(run.piece(only_a, |i| Pull::A(to(run.a, i))));
             own.extend(run.piece(both, |i| Pull::Both(to(run.a, i), to(run.b, i))));
             own.extend(run.piece(only_b, |i| Pull::B(to(run.b, i))));
@@ -147,7 +148,7 @@ impl MeshRange {
     }
 }
 
-/// The rest of `all` without `part`; `part` lies at one end of `all`.
+/// `all` without `part`, which lies at one end of `all`.
 fn without(all: &Range<usize>, part: &Range<usize>) -> Range<usize> {
     if part.is_empty() {
         all.clone()
@@ -166,7 +167,7 @@ mod tests {
 
     const N_MAT: usize = 90;
 
-    /// Runs of all lengths: some overlap themselves, some do not, some have their second points first.
+    /// Runs of all lengths: with ends that overlap, with ends that do not, and with end b before end a.
     fn springs(seed: i128) -> Vec<Spring> {
         let mut chance = Chance::new(seed, "halves", "", 0, 0);
         let mut below = |n: usize| chance.uniform(0.0, n as f64) as usize;
@@ -193,7 +194,7 @@ mod tests {
         (0..N_MAT).map(|_| chance.uniform(-1.0, 1.0)).collect()
     }
 
-    /// The order of summation, and so every bit, does not depend on the number of threads.
+    /// The order of summation, and with it every bit, does not depend on the number of threads.
     #[test]
     fn every_mat_feels_the_same_bits() {
         let (x, v) = (numbers("x"), numbers("v"));

@@ -1,10 +1,11 @@
 //! Contacts and attractions between all pairs of points of two groups.
 //!
-//! Points that meet each other are found by cells, and kept while nothing has moved far (`neighbours`); what touches is
-//! computed a batch at a time (`batch`). Walls, and what acts from afar, look at every point (`walls`).
+//! Pairs of near points are found by cells; the list is kept until a point has moved too far (`neighbours`). Pairs that
+//! touch are computed in batches (`batch`). For walls, and for forces that act at a distance, every point is visited
+//! (`walls`).
 //!
-//! Pairs are taken in the order of their points, whatever the cells and batches: the same sums in the same order, however
-//! long a list of neighbours was kept.
+//! Pairs are always added in the order of their points, whatever the cells and batches and however long a list of
+//! neighbours was kept: the sums have the same order and the same bits.
 
 mod batch;
 mod cells;
@@ -19,14 +20,14 @@ use crate::network::{AXES_MAX, PairRun};
 use crate::scheme::Run;
 use crate::state::Body;
 
-/// Coordinates of a point, or components of a force, and one number more: a single load takes them all.
+/// Coordinates of a point, or components of a force, and one more number, so that a single vector load takes all.
 type Quad = [f64; AXES_MAX + 1];
 
-/// The numbers of a pair of points: the first group, then the second where it is another.
+/// Indices of a pair of points. Points of the second group, if there is one, are counted after those of the first.
 type Pair = [u32; 2];
 
-/// Add the forces of all pairs to the coordinates of the points, and note how strongly each point of the second group is
-/// pushed [N].
+/// Add the forces of all pairs to the coordinates of the points. Also store the sum of the pair forces on each point of
+/// the second group [N].
 pub(super) fn forces(
     run: &Run,
     pairs: &PairRun,

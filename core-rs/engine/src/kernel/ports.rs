@@ -1,10 +1,10 @@
-//! Coupling between ports and a group of modes at instants within a frame: positions out, impulses in.
+//! Coupling between ports and a group of modes at instants within a frame: reads positions, applies impulses.
 
 use super::bank::{LANES, Lanes, SUMS, Sum, joined};
 use crate::maths::wide::wide;
 
-/// The sum of a group, lane by lane. The terms are computed in a loop of their own: in one loop with the sums they would
-/// be gathered from memory one by one.
+/// The sum of a group, lane by lane. The terms come from a loop of their own: fused with the sums they would be loaded
+/// from memory one by one.
 #[inline(always)]
 fn summed(terms: &Lanes) -> f64 {
     let mut sum = Sum::ZERO;
@@ -17,8 +17,8 @@ fn summed(terms: &Lanes) -> f64 {
 }
 
 wide! {
-    /// Add to `path` [m], (S + 1), the position of a port at each instant: the sum of its row over modes interpolated
-    /// between `now` and `next` by the two weights of the instant in `table`.
+    /// Add to `path` [m], (S + 1), the position of a port at each instant: the sum over modes of its row times the
+    /// mode's position, interpolated between `now` and `next` with the two weights of the instant in `table`.
     pub(crate) fn add_path(
         row: &Lanes,
         table: &[[Lanes; 2]],
@@ -37,8 +37,8 @@ wide! {
 }
 
 wide! {
-    /// Set `kicks` to the displacements of the modes at the next frame and at the one after it by impulses at the
-    /// instants of `table`; `row`: the share of each mode.
+    /// Set `kicks` to the displacements of the modes at the next frame and at the one after it that `impulses` at the
+    /// instants of `table` cause; `row`: the share of each mode.
     pub(crate) fn kick(impulses: &[f64], table: &[[Lanes; 2]], row: &Lanes, kicks: &mut [Lanes; 2]) {
         let mut sums = [[0.0; LANES]; 2];
         for (&impulse, pair) in impulses.iter().zip(table) {
@@ -66,7 +66,7 @@ wide! {
 }
 
 wide! {
-    /// Position of a port by a kick: the product of its row and the kick.
+    /// Change of the position of a port by a kick: the product of its row and the kick.
     pub(crate) fn see(row: &Lanes, kick: &Lanes) -> f64 {
         let mut terms = Lanes::ZERO;
         for ((term, row), kick) in terms.0.iter_mut().zip(&row.0).zip(&kick.0) {

@@ -1,9 +1,10 @@
-//! Points between masses: forces are divided among the masses, and positions gathered from them.
+//! Proxies, points between masses: their forces are divided among the masses, and their positions computed from those
+//! of the masses.
 
 use crate::scheme::Scheme;
 use crate::state::Body;
 
-/// Add the forces on each proxy to its masses.
+/// Add the force on each proxy to its masses, by their shares.
 pub(crate) fn divide(scheme: &Scheme, body: &mut Body) {
     let Body { x, force, .. } = body;
     for proxy in &scheme.proxies {
@@ -14,7 +15,7 @@ pub(crate) fn divide(scheme: &Scheme, body: &mut Body) {
     }
 }
 
-/// Note where proxies are, before anything moves.
+/// Store the positions of proxies before anything moves.
 pub(crate) fn note(scheme: &Scheme, body: &mut Body) {
     let Body { x, proxies, .. } = body;
     for (proxy, before) in scheme.proxies.iter().zip(proxies) {
@@ -22,12 +23,13 @@ pub(crate) fn note(scheme: &Scheme, body: &mut Body) {
     }
 }
 
-/// Put proxies where their masses have moved since [`note`].
+/// Move proxies to the positions that follow from their masses; for proxies that change their masses, the step is that
+/// since [`note`].
 pub(crate) fn gather(scheme: &Scheme, body: &mut Body) {
     let Body { x, d, proxies, .. } = body;
     for (proxy, before) in scheme.proxies.iter().zip(&*proxies) {
         x[proxy.mat] = proxy.sum(|mat| x[mat], |mat| x[mat]);
-        // A difference of positions has fewer digits than their last steps.
+        // The weighted sum of last steps keeps more digits than a difference of positions.
         d[proxy.mat] = if proxy.is_moving() {
             x[proxy.mat] - before
         } else {
@@ -36,7 +38,7 @@ pub(crate) fn gather(scheme: &Scheme, body: &mut Body) {
     }
 }
 
-/// Put proxies where their masses are, moving as these do.
+/// Set positions and last steps of proxies from those of their masses.
 pub(crate) fn join(scheme: &Scheme, body: &mut Body) {
     let Body { x, d, .. } = body;
     for proxy in &scheme.proxies {

@@ -2,11 +2,12 @@
 
 use crate::maths::wide::wide;
 
-/// Add forces to MATs from `a` on, and subtract them from MATs from `b` on. A MAT at both adds first.
+/// Add forces to MATs from `a` on, and subtract them from MATs from `b` on. At a MAT in both ranges the force is added
+/// first.
 #[inline(always)]
 pub(super) fn add(f: &[f64], force: &mut [f64], a: usize, b: usize) {
     let (low, high) = (a.min(b), a.max(b));
-    // MATs at one end only, before and behind those at both.
+    // Number of MATs at each side that belong to one range only.
     let alone = high - low;
     if alone >= f.len() {
         let (before, behind) = force.split_at_mut(high);
@@ -38,7 +39,7 @@ pub(super) fn add(f: &[f64], force: &mut [f64], a: usize, b: usize) {
 }
 
 wide! {
-    /// [`add`] by itself.
+    /// [`add`] as a separate function, compiled for each vector width.
     pub(super) fn pull(f: &[f64], force: &mut [f64], a: usize, b: usize) {
         add(f, force, a, b);
     }

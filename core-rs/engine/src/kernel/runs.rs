@@ -1,5 +1,5 @@
-//! Forces of links of every kind (springs, dampers, contacts, laws), a run of equal ones at a time: each in three
-//! passes (forces, ends a, ends b), so that each pass vectorises although the runs of a mesh overlap themselves.
+//! Forces of links of every kind (springs, dampers, contacts, laws), one run of equal links at a time. Each run takes
+//! three passes (forces, ends a, ends b), so that each pass vectorises although the two ends of a run may overlap.
 
 use super::Laws;
 use super::pull::pull;
@@ -88,7 +88,7 @@ pub(crate) fn links(
                     f[i] = law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
                 }
             }
-            // Dry friction is solved later, with the exact contacts; links in space are done above.
+            // Dry friction is solved later, with the exact contacts; links in space are already computed above.
             Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => f.fill(0.0),
             Kind::Lnl { law, rate, room } => match law.hardening_spring() {
                 Some(by) => hardening(by, *rate, run.rest, &ends, f),
@@ -114,7 +114,7 @@ pub(crate) fn links(
     }
 }
 
-/// Bend the bristles of a frame that has ended by what their ends moved in it.
+/// Update the bending of all bristles at the end of a frame, from the motion of their ends in it.
 pub(crate) fn bend(scheme: &Scheme, body: &mut Body) {
     if body.memory.is_empty() {
         return;
@@ -168,7 +168,8 @@ wide! {
 }
 
 wide! {
-    /// Hardening springs in one pass, with the operations in the order of the interpreted law: the same bits.
+    /// Hardening springs without the interpreter; the operations have the order of the interpreted law, so that the
+    /// bits are the same.
     pub(super) fn hardening(by: Hardening, rate: f64, rest: f64, ends: &Ends<'_>, f: &mut [f64]) {
         let n = f.len();
         let [xa, xb, da, db] = ends.cut(n);
@@ -191,7 +192,7 @@ pub(super) fn scatter(run: &Run, body: &mut Body) {
     pull(f, &mut body.force, run.a, run.b);
 }
 
-/// Sign s of the side that a contact is approached from: the penetration is s·e.
+/// Sign s of the side from which a contact is approached: the penetration is s·e.
 pub(crate) fn side(but: &But) -> f64 {
     match but.side {
         Side::Below => -1.0,
@@ -204,7 +205,7 @@ fn contact(but: &But, run: &Run, e: f64, step: f64) -> f64 {
     s * push(but, run.k, run.z, s * e, s * step)
 }
 
-/// The stiffness that all links of a run have in common [N/m], from their elongations; 0 where each has its own.
+/// The stiffness that all links of a run share [N/m], computed from their elongations; 0 if each link has its own.
 pub(crate) fn tension(run: &Run, e: impl Fn(usize) -> f64) -> f64 {
     match &run.kind {
         Kind::Lnl { law, .. } if law.is_shared() => {
@@ -214,12 +215,12 @@ pub(crate) fn tension(run: &Run, e: impl Fn(usize) -> f64) -> f64 {
     }
 }
 
-/// Its share of the energy in one link at elongation `e` [m], in joules.
+/// The part of the energy of a shared `tension` that one link at elongation `e` [m] stores, in joules.
 pub(crate) fn tension_energy(tension: f64, e: f64) -> f64 {
     0.25 * tension * e * e
 }
 
-/// Potential energy of one link of a run at elongation `e` [m], in joules, but for a shared tension's.
+/// Potential energy of one link of a run at elongation `e` [m], in joules, without that of a shared tension.
 pub(crate) fn potential(run: &Run, e: f64) -> f64 {
     match &run.kind {
         Kind::Ref => 0.5 * run.k * e * e,
@@ -235,7 +236,7 @@ pub(crate) fn potential(run: &Run, e: f64) -> f64 {
         Kind::Lnl { law, .. } => law.potential(e),
         Kind::Space(space) => space.law.potential(run.k, e),
         Kind::Pairwise { by, .. } => by.link.law.potential(run.k, e), // of one pair
-        // No functions of the elongation alone.
+        // Their forces are not functions of the elongation alone.
         Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
     }
 }

@@ -1,5 +1,5 @@
-//! Forces of links in space: of springs in one pass; of other laws distances and directions, the law, and its components,
-//! a pass each, so that each vectorises.
+//! Forces of links in space. Springs take one pass. Other laws take one pass each for distances and directions, for the
+//! law, and for the components, so that each vectorises.
 
 use super::pull::pull;
 use crate::maths::wide::wide;
@@ -14,7 +14,7 @@ pub(crate) struct SpaceScratch {
     along: [Vec<f64>; AXES_MAX],
     /// Distance − rest [m].
     e: Vec<f64>,
-    /// What the distance grows by a frame [m].
+    /// Change of the distance in the last step [m].
     step: Vec<f64>,
 }
 
@@ -31,7 +31,7 @@ impl SpaceScratch {
     }
 }
 
-/// Add the forces of a run to the coordinates of its ends, and note how strongly each link pulls [N].
+/// Add the forces of a run to the coordinates of its ends, and store the force along each link [N].
 pub(super) fn forces(
     run: &Run,
     link: &SpaceLink,
@@ -94,7 +94,8 @@ struct Ends<'a> {
 }
 
 impl<'a> Ends<'a> {
-    /// Of `n` links whose first one joins these MATs. Along an axis that there is not their ends are at one place.
+    /// Of `n` links, the first of which joins `ends`. Along an axis that the network does not have, both ends get the
+    /// same positions.
     fn of(
         n_axes: usize,
         ends: &[(usize, usize); AXES_MAX],
@@ -118,7 +119,7 @@ impl<'a> Ends<'a> {
     }
 }
 
-/// Unit vector, distance − rest, and what the distance grows by a frame, of the i-th link.
+/// Unit vector of the i-th link, its distance − rest, and the change of the distance in the last step.
 #[inline(always)]
 fn link_line(
     [x, d]: &[[[&[f64]; 2]; AXES_MAX]; 2],
@@ -131,14 +132,14 @@ fn link_line(
     (along, length - rest, step)
 }
 
-/// Distance − rest [m] of a link whose rest length has grown by `memory` [m], which follows where it yields.
+/// Distance − rest [m] of a link whose rest length has grown by `memory` [m]; updates `memory` if the link yields.
 fn settle(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
     let settled = link.law.settled(k, e, *memory);
     *memory = e - settled;
     settled
 }
 
-/// [`forces`] of a run of one link, for which a pass each would cost ten times as much.
+/// [`forces`] of a run of one link, for which separate passes would cost ten times as much.
 fn single(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
     let ends = (run.a, run.b);
     let (length, along) = link.line(ends, |mat| body.x[mat]);
@@ -159,7 +160,7 @@ fn single(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
 }
 
 wide! {
-    /// Forces of springs and their components; `by`: K, Z, rest, and how far open they are.
+    /// Forces of springs and their components; `by`: K, Z, rest, and the opening of the gate.
     fn springs(
         by: [f64; 4],
         ends: &Ends<'_>,
@@ -184,7 +185,7 @@ wide! {
 }
 
 wide! {
-    /// Distances − rest, what they grow by a frame, and unit vectors.
+    /// Distances − rest, their change in the last step, and unit vectors.
     fn lines(
         rest: f64,
         ends: &Ends<'_>,
@@ -206,7 +207,7 @@ wide! {
 }
 
 wide! {
-    /// Components of forces from those of unit vectors.
+    /// Turn components of unit vectors into components of forces.
     fn scale(f: &[f64], along: &mut [f64]) {
         for (along, f) in along.iter_mut().zip(f) {
             *along *= f;

@@ -1,6 +1,6 @@
 //! All springs of a network in one pass; each force is added to its two ends at once.
 //!
-//! The vector width is chosen once a pass, not once a run, since the runs of a mesh are short.
+//! The vector width is chosen once per pass rather than once per run, since the runs of a mesh are short.
 
 use super::pull::add;
 use crate::maths::wide::wide;
@@ -12,7 +12,7 @@ pub(crate) fn ends<'a>(run: &Spring, x: &'a [f64]) -> (&'a [f64], &'a [f64]) {
     (&x[run.a..][..run.len], &x[run.b..][..run.len])
 }
 
-/// Add f(i) of every link to its end a and subtract it from its end b, as far as `pull` names these ends.
+/// Add f(i) of every link to its end a and subtract it from its end b, but only at the ends that `pull` names.
 #[inline(always)]
 pub(crate) fn spread(run: &Spring, room: &mut [f64], force: &mut [f64], f: impl Fn(usize) -> f64) {
     let len = run.len;
@@ -29,7 +29,7 @@ pub(crate) fn spread(run: &Spring, room: &mut [f64], force: &mut [f64], f: impl 
             return;
         }
     };
-    // Where the two ends do not overlap, one loop gives the same sums.
+    // If the two ends do not overlap, one loop gives the same sums.
     if b >= a + len {
         let (low, high) = force.split_at_mut(b);
         both(&mut low[a..][..len], &mut high[..len], f);

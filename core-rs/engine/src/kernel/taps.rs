@@ -24,8 +24,8 @@ pub(crate) fn tap(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
 fn value(scheme: &Scheme, body: &Body, term: &Term) -> f64 {
     match *term {
         Term::Position { first, len, weight } => weight * sum(&body.x[first..first + len]),
-        Term::Length { .. } => 0.0, // a tap of its own
-        // The force of a link on its second point is −f.
+        Term::Length { .. } => 0.0, // summed by `Tap::Lengths`
+        // A link with force f acts with −f on its second point.
         Term::Force { first, len, weight } => -weight * sum(&body.link[first..first + len]),
         Term::Ground { first, len, weight } => {
             let range = first..first + len;

@@ -1,4 +1,4 @@
-//! Loops as the processor chose them against the same sums one after the other: the same bits.
+//! The loops chosen for this processor give the same bits as the same sums computed one after the other.
 
 use std::hint::black_box;
 
@@ -61,7 +61,7 @@ proptest! {
         }
     }
 
-    /// At a MAT at both ends the end a is added first, however far the ends are apart.
+    /// A MAT that is at end a and at end b adds the force of end a first, whatever the distance between the ends.
     #[test]
     fn pulls(
         f in (0usize..70).prop_flat_map(numbers),
@@ -95,7 +95,7 @@ proptest! {
             let force = black_box(k * stretch) + black_box(z * black_box(db[i] - da[i]));
             prop_assert_eq!(forces[i].to_bits(), force.to_bits());
         }
-        // A damping of 0 is no damping.
+        // A damping of 0 equals no damping.
         let law = Law::hardening(k, q, z.max(0.0)).expect("a law");
         hardening(law.hardening_spring().expect("it hardens"), 44_100.0, rest, &ends, &mut forces);
         let e: Vec<f64> = (0..n).map(|i| xb[i] - xa[i] - rest).collect();

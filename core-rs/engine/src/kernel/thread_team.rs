@@ -51,7 +51,7 @@ impl ThreadTeam<'_> {
         Self(None)
     }
 
-    /// Call `run` with a team of `threads` threads, the calling one included; fewer where the system starts fewer.
+    /// Call `run` with a team of `threads` threads, including the calling one; with fewer if the system starts fewer.
     pub(crate) fn with<R>(threads: usize, run: impl FnOnce(&mut ThreadTeam<'_>) -> R) -> R {
         if threads < 2 {
             return run(&mut ThreadTeam::alone());
@@ -62,7 +62,7 @@ impl ThreadTeam<'_> {
             // Dropped before the scope waits for the helpers, even where `run` panics.
             let _end = TeamEnd(shared);
             for _ in 1..threads {
-                // Where a thread cannot be started the team has one helper fewer.
+                // If a thread cannot be started, the team has one helper fewer.
                 let _ = Builder::new().spawn_scoped(scope, || flushed(|| shared.help()));
             }
             run(&mut ThreadTeam(Some(shared)))
@@ -90,7 +90,7 @@ unsafe impl<T: Send> Sync for Parts<T> {}
 
 impl<T> Parts<T> {
     /// # Safety
-    /// The slice is borrowed, `at` lies in it, and no other thread has that element.
+    /// The slice is borrowed, `at` is within it, and no other thread has that element.
     #[allow(clippy::mut_from_ref)]
     unsafe fn get(&self, at: usize) -> &mut T {
         // SAFETY: the caller guarantees it.
@@ -109,7 +109,7 @@ impl SharedPass {
             work: from_ref(work).cast(),
             call: call::<F>,
         };
-        // A helper that still reads the state of the last pass sees that all its parts are taken.
+        // A helper that still reads the state of the last pass finds no part left to take.
         self.task.store(from_ref(&task).cast_mut(), Relaxed);
         self.done.store(0, Relaxed);
         let pass = (self.state.load(Relaxed) >> (2 * BITS)) + 1;
@@ -130,7 +130,8 @@ impl SharedPass {
             if next >= n {
                 return None;
             }
-            // The task of this very pass: a pass cannot end before all parts are taken, and then `state` differs.
+            // This is the task of the pass in `state`: a pass cannot end before all its parts are taken, and then the
+            // exchange fails.
             let task = self.task.load(Relaxed);
             let taken = self
                 .state
@@ -172,7 +173,7 @@ struct PassEnd<'a>(&'a SharedPass, Cell<u64>);
 impl Drop for PassEnd<'_> {
     fn drop(&mut self) {
         let Self(shared, own) = self;
-        // Where the leader unwinds, parts that no thread has taken are left out.
+        // If the leader unwinds, close the pass: parts that no thread has taken are skipped.
         let close = |state: u64| Some(state & !MASK | parts(state).0);
         let found = shared.state.fetch_update(AcqRel, Acquire, close);
         let (_, taken) = parts(found.unwrap_or_else(|state| state));
@@ -184,7 +185,7 @@ impl Drop for PassEnd<'_> {
     }
 }
 
-/// On drop, ends the helpers.
+/// On drop, tells the helpers to stop.
 struct TeamEnd<'a>(&'a SharedPass);
 
 impl Drop for TeamEnd<'_> {

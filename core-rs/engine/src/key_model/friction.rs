@@ -1,11 +1,11 @@
-//! What dry friction of a key is in a step, and the contact before it slides.
+//! Dry friction of a key in a step, and its contact before it slides.
 
 use super::KeyModel;
 use crate::maths::exp;
 
-/// What dry friction does in a step, and how that depends on what moves.
+/// Dry friction in a step, and its derivatives.
 pub(super) struct Friction {
-    /// Level, its derivative with respect to the velocity, and what `static_dry` has in it.
+    /// Level [N], its derivative with respect to the velocity, and the share of `static_dry` in it.
     pub(super) level: f64,
     pub(super) slope: f64,
     pub(super) share: f64,
@@ -32,7 +32,7 @@ impl Friction {
     }
 }
 
-/// The contact before it slides: s' = v - σ|v| s/F, implicit in s, so that σ|s| never exceeds the level F.
+/// The contact before it slides: s' = v - σ|v| s/F, solved implicitly in s, so that σ|s| never exceeds the level F.
 pub(super) struct Contact {
     pub(super) s: f64,
     pub(super) by_s: f64,

@@ -11,53 +11,54 @@ use crate::dry::Turned;
 use crate::maths::floor;
 use derivatives::Step;
 
-/// Steps a second where no caller chose how many a tick has.
+/// Steps a second if the caller does not choose the steps of a tick.
 const FRAME_RATE: f64 = 44_100.0;
-/// Steps of a tick at least, where no caller chose.
+/// Fewest steps of a tick if the caller does not choose them, and most steps of a tick.
 const STEPS_MIN: usize = 4;
 const STEPS_MAX: usize = 10_000;
-/// An explicit oscillator is stable up to ω h = 2; half of it keeps frequencies near what was asked for.
+/// An explicit oscillator is stable up to ω h = 2; half of this keeps frequencies near their nominal values.
 const ANGLE_MAX: f64 = 1.0;
 
 /// A mode in motion, and the derivatives of its motion.
 #[derive(Clone, Debug)]
 struct Swing<const N: usize> {
     mass: f64,
-    /// ω² and 2ζω over what the trapezoidal rule adds, and ω itself.
+    /// ω², 2ζω, ω, and the denominator of the trapezoidal rule.
     stiff: f64,
     damp: f64,
     omega: f64,
     under: f64,
     x: f64,
     v: f64,
-    /// Its acceleration on the key's in this step, the other way round.
+    /// Its acceleration in this step, with opposite sign.
     gain: f64,
     dx: [f64; N],
     dv: [f64; N],
 }
 
-/// A key in motion, one tick after the other; `N` columns of derivatives are computed beside it.
+/// A key in motion, tick by tick; `N` columns of derivatives are computed with it.
 #[derive(Clone, Debug)]
 pub struct Motion<const N: usize = 0> {
     key: KeyModel,
-    /// Which column is with respect to what.
+    /// The parameter of each column.
     columns: Vec<Parameter>,
     steps: usize,
     step: f64,
-    /// h/m, Z h/2m, and 1 + that.
+    /// h/m, Z h/2m, and 1 + Z h/2m.
     push: f64,
     drag: f64,
     under: f64,
-    /// The last forces, the newest last; those before the first are zero. How many there were.
+    /// The last forces, the newest last (those before the first tick are zero), and the number of ticks so far.
     sent: Vec<f64>,
     ticks: usize,
-    /// Steps of a tick in which the force before still acts.
+    /// Steps of a tick in which the previous force still acts.
     late: f64,
     x: f64,
     v: f64,
-    /// The part of the next step in which spring and weight act: the velocity begins half a step before the position.
+    /// Fraction of the next step in which spring and weight act. It is a half in the first step, because the velocity
+    /// begins half a step before the position.
     part: f64,
-    /// How far the contact has given way before it slides.
+    /// Deflection of the contact before it slides.
     s: f64,
     pub(super) dx: [f64; N],
     dv: [f64; N],
@@ -66,7 +67,7 @@ pub struct Motion<const N: usize = 0> {
 }
 
 impl Motion<0> {
-    /// A key at rest at its start.
+    /// A key at rest at its start position.
     ///
     /// # Errors
     /// [`KeyError`] for a rate or steps by which the key cannot be computed.
@@ -102,7 +103,7 @@ impl<const N: usize> Motion<N> {
         if stiffest > ANGLE_MAX * ANGLE_MAX || fastest.fold(0.0, f64::max) > ANGLE_MAX {
             return Err(KeyError::Fast);
         }
-        // The velocity is half a step behind the position, so a force would act half a step early.
+        // The velocity is half a step behind the position, so without this shift a force would act half a step early.
         let shift = (key.delay + 0.5 * step) * rate;
         let whole = floor(shift);
         let mut dx = [0.0; N];
@@ -147,24 +148,24 @@ impl<const N: usize> Motion<N> {
         })
     }
 
-    /// Where the key is [m].
+    /// Position of the key [m].
     pub fn position(&self) -> f64 {
         self.x
     }
 
-    /// Put the key somewhere, at rest: an end of its travel has stopped it.
+    /// Put the key at `x`, at rest, as an end of its travel stops it.
     pub fn stop_at(&mut self, x: f64) {
         (self.x, self.v) = (x, 0.0);
     }
 
-    /// One tick with a force that acts after the delay, and one that acts at once [N].
+    /// Advance by one tick, with a force that acts after the delay and one that acts at once [N].
     pub fn tick(&mut self, force: f64, direct: f64) {
         self.sent.remove(0);
         self.sent.push(force);
         self.ticks += 1;
         let (before, now) = (self.sent[0], self.sent[1]);
         for step in 0..self.steps {
-            let rest = self.late - step as f64; // of the force before, in steps
+            let rest = self.late - step as f64; // steps in which the previous force still acts
             if rest >= 1.0 {
                 self.step(before + direct, 0.0, 1.0);
             } else if rest < 0.0 {
@@ -176,7 +177,7 @@ impl<const N: usize> Motion<N> {
         }
     }
 
-    /// The same motion with other columns, whose derivatives begin as zero.
+    /// The same motion with other columns, whose derivatives begin at zero.
     pub(super) fn widened<const M: usize>(&self, columns: Vec<Parameter>) -> Motion<M> {
         let none = [0.0; M];
         let swing = |mode: &Swing<N>| Swing {
@@ -213,7 +214,7 @@ impl<const N: usize> Motion<N> {
         }
     }
 
-    /// How much of a step's force is that of a tick, of whose two forces the earlier has the share `before`.
+    /// Share of the force of `tick` in the force of a step, in which the earlier of two forces has the share `before`.
     fn share_of(&self, tick: usize, before: f64) -> f64 {
         let age = self.ticks.wrapping_sub(tick + 1); // 0: the newest
         let oldest = self.sent.len() - 1;
@@ -226,8 +227,8 @@ impl<const N: usize> Motion<N> {
         }
     }
 
-    /// One step with this force, of which `slope` is the derivative with respect to the delay, and `before` the share of
-    /// the earlier of the two forces of this tick.
+    /// One step with `force`; `slope` is its derivative with respect to the delay, and `before` the share of the
+    /// earlier of the two forces of this tick.
     fn step(&mut self, force: f64, slope: f64, before: f64) {
         let (h, x, v) = (self.step, self.x, self.v);
         let mut pull = 0.0;

@@ -1,8 +1,8 @@
-//! What a path is differentiated with respect to.
+//! The parameters with respect to which a path is differentiated.
 
 use super::{OF_MODE, OWN};
 
-/// What a column of derivatives is with respect to.
+/// The parameter of a column of derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Parameter {
     Mass,

@@ -5,12 +5,12 @@ use crate::chance::Chance;
 use crate::maths::sqrt;
 
 const RATE: f64 = 44_100.0 / 44.0;
-/// 380 g that slides, with a mode of 20 g at 180 Hz.
+/// A sliding key of 380 g, with a mode of 20 g at 180 Hz.
 const ROW: [f64; 13] = [
     0.38, 60.0, 1.2, 0.15, 0.05, -2.5e-3, 1.1e-3, 0.0, 0.0, 0.0, 0.02, 180.0, 0.02,
 ];
 
-/// Strokes and a rain of single ticks, as strong as a fader's motor.
+/// Strokes and random single ticks, as strong as a fader's motor.
 fn forces(n: usize, seed: i128) -> Vec<f64> {
     let mut chance = Chance::new(seed, "test", "forces", 0, 0);
     let mut stroke = 0.0;
@@ -46,7 +46,7 @@ fn differs(a: &[f64], b: &[f64]) -> f64 {
     rms(a.iter().zip(b).map(|(a, b)| a - b))
 }
 
-/// The worst column's distance from central differences, relative.
+/// Largest relative difference of a column from central differences.
 fn tangent_error(row: &[f64], forces: &[f64]) -> f64 {
     let columns: Vec<usize> = (0..row.len()).filter(|&i| row[i] != 0.0).collect();
     let key = KeyModel::of_row(row).unwrap();
@@ -69,7 +69,8 @@ fn tangent_error(row: &[f64], forces: &[f64]) -> f64 {
             .collect();
         differs(&own, &differences) / rms(differences.into_iter())
     };
-    // Wide differences reach beyond a turn that comes or goes, narrow ones are rounded: one of them is near.
+    // Wide differences include turns that appear or vanish, narrow ones suffer from rounding; one of the three is
+    // accurate.
     let worst = columns.iter().enumerate().map(|(column, &index)| {
         let errors = [1e-5, 1e-6, 1e-7].map(|by| error(column, index, by * row[index].abs()));
         errors.into_iter().fold(f64::INFINITY, f64::min)
@@ -105,14 +106,14 @@ fn a_path_beside_its_derivatives_is_the_path() {
     }
 }
 
-/// A key that slides with 50 mN of dry friction under a force turns where its velocity is zero: parabolas.
+/// A key that slides with 50 mN of dry friction turns where its velocity is zero, and its path consists of parabolas.
 #[test]
 fn friction_turns_at_its_instant() {
     let (mass, dry) = (0.4, 0.05);
-    // Forces change between two velocities, so that friction begins with them.
+    // With this delay, forces change between two velocities, so that friction changes with them.
     let delay = |steps: usize| 0.5 / (RATE * steps as f64);
     let row = |steps| [mass, 0.0, 0.0, 0.0, dry, 0.0, delay(steps), 0.0, 0.0, 0.0];
-    // 0.4 N for 50 ticks, then -0.3 N: it goes on, stops and turns.
+    // 0.4 N for 50 ticks, then -0.3 N: the key goes on, stops and turns.
     let forces: Vec<f64> = (0..200).map(|n| if n < 50 { 0.4 } else { -0.3 }).collect();
     let (up, down, back) = ((0.4 - dry) / mass, (0.3 + dry) / mass, (0.3 - dry) / mass);
     let first = 50.0 / RATE;
@@ -134,7 +135,7 @@ fn friction_turns_at_its_instant() {
         let errors = errors.map(|(n, x)| x - exact(n, delay(steps)));
         errors.fold(0.0, |worst: f64, error| worst.max(error.abs()))
     };
-    // Of second order: sixteen times the steps leave a 256th, whatever the turn's place in its step.
+    // Second order: sixteen times the steps leave a 256th of the error, wherever in its step the turn lies.
     let (coarse, fine) = (error(7), error(112));
     assert!(
         coarse < 2e-8 && fine < coarse / 150.0,
@@ -149,7 +150,7 @@ fn the_path_is_of_second_order() {
     let fine = path(row, &forces, 1760);
     let [a, b] = [22, 88].map(|steps| differs(&path(row, &forces, steps), &fine));
     assert!(b < a / 14.0, "{a:e} {b:e}");
-    // With modes and friction: what is of first order is small beside a sensor's step of some micrometres.
+    // With modes and friction, the first-order error is small compared with a sensor's step of some micrometres.
     let fine = path(&ROW, &forces, 1760);
     let [a, b] = [22, 88].map(|steps| differs(&path(&ROW, &forces, steps), &fine));
     assert!(a < 1e-7 && b < a / 2.0, "{a:e} {b:e}");
@@ -206,7 +207,7 @@ fn what_is_no_key_is_refused() {
 }
 
 proptest! {
-    /// Whatever the key and the forces: finite, and no more energy than the forces put in.
+    /// For any key and any forces, the path is finite, and no energy exceeds what the forces put in.
     #[test]
     fn a_key_stays_finite(
         mass in 0.02..2.0f64, stiffness in 0.0..400.0f64, damping in 0.0..5.0f64, dry in 0.0..0.5f64,

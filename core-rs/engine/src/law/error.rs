@@ -83,7 +83,7 @@ impl LawError {
 /// The candidate nearest to `word`: at most one slip away for words of up to four letters, two for longer ones.
 pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
     let letters: Vec<char> = word.chars().flat_map(char::to_lowercase).collect();
-    // The table below grows with the length, and a word this long is no typing error.
+    // The table of slips grows with the length, and a word this long is not a typing error.
     if letters.len() > 32 {
         return None;
     }
@@ -93,7 +93,7 @@ pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
             let other: Vec<char> = candidate.chars().flat_map(char::to_lowercase).collect();
             (slips(&letters, &other), candidate)
         })
-        // Every single letter is one slip from every other one: of these only the case can be wrong.
+        // A single letter is one slip away from any other, so only its case is corrected.
         .filter(|(n, _)| *n <= allowed && (*n < letters.len()))
         .min_by_key(|(n, _)| *n)
         .map(|(_, candidate)| candidate.to_owned())

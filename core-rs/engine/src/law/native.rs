@@ -8,13 +8,13 @@ use super::tree::{Binary, Unary};
 use crate::maths::lanes;
 use crate::maths::wide::wide;
 
-/// Number of links that native code computes at once where it calls [`FUNCTIONS`].
+/// Number of links that native code computes at once if it calls [`FUNCTIONS`].
 pub const NATIVE_LANES: usize = 64;
 
 /// Native code of a law: forces `out` of `n` links at elongations `d` and rates `v`.
 ///
-/// `numbers` are the law's constants. Where the code calls a function, `room` holds [`NATIVE_LANES`] numbers for d,
-/// for v and for each row.
+/// `numbers` are the law's constants. If the code calls a function, `room` holds [`NATIVE_LANES`] numbers for d, for v
+/// and for each row.
 pub type Entry = unsafe extern "C" fn(
     d: *const f64,
     v: *const f64,
@@ -37,7 +37,7 @@ pub(super) struct Native {
 }
 
 impl fmt::Debug for Native {
-    /// The same wherever the code is: networks are known again by what `Debug` writes.
+    /// Does not depend on the place of the code, because networks are identified by their `Debug` output.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Native")
     }
@@ -59,7 +59,7 @@ impl Law {
         table.map(|table| table.constants).unwrap_or_default()
     }
 
-    /// How many of its operations are [`FUNCTIONS`].
+    /// Number of its operations that are [`FUNCTIONS`].
     pub(crate) fn n_functions(&self) -> usize {
         let calls = |row: &&Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);
         self.rows()
@@ -108,7 +108,7 @@ wide! {
 unsafe extern "C" fn exp(room: *mut f64, a: i64, _: i64, to: i64, n: i64) {
     // SAFETY: native code passes places of two rows of the room.
     let (a, out) = unsafe { (row(room, a, n), row_mut(room, to, n)) };
-    // Most LNLs of a score stand alone in their run.
+    // Most LNLs of a score are alone in their run.
     if let ([a], [out]) = (a, &mut *out) {
         *out = Unary::Exp.of(*a);
     } else {

@@ -15,12 +15,12 @@ use super::tree::{Binary, Node, Tree, Unary};
 /// Named constants of a law.
 pub type Constants = BTreeMap<String, f64>;
 
-/// Bounds of one expression; a law of the field has a line and some ten nodes.
+/// Bounds of one expression; a typical law has one line and about ten nodes.
 pub(super) const MAX_CHARACTERS: usize = 2_000;
 pub(super) const MAX_NODES: usize = 256;
 pub(super) const MAX_NESTING: usize = 64;
 
-/// What a function makes of its arguments.
+/// What a function does with its arguments.
 enum Function {
     One(Unary),
     Two(Binary),
@@ -56,14 +56,14 @@ const COMPARE: u8 = 1;
 const UNARY: u8 = 4;
 const POWER: u8 = 5;
 
-/// Whether a constant may not bear this name, because the language has it already.
+/// Whether a constant may not have this name, because the language uses it.
 pub(super) fn is_reserved(name: &str) -> bool {
     name == "d" || name == "v" || FUNCTIONS.iter().any(|(function, _)| *function == name)
 }
 
 /// Parse one expression.
 ///
-/// `open` are constants that may change later, by their numbers.
+/// `open` names the constants that may change later, in the order of their numbers.
 pub(super) fn parse(
     which: Which,
     text: &str,
@@ -119,7 +119,7 @@ impl Parser<'_> {
 
     fn take(&mut self) -> Token {
         let token = self.peek();
-        // The end stays where it is: there is always a next token.
+        // The end token is never passed, so there is always a next token.
         self.next = (self.next + 1).min(self.tokens.len() - 1);
         token
     }
@@ -134,7 +134,7 @@ impl Parser<'_> {
         Ok(self.nodes.len() - 1)
     }
 
-    /// Whatever binds at least as tightly as `least`.
+    /// Parse operators that bind at least as tightly as `least`.
     fn expression(&mut self, least: u8) -> Result<usize, LawError> {
         let mut left = self.operand()?;
         loop {
@@ -158,7 +158,7 @@ impl Parser<'_> {
         }
     }
 
-    /// `a < b < c` means two different things to two readers.
+    /// Refuse `a < b < c`, which readers understand in two ways.
     fn refuse_chain(&self) -> Result<(), LawError> {
         let token = self.peek();
         match token.among(&INFIX, |row| row.0) {
@@ -292,7 +292,7 @@ impl Parser<'_> {
         }
     }
 
-    /// One level deeper, where a level may hold another.
+    /// Parse one level deeper, if the nesting allows it.
     fn nested<T>(
         &mut self,
         at: &Token,
@@ -325,7 +325,7 @@ impl Parser<'_> {
     }
 }
 
-/// A name as a message quotes it.
+/// A name, shortened for a message.
 fn shortened(name: &str) -> String {
     if name.chars().count() <= 32 {
         return name.to_owned();

@@ -2,7 +2,7 @@
 
 use super::error::{LawError, Which};
 
-/// Most points of a law: more than a measured one needs, and the table still fits the L2 cache.
+/// Most points of a law: more than a measured law needs, and few enough for the L2 cache.
 const MAX_POINTS: usize = 10_000;
 
 /// Straight lines through points, extended beyond the first and the last.
@@ -10,7 +10,7 @@ const MAX_POINTS: usize = 10_000;
 pub(super) struct Points {
     d: Vec<f64>,
     f: Vec<f64>,
-    /// Of the line from point i to point i + 1.
+    /// Slope of the line from point i to point i + 1.
     slope: Vec<f64>,
     /// Energy from point 0 to point i.
     energy: Vec<f64>,

@@ -2,10 +2,10 @@
 
 use super::tree::{Binary, Node, Tree, Unary, whole};
 
-/// Highest degree recognised; a law of the field has degree 3.
+/// Highest degree recognised; a typical law has degree 3.
 const MAX_DEGREE: usize = 16;
 
-/// Coefficients by rising power of d; `None` where the tree is no polynomial, or a coefficient is not finite.
+/// Coefficients by rising power of d; `None` if the tree is not a polynomial, or a coefficient is not finite.
 pub(super) fn coefficients(tree: &Tree) -> Option<Vec<f64>> {
     polynomial(tree, tree.root).filter(|coefficients| coefficients.iter().all(|c| c.is_finite()))
 }

@@ -2,7 +2,8 @@
 //!
 //! Source: QUADPACK (Piessens, de Doncker-Kapenga, Überhuber, Kahaner 1983), rule `qk15`.
 
-/// Nodes of the Kronrod rule on [0, 1) of the half interval, from the outside in; odd ones are Gauss's.
+/// Nodes of the Kronrod rule on [0, 1) of the half interval, from the outside in; those with odd indices are Gauss
+/// nodes.
 const NODES: [f64; 7] = [
     0.991_455_371_120_812_6,
     0.949_107_912_342_758_5,
@@ -30,7 +31,8 @@ const GAUSS: [f64; 3] = [
 const GAUSS_CENTRE: f64 = 0.417_959_183_673_469_4;
 
 /// Weights of the fifteen points, from the near end on, that extrapolate their polynomial to the end of the interval.
-/// A kink between the end and the first point, which neither rule sees, shows as a difference from the true value.
+/// Neither rule detects a kink between the end and the first point; such a kink shows as a difference between the
+/// extrapolated and the true value.
 const EDGE: [f64; 15] = edge();
 
 const fn point(i: usize) -> f64 {
@@ -41,7 +43,7 @@ const fn point(i: usize) -> f64 {
     }
 }
 
-/// Lagrange's weights for x = 1.
+/// Lagrange weights for x = 1.
 const fn edge() -> [f64; 15] {
     let mut weights = [1.0; 15];
     let mut i = 0;
@@ -58,18 +60,18 @@ const fn edge() -> [f64; 15] {
     weights
 }
 
-/// Error allowed to one interval, relative to ∫|f|: some fifty bisections then stay below 1e-13, and
-/// rounding alone (some 2e-16) never asks for another.
+/// Error allowed for one interval, relative to ∫|f|. The sum over about fifty bisections stays below 1e-13, and
+/// rounding alone (about 2e-16) never causes another bisection.
 const TOLERANCE: f64 = 2e-15;
-/// Halvings of the whole: a jump then costs less than rounding does.
+/// Most halvings of an interval: a jump then costs less than rounding does.
 const DEPTH: u32 = 52;
-/// Most intervals in all. A law with a handful of kinks needs a few hundred; a function that needs more is taken to
-/// have no integral, and the sum so far is returned.
+/// Most intervals in all. A law with a few kinks needs a few hundred. A function that needs more is assumed to have no
+/// integral, and the sum so far is returned.
 const INTERVALS: usize = 10_000;
 
-/// Where the first intervals end: laws have their detail (slack, detents) near rest.
+/// Ends of the first intervals, as fractions of d: laws have their detail (slack, detents) near rest.
 const FIRST_ENDS: [f64; 5] = [1.0, 0.125, 0.015_625, 0.001_953_125, 0.0];
-/// Intervals that wait at once, at most.
+/// Most intervals that wait at once.
 const ROOM: usize = FIRST_ENDS.len() + DEPTH as usize + 1;
 
 /// ∫ f from 0 to `d`, to some 1e-13 of ∫|f|; kinks and jumps inside are found by bisection.
@@ -78,7 +80,8 @@ pub(super) fn integrate(f: impl Fn(f64) -> f64, d: f64) -> f64 {
         return 0.0;
     }
     let ends = FIRST_ENDS.windows(2);
-    // The deepest first: of each depth one panel waits at most. No memory is asked for while a simulation steps.
+    // The deepest panel comes first, so at most one panel of each depth waits. The fixed array avoids allocation while
+    // a simulation steps.
     let mut waiting = [const { Panel::NONE }; ROOM];
     let mut n_waiting = 0;
     for to in ends {
@@ -93,7 +96,7 @@ pub(super) fn integrate(f: impl Fn(f64) -> f64, d: f64) -> f64 {
         };
         n_waiting = last;
         let panel = waiting[last];
-        // What a coarse look missed (a narrow detent) counts as soon as it is seen.
+        // A narrow detent that coarse panels missed counts as soon as a panel finds it.
         scale = f64::max(scale, panel.size);
         if panel.error <= TOLERANCE * scale || panel.depth == DEPTH {
             sum += panel.integral;
@@ -132,7 +135,7 @@ impl Panel {
     fn new(f: &impl Fn(f64) -> f64, a: f64, b: f64, depth: u32) -> Self {
         let (half, centre) = (0.5 * (b - a), 0.5 * (a + b));
         let middle = f(centre);
-        // Value minus expected value, at b and at a.
+        // True value minus extrapolated value, at b and at a.
         let mut ends = (f(b) - EDGE[7] * middle, f(a) - EDGE[7] * middle);
         let mut kronrod = KRONROD_CENTRE * middle;
         let mut gauss = GAUSS_CENTRE * middle;

@@ -1,8 +1,8 @@
 //! A compiled expression: operations on registers, for one link or for a run of them.
 //!
-//! Every step writes a register of its own and reads earlier ones, so that an operation passes over up to
-//! 256 links in one plain loop, which the compiler turns into SIMD code. A single link goes
-//! through the same operations in the same order: the same bits come out.
+//! Every step writes its own register and reads earlier ones. An operation can thus process up to 256 links in one
+//! plain loop, which the compiler turns into SIMD code. A single link goes through the same operations in the same
+//! order, so its bits are the same.
 
 mod lanes;
 
@@ -10,8 +10,8 @@ use std::ops::{Deref, DerefMut};
 
 use super::tree::{Binary, Node, Tree, Unary, choose, whole, whole_power};
 
-/// Links per pass: a register is 2 KB, the dozen registers of a law stay in the L1 cache, and the 5 ns that a loop
-/// takes to begin count little.
+/// Links per pass: a register is 2 KB, the dozen registers of a law stay in the L1 cache, and the 5 ns that starting a
+/// loop takes hardly count.
 pub(super) const LANES: usize = 256;
 
 /// Numbers of one pass, aligned to cache lines, so that no vector crosses two.
@@ -48,7 +48,7 @@ const FEW_REGISTERS: usize = 32;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Step {
     Constant(f64),
-    /// A constant that may change, by its number.
+    /// A constant that may change: its number, and its value.
     Open(usize, f64),
     Unary(Unary, usize),
     WholePower(i32, usize),
@@ -65,7 +65,8 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// Compile a tree: what depends on neither d nor v is computed now, and equal expressions are computed once.
+    /// Compile a tree: subexpressions that depend on neither d nor v are computed now, and equal expressions are
+    /// computed once.
     pub(super) fn new(tree: &Tree) -> Self {
         let folded = fold(tree);
         let mut program = Self {
@@ -107,7 +108,7 @@ impl Program {
     /// The register of an equal earlier step, or a new one.
     fn register_of(&mut self, step: Step) -> usize {
         let same = |other: &Step| match (other, &step) {
-            // 0 and -0 are equal and not the same.
+            // 0 and -0 compare equal, but are different constants.
             (Step::Constant(a), Step::Constant(b)) => a.to_bits() == b.to_bits(),
             (other, step) => other == step,
         };
@@ -129,7 +130,7 @@ impl Program {
         registers
     }
 
-    /// Give a constant that may change another value.
+    /// Set an open constant to another value.
     pub(super) fn set(&mut self, slot: usize, value: f64) {
         for step in &mut self.steps {
             if let Step::Open(own, now) = step

@@ -1,5 +1,5 @@
-//! Forces of a run of links that follow a law (LNL): the whole force, or the elastic part and the damping apart, as methods of higher order
-//! need them.
+//! Forces of a run of links that follow a law (LNL): the whole force, or the elastic part and the damping separately,
+//! as methods of higher order need them.
 
 use super::program::{LANES, Program, Register};
 use super::{Elastic, Law};
@@ -28,7 +28,7 @@ impl Law {
         let room = |program: Option<&Program>| program.map(Program::registers).unwrap_or_default();
         let elastic = match &self.elastic {
             Elastic::Expression { program, .. } => program.registers(),
-            // Where the elongations lie.
+            // A register for the elongations.
             Elastic::None | Elastic::Points(_) => vec![Register::of(0.0)],
         };
         Scratch {
@@ -47,10 +47,10 @@ impl Law {
         }
     }
 
-    /// Forces of a run of links, each the same bits as [`Law::force`]; nothing is allocated.
+    /// Forces of a run of links, each with the same bits as [`Law::force`]; nothing is allocated.
     ///
-    /// `d`, `v`, `out`: (n_links,); `v` may be empty where the law has no damping. `scratch` is this
-    /// law's own: its registers hold the constants.
+    /// `d`, `v`, `out`: (n_links,); `v` may be empty if the law has no damping. `scratch` must be this law's own,
+    /// because its registers hold the constants.
     ///
     /// ```
     /// use ergon_engine::law::Law;
@@ -81,7 +81,7 @@ impl Law {
         } else if let Some(native) = &self.native {
             native.run(d, v, out, &scratch.numbers, room);
         } else if let [out] = out {
-            // Most LNLs of a score stand alone in their run.
+            // Most LNLs of a score are alone in their run.
             *out = self.force(d[0], v.first().copied().unwrap_or_default());
         } else {
             run(self, Part::Whole, d, v, out, scratch);
@@ -101,7 +101,7 @@ impl Law {
         }
     }
 
-    /// The damping's forces on a run of links; 0 where it has none. Nothing is allocated.
+    /// Damping forces of a run of links; 0 if the law has no damping. Nothing is allocated.
     ///
     /// `d`, `v`, `out`: (n_links,); `scratch` is this law's own.
     pub(crate) fn drag_run(&self, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch) {
@@ -130,13 +130,13 @@ impl Law {
         self.damping.is_some()
     }
 
-    /// Whether its force depends on the rate alone, or on nothing.
+    /// Whether its force depends on the rate alone, or is constant.
     pub(crate) fn is_damping_alone(&self) -> bool {
         let reads_d = |damping: &Program| damping.reads_d();
         matches!(self.elastic, Elastic::None) && !self.damping.as_ref().is_some_and(reads_d)
     }
 
-    /// Whether [`Law::eval_in`] computes any number of links at once in buffers of [`Law::scratch_alone`].
+    /// Whether [`Law::eval_in`] computes runs of any length with the buffers of [`Law::scratch_alone`].
     pub(crate) fn is_native(&self) -> bool {
         self.native.is_some() && !self.is_shared()
     }
@@ -146,7 +146,7 @@ impl Law {
         !matches!(self.elastic, Elastic::Expression { integral: None, .. })
     }
 
-    /// Elastic forces of a chunk of links as the law was written, before its reach.
+    /// Elastic forces of a chunk of links, before they are divided by the reach.
     #[inline(always)]
     fn elastic_chunk(&self, d: &[f64], out: &mut [f64], registers: &mut [Register]) {
         self.load(&mut registers[0], d);
@@ -163,7 +163,7 @@ impl Law {
         }
     }
 
-    /// Add the damping of a chunk of links, before its reach.
+    /// Add the damping of a chunk of links, before it is divided by the reach.
     #[inline(always)]
     fn damp_chunk(&self, d: &[f64], v: &[f64], out: &mut [f64], registers: &mut [Register]) {
         let Some(damping) = &self.damping else {
@@ -214,7 +214,7 @@ mod tests {
     use super::*;
     use crate::law::LawText;
 
-    /// Both parts have the bits of the law asked for one link, also seen through a lever.
+    /// Both parts have the same bits as the law of a single link, also through a lever.
     #[test]
     fn the_parts_are_those_of_the_whole() {
         let damping = Some("0.3*v*abs(v) + d");

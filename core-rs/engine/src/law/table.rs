@@ -7,9 +7,9 @@ use super::{Elastic, Law};
 /// Operands below this are d and v.
 pub(super) const FIRST_ROW: i32 = 2;
 
-/// One operation: its name and its operands. 0 is d, 1 is v, 2 + i what row i gives.
+/// One operation: its name and its operands. Operand 0 is d, 1 is v, and 2 + i is the result of row i.
 ///
-/// The operand of `constant` is the index of a number; the second of `whole_power` the exponent itself.
+/// The operand of `constant` is the index of a number; the second operand of `whole_power` is the exponent itself.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Row {
     /// The operation.
@@ -25,9 +25,10 @@ pub(super) struct Table {
 }
 
 impl Law {
-    /// The law's operations, for [`Law::set_native`]; None where it has no expression, or is faster as it is.
+    /// The law's operations, for [`Law::set_native`]; `None` if it is given by points, has open constants, or is faster
+    /// without native code.
     ///
-    /// Laws with equal rows differ in their numbers only: they can share one piece of code.
+    /// Laws with equal rows differ only in their numbers, so they can share native code.
     pub fn rows(&self) -> Option<Vec<Row>> {
         self.table().map(|table| table.rows)
     }
@@ -77,7 +78,7 @@ impl Table {
         self.push("constant", [self.constants.len() as i32 - 1, 0, 0])
     }
 
-    /// Append a program that reads `d` and `v`; where its value is.
+    /// Append a program that reads `d` and `v`; returns the operand that holds its value.
     fn program(&mut self, program: &Program, d: i32, v: i32) -> i32 {
         let mut at = vec![d, v];
         for step in program.steps() {

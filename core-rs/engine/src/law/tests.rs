@@ -28,7 +28,7 @@ fn damping(expression: &str, named: &[(&str, f64)]) -> Law {
     Law::new(&text).expect(expression)
 }
 
-/// The reference: what a tree means, walked without any compiling.
+/// The reference: evaluates a tree without compiling it.
 fn walk(tree: &Tree, node: usize, d: f64, v: f64) -> f64 {
     let of = |node| walk(tree, node, d, v);
     match tree.nodes[node] {
@@ -142,11 +142,11 @@ fn potentials_match_closed_forms() {
             let d = d / 4.0;
             200.0 * d * d + 0.75e7 * d * d * d * d
         });
-        // A rope: slack up to 0.1 mm, with a kink between here and there.
+        // A rope: slack up to 0.1 mm, with a kink inside the interval.
         let rope = law("where(d > 1e-4, k*(d - 1e-4), 0)", &[("k", 400.0)]);
         let taut = f64::max(d - 1e-4, 0.0);
         close(&rope, d, 200.0 * taut * taut);
-        // A jump at an odd place.
+        // A jump at an arbitrary place.
         let jump = law("where(d > 1.2345e-4, 3, 1)", &[]);
         close(&jump, d, d + 2.0 * f64::max(d - 1.2345e-4, 0.0));
         // Narrow, and near 0.
@@ -156,7 +156,7 @@ fn potentials_match_closed_forms() {
             d,
             25.0 * 9e-10 * -crate::maths::expm1(-(d / 3e-5) * (d / 3e-5)),
         );
-        // A power with a vertical tangent at 0, and friction's favourite.
+        // A power with a vertical tangent at 0, and an exponential.
         let power = law("sign(d)*abs(d)**0.5", &[]);
         close(&power, d, maths_power(d.abs(), 1.5) / 1.5);
         let soft = law("exp(-(d/1e-3))", &[]);
@@ -168,7 +168,7 @@ fn maths_power(a: f64, b: f64) -> f64 {
     crate::maths::pow(a, b)
 }
 
-// A polynomial is integrated exactly; the same written so that it is none, by quadrature.
+// A polynomial is integrated exactly; the same law, written so that it is not recognised, by quadrature.
 #[test]
 fn polynomials_are_recognised() {
     let named = [("k", 400.0), ("q", 3e7)];
@@ -265,7 +265,7 @@ fn slopes_are_tangents() {
 fn a_bow_is_active_and_a_brake_is_not() {
     assert!(!law("1 - d", &[]).is_active(1.0, 1.0));
     assert!(!damping("z*v + c*tanh(v/1e-4)", &[("z", 0.1), ("c", 0.3)]).is_active(0.01, 2.0));
-    // Moving at 0.2 m/s it drags along what is slower.
+    // A bow that moves at 0.2 m/s drags along anything slower.
     let bow = damping("f*tanh((v - 0.2)/1e-3)", &[("f", 0.3)]);
     assert!(bow.is_active(0.01, 2.0));
     assert!(bow.is_active(0.01, 200.0));
@@ -283,7 +283,7 @@ fn whole_powers_are_products() {
     for (exponent, product) in [("2", 1.1 * 1.1), ("3", 1.1 * 1.1 * 1.1), ("-1", 1.0 / 1.1)] {
         assert_eq!(law(&format!("d**{exponent}"), &[]).force(1.1, 0.0), product);
     }
-    // The same power whether its exponent is known beforehand or not.
+    // A power has the same value whether its exponent is constant or computed.
     let (fixed, free) = (law("d**7", &[]), law("d**(7 + 0*d)", &[]));
     assert!(same(fixed.force(1.7, 0.0), free.force(1.7, 0.0)));
     assert_eq!(law("d**0", &[]).force(0.0, 0.0), 1.0);
@@ -316,7 +316,7 @@ fn trees() -> impl Strategy<Value = String> {
 }
 
 proptest! {
-    // Three ways to the same bits: the tree as it stands, one link alone, a run of links.
+    // Three evaluations with the same bits: the tree itself, a single link, and a run of links.
     #[test]
     fn program_equals_tree_and_run_equals_scalar(
         text in trees(),
@@ -358,7 +358,7 @@ proptest! {
     }
 }
 
-/// A constant that is left open has the bits of one that is written, whatever it is set to.
+/// An open constant gives the same bits as a written one, whatever value it is set to.
 #[test]
 fn open_constants_are_as_if_they_were_written() {
     let text = "where(abs(v) < w, (k - k/3)*v, sign(v)*k*w/3) + k";

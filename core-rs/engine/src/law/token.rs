@@ -20,7 +20,7 @@ pub(super) struct Token {
 }
 
 impl Token {
-    /// The row of a table that this sign stands for.
+    /// The row of a table whose key is this sign; `None` for other tokens.
     pub(super) fn among<'t, T>(&self, table: &'t [T], key: impl Fn(&T) -> &str) -> Option<&'t T> {
         match self.kind {
             Kind::Sign(sign) => table.iter().find(|row| key(row) == sign),
@@ -81,7 +81,7 @@ pub(super) fn tokens(which: Which, text: &str) -> Result<Vec<Token>, LawError> {
         });
         at += length;
     }
-    // A message marks the last character, or the first place of an empty text.
+    // An error at the end of a text marks its last character, or the first place if the text is empty.
     let end = text.trim_end().chars().count();
     tokens.push(Token {
         kind: Kind::End,

@@ -63,7 +63,7 @@ impl Binary {
             Self::Multiply => a * b,
             Self::Divide => a / b,
             Self::Power => power(a, b),
-            // std's min and max leave open which zero wins.
+            // std's min and max do not define which zero they return.
             Self::Min => {
                 if b < a {
                     b
@@ -94,15 +94,16 @@ pub(super) fn choose(c: f64, a: f64, b: f64) -> f64 {
     if c != 0.0 { a } else { b }
 }
 
-/// Largest whole exponent taken by multiplying: above it the roundings add up to more than `pow`'s.
+/// Largest whole exponent that is computed by multiplication; above it, rounding errors add up to more than those of
+/// `pow`.
 const WHOLE: f64 = 64.0;
 
-/// The exponent as a whole number, where the power is taken by multiplying.
+/// The exponent as a whole number, if the power is computed by multiplication.
 pub(super) fn whole(exponent: f64) -> Option<i32> {
     (exponent.abs() <= WHOLE && exponent == maths::floor(exponent)).then_some(exponent as i32)
 }
 
-/// `a ** b`: by multiplying for whole exponents up to 64, which is exact where the product is.
+/// `a ** b`; whole exponents up to 64 by multiplication, which is exact if the products are.
 pub(super) fn power(a: f64, b: f64) -> f64 {
     match whole(b) {
         Some(n) => whole_power(a, n),
@@ -110,7 +111,8 @@ pub(super) fn power(a: f64, b: f64) -> f64 {
     }
 }
 
-/// Squares from the exponent's highest bit down, multiplying by `a` at each one: a fixed order.
+/// Repeated squaring from the highest bit of the exponent down, with a multiplication by `a` at each set bit: a fixed
+/// order.
 pub(super) fn whole_power(a: f64, n: i32) -> f64 {
     let size = n.unsigned_abs();
     if size == 0 {
@@ -126,11 +128,11 @@ pub(super) fn whole_power(a: f64, n: i32) -> f64 {
     if n < 0 { 1.0 / result } else { result }
 }
 
-/// A node; its arguments lie before it.
+/// A node; its arguments come before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Node {
     Number(f64),
-    /// A constant that may change: its number among these, and its value.
+    /// A constant that may change: its number among the open constants, and its value.
     Open(usize, f64),
     Elongation,
     Rate,
@@ -139,7 +141,7 @@ pub(super) enum Node {
     Where(usize, usize, usize),
 }
 
-/// An expression: nodes in the order of their making, the root last.
+/// An expression: nodes in the order in which they were made, the root last.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tree {
     pub(super) nodes: Vec<Node>,

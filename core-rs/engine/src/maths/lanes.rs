@@ -1,4 +1,4 @@
-//! Transcendentals over several lanes at once; each lane has the bits of the scalar function.
+//! Transcendental functions over several lanes at once; each lane has the bits of the scalar function.
 //!
 //! The operations and the constants are those of `libm` (FreeBSD msun, e_exp.c); where `libm` branches, a lane computes
 //! both sides and selects one.
@@ -91,7 +91,7 @@ mod tests {
             708.0,
         ];
         for border in borders.map(f64::to_bits) {
-            // libm looks at the upper half of a number: steps of a hundredth of its last bit.
+            // libm compares only the upper half of a number; the steps are a hundredth of that half's last bit.
             let near: Vec<f64> = (-4000i64..4000)
                 .map(|i| f64::from_bits(border.saturating_add_signed(i * 42_949_673)))
                 .flat_map(|x| [x, -x])

@@ -5,27 +5,27 @@ use crate::maths::pow;
 /// The way into a point of a [`Curve`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// Even.
+    /// Linear.
     Line,
-    /// Setting out and arriving at rest: 3u² − 2u³.
+    /// With zero slope at both ends: 3u² − 2u³.
     Smooth,
 }
 
 /// A point of a [`Curve`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Frame of the piece; before its beginning below 0.
+    /// Frame of the piece; negative before its beginning.
     pub frame: i64,
     /// Ratio of amplitudes, 0 or more.
     pub gain: f64,
-    /// How it is reached from the point before.
+    /// How the curve goes to this point from the one before.
     pub way: Way,
 }
 
-/// A gain as a function of the frame alone, so that it is the same from wherever a piece is entered.
+/// A gain as a function of the frame alone, so that it is the same wherever playback starts.
 ///
-/// Between two points it goes by its level in dB; from or to a gain of 0 it goes by the ratio. Before the first point and
-/// after the last one it stays.
+/// Between two points, the level in dB is interpolated; if one of the gains is 0, the gain itself. Before the first
+/// point and after the last one, the gain is constant.
 ///
 /// ```
 /// use ergon_engine::mix::curve::{Curve, Point, Way};
@@ -40,7 +40,7 @@ pub struct Point {
 pub struct Curve(Vec<Point>);
 
 impl Curve {
-    /// A curve through points; those of one frame come in the order given, and the last of them holds from there on.
+    /// A curve through points. Points of one frame keep their order; the last of them is the gain from that frame on.
     #[must_use]
     pub fn new(mut points: Vec<Point>) -> Self {
         points.sort_by_key(|point| point.frame);

@@ -1,6 +1,6 @@
 //! A delay by a whole number of frames.
 
-/// A line that gives back each sample a fixed number of frames later; silent before.
+/// A delay line; its output is silent until the first sample has passed through it.
 #[derive(Clone, Debug)]
 pub(super) struct Delay {
     past: Vec<f64>,
@@ -21,12 +21,12 @@ impl Delay {
         self.past.len()
     }
 
-    /// The sample that leaves the line now; [`Delay::push`] follows.
+    /// The sample that leaves the line now; call [`Delay::push`] after it.
     pub(super) fn oldest(&self) -> f64 {
         self.past[self.at]
     }
 
-    /// Put the newest sample in.
+    /// Put in the newest sample.
     pub(super) fn push(&mut self, x: f64) {
         self.past[self.at] = x;
         self.at += 1;
@@ -48,7 +48,7 @@ impl Delay {
         }
     }
 
-    /// Energy that it holds: the sum of the squares.
+    /// Energy of the samples in the line: the sum of their squares.
     #[cfg(test)]
     pub(super) fn energy(&self) -> f64 {
         self.past.iter().map(|x| x * x).sum()

@@ -1,14 +1,14 @@
-//! From the loudspeakers of one room to other channels: every way has a filter.
+//! Filters from each channel of one loudspeaker layout to each channel of another.
 
 use thiserror::Error;
 
-/// Most channels on either side.
+/// Largest number of channels on either side.
 pub const MAX_CHANNELS: usize = 1024;
-/// Most taps of a filter.
+/// Largest number of taps of a filter.
 pub const MAX_TAPS: usize = 1 << 16;
-/// Frames that are summed at once: their sums stay in registers.
+/// Frames that are summed together: their sums stay in registers.
 const TILE: usize = 16;
-/// Frames that go through between two looks at the past.
+/// Frames that are processed before the past samples are moved to the front of their buffer.
 const BLOCK: usize = 1024;
 
 /// Why a fold cannot be built.
@@ -17,19 +17,19 @@ pub enum FoldError {
     /// No channels, or too many.
     #[error("a fold has 1 to {MAX_CHANNELS} channels on either side; here {0} to {1}")]
     Channels(usize, usize),
-    /// No taps, or too many, or a number of coefficients that fits no number of taps.
+    /// No taps, too many taps, or a number of coefficients that is not n_in · n_out · n_taps.
     #[error("a fold has as many coefficients as ways and taps, 1 to {MAX_TAPS} taps; here {0}")]
     Taps(usize),
-    /// A coefficient that is not a number.
+    /// A coefficient that is not finite.
     #[error("coefficients of a fold are finite numbers")]
     Infinite,
 }
 
-/// Filters from each channel that comes in to each that goes out, in direct form.
+/// A filter from each input channel to each output channel, in direct form.
 ///
-/// A sample is summed channel by channel and tap by tap, the youngest first, so its bits depend neither on the size of
-/// blocks nor on the width of the machine's registers. Ways that are silent cost nothing, nor do zeros at the ends of a
-/// filter. After [`Fold::new`] nothing is allocated.
+/// A sample is summed channel by channel and tap by tap, the most recent sample first, so its bits depend neither on
+/// the size of blocks nor on the width of the machine's registers. Filters that are 0, and zeros at the ends of a
+/// filter, cost nothing. After [`Fold::new`] nothing is allocated.
 ///
 /// ```
 /// use ergon_engine::mix::fold::Fold;
@@ -44,12 +44,12 @@ pub enum FoldError {
 pub struct Fold {
     n_in: usize,
     n_out: usize,
-    /// Frames of the past that a filter still hears.
+    /// Number of past frames that a filter needs: n_taps − 1.
     past: usize,
-    /// By way out, then in.
+    /// Sorted by output channel, then by input channel.
     ways: Vec<Way>,
     taps: Vec<f64>,
-    /// Of each channel that comes in: its past, then this block   (n_in, past + BLOCK)
+    /// Of each input channel: past samples, then the current block   (n_in, past + BLOCK)
     line: Vec<f64>,
     sums: Vec<f64>,
 }
@@ -58,14 +58,14 @@ pub struct Fold {
 struct Way {
     from: usize,
     to: usize,
-    /// Frames before its first tap.
+    /// Number of zeros before its first tap that is not 0.
     delay: usize,
     first: usize,
     n_taps: usize,
 }
 
 impl Fold {
-    /// `filters` (n_in, n_out, n_taps).
+    /// A fold of `filters` (n_in, n_out, n_taps).
     ///
     /// # Errors
     /// [`FoldError`].
@@ -112,22 +112,22 @@ impl Fold {
         })
     }
 
-    /// Channels that come in.
+    /// Number of input channels.
     pub fn n_in(&self) -> usize {
         self.n_in
     }
 
-    /// Channels that go out.
+    /// Number of output channels.
     pub fn n_out(&self) -> usize {
         self.n_out
     }
 
-    /// Frames that sound on after the last that came in.
+    /// Number of frames that still sound after the last input frame.
     pub fn tail(&self) -> usize {
         self.past
     }
 
-    /// `input` (n_frames, n_in) into `output` (n_frames, n_out), which is overwritten.
+    /// Filter `input` (n_frames, n_in) into `output` (n_frames, n_out), which is overwritten.
     pub fn process(&mut self, input: &[f64], output: &mut [f64]) {
         let input = input.chunks(BLOCK * self.n_in);
         for (input, output) in input.zip(output.chunks_mut(BLOCK * self.n_out)) {
@@ -166,7 +166,7 @@ impl Fold {
     }
 }
 
-/// Add what a filter makes of TILE frames that begin at `at`.
+/// Add the filtered signal of TILE frames, the first of which is at `at` in `line`.
 fn add(sums: &mut [f64], line: &[f64], at: usize, taps: &[f64]) {
     let mut tile = [0.0; TILE];
     tile.copy_from_slice(sums);
@@ -185,7 +185,7 @@ mod tests {
 
     use super::*;
 
-    /// The sum as it is written, frame by frame, in the same order.
+    /// The defining sum, frame by frame, in the same order.
     fn plain(n_in: usize, n_out: usize, filters: &[f64], input: &[f64]) -> Vec<f64> {
         let n_taps = filters.len() / (n_in * n_out);
         let n_frames = input.len() / n_in;

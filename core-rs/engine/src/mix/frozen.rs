@@ -1,10 +1,10 @@
-//! Outputs that were computed before, added to those that a simulation computes.
+//! Outputs that were computed earlier, to be added to those that a simulation computes.
 
 use std::sync::Arc;
 
 use super::glide::Glide;
 
-/// Samples of outputs that were computed before, from their first frame on.
+/// Samples of outputs that were computed earlier, from their first frame on.
 #[derive(Debug)]
 pub struct FrozenOutputs {
     /// (n_frames · n_out), frame by frame
@@ -13,19 +13,19 @@ pub struct FrozenOutputs {
 }
 
 impl FrozenOutputs {
-    /// The samples of `n_out` outputs, frame by frame; a frame that is cut is left out.
+    /// The samples of `n_out` outputs, frame by frame; samples that are missing in the last frame count as 0.
     #[must_use]
     pub fn new(samples: Vec<f64>, n_out: usize) -> Self {
         Self { samples, n_out }
     }
 
-    /// How many outputs there are.
+    /// Number of outputs.
     #[must_use]
     pub fn n_out(&self) -> usize {
         self.n_out
     }
 
-    /// The sample of a column in a frame; 0 before the first frame and behind the last one.
+    /// The sample of a column in a frame; 0 before the first frame and after the last one.
     fn at(&self, frame: i64, column: usize) -> f64 {
         usize::try_from(frame)
             .ok()
@@ -64,13 +64,13 @@ impl Placed {
         }
     }
 
-    /// Whether it goes on what another one was, whose output is `out` here.
+    /// Whether it is the same frozen output, at the same place, as one of an old mixer whose output is now `out`.
     pub(super) fn is_as(&self, before: &Self, out: usize) -> bool {
         Arc::ptr_eq(&self.source, &before.source)
             && (self.column, self.begins, self.out) == (before.column, before.begins, out)
     }
 
-    /// It, at an output of another mixer, on its way out.
+    /// A copy for another mixer, at its output `out`, with another fade.
     pub(super) fn fading(&self, out: usize, fade: Glide) -> Self {
         Self {
             out,
@@ -79,7 +79,7 @@ impl Placed {
         }
     }
 
-    /// Its sample at a frame of the mixer.
+    /// Its faded sample at a frame of the mixer.
     pub(super) fn at(&self, n: u64) -> f64 {
         let frame = i64::try_from(n).unwrap_or(i64::MAX);
         self.source

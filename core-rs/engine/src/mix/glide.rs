@@ -2,7 +2,7 @@
 
 use crate::timeline::GRID;
 
-/// Time from one gain to the next [s], rounded up to the grid, as for couplings.
+/// Duration of a glide from one gain to another [s], rounded up to the grid, as for couplings.
 const GLIDE: f64 = 0.02;
 
 /// A gain that glides. Every glide begins at a multiple of [`GRID`] frames, whatever the size of blocks.
@@ -22,7 +22,8 @@ pub struct Glide {
     to: f64,
     start: u64,
     length: u64,
-    /// The gain to which it glides from the next multiple of the grid on, `lag` frames later.
+    /// The gain that was asked for: the glide to it is set at the next multiple of the grid, and starts `lag` frames
+    /// later.
     requested: Option<f64>,
     lag: u64,
 }
@@ -42,7 +43,7 @@ impl Glide {
         }
     }
 
-    /// A gain on its way from one value to another, from the next multiple of the grid on.
+    /// A glide from one gain to another, from the next multiple of the grid on.
     #[must_use]
     pub(super) fn between(rate: f64, from: f64, to: f64) -> Self {
         let mut glide = Self::new(rate, from);
@@ -80,7 +81,7 @@ impl Glide {
         (rests || self.requested.is_none() && self.from == self.to).then_some(self.to)
     }
 
-    /// At frame `n`: begin a glide that was asked for, if `n` is a multiple of the grid.
+    /// At frame `n`: begin the glide that was asked for, if `n` is a multiple of the grid.
     pub fn begin_due(&mut self, n: u64) {
         if n.is_multiple_of(GRID)
             && let Some(gain) = self.requested.take()
@@ -111,7 +112,7 @@ impl Glide {
     }
 }
 
-/// Let what is left of a gain fall from frame `n` on; whether it is on its way.
+/// Begin or end the glide of a remaining gain at frame `n`; returns whether any of it remains.
 pub(super) fn falls(rest: &mut Option<Glide>, n: u64) -> bool {
     let Some(glide) = rest else { return false };
     glide.begin_due(n);
@@ -121,12 +122,13 @@ pub(super) fn falls(rest: &mut Option<Glide>, n: u64) -> bool {
     rest.is_some()
 }
 
-/// A gain that falls to nothing.
+/// A gain that glides to 0; `None` if it is 0 already.
 pub(super) fn falling(rate: f64, from: f64) -> Option<Glide> {
     (from != 0.0).then(|| Glide::between(rate, from, 0.0))
 }
 
-/// Number of frames from `n` on in which no glide begins: all, or those up to the next multiple of the grid.
+/// Number of frames from `n` on in which no glide begins: unlimited if `steady`, otherwise up to the next multiple of
+/// the grid.
 pub(super) fn until(n: u64, steady: bool) -> u64 {
     if steady { u64::MAX } else { GRID - n % GRID }
 }
@@ -135,7 +137,7 @@ pub(super) fn until(n: u64, steady: bool) -> u64 {
 mod tests {
     use super::*;
 
-    /// What it is at each of `n` frames, asked in blocks; it is sent off at frame 100 and turned round at 400.
+    /// The gain at each of `n` frames, computed in blocks; set to 0.25 at frame 100 and to 2 at frame 400.
     fn gains(n: usize, block: usize) -> Vec<f64> {
         let mut glide = Glide::new(44_100.0, 1.0);
         let mut frames = vec![1.0; n];
@@ -158,12 +160,12 @@ mod tests {
     fn it_sets_out_on_the_grid_and_never_jumps() {
         let gains = gains(3000, 64);
         assert!(gains[..=128].iter().all(|&x| x == 1.0) && gains[129] < 1.0);
-        // Turned round at 448, where it was: 5 of 14 parts of its way from 1 to 1/4.
+        // The second glide begins at frame 448, where the first one has covered 5/14 of its duration from 1 to 1/4.
         let u = 320.0 / 896.0_f64;
         let there = 1.0 - 0.75 * (3.0 * u * u - 2.0 * u * u * u);
         assert!((gains[448] - there).abs() < 1e-12, "{}", gains[448]);
         assert!(gains[448 + 896..].iter().all(|&x| x == 2.0));
-        // 1.5/896 of the way is the most of a frame.
+        // The steepest step of a glide is 1.5/896 of its range a frame.
         let steps = gains.windows(2).map(|pair| (pair[1] - pair[0]).abs());
         assert!(steps.fold(0.0, f64::max) < 1.5 * 1.75 / 896.0);
     }

@@ -6,24 +6,24 @@ use thiserror::Error;
 
 use crate::maths;
 
-/// How far the limiter looks ahead [s]: the attack. Shorter than the ear's 10 ms of backward
-/// masking, long enough to fade without a click.
+/// Look-ahead of the limiter [s], which is its attack time: shorter than the 10 ms of backward masking in hearing, and
+/// long enough for a fade without a click.
 const AHEAD: f64 = 5e-3;
 /// Time constant of the release [s].
 const RELEASE: f64 = 50e-3;
-/// A gain of 1 in fixed point, in steps of -241 dB: a running sum of integers does not drift, so the gain returns to
+/// A gain of 1 in fixed point, in steps of −241 dB: a running sum of integers does not drift, so the gain returns to
 /// exactly 1.
 const ONE: f64 = (1u64 << 40) as f64;
-/// Most frames ahead: with [`ONE`] their sum stays below 2⁵³, where doubles are exact.
+/// Largest look-ahead [frames]: the sum of that many values up to [`ONE`] is at most 2⁵³, so doubles hold it exactly.
 const MAX_AHEAD: f64 = 8191.0;
 
-/// Most channels; the largest loudspeaker rooms have some hundreds.
+/// Largest number of channels; the largest loudspeaker rooms have some hundreds.
 pub const MAX_CHANNELS: usize = 1024;
 
 /// Why a limiter cannot be built.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum LimiterError {
-    /// A rate at which 5 ms of look-ahead are no frame, or too many.
+    /// A rate at which 5 ms of look-ahead are less than one frame, or too many frames.
     #[error("a limiter's rate lies above 0 and up to 1.6 MHz; here {0} Hz")]
     Rate(f64),
     /// More than [`MAX_CHANNELS`].
@@ -34,13 +34,13 @@ pub enum LimiterError {
     Ceiling(f64),
 }
 
-/// Look-ahead limiter of sample peaks, one gain for all channels: 5 ms ahead, 50 ms release.
+/// Look-ahead limiter of sample peaks, one gain for all channels: 5 ms look-ahead, 50 ms release.
 ///
 /// No output exceeds the ceiling. Samples that need no reduction are unchanged to the bit, [`Limiter::latency`] frames
 /// late.
 ///
 /// The reduction that each frame needs, 1 - gain, passes a sliding maximum over the look-ahead, an exponential release
-/// and a mean over the look-ahead; so the gain arrives at each peak in time, on a straight line.
+/// and a mean over the look-ahead; so the gain reaches its target in time for each peak, on a straight line.
 ///
 /// ```
 /// use ergon_engine::mix::limiter::Limiter;
@@ -58,16 +58,16 @@ pub struct Limiter {
     n_channels: usize,
     ceiling: f64,
     latency: usize,
-    /// Factor of the release in one frame.
+    /// Factor by which the reduction falls in one frame.
     release: f64,
     /// The last `latency` frames, oldest at `at`.
     delay: Vec<f64>,
-    /// Held reductions of the last `latency` + 1 frames, the newest of which goes to `turn`.
+    /// Reductions of the last `latency` + 1 frames in fixed point, before the mean; the next one is written at `turn`.
     held: Vec<u64>,
     sum: u64,
     at: usize,
     turn: usize,
-    /// Reductions that may still be the largest of their window, falling, with their frame.
+    /// Candidates for the maximum of the window, in falling order: frame and reduction.
     candidates: VecDeque<(u64, f64)>,
     frame: u64,
     reduction: f64,
@@ -77,7 +77,7 @@ impl Limiter {
     /// A limiter of `n_channels` at `rate` [Hz] whose output stays within ±`ceiling`.
     ///
     /// # Errors
-    /// Where the rate is too low or too high for the look-ahead, the ceiling is not a finite number above 0, or there are
+    /// If the rate is too low or too high for the look-ahead, the ceiling is not a finite number above 0, or there are
     /// too many channels.
     pub fn new(rate: f64, n_channels: usize, ceiling: f64) -> Result<Self, LimiterError> {
         let latency = (AHEAD * rate).ceil();
@@ -101,7 +101,7 @@ impl Limiter {
             sum: 0,
             at: 0,
             turn: 0,
-            // Filled within `process`, which does not allocate.
+            // Allocated here, because `process` must not allocate.
             candidates: VecDeque::with_capacity(latency + 2),
             frame: 0,
             reduction: 0.0,
@@ -118,10 +118,10 @@ impl Limiter {
         self.n_channels
     }
 
-    /// Limit (n_frames, n_channels) in place. NaN counts as silence, infinity as very loud.
+    /// Limit (n_frames, n_channels) in place. NaN counts as silence, infinity as the largest finite number.
     ///
     /// # Panics
-    /// When the last frame is not whole.
+    /// If the last frame is not complete.
     pub fn process(&mut self, frames: &mut [f64]) {
         if self.n_channels == 0 {
             return;
@@ -140,7 +140,7 @@ impl Limiter {
             let gain = self.gain(peak);
             let late = &mut self.delay[self.at * self.n_channels..][..self.n_channels];
             for (x, late) in frame.iter_mut().zip(late) {
-                // A rounding of the gain may leave the last bit above the ceiling.
+                // The rounding of the gain may leave a sample above the ceiling by the last bit.
                 let limited = (*late * gain).clamp(-self.ceiling, self.ceiling);
                 *late = std::mem::replace(x, limited);
             }
@@ -157,7 +157,7 @@ impl Limiter {
         };
         let largest = self.largest(wanted);
         let released = self.reduction * self.release;
-        // Below one step of the fixed point the release is over.
+        // Below one step of the fixed point, the release ends.
         self.reduction = if released * ONE < 1.0 {
             largest
         } else {
@@ -169,7 +169,7 @@ impl Limiter {
         1.0 - self.sum as f64 / (self.held.len() as f64 * ONE)
     }
 
-    /// The largest reduction of this frame and the `latency` before it.
+    /// The largest reduction among this frame and the `latency` frames before it.
     fn largest(&mut self, wanted: f64) -> f64 {
         while self
             .candidates

@@ -1,4 +1,4 @@
-//! How loud it is. A report: nothing here ends in a sample.
+//! Loudness measurement. It only reports: it does not change samples.
 
 use ebur128::{Channel, EbuR128, Mode};
 use thiserror::Error;
@@ -9,16 +9,16 @@ use thiserror::Error;
     "loudness is measured of 1 to 64 channels at 16 Hz to 2.8 MHz; here {n_channels} at {rate} Hz"
 )]
 pub struct MeterError {
-    /// Wanted rate [Hz].
+    /// Requested rate [Hz].
     pub rate: f64,
-    /// Wanted channels.
+    /// Requested number of channels.
     pub n_channels: usize,
 }
 
-/// Sample peak and integrated loudness (ITU-R BS.1770-4) of what passes.
+/// Sample peak and integrated loudness (ITU-R BS.1770-4) of a signal.
 ///
-/// Every channel weighs the same: a channel here is a loudspeaker of some dome, and BS.1770 weighs
-/// only the surrounds of its own layouts differently. In mono and stereo that is the standard.
+/// All channels have the same weight: a channel is a loudspeaker of any layout, and BS.1770 gives other weights only to
+/// the surround channels of its own layouts. For mono and stereo this is the standard.
 ///
 /// ```
 /// use ergon_engine::mix::meter::Meter;
@@ -40,11 +40,11 @@ impl Meter {
     /// A meter of `n_channels` at `rate` [Hz].
     ///
     /// # Errors
-    /// [`MeterError`] where EBU R 128 is not defined for the rate or the number of channels.
+    /// [`MeterError`] if EBU R 128 is not defined for the rate or the number of channels.
     pub fn new(rate: f64, n_channels: usize) -> Result<Self, MeterError> {
         let refused = MeterError { rate, n_channels };
         let channels = u32::try_from(n_channels).map_err(|_| refused)?;
-        // `as` sends NaN and negative rates to 0, which is refused.
+        // `as` converts NaN and negative rates to 0, which is refused.
         let mut loudness =
             EbuR128::new(channels, rate.round() as u32, Mode::I).map_err(|_| refused)?;
         loudness
@@ -57,19 +57,19 @@ impl Meter {
         })
     }
 
-    /// How many channels it has.
+    /// Number of channels.
     pub fn n_channels(&self) -> usize {
         self.loudness.channels() as usize
     }
 
-    /// Listen to (n_frames, n_channels). A sample that is not finite is left out of the loudness;
-    /// NaN is no peak.
+    /// Measure (n_frames, n_channels). For the loudness, a sample that is not finite counts as 0; NaN does not change
+    /// the peak.
     pub fn process(&mut self, frames: &[f64]) {
         self.peak = frames.iter().fold(self.peak, |peak, x| peak.max(x.abs()));
         self.finite.clear();
         self.finite
             .extend(frames.iter().map(|&x| if x.is_finite() { x } else { 0.0 }));
-        // It refuses only a broken frame, which the shape rules out.
+        // An error is only possible for an incomplete frame, which is cut off here.
         let whole = self.finite.len() / self.n_channels() * self.n_channels();
         let _ = self.loudness.add_frames_f64(&self.finite[..whole]);
     }
@@ -86,7 +86,7 @@ impl Meter {
             .unwrap_or(f64::NEG_INFINITY)
     }
 
-    /// Integrated loudness so far [LUFS]; -inf for silence and before the first 400 ms.
+    /// Integrated loudness so far [LUFS]; -inf for silence and before the first 400 ms have passed.
     pub fn loudness(&self) -> f64 {
         self.loudness.loudness_global().unwrap_or(f64::NEG_INFINITY)
     }

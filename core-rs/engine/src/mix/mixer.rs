@@ -12,18 +12,18 @@ use super::room::{Room, RoomSpec};
 use route::{GROUPS_MAX, Route};
 pub use route::{RouteError, To, Treatment};
 
-/// Frames that rooms take, and that frozen outputs are added up for, at a time.
+/// Frames that rooms process, and for which frozen outputs are summed, at a time.
 const SPAN_FRAMES: usize = 256;
-/// Routes that fade out at once: more of them are cut.
+/// Largest number of routes that fade out at once; further routes stop without a fade.
 const LEAVING_MAX: usize = 32;
-/// Frozen outputs that fade out at once: more of them are cut.
+/// Largest number of frozen outputs that fade out at once; further ones stop without a fade.
 const FROZEN_LEAVING_MAX: usize = 128;
 
 /// Routes of outputs to channels, with gains and high-passes.
 ///
-/// A channel is the sum of its routes in the order in which they were added, so the last bit of a
-/// mix does not depend on how it is cut into blocks. Routes belong to groups (0 if nothing is said),
-/// each with a gain of its own that may be moved while it sounds.
+/// A channel is the sum of its routes in the order in which they were added, so the last bit of a mix does not depend
+/// on how it is cut into blocks. Each route belongs to a group (0 by default); the gain of a group can be changed
+/// during playback.
 ///
 /// ```
 /// use ergon_engine::mix::mixer::Mixer;
@@ -44,21 +44,21 @@ pub struct Mixer {
     routes: Vec<Route>,
     groups: Vec<Glide>,
     rooms: Vec<Room>,
-    /// What goes into the rooms   (n_rooms · SPAN_FRAMES)
+    /// Input of the rooms   (n_rooms · SPAN_FRAMES)
     sent: Vec<f64>,
-    /// Of all channels.
+    /// Gain of all channels over the frames of the piece.
     fade: Option<Curve>,
-    /// What is left of the gain of all channels before, beyond their own.
+    /// Difference between the earlier gain of all channels and the current one, since a takeover; it glides to 0.
     rest: Option<Glide>,
-    /// Routes of a mixer before this one that fade out. Those that have ended stay: to free them would take time.
+    /// Routes of an earlier mixer that fade out. Those that have ended stay here, because freeing them would take time.
     leaving: [Option<Route>; LEAVING_MAX],
-    /// Outputs that were computed before.
+    /// Outputs that were computed earlier.
     frozen: Vec<Placed>,
-    /// Frozen outputs of a mixer before this one that fade out   (FROZEN_LEAVING_MAX)
+    /// Frozen outputs of an earlier mixer that fade out   (FROZEN_LEAVING_MAX)
     frozen_leaving: Vec<Option<Placed>>,
-    /// Frozen outputs of one route in a span, added up   (SPAN_FRAMES)
+    /// Sum of the frozen outputs of one route in a span   (SPAN_FRAMES)
     beside: Vec<f64>,
-    /// Whether a route has a fade.
+    /// Whether any fade may be running.
     is_fading: bool,
     frame: u64,
 }
@@ -85,20 +85,21 @@ impl Mixer {
         }
     }
 
-    /// How many outputs come in.
+    /// Number of outputs that come in.
     pub fn n_out(&self) -> usize {
         self.n_out
     }
 
-    /// How many channels go out.
+    /// Number of channels that go out.
     pub fn n_channels(&self) -> usize {
         self.n_channels
     }
 
-    /// Add `gain` · output `out` to a channel of group 0; `highpass` [Hz] is the cutoff of a Butterworth filter of order 2.
+    /// Add a route of output `out` to a channel, with a gain, in group 0; `highpass` [Hz] is the cutoff of a
+    /// Butterworth filter of order 2.
     ///
     /// # Errors
-    /// [`RouteError`] where an index is out of range, or the gain or the cutoff is out of range.
+    /// [`RouteError`] if an index, the gain or the cutoff is out of range.
     pub fn route(
         &mut self,
         out: usize,
@@ -112,7 +113,7 @@ impl Mixer {
     /// [`Mixer::route`] in a group; missing groups up to `group` are created.
     ///
     /// # Errors
-    /// [`RouteError`] where an index is out of range, or the gain or the cutoff is out of range.
+    /// [`RouteError`] if an index, the gain or the cutoff is out of range.
     pub fn route_of(
         &mut self,
         group: usize,
@@ -128,10 +129,10 @@ impl Mixer {
         self.treated(group, out, To::Channel(channel), gain, treatment)
     }
 
-    /// [`Mixer::route_of`] to a channel or a room, with all that a route may do on its way.
+    /// [`Mixer::route_of`] to a channel or a room, with a treatment of the signal.
     ///
     /// # Errors
-    /// [`RouteError`] where an index, the gain, the cutoff or the delay is out of range.
+    /// [`RouteError`] if an index, the gain, the cutoff or the delay is out of range.
     pub fn treated(
         &mut self,
         group: usize,
@@ -191,7 +192,7 @@ impl Mixer {
     /// ```
     ///
     /// # Errors
-    /// [`RouteError`] where a channel does not exist or the room cannot be built.
+    /// [`RouteError`] if a channel does not exist or the room cannot be built.
     pub fn room(&mut self, spec: RoomSpec) -> Result<usize, RouteError> {
         for &channel in &spec.channels {
             self.check_target(To::Channel(channel))?;
@@ -201,7 +202,7 @@ impl Mixer {
         Ok(self.rooms.len() - 1)
     }
 
-    /// Add outputs that were computed before to `outputs`, one each; their first frame is heard at frame `begins`.
+    /// Add frozen outputs to `outputs`, one to each; their first frame is heard at frame `begins`.
     ///
     /// ```
     /// use ergon_engine::mix::frozen::FrozenOutputs;
@@ -217,7 +218,7 @@ impl Mixer {
     /// ```
     ///
     /// # Errors
-    /// [`RouteError`] where an output does not exist, or their number differs.
+    /// [`RouteError`] if an output does not exist, or the numbers of outputs differ.
     pub fn freeze(
         &mut self,
         source: &Arc<FrozenOutputs>,
@@ -246,12 +247,12 @@ impl Mixer {
         self.fade = Some(curve);
     }
 
-    /// How many groups of routes there are.
+    /// Number of groups of routes.
     pub fn n_groups(&self) -> usize {
         self.groups.len()
     }
 
-    /// Begin fades that are due at the next frame, and end those that are over; whether none is left.
+    /// Begin fades that are due at the next frame, and end those that are over; returns whether no fade is left.
     fn begin_fades(&mut self) -> bool {
         if self.is_fading {
             let n = self.frame;
@@ -286,8 +287,8 @@ impl Mixer {
         self.frame = n;
     }
 
-    /// Let the gain of a group glide to `gain`, over 20 ms from the next multiple of 64 frames on; a group that does not
-    /// exist is ignored. Allocates nothing.
+    /// Let the gain of a group glide to `gain`, over 20 ms from the next multiple of 64 frames on; a group that does
+    /// not exist is ignored. Does not allocate.
     pub fn set_gain(&mut self, group: usize, gain: f64) {
         if let Some(glide) = self.groups.get_mut(group) {
             glide.set(gain);
@@ -297,7 +298,7 @@ impl Mixer {
     /// Fill `mixed` (n_frames, n_channels) from `frames` (n_frames, n_out), both row by row.
     ///
     /// # Panics
-    /// When the two do not hold the same number of frames.
+    /// If the two do not hold the same number of frames.
     pub fn process(&mut self, frames: &[f64], mixed: &mut [f64]) {
         let n_frames = mixed.len().checked_div(self.n_channels).unwrap_or(0);
         assert_eq!(mixed.len(), n_frames * self.n_channels);

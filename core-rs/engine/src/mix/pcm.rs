@@ -1,4 +1,4 @@
-//! Samples as a file holds them.
+//! Conversion of samples to the formats of files.
 
 /// Width of an integer sample.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -30,10 +30,10 @@ impl Bits {
     }
 }
 
-/// `samples` · `gain` as integers in the top bits of `codes`, both of one length.
+/// `samples` · `gain` as integers in the top bits of `codes`, which has the same length.
 ///
-/// 1.0 is one step above the top code, as readers of such files have it; rounded half to even,
-/// clipped at the top and the bottom code; NaN is zero.
+/// 1.0 is one step above the largest code, as is usual for such files. Values are rounded half to even and clipped to
+/// the range of codes; NaN becomes 0.
 ///
 /// ```
 /// use ergon_engine::mix::pcm::{Bits, pcm};
@@ -47,12 +47,12 @@ pub fn pcm(samples: &[f64], gain: f64, bits: Bits, codes: &mut [i32]) {
     let shift = 32 - bits.width();
     for (x, code) in samples.iter().zip(codes) {
         let step = (x * gain * full).round_ties_even().clamp(-full, full - 1.0);
-        // `as` sends NaN to 0.
+        // `as` converts NaN to 0.
         *code = (step as i32) << shift;
     }
 }
 
-/// `samples` · `gain` in single precision, both of one length; the product is in double precision.
+/// `samples` · `gain` in single precision, both of the same length; the product is computed in double precision.
 pub fn single(samples: &[f64], gain: f64, singles: &mut [f32]) {
     for (x, y) in samples.iter().zip(singles) {
         *y = (x * gain) as f32;

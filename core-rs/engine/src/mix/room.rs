@@ -1,8 +1,9 @@
 //! A room: a feedback delay network.
 //!
 //! J.-M. Jot and A. Chaigne, Digital delay networks for designing artificial reverberators (AES 90th Convention, 1991):
-//! what leaves N delay lines goes through an orthogonal matrix back into them, which by itself keeps all energy; each
-//! line loses what its length costs, frequency by frequency, so that all resonances of one pitch fade equally fast.
+//! the outputs of N delay lines pass through an orthogonal matrix, which conserves energy, and return into the lines. A
+//! filter in each line makes a loss in proportion to its length, frequency by frequency, so that all resonances near
+//! one frequency decay equally fast.
 
 use thiserror::Error;
 
@@ -10,32 +11,33 @@ use super::delay::Delay;
 use crate::maths::{cos, exp, log, pow, sin, sqrt};
 use crate::section::{BUTTERWORTH_2, Section};
 
-/// Delay lines; a power of two, for the matrix is Hadamard's.
+/// Number of delay lines; a power of two, because the matrix is a Hadamard matrix.
 const LINES: usize = 16;
 /// Speed of sound [m/s].
 const SOUND: f64 = 343.0;
-/// Lengths of the shortest and the longest line beside their mean.
+/// Lengths of the shortest and the longest line, roughly relative to the mean.
 const SPREAD: (f64, f64) = (0.5, 1.6);
-/// What comes in passes a high-pass [Hz]: a leaning hand is no sound, and a room keeps what stands still longest.
+/// Cutoff of the high-pass at the input [Hz]: the offset of a leaning hand is not sound, and a room would hold it
+/// longest.
 const HIGHPASS: f64 = 20.0;
-/// Smaller samples are 0: doubles below 1e-308 are slow.
+/// Smaller samples are set to 0: denormal numbers, below 1e-308, are slow.
 const LEAST: f64 = 1e-200;
-/// Steps towards a filter that are tried.
+/// Largest number of iterations in the design of a filter.
 const STEPS: usize = 500;
 
-/// What a room is like.
+/// Parameters of a room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoomSpec {
-    /// By which another version of the mix knows it again.
+    /// Name by which another version of the mix recognises the room.
     pub name: String,
-    /// Mean way of sound from wall to wall [m].
+    /// Mean distance that sound travels from wall to wall [m].
     pub size: f64,
-    /// Decay times by 60 dB [s] at two frequencies [Hz], the lower one first; between and beyond, 1/t60 goes by
-    /// f²/(f² + f₁·f₂).
+    /// Decay times by 60 dB [s] at two frequencies [Hz], the lower one first. At all frequencies, 1/t60 is a linear
+    /// function of f²/(f² + f₁·f₂).
     pub t60: [(f64, f64); 2],
-    /// Channels that hear it.
+    /// Channels in which the room is heard.
     pub channels: Vec<usize>,
-    /// Gain of what they hear: at 1 a click has as much energy there as it had, whatever the decay.
+    /// Gain of the output: at 1, each channel gets as much energy as a click at the input has, whatever the decay.
     pub gain: f64,
 }
 
@@ -45,12 +47,12 @@ pub enum RoomError {
     /// A size outside of 0.5 m to 100 m.
     #[error("a room is 0.5 m to 100 m large; here {0} m")]
     Size(f64),
-    /// Times or frequencies that are none.
+    /// Decay times or frequencies that are out of range.
     #[error(
         "a room needs two decay times above 0.01 s, at two rising frequencies below half of the rate"
     )]
     Decay,
-    /// Decays that one filter of first order cannot have.
+    /// Decay times that a first-order filter cannot have.
     #[error(
         "decays of {0} s and {1} s are impossible at these frequencies in a room of this size; use frequencies that \
          are farther apart, decays that are closer, or a smaller room"
@@ -61,11 +63,11 @@ pub enum RoomError {
     Gain(f64),
 }
 
-/// One line with what it loses.
+/// One delay line with the filter of its loss.
 #[derive(Clone, Debug)]
 struct Line {
     delay: Delay,
-    /// Filter of first order, y = b₀·x + b₁·x⁻ − a₁·y⁻
+    /// First-order filter, y = b₀·x + b₁·x⁻ − a₁·y⁻
     b0: f64,
     b1: f64,
     a1: f64,
@@ -73,12 +75,12 @@ struct Line {
     y: f64,
 }
 
-/// A room that sounds.
+/// A running room.
 #[derive(Clone, Debug)]
 pub(super) struct Room {
     spec: RoomSpec,
     lines: Vec<Line>,
-    /// Of each channel and line   (n_channels · LINES)
+    /// Gain of each line in each channel   (n_channels · LINES)
     heard: Vec<f64>,
     highpass: Section,
 }
@@ -92,7 +94,7 @@ impl Room {
             return Err(RoomError::Gain(spec.gain));
         }
         let [(low, long), (high, short)] = spec.t60;
-        // `partial_cmp`: NaN is neither.
+        // Every comparison with NaN is false, so NaN is refused.
         let is_decay =
             long >= 0.01 && short >= 0.01 && low > 0.0 && low < high && high < 0.5 * rate;
         if !is_decay {
@@ -105,7 +107,7 @@ impl Room {
             .map(|&frames| Line::new(frames, slopes, spec.t60, rate))
             .collect::<Option<Vec<Line>>>()
             .ok_or(RoomError::Apart(long, short))?;
-        // Energy of all lines' outputs after a click of energy 1: a geometric series.
+        // Energy of all outputs of the lines after a click of energy 1: a geometric series.
         let mean = lengths.iter().sum::<usize>() as f64 / LINES as f64;
         let kept = exp(-6.0 * std::f64::consts::LN_10 * mean / (long * rate));
         let scale = if kept < 1.0 {
@@ -126,7 +128,7 @@ impl Room {
         })
     }
 
-    /// Continue as the room of the same name sounds. Allocates nothing.
+    /// Take over the state of the old room of the same name. Does not allocate.
     pub(super) fn take_over(&mut self, old: &[Self]) {
         let Some(old) = old.iter().find(|old| old.spec.name == self.spec.name) else {
             return;
@@ -138,7 +140,7 @@ impl Room {
         }
     }
 
-    /// Add what is heard of a frame's input to a frame of channels.
+    /// Process one input sample, and add the output to a frame of channels.
     pub(super) fn next(&mut self, x: f64, frame: &mut [f64]) {
         let x = if x.is_finite() { x } else { 0.0 };
         let x = self.highpass.next(x).high / sqrt(LINES as f64);
@@ -159,16 +161,18 @@ impl Room {
 }
 
 impl Line {
-    /// A line of so many frames, which fades as asked; `None` where no filter of first order does that.
+    /// A line of this many frames with the decay times asked for; `None` if no first-order filter has them.
     fn new(frames: usize, slopes: [f64; 2], t60: [(f64, f64); 2], rate: f64) -> Option<Self> {
-        // Natural logarithms of what a pass costs at the two frequencies, and of the filter's gains at 0 and at rate/2.
+        // Natural logarithms of the gain of one pass at the two frequencies, and of the filter's gains at 0 and at
+        // rate/2.
         let costs =
             t60.map(|(_, t60)| -3.0 * std::f64::consts::LN_10 * frames as f64 / (t60 * rate));
         let mut ends = slopes.map(|slope| slope * frames as f64);
         let [low, high] = t60.map(|(f, _)| warped(f, rate));
         let (middle, lower, upper) = (low * high, low * low, high * high);
         let mut is_found = false;
-        // The gain of a filter is not quite exp of a weighted sum: some steps towards what was asked.
+        // The logarithm of the filter's gain is only nearly linear in f²/(f² + f₁·f₂): iterate towards the two gains
+        // asked for.
         for _ in 0..STEPS {
             let gain = |square: f64| {
                 let ratio = exp(ends[0] - ends[1]);
@@ -199,7 +203,7 @@ impl Line {
         })
     }
 
-    /// What leaves the line now.
+    /// The output of the line at this frame.
     fn next(&mut self) -> f64 {
         let x = self.delay.oldest();
         let y = self.b0 * x + self.b1 * self.x - self.a1 * self.y;
@@ -208,14 +212,14 @@ impl Line {
     }
 }
 
-/// tan(π·f/rate): where a frequency lies for a filter that was made by the bilinear transformation.
+/// tan(π·f/rate): the frequency f after the bilinear transformation.
 fn warped(f: f64, rate: f64) -> f64 {
     let angle = std::f64::consts::PI * f / rate;
     sin(angle) / cos(angle)
 }
 
-/// Natural logarithms of the gains at 0 Hz and at half of the rate that a frame costs, where 1/t60 goes by
-/// f²/(f² + f₁·f₂) of warped frequencies; `None` where one would not fade.
+/// Natural logarithms of the gain a frame, at 0 Hz and at half of the rate, if 1/t60 is a linear function of f²/(f² +
+/// f₁·f₂) of warped frequencies; `None` if either would not decay.
 fn slopes(t60: [(f64, f64); 2], rate: f64) -> Option<[f64; 2]> {
     let [low, high] = t60.map(|(f, _)| warped(f, rate));
     let share = |f: f64| f * f / (f * f + low * high);
@@ -223,12 +227,12 @@ fn slopes(t60: [(f64, f64); 2], rate: f64) -> Option<[f64; 2]> {
     let [at_low, at_high] = t60.map(|(_, t60)| -3.0 * std::f64::consts::LN_10 / (t60 * rate));
     let rise = (at_high - at_low) / (second - first);
     let ends = [at_low - rise * first, at_low + rise * (1.0 - first)];
-    // Without loss is none that grows.
+    // Without any loss, gains of 1 are allowed.
     let is_lossless = at_low == 0.0 && at_high == 0.0;
     (is_lossless || ends.iter().all(|&end| end < 0.0)).then_some(ends)
 }
 
-/// Lengths of the lines [frames]: different primes about a geometric row, whose mean is `mean`.
+/// Lengths of the lines [frames]: different primes near a geometric series with the mean `mean`.
 fn lengths(mean: f64) -> [usize; LINES] {
     let (least, most) = SPREAD;
     let row: [f64; LINES] =
@@ -252,7 +256,7 @@ fn is_prime(n: usize) -> bool {
             .all(|k| !n.is_multiple_of(k))
 }
 
-/// Hadamard's matrix over √LINES: orthogonal, in log₂ steps.
+/// Multiply by the Hadamard matrix over √LINES, which is orthogonal, in log₂(LINES) steps.
 fn turn(x: &mut [f64; LINES]) {
     let mut half = 1;
     while half < LINES {
@@ -268,10 +272,10 @@ fn turn(x: &mut [f64; LINES]) {
     x.iter_mut().for_each(|x| *x *= scale);
 }
 
-/// With which sign a channel hears a line: the first channels by rows of Hadamard's matrix, so that they have nothing in
-/// common; later ones by a hash (SplitMix64).
+/// Sign of a line in a channel: a row of the Hadamard matrix for each of the first channels, so that they are
+/// uncorrelated; a hash (SplitMix64) for later ones.
 fn sign(channel: usize, line: usize) -> f64 {
-    // Row 0 would hear the first echoes of all lines together.
+    // Row 0 is left out: all lines would have the same sign, and their first echoes would add up.
     let row = channel + 1;
     let is_less = if row < LINES {
         (row & line).count_ones() % 2 == 1
@@ -307,7 +311,7 @@ mod tests {
         let mut room = Room::new(spec(f64::INFINITY, f64::INFINITY), 44_100.0).unwrap();
         let mut frame = [0.0; 2];
         room.next(1.0, &mut frame);
-        // What the high-pass still lets through.
+        // Wait until the high-pass has settled.
         (0..44_100).for_each(|_| room.next(0.0, &mut frame));
         let before = energy(&room);
         for _ in 0..1_000_000 {

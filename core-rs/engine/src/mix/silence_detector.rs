@@ -1,15 +1,16 @@
-//! The silence detector: finds where a sound has faded by 80 dB.
+//! The silence detector: finds the point where a sound has decayed by 80 dB.
 
-/// Of the highest peak: -80 dB.
+/// Relative to the highest peak: −80 dB.
 const FADED: f64 = 1e-4;
 /// Length of a window [s].
 const WINDOW: f64 = 0.1;
-/// So many quiet windows in a row end a sound: what beats comes back sooner.
+/// Number of consecutive quiet windows that end a sound: beats return within a shorter time.
 const WINDOWS: u64 = 10;
 
-/// Looks for the first tenth of a second, after a given frame, that begins a quiet second.
+/// Finds the end of a sound: ten consecutive quiet windows of a tenth of a second, all after a given frame.
 ///
-/// Quiet is 80 dB below the highest peak before. The place does not depend on how frames are cut into blocks.
+/// A window is quiet if it is 80 dB below the highest peak so far. The result, the end of the first of these windows,
+/// does not depend on how frames are cut into blocks.
 ///
 /// ```
 /// use ergon_engine::mix::silence_detector::SilenceDetector;
@@ -30,7 +31,7 @@ pub struct SilenceDetector {
 }
 
 impl SilenceDetector {
-    /// Of frames at `rate` [Hz]; it looks from frame `from` on, counted from the first that it takes.
+    /// A detector for frames at `rate` [Hz]; windows count from frame `from` on, where 0 is the first frame taken.
     pub fn new(rate: f64, n_channels: usize, from: u64) -> Self {
         Self {
             window: (WINDOW * rate + 0.5).max(1.0) as u64,
@@ -43,12 +44,12 @@ impl SilenceDetector {
         }
     }
 
-    /// How many channels it takes.
+    /// Number of channels.
     pub fn n_channels(&self) -> usize {
         self.channels
     }
 
-    /// Take (n_frames · n_channels); the frame at which it has faded, once that is known.
+    /// Take (n_frames · n_channels); returns the frame at which the sound has decayed, as soon as that is known.
     pub fn take(&mut self, frames: &[f64]) -> Option<u64> {
         let mut rest = frames;
         while !rest.is_empty() {

@@ -1,4 +1,4 @@
-//! Adding bodies: banks, bodies by their modes, strings and plates, each with the numbers that its pitch and decay ask for.
+//! Adding bodies: banks, bodies given by their modes, strings and plates, each tuned to its pitch and decay.
 
 use std::sync::Arc;
 
@@ -10,15 +10,15 @@ use crate::generator::{self, BankCell, BankForm, Decay, Losses, Topology, Tuned}
 use crate::interrupt;
 use crate::law::Law;
 
-/// Frequency [Hz] and decay [s] of the modes that are added where places of a list of modes are not independent: over
-/// before they are heard as a pitch, and as high as CA steps at 44.1 kHz.
+/// Frequency [Hz] and T60 [s] of the modes that are added if the places of a list of modes are not independent. They
+/// decay before they can be heard as a pitch. The frequency is about the highest that CA steps allow at 44.1 kHz.
 const ADDED: (f64, f64) = (12_000.0, 1e-3);
 
 impl Network {
-    /// Add a bank of CELs of mass `m` [kg] each, drawn by `seed`; returns the index of the first.
+    /// Add a bank of CELs of mass `m` [kg] each; random values come from `seed`. Returns the index of the first.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where `m` or a number of the bank is out of range, or the network is
+    /// [`Error::Refused`] with the name of the module if `m` or a number of the bank is out of range, or the network is
     /// full.
     pub fn bank(
         &mut self,
@@ -42,7 +42,7 @@ impl Network {
     /// Add the CELs of a bank, each with its own mass [kg]; returns the index of the first.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range, or the network is full.
+    /// [`Error::Refused`] with the name of the module if a number is out of range, or the network is full.
     pub fn cells(
         &mut self,
         name: &str,
@@ -79,8 +79,8 @@ impl Network {
         Ok(first)
     }
 
-    /// Add a body of which `modes` (f [Hz] and t60 [s]) and their `levels` (n_modes, n_places) are known, of mass `mass` [kg]
-    /// where a level is 1; returns the index of its first place, which others follow.
+    /// Add a body given by its `modes` (f [Hz] and t60 [s]) and their `levels` (n_modes, n_places); `mass` [kg] is the
+    /// modal mass at a level of 1. Returns the index of the first place; the other places follow it.
     ///
     /// ```
     /// use ergon_engine::Network;
@@ -94,7 +94,7 @@ impl Network {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range or the network is full.
+    /// [`Error::Refused`] with the name of the module if a number is out of range or the network is full.
     pub fn modal(
         &mut self,
         name: &str,
@@ -168,7 +168,7 @@ impl Network {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range, the mesh cannot have the pitch, or
+    /// [`Error::Refused`] with the name of the module if a number is out of range, the mesh cannot have the pitch, or
     /// the network is full.
     pub fn mesh<'a>(
         &mut self,
@@ -182,8 +182,9 @@ impl Network {
         self.stretched_mesh(name, topology, mass, f, decay, [hardening, 0.0])
     }
 
-    /// The same with the `stretching` of a row of masses, whose links in line share one tension: `hardening` and
-    /// `stretching` are q of q·d³ and of q·S·d [N/m³], S the sum of the squares of all elongations.
+    /// As [`Network::mesh`], with the `stretching` of a row of masses, whose links in line share one tension.
+    /// `hardening` is q of the force q·d³ and `stretching` q of q·S·d [N/m³], where S is the sum of the squares of all
+    /// elongations.
     ///
     /// # Errors
     /// As [`Network::mesh`].
@@ -228,11 +229,11 @@ impl Network {
         self.add_mesh(name, topology, each, &losses, [hardening, stretching])
     }
 
-    /// The same whose every link of factor 1 has the stiffness `k` [N/m] and the viscosity `z` [N·s/m]; in a part under
-    /// `ca` the algorithmic K and Z.
+    /// As [`Network::stretched_mesh`], but each link of factor 1 has the stiffness `k` [N/m] and the viscosity `z`
+    /// [N·s/m]; in a part under `ca` these are the algorithmic K and Z.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range or the network is full.
+    /// [`Error::Refused`] with the name of the module if a number is out of range or the network is full.
     pub fn linked_mesh(
         &mut self,
         name: &str,
@@ -275,7 +276,8 @@ impl Network {
         let before = usize::from(topology.in_line && n_fixed > 0);
         let first = self.n_mat() + before;
         let part = self.current();
-        // Points are the MATs, then the fixed ones; in line the first of these lies before the MATs.
+        // A topology numbers the MATs first, then the fixed points. In a row the first fixed point lies before the
+        // MATs.
         let order = (n..n + before).chain(0..n).chain(n + before..n + n_fixed);
         for i in order {
             let place = &topology.positions[i];
@@ -316,7 +318,7 @@ impl Network {
             self.names.add_mats(first + n, n_fixed, true, end, 0);
         }
         let links = self.n_lia;
-        // Runs of one factor share a law.
+        // Runs with the same factor share one law.
         let mut laws: Vec<(f64, Arc<Law>)> = Vec::new();
         let point = |i: usize| match i {
             i if i < n || before == 0 => first + i,

@@ -1,11 +1,12 @@
-//! Friction with memory by bristles that bend (Canudas de Wit, Olsson, Åström & Lischinsky 1995; Dahl 1968 where nothing
-//! but σ0 and a level is given).
+//! Friction with memory by bristles that bend (Canudas de Wit, Olsson, Åström & Lischinsky 1995; Dahl 1968 if only σ0
+//! and a level are given).
 
 use crate::maths::{exp, expm1};
 
-/// No level of friction is taken to be below this [N]: bristles without one bend by nothing.
+/// Lower bound of the level of friction [N]; it avoids a division by 0.
 const LEVEL_MIN: f64 = 1e-12;
-/// The greatest 2·u·exp(−u), 2/e: by how much of Fs − Fc the level may fall with the logarithm of the speed.
+/// The maximum of 2·u·exp(−u), 2/e: the steepest decrease of the level over the logarithm of the speed, as a fraction
+/// of Fs − Fc.
 const FALL: f64 = 0.735_758_882_342_884_7;
 
 /// A friction of bristles bent by z: f = σ0·z + σ1·ż + σ2·v, ż = v − σ0·|v|·z/g(v), g(v) = Fc + (Fs − Fc)·exp(−(v/vs)²).
@@ -15,11 +16,11 @@ pub struct Bristle {
     pub stiffness: f64,
     /// σ1: damping of the bristles [N·s/m].
     pub damping: f64,
-    /// σ2: viscosity of what lies between them [N·s/m].
+    /// σ2: viscosity between the two surfaces [N·s/m].
     pub viscosity: f64,
-    /// Fc: friction of a fast slide [N].
+    /// Fc: friction in fast sliding [N].
     pub level: f64,
-    /// Fs: friction of the slowest slide [N].
+    /// Fs: friction in the slowest sliding [N].
     pub static_level: f64,
     /// vs: speed at which friction has fallen from Fs by 63 % of Fs − Fc [m/s].
     pub speed: f64,
@@ -36,25 +37,25 @@ impl Bristle {
         }
     }
 
-    /// The friction of a steady slide at `v`, but for its viscosity [N].
+    /// Friction of steady sliding at `v`, without viscosity [N].
     fn steady(&self, v: f64) -> f64 {
         let u = v / self.speed;
         let level = self.level + (self.static_level - self.level) * exp(-u * u);
         level.max(LEVEL_MIN)
     }
 
-    /// What of the bend a slide at `v` takes away a second [1/s].
+    /// Fraction of the bend that sliding at `v` removes per second [1/s].
     pub(crate) fn wear(&self, v: f64) -> f64 {
         self.stiffness * v.abs() / self.steady(v)
     }
 
-    /// Force [N] of bristles bent by `z` [m] whose ends part by `v` [m/s].
+    /// Force [N] of bristles bent by `z` [m] whose ends separate at `v` [m/s].
     pub(crate) fn force(&self, z: f64, v: f64) -> f64 {
         let bends = v - self.wear(v) * z;
         self.stiffness * z + self.damping * bends + self.viscosity * v
     }
 
-    /// The bend after `h` seconds at `v`, exactly.
+    /// The exact bend after `h` seconds at constant `v`.
     pub(crate) fn slide(&self, z: f64, v: f64, h: f64) -> f64 {
         let worn = self.wear(v) * h;
         let lost = -expm1(-worn);
@@ -77,14 +78,14 @@ impl Bristle {
         self.damping + self.viscosity
     }
 
-    /// The steepest that the force may rise with the speed [N·s/m]: where bristles that are bent one way are drawn the
+    /// Largest slope of the force over the speed [N·s/m]. It occurs when bristles that are bent one way are drawn the
     /// other way.
     pub(crate) fn steepest_damping(&self) -> f64 {
         let ratio = self.static_level / self.level.max(LEVEL_MIN);
         self.damping * (1.0 + ratio * (1.0 + FALL * (ratio - 1.0).max(0.0))) + self.viscosity
     }
 
-    /// σ2 from which on the link gives no energy whatever is done to it: σ1·(Fs − Fc)/Fc (Barabanov & Ortega 2000).
+    /// Smallest σ2 at which the link is passive: σ1·(Fs − Fc)/Fc (Barabanov & Ortega 2000).
     ///
     /// ```
     /// use ergon_engine::network::Bristle;
@@ -142,7 +143,7 @@ mod tests {
         }
     }
 
-    /// Bristles that a slow draw bent to Fs, drawn on at a speed at which Fc alone holds, spring back.
+    /// Bristles that slow sliding bent to Fs spring back when sliding goes on at a speed at which only Fc holds.
     #[test]
     fn with_enough_viscosity_nothing_is_gained() {
         let least_loss = |bristle: &Bristle| {

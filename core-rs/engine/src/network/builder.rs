@@ -1,4 +1,4 @@
-//! Adding MATs (`<M>` points) and outputs; the rules of the formalism are checked at once.
+//! Adding MATs (`<M>` points) and outputs; each call checks the rules of the formalism.
 
 use super::checks::Rule;
 use super::error::Error;
@@ -21,7 +21,7 @@ impl Network {
         });
     }
 
-    /// Let a plan compute the own springs of the current part only once in so many frames.
+    /// Allow a plan to compute the springs inside the current part only once in `frames` frames.
     pub fn macrostep(&mut self, frames: u32) {
         if let Some(part) = self.parts.get_mut(self.current) {
             part.macrostep = Some(frames.max(1));
@@ -31,8 +31,8 @@ impl Network {
     /// Add a free mass (MAS) of mass `m` [kg] at position `x0` [m] and velocity `v0` [m/s]; returns its index.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where `m` is not above 0, a number is not finite, or the network
-    /// is full.
+    /// [`Error::Refused`] with the name of the module if `m` is not above 0, a number is not finite, or the network is
+    /// full.
     pub fn mas(&mut self, name: &str, m: f64, x0: f64, v0: f64) -> Result<usize, Error> {
         self.check(
             name,
@@ -48,17 +48,17 @@ impl Network {
     /// Add a fixed point (SOL) at `x0` [m]; returns its index.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where `x0` is not finite or the network is full.
+    /// [`Error::Refused`] with the name of the module if `x0` is not finite or the network is full.
     pub fn sol(&mut self, name: &str, x0: f64) -> Result<usize, Error> {
         self.check(name, &[("X0", x0, Rule::Finite)])?;
         self.add_mat(name, MatKind::Sol, [0.0, 0.0, 0.0, 0.0, x0, 0.0])
     }
 
-    /// Add a mass tied to the ground (CEL): mass `m` [kg], ground at `rest` [m], at `x0` [m] and `v0` [m/s] at the start;
-    /// returns its index.
+    /// Add a mass tied to the ground (CEL): mass `m` [kg], ground at `rest` [m], at `x0` [m] and `v0` [m/s] at the
+    /// start; returns its index.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range or the network is full.
+    /// [`Error::Refused`] with the name of the module if a number is out of range or the network is full.
     pub fn cel(
         &mut self,
         name: &str,
@@ -94,7 +94,7 @@ impl Network {
     /// Set the initial position [m] and velocity [m/s] of one MAT.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is not finite.
+    /// [`Error::Refused`] with the name of the module if a number is not finite.
     pub fn start(&mut self, index: usize, x0: f64, v0: f64) -> Result<(), Error> {
         if !(x0.is_finite() && v0.is_finite()) {
             return Err(Error::Refused {
@@ -126,16 +126,16 @@ impl Network {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a term refers to modules that do not exist or its weight is
+    /// [`Error::Refused`] with the name of the module if a term refers to modules that do not exist or its weight is
     /// not finite.
     pub fn listen(&mut self, name: &str, terms: Vec<Term>) -> Result<usize, Error> {
         self.listen_to(name, terms, 0)
     }
 
-    /// [`Network::listen`] to the sum (`order` 0), to its speed (1) or its acceleration (2).
+    /// As [`Network::listen`]: the output is the sum (`order` 0), its speed (1) or its acceleration (2).
     ///
     /// # Errors
-    /// Those of [`Network::listen`], and [`Error::Refused`] where the order is above 2.
+    /// Those of [`Network::listen`], and [`Error::Refused`] if the order is above 2.
     pub fn listen_to(&mut self, name: &str, terms: Vec<Term>, order: u8) -> Result<usize, Error> {
         if order > 2 {
             let message = format!("an output is differentiated twice at most, not {order} times");
@@ -166,7 +166,7 @@ impl Network {
         Ok(self.outputs.len() - 1)
     }
 
-    /// How many MATs the module that begins at `first` has: 1, or a generator's.
+    /// Number of MATs of the module that begins at `first`: 1, or more for a generator.
     pub fn count(&self, first: usize) -> usize {
         self.names.count(first)
     }
@@ -201,7 +201,7 @@ impl Network {
         Ok(index)
     }
 
-    /// Add one coordinate of a point in space at [x, v]: fixed where its mass is 0.
+    /// Add one coordinate of a point in space that starts at [x, v]; it is fixed if its mass is 0.
     pub(super) fn push_coordinate(&mut self, m: f64, z: f64, [x0, v0]: [f64; 2]) {
         let kind = match (m > 0.0, z > 0.0) {
             (false, _) => MatKind::Sol,
@@ -240,7 +240,7 @@ impl Network {
     /// Let gravity act on MATs, with `g` [m/s²] along their axis; on fixed points it has no effect.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the first MAT where `g` is not finite.
+    /// [`Error::Refused`] with the name of the first MAT if `g` is not finite.
     pub fn weigh(&mut self, mats: std::ops::Range<usize>, g: f64) -> Result<(), Error> {
         if !g.is_finite() {
             return Err(Error::Refused {
@@ -251,7 +251,7 @@ impl Network {
         self.mats.weight.resize(self.n_mat(), 0.0);
         for mat in mats.filter(|&mat| self.mats.kind[mat].moves()) {
             let part = self.parts.get(self.mats.part[mat] as usize);
-            // The number M of a discrete network is m/T².
+            // In a discrete network, M is m/T².
             let step = part.and_then(|part| part.ca_rate).map_or(1.0, Rate::step);
             self.mats.weight[mat] = self.mats.m[mat] * g * step * step;
         }
@@ -294,7 +294,7 @@ impl Network {
         }
     }
 
-    /// The part that modules are added to; where none was begun, one without a name.
+    /// The part that modules are added to; begins a part without a name if there is none.
     pub(super) fn current(&mut self) -> u32 {
         if self.parts.is_empty() {
             self.part("", None);
@@ -306,7 +306,7 @@ impl Network {
         self.parts.get(self.current).and_then(|part| part.ca_rate)
     }
 
-    /// The name of a module with that of its part.
+    /// The name of a module, prefixed with the name of its part.
     pub(super) fn full_name(&self, name: &str) -> String {
         let part = self
             .parts

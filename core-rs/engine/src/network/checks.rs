@@ -15,7 +15,7 @@ pub(super) enum Rule {
 }
 
 impl Rule {
-    /// The rule in words; `None` where the value keeps it.
+    /// The broken rule in words; `None` if the value keeps the rule.
     fn broken(self, value: f64) -> Option<&'static str> {
         match self {
             _ if !value.is_finite() => Some("it must be a finite number"),
@@ -35,7 +35,7 @@ impl Network {
         }
     }
 
-    /// Refuse the module where the network has no room for `more` modules.
+    /// Refuse the module if the network has no room for `more` modules.
     pub(super) fn room(&self, name: &str, more: usize) -> Result<(), Error> {
         if self.n_mat() + more > MODULES_MAX || self.n_lia + more > MODULES_MAX {
             return Err(self.refused(
@@ -46,7 +46,7 @@ impl Network {
         Ok(())
     }
 
-    /// Refuse the module where a frequency [Hz] or a decay [s] is out of range.
+    /// Refuse the module if a frequency [Hz] or a decay [s] is out of range.
     pub(super) fn check_tuning(&self, name: &str, f: f64, t60: Option<f64>) -> Result<(), Error> {
         if !(f > 0.0 && f.is_finite()) {
             return Err(self.refused(name, &format!("f is {f} Hz: it must be above 0 and finite")));
@@ -57,7 +57,7 @@ impl Network {
         Ok(())
     }
 
-    /// Refuse the module where a value breaks its rule.
+    /// Refuse the module if a value breaks its rule.
     pub(super) fn check(&self, name: &str, values: &[(&str, f64, Rule)]) -> Result<(), Error> {
         for &(what, value, rule) in values {
             if let Some(broken) = rule.broken(value) {

@@ -1,7 +1,7 @@
-//! Modes with their damping: poles s of (s² + s·Z + K) x = 0, in coordinates that make every mass 1.
+//! Damped modes: poles s of (s² + s·Z + K) x = 0, in coordinates that make every mass 1.
 //!
-//! The problem is solved in the span of undamped modes and of the answers of the springs to what damping makes of these,
-//! then each pole by itself on the whole network.
+//! The problem is first solved in the span of undamped modes x and of the answers of the springs to the forces Z x.
+//! Each pole is then refined by itself on the whole network.
 
 use nalgebra::Complex;
 
@@ -12,44 +12,45 @@ use crate::spectrum::springs::{self, Spring};
 use crate::spectrum::vector::{add, dot, norm, normalise, orthogonalise, units};
 use crate::spectrum::{Mode, general, whole};
 
-/// What damping makes of an undamped mode is the same mode, to this part of it: they are known to 1e-10.
+/// Damping couples a mode x with others if the part of Z x outside x is above this fraction of |Z x|. Modes are known
+/// to 1e-10.
 const UNCOUPLED: f64 = 1e-6;
-/// Relative to the strongest damping.
+/// Rounding error of Z x, relative to the strongest damping.
 const ROUNDING: f64 = 1e-13;
-/// An answer that is new by less than this part tells nothing.
+/// An answer is dropped if the part of it that is new is below this fraction.
 const NEW: f64 = 1e-6;
-/// Corrections of a pole; each squares its error.
+/// Most corrections of a pole; each squares its relative error.
 const CORRECTIONS: usize = 8;
-/// A correction below this part of the pole is the last: what it leaves is the square.
+/// A correction below this fraction of the pole is the last: the error that remains is its square.
 const LAST: f64 = 1e-8;
-/// A pole whose residual tells an error below this part of it needs no correction.
+/// A pole needs no correction if the error that its residual implies is below this fraction of it.
 const EXACT: f64 = 1e-12;
-/// A pole that moves further than this part of it was another's.
+/// A correction above this fraction of the pole leads to another pole; all corrections are then discarded.
 const FAR: f64 = 1e-2;
 
-/// The error of a pole that its residual tells, relative to it (1e-6 cents): beyond that it is not known.
+/// Largest relative error, implied by its residual, at which a pole counts as known (1e-6 cents).
 const KNOWN: f64 = 5e-10;
-/// What a residual has by rounding, relative to the stiffest of the network.
+/// Rounding error of a residual, relative to the largest stiffness of the network.
 const ROUNDED: f64 = 1e-12;
-/// Two poles are one, found twice, where corrections brought them so much nearer to each other.
+/// Two poles are the same one, found twice, if corrections reduced their distance to less than this fraction.
 const NEARER: f64 = 1e-3;
 
-/// A pole and how the masses move, of xᵀ(2s + Z)x = 2i·Im s   (n); of length 1 where it does not swing.
+/// A pole and the motion x of the masses (n), scaled to xᵀ(2s + Z)x = 2i·Im s, or to length 1 if the pole is real.
 pub(super) struct Swing {
     pub(super) pole: Complex<f64>,
     pub(super) shape: Vec<Complex<f64>>,
-    /// It is a pole, and another than all others.
+    /// Whether this is a pole, and distinct from all others.
     pub(super) is_known: bool,
 }
 
-/// Whether damping takes any of the modes to others.
+/// Whether damping couples any of the modes with others.
 pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
     let n = body.springs.n();
     let scattered: Vec<f64> = (0..n)
         .map(|i| if i % 2 == 0 { 1.0 } else { -1.0 })
         .collect();
     let image = times(&body.dampers, &scattered);
-    // What damping makes of a mode that it does not feel is rounding, of the size of what it makes of others.
+    // If damping does not act on a mode x, Z x is only rounding error; Z times a scattered vector tells its size.
     let least = ROUNDING * sqrt(dot(&image, &image) / n as f64);
     modes.iter().any(|mode| {
         let image = times(&body.dampers, &mode.vector);
@@ -60,7 +61,7 @@ pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
     })
 }
 
-/// The `count` poles of the smallest |s| that come of undamped modes, which damping couples or does not.
+/// The `count` poles of smallest |s| that arise from undamped modes; `is_coupled` says whether damping couples these.
 pub(super) fn swings(body: &Body, modes: &[Mode], is_coupled: bool, count: usize) -> Vec<Swing> {
     if !is_coupled {
         let alone = |mode: &Mode| alone(mode, &times(&body.dampers, &mode.vector));
@@ -101,9 +102,9 @@ fn alone(mode: &Mode, image: &[f64]) -> Swing {
     let half = 0.5 * dot(&mode.vector, image);
     let squared = mode.lambda - half * half;
     let pole = if squared >= 0.0 {
-        Complex::new(-half, sqrt(squared.abs())) // of −0 as well
+        Complex::new(-half, sqrt(squared.abs())) // abs also for −0
     } else {
-        // Not the difference of two near numbers.
+        // Avoids the difference of two nearly equal numbers.
         Complex::new(-mode.lambda / (half + sqrt(-squared)), 0.0)
     };
     let shape = mode.vector.iter().map(|&x| Complex::from(x)).collect();
@@ -114,7 +115,7 @@ fn alone(mode: &Mode, image: &[f64]) -> Swing {
     }
 }
 
-/// The modes, and further motions that are to them as modes are: orthogonal, each with its λ.
+/// The modes, extended by answers of the springs to damping: orthonormal vectors, each with its λ, as modes are.
 fn with_answers(body: &Body, modes: &[Mode]) -> Vec<Mode> {
     let n = body.springs.n();
     let room = modes.len().min(n - modes.len());
@@ -128,7 +129,7 @@ fn with_answers(body: &Body, modes: &[Mode]) -> Vec<Mode> {
         push_new(&mut kept, &mut rests, image);
     }
     rests.truncate(room);
-    // Static answers, and those at the middle of the modes: two of each damper's point, where there are few.
+    // Static answers, then answers at half the highest λ: two for each damped point, if there are few.
     let middle = modes.last().map_or(0.0, |mode| 0.5 * mode.lambda);
     let mut kept = basis(modes);
     let mut answers: Vec<Vec<f64>> = Vec::new();
@@ -143,7 +144,7 @@ fn with_answers(body: &Body, modes: &[Mode]) -> Vec<Mode> {
             }
         }
     }
-    // Turned among themselves, so that springs couple none with another.
+    // Rotate the answers among themselves so that springs do not couple them.
     let mut all = modes.to_vec();
     let k = answers.len();
     if k == 0 {
@@ -165,7 +166,7 @@ fn with_answers(body: &Body, modes: &[Mode]) -> Vec<Mode> {
     all
 }
 
-/// Add a vector's part outside an orthonormal basis to it and to `fresh`, unless that is too small.
+/// Add the part of a vector outside an orthonormal basis to the basis and to `fresh`, unless that part is too small.
 fn push_new(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) {
     let length = norm(&vector);
     orthogonalise(&mut vector, basis);
@@ -176,7 +177,7 @@ fn push_new(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Ve
     fresh.push(vector);
 }
 
-/// Poles of motions that damping couples, by rising |s|: of (p, v) with p = ω·q, ṗ = ω·v, v̇ = −ω·p − Z·v.
+/// Poles of modes that damping couples, by rising |s|: eigenvalues in (p, v) with p = ω·q, ṗ = ω·v, v̇ = −ω·p − Z·v.
 fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<Swing>> {
     let n = modes.len();
     let size = 2 * n;
@@ -202,7 +203,7 @@ fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<Swing>> {
         }
         shape
     };
-    // Of a pair that does not swing the slower pole is told: as many of them as there are modes left.
+    // An overdamped mode has two real poles, of which the slower is kept: as many real poles as there are modes left.
     let (mut real, mut poles): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
     for (at, (_, im)) in found.values.iter().enumerate() {
         if *im > 0.0 {
@@ -230,7 +231,7 @@ fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<Swing>> {
     Some(poles.into_iter().map(swing).collect())
 }
 
-/// The whole network: stiffness and damping on one pattern.
+/// Stiffness and damping of the whole network on one sparsity pattern.
 pub(super) struct Whole {
     pub(super) pattern: Pattern,
     stiffness: Values<f64>,
@@ -255,8 +256,8 @@ impl Whole {
         Values::of(&self.stiffness, &self.damping, s * s, |k, z| s * z + k)
     }
 
-    /// Newton's corrections of a pole, s −= xᵀx / xᵀy where P(s) y = P′(s) x, as long as its residual tells an error;
-    /// `gap` is how far the next pole lies. Source: Ruhe, SIAM J. Numer. Anal. 10 (1973).
+    /// Refine a pole by Newton's method, s −= xᵀx / xᵀy with P(s) y = P′(s) x, unless its residual shows that it is
+    /// exact; `gap` is the distance to the next pole. Source: Ruhe, SIAM J. Numer. Anal. 10 (1973).
     fn correct(&self, swing: &mut Swing, gap: f64) {
         let n = self.pattern.n();
         let mut image = vec![Complex::from(0.0); n];
@@ -278,7 +279,7 @@ impl Whole {
             }
             slope(s).times(&self.pattern, &x, &mut image);
             let Some(factor) = Factor::new(&self.pattern, &matrix, Complex::from(0.0)) else {
-                break; // the pole to the last bit
+                break; // s is a pole to the last bit
             };
             let y = factor.solve(&image);
             let step = bilinear(&x, &x) / bilinear(&x, &y);
@@ -316,7 +317,7 @@ fn bilinear(a: &[Complex<f64>], b: &[Complex<f64>]) -> Complex<f64> {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// √z, whose real part is not negative.
+/// √z with a non-negative real part.
 fn root(z: Complex<f64>) -> Complex<f64> {
     let length = sqrt(z.norm_sqr());
     let re = sqrt((0.5 * (length + z.re)).max(0.0));

@@ -1,52 +1,53 @@
-//! The masses, springs and dampers of some parts by themselves, contacts open and laws at their slope at rest.
+//! Masses, springs and dampers of some parts without the rest of the network; contacts are open, and laws have their
+//! slope at rest.
 
 use super::{LinkKind, MatKind, Network};
 use crate::units::Rate;
 
-/// What a link of some parts is.
+/// Kind of a link of some parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ElementKind {
     /// The spring and damper of a CEL to the ground.
     Tie,
-    /// A spring and a damper (REF; RES and FRO where one of the two is 0).
+    /// A spring and a damper (REF; RES or FRO if one of the two is 0).
     Ref,
-    /// A contact, which is open.
+    /// A contact, taken as open.
     But,
-    /// A law, at its slope at rest.
+    /// A law, taken at its slope at rest.
     Lnl,
-    /// A friction with memory, at rest.
+    /// Friction with memory, taken at rest.
     Bristle,
-    /// Dry friction, which is left out.
+    /// Dry friction: listed, but left out of modes and admittances.
     Dry,
-    /// A link in space, which is left out; its ends are their first coordinates.
+    /// A link in space: listed, but left out of modes and admittances. Its ends are their first coordinates.
     Space,
 }
 
-/// A spring and damper between two masses, or between one and what is held.
+/// A spring and damper between two masses, or between a mass and a held point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Element {
     /// What it is.
     pub kind: ElementKind,
-    /// Slots of its ends among the masses; `None` is held.
+    /// Slots of its ends among the masses; `None` for a held point.
     pub ends: [Option<usize>; 2],
-    /// Stiffness at rest [N/m]; of a contact that while it is closed.
+    /// Stiffness at rest [N/m]; for a contact, while it is closed.
     pub k: f64,
-    /// Damping at rest [N·s/m].
+    /// Damping at rest [N·s/m]; for a contact, while it is closed.
     pub z: f64,
 }
 
-/// Some parts by themselves.
+/// The masses and links of some parts.
 #[derive(Clone, Debug)]
 pub struct Elements {
     /// The masses, by their index in the network   (n), rising
     pub mats: Vec<usize>,
     /// M [kg]   (n)
     pub m: Vec<f64>,
-    /// All links, also those between points that are held
+    /// All links, including those between held points
     pub each: Vec<Element>,
     /// Number of fixed and of imposed points.
     pub n_held: usize,
-    /// The rate of the network whose numbers are the truth, of the first of the parts.
+    /// Rate of the discrete network that defines the first of the parts; `None` if that part is continuous.
     pub ca_rate: Option<Rate>,
 }
 
@@ -58,7 +59,7 @@ impl Elements {
 }
 
 impl Network {
-    /// The masses and links of some parts, with the links between them and without those to others.
+    /// The masses and links of `parts`, including links between these parts, but not links to other parts.
     ///
     /// ```
     /// use ergon_engine::Network;
@@ -102,14 +103,14 @@ impl Network {
                 LinkKind::Dry(_) => (ElementKind::Dry, 0.0, 0.0),
                 LinkKind::Space(_) | LinkKind::Pairwise(_) => (ElementKind::Space, run.k, run.z),
                 LinkKind::Lnl(law) => (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0)),
-                // As it is where all that it follows begins.
+                // The law at the initial positions of the MATs that it follows.
                 LinkKind::Followed(followed) => {
                     let law = followed.at(|mat| mats.x0[mat]);
                     (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0))
                 }
             };
             let slot = |mat: usize| moving.binary_search(&mat).ok();
-            // A link at a point between masses ties none of them alone.
+            // A link to a proxy acts on several masses at once, so it is left out.
             let ties = |i: &usize| {
                 let (a, b) = run.pair(*i, 0);
                 !alone.is_proxy(a) && !alone.is_proxy(b)

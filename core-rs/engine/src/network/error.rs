@@ -32,7 +32,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// One error that holds the first of each module; `None` of none. Members of a module that are numbered are one.
+    /// Combines errors, keeping only the first of each module; numbered members of a module count as one module. `None`
+    /// if there are no errors.
     pub(crate) fn of(found: impl IntoIterator<Item = Error>) -> Option<Self> {
         let mut known = HashSet::new();
         let mut each: Vec<Error> = found.into_iter().flat_map(Error::each).collect();
@@ -43,7 +44,7 @@ impl Error {
         }
     }
 
-    /// The module at fault, without the number of a member.
+    /// Name of the module at fault, without the number of a member.
     fn whole(&self) -> String {
         let name = match self {
             Self::Refused { module, .. } | Self::Unstable { module, .. } => module,

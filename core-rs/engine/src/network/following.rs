@@ -1,4 +1,4 @@
-//! What follows a MAT: constants of laws, and masses, whose values go by where another MAT is.
+//! Values that follow a MAT: constants of laws, and masses, that depend on the position of another MAT.
 
 use std::sync::Arc;
 
@@ -7,26 +7,26 @@ use super::error::Error;
 use super::{LinkKind, MatKind, Network, Run};
 use crate::law::{Law, LawText};
 
-/// Most constants of one law that follow: the certificate looks at the law with each at both of its ends.
+/// Most constants of one law that may follow: the certificate examines all combinations of their end values.
 pub const FOLLOWING_MAX: usize = 4;
 
-/// A value that goes by where a MAT is.
+/// A value that depends on the position of a MAT: linear between two ends, and constant beyond them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Following {
     /// The MAT.
     pub mat: usize,
-    /// Added to its position [m].
+    /// Offset that is added to the position of the MAT [m].
     pub offset: f64,
-    /// What it moves from one end to the other [m].
+    /// Distance that the MAT moves from one end to the other [m].
     pub span: f64,
-    /// The value where it is at -offset, and beyond.
+    /// The value when the MAT is at -offset, and before.
     pub from: f64,
-    /// The value a span farther on, and beyond.
+    /// The value when the MAT is at span - offset, and beyond.
     pub to: f64,
 }
 
 impl Following {
-    /// The value where the MAT is at `x` [m]; where it is nowhere, the first.
+    /// The value when the MAT is at `x` [m]; `from` if `x` is NaN.
     #[inline]
     pub(crate) fn at(&self, x: f64) -> f64 {
         let share = ((x + self.offset) / self.span).clamp(0.0, 1.0).max(0.0);
@@ -41,21 +41,21 @@ impl Following {
     }
 }
 
-/// The law of a link some of whose constants follow MATs.
+/// The law of a link in which some constants follow MATs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Followed {
-    /// With these constants open, by their order.
+    /// The law; these constants are its open ones, in the order of `by`.
     law: Arc<Law>,
     by: Arc<[Following]>,
 }
 
 impl Followed {
-    /// The law as it is somewhere on its way, to be [set](Self::set).
+    /// The law with arbitrary values of its open constants; a copy of it is updated by [set](Self::set).
     pub(crate) fn law(&self) -> &Law {
         &self.law
     }
 
-    /// Give a copy of the law the values that its constants have where MATs are at `x` [m].
+    /// Give the open constants of `law`, a copy, the values that belong to MATs at `x` [m].
     #[inline]
     pub(crate) fn set(&self, law: &mut Law, x: impl Fn(usize) -> f64) {
         for (slot, by) in self.by.iter().enumerate() {
@@ -63,14 +63,14 @@ impl Followed {
         }
     }
 
-    /// The law where MATs are at `x` [m].
+    /// The law when MATs are at `x` [m].
     pub(crate) fn at(&self, x: impl Fn(usize) -> f64) -> Law {
         let mut law = (*self.law).clone();
         self.set(&mut law, x);
         law
     }
 
-    /// The law with each of its constants at one of its ends, in all ways.
+    /// The law with every combination of the end values of its open constants.
     pub(crate) fn corners(&self) -> impl Iterator<Item = Law> + '_ {
         (0..1_usize << self.by.len()).map(|ends| {
             let mut law = (*self.law).clone();
@@ -88,12 +88,12 @@ impl Followed {
         })
     }
 
-    /// The MATs that it follows.
+    /// The MATs that the law follows.
     pub(crate) fn guides(&self) -> impl Iterator<Item = usize> + '_ {
         self.by.iter().map(|by| by.mat)
     }
 
-    /// The same in a network that has its MATs at other indices; `None` where one is missing.
+    /// The same law in a network that numbers MATs differently; `None` if a MAT is missing there.
     pub(super) fn moved_to(&self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
         let by = self.by.iter().map(|by| by.moved_to(&local));
         Some(Self {
@@ -103,17 +103,17 @@ impl Followed {
     }
 }
 
-/// A MAT whose mass follows another.
+/// A MAT whose mass follows another MAT.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FollowingMass {
     pub(crate) mat: usize,
     pub(crate) by: Following,
-    /// The smallest mass that it may have, which the network says.
+    /// The smallest value of the mass [kg]; the network stores this one.
     least: f64,
 }
 
 impl FollowingMass {
-    /// How many times as light as the network says it is where MATs are at `x` [m]: at most 1.
+    /// Ratio of the mass in the network to the mass when MATs are at `x` [m]: at most 1.
     #[inline]
     pub(crate) fn lightness(&self, x: impl Fn(usize) -> f64) -> f64 {
         self.least / self.by.at(x(self.by.mat))
@@ -139,7 +139,7 @@ impl Network {
         !self.following_masses.is_empty() || self.runs.iter().any(|run| run.followed().is_some())
     }
 
-    /// Every MAT at which something follows another one, with that one.
+    /// Pairs of a MAT whose link or mass follows another MAT, and that other MAT.
     pub(crate) fn followed(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let links = self.runs.iter().flat_map(|run| {
             let guides = run.followed().into_iter().flat_map(Followed::guides);
@@ -149,8 +149,8 @@ impl Network {
         links.chain(masses.map(|mass| (mass.mat, mass.by.mat)))
     }
 
-    /// Add a link (LNL) between MATs `a` and `b`, `rest` [m] long at rest, some constants of whose law follow MATs by
-    /// their names; returns its index.
+    /// Add a link (LNL) between MATs `a` and `b`, `rest` [m] long at rest, in whose law the constants named in `by`
+    /// follow MATs; returns its index.
     ///
     /// ```
     /// use ergon_engine::Network;
@@ -169,8 +169,8 @@ impl Network {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where the law is none, a number is not finite, a MAT is missing, or
-    /// too many constants follow.
+    /// [`Error::Refused`] with the name of the module if the law is invalid, a number is not finite, a MAT is missing,
+    /// or too many constants follow.
     pub fn following_lnl(
         &mut self,
         name: &str,
@@ -206,8 +206,8 @@ impl Network {
     /// Let the mass of a MAS follow a MAT.
     ///
     /// # Errors
-    /// [`Error::Refused`] with its name where it is no MAS, follows already, a mass is not above 0, a number is not finite,
-    /// or the MAT is missing.
+    /// [`Error::Refused`] with its name if it is not a MAS, follows a MAT already, a mass is not above 0, a number is
+    /// not finite, or the MAT is missing.
     pub fn follow_mass(&mut self, name: &str, mat: usize, by: Following) -> Result<(), Error> {
         let refuse = |message: &str| self.refused(name, message);
         if self.mats.kind.get(mat) != Some(&MatKind::Mas) {
@@ -226,7 +226,7 @@ impl Network {
         Ok(())
     }
 
-    /// The network with every mass that follows as it is where MATs are at `x` [m].
+    /// The network with each following mass fixed at its value when MATs are at `x` [m].
     pub(crate) fn with_masses_at(mut self, x: &[f64]) -> Self {
         for own in std::mem::take(&mut self.following_masses) {
             self.mats.m[own.mat] = own.by.at(x[own.by.mat]);
@@ -252,7 +252,7 @@ impl Network {
 }
 
 impl Run {
-    /// The law of links that follow MATs; `None` of others.
+    /// The law of links that follow MATs; `None` for other links.
     pub(crate) fn followed(&self) -> Option<&Followed> {
         match &self.kind {
             LinkKind::Followed(followed) => Some(followed),

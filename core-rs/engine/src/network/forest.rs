@@ -1,4 +1,4 @@
-//! MATs that links join, by union-find.
+//! Sets of linked MATs, by union-find.
 
 use super::{AXES_MAX, Network, Run};
 
@@ -6,12 +6,12 @@ use super::{AXES_MAX, Network, Run};
 pub(crate) struct Forest(Vec<u32>);
 
 impl Forest {
-    /// Every MAT by itself.
+    /// Each MAT in a set of its own.
     pub(crate) fn new(n_mat: usize) -> Self {
         Self((0..n_mat as u32).collect())
     }
 
-    /// The representative of the MATs that are joined with this one.
+    /// The representative of the set that holds a MAT.
     pub(crate) fn root(&mut self, mut i: usize) -> usize {
         while self.0[i] as usize != i {
             self.0[i] = self.0[self.0[i] as usize];
@@ -23,12 +23,12 @@ impl Forest {
     /// Join the sets of two MATs.
     pub(crate) fn join(&mut self, i: usize, j: usize) {
         let (i, j) = (self.root(i), self.root(j));
-        // The lower index represents: sets come in the order of their first MATs.
+        // The lower index becomes the representative, so that sets come in the order of their first MATs.
         self.0[i.max(j)] = i.min(j) as u32;
     }
 }
 
-/// Every link with its two ends; one in space along each axis.
+/// Each link with its two ends; a link in space appears once per axis.
 pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
     let runs = network.runs().iter();
     runs.flat_map(|run| {
@@ -36,8 +36,8 @@ pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usi
     })
 }
 
-/// Every two MATs of which the one is felt where the other is: both ends of a link, coordinates of one of its ends, a
-/// proxy with its masses, and whatever follows a MAT with it.
+/// Pairs of MATs that influence each other: both ends of a link, the coordinates of each end, a proxy and its masses
+/// and guides, and anything that follows a MAT and that MAT.
 pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> + '_ {
     let runs = network.runs().iter().filter(|run| run.n_axes() > 1);
     let coordinates = runs.flat_map(|run| {
@@ -47,7 +47,7 @@ pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> 
             others.flat_map(move |(other_a, other_b)| [(a, other_a), (b, other_b)])
         })
     });
-    // Points of a group feel each other by those that they meet.
+    // Points of a group influence each other through the points that they meet.
     let crowds = network.runs().iter().filter_map(Run::pairwise);
     let crowds = crowds.flat_map(|run| {
         let groups = [(run.a, run.pairs.n_first), (run.b, run.n)];
@@ -66,7 +66,7 @@ pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> 
         .chain(network.followed())
 }
 
-/// The MATs of every link, axis by axis: in turn of its first end and of its second.
+/// The MATs of each link, axis by axis: its first end, then its second.
 pub(crate) fn links(network: &Network) -> impl Iterator<Item = (usize, LinkMats)> + '_ {
     let runs = network.runs().iter();
     runs.flat_map(|run| {

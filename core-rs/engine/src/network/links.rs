@@ -9,14 +9,14 @@ use super::parameters::{But, Contact, Side};
 use super::{Bristle, Dry, LinkKind, Network};
 use crate::law::{Entry, Law, Row};
 
-/// How many links of a network have laws of the same operations, whatever the numbers in them.
+/// Number of links of a network whose laws consist of the same operations, whatever their constants are.
 #[derive(Clone, Debug)]
 pub struct LawUse {
     /// The operations; see [`Law::rows`].
     pub rows: Vec<Row>,
-    /// Links alone in their run.
+    /// Number of links that are alone in their run.
     pub alone: usize,
-    /// Links in longer runs.
+    /// Number of links in longer runs.
     pub in_runs: usize,
 }
 
@@ -35,7 +35,7 @@ impl Network {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where `k` or `z` is negative, a number is not finite, or the ends
+    /// [`Error::Refused`] with the name of the module if `k` or `z` is negative, a number is not finite, or the ends
     /// cannot be joined.
     pub fn spring(
         &mut self,
@@ -57,7 +57,8 @@ impl Network {
         self.link(name, LinkKind::Ref, a, b, [k, z, rest])
     }
 
-    /// Add a one-sided contact of the striker `a` on `b`, which closes where the gap is 0; returns its index.
+    /// Add a one-sided contact of the striker `a` on `b`, which closes when `a` is beyond `b` by the gap; returns its
+    /// index.
     ///
     /// ```
     /// use ergon_engine::Network;
@@ -76,7 +77,7 @@ impl Network {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range or the ends cannot be joined.
+    /// [`Error::Refused`] with the name of the module if a number is out of range or the ends cannot be joined.
     pub fn but(&mut self, name: &str, a: usize, b: usize, but: But) -> Result<usize, Error> {
         let But { k, z, gap, .. } = but;
         self.check(
@@ -93,8 +94,7 @@ impl Network {
         if but.contact == Contact::Magic {
             self.check_magic(name, &but)?;
         }
-        // d = x_b - x_a - rest: from below the penetration is -d with rest = -gap, from above d with
-        // rest = gap.
+        // d = x_b - x_a - rest. From below the penetration is -d with rest = -gap, from above it is d with rest = gap.
         let rest = match but.side {
             Side::Below => -gap,
             Side::Above => gap,
@@ -134,7 +134,7 @@ impl Network {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where `rest` is not finite or the ends cannot be joined.
+    /// [`Error::Refused`] with the name of the module if `rest` is not finite or the ends cannot be joined.
     pub fn lnl(
         &mut self,
         name: &str,
@@ -164,7 +164,7 @@ impl Network {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range, Fs is below Fc, or the ends cannot
+    /// [`Error::Refused`] with the name of the module if a number is out of range, Fs is below Fc, or the ends cannot
     /// be joined.
     pub fn bristle(
         &mut self,
@@ -214,7 +214,7 @@ impl Network {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range or the ends cannot be joined.
+    /// [`Error::Refused`] with the name of the module if a number is out of range or the ends cannot be joined.
     pub fn dry(&mut self, name: &str, a: usize, b: usize, dry: Dry) -> Result<usize, Error> {
         let Dry {
             level,
@@ -254,7 +254,7 @@ impl Network {
         Ok(first)
     }
 
-    /// Every different law that native code can compute, and how often links have it.
+    /// Each distinct law that native code can compute, with the number of links that have it.
     pub fn laws(&self) -> Vec<LawUse> {
         let mut laws: Vec<LawUse> = Vec::new();
         let mut known: HashMap<Vec<Row>, usize> = HashMap::new();
@@ -279,7 +279,7 @@ impl Network {
         laws
     }
 
-    /// Let laws with these rows be computed by native code.
+    /// Let native code compute the laws that have these rows.
     ///
     /// # Safety
     /// Each entry fulfils for its rows what [`Law::set_native`] requires.

@@ -1,4 +1,4 @@
-//! Modes of one part by itself, as one would measure them to tune it.
+//! Modes of one part without the rest of the network, e.g. for tuning it.
 
 use nalgebra::Complex;
 
@@ -7,26 +7,26 @@ use super::damped::{self, Swing};
 use crate::spectrum::{self, Found};
 use crate::units::LN_1000;
 
-/// Numbers of all shapes together: 0.8 GB.
+/// Most numbers in all shapes together.
 const KEPT: usize = 100_000_000;
 
 /// A mode of the network.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tone {
-    /// Damped frequency [Hz]; 0 where damping is beyond critical.
+    /// Damped frequency [Hz]; 0 above critical damping.
     pub f: f64,
-    /// Time to fall by 60 dB [s], beyond critical damping by the slower of two poles; infinite without loss.
+    /// Time to fall by 60 dB [s]; above critical damping that of the slower of two poles; infinite without loss.
     pub t60: f64,
 }
 
 /// Which modes are asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ModeRange {
-    /// So many from the lowest on.
+    /// This many of the lowest modes.
     Lowest(usize),
     /// All up to a frequency [Hz].
     Below(f64),
-    /// So many next to a frequency [Hz].
+    /// This many modes nearest to a frequency [Hz].
     Around(f64, usize),
 }
 
@@ -34,11 +34,11 @@ pub enum ModeRange {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{count} modes of {n_masses} masses need too much memory; ask for at most {most} modes")]
 pub struct TooManyModes {
-    /// How many modes.
+    /// Number of modes asked for.
     pub count: usize,
-    /// Of how many masses.
+    /// Number of masses.
     pub n_masses: usize,
-    /// How many would do.
+    /// Largest number of modes that can be kept.
     pub most: usize,
 }
 
@@ -53,17 +53,17 @@ pub struct PartModes {
     pub shapes: Vec<Vec<Complex<f64>>>,
     /// The masses, by their index in the network   (n)
     pub mats: Vec<usize>,
-    /// Whether the inertia of the matrix says that no mode of the range is missing, damping apart, and each is a mode of
-    /// its own by what it leaves of the equations.
+    /// Whether the inertia of the matrix proves that no undamped mode of the range is missing, and the residual of each
+    /// damped mode proves it a mode distinct from all others.
     pub is_certified: bool,
-    /// Links whose law was taken at its slope at rest.
+    /// Number of links whose law was taken at its slope at rest.
     pub n_laws: usize,
-    /// Contacts that were taken as open.
+    /// Number of contacts that were taken as open.
     pub n_contacts: usize,
 }
 
 impl Network {
-    /// The lowest modes of a part, without its links to other parts, contacts open and laws at their slope at rest.
+    /// The lowest modes of a part without its links to other parts, with contacts open and laws at their slope at rest.
     ///
     /// ```
     /// use ergon_engine::Network;
@@ -81,15 +81,15 @@ impl Network {
         Ok(found.tones)
     }
 
-    /// Modes of a part with their shapes, without its links to other parts, contacts open and laws at their slope at
-    /// rest.
+    /// Modes of a part and their shapes, without its links to other parts, with contacts open and laws at their slope
+    /// at rest.
     ///
-    /// They are complex modes, the eigenvectors of the state, whatever the damping. Those of a part under `units: ca`
-    /// are the modes of its discrete network.
+    /// They are complex modes, the eigenvectors of the state, for any damping. For a part under `units: ca` they are
+    /// the modes of its discrete network.
     pub fn part_modes(&self, part: usize, range: ModeRange) -> Result<PartModes, TooManyModes> {
         let body = self.part_body(part);
         let n = body.mats.len();
-        // Damping couples each mode with others, of which some more are needed than are asked for.
+        // Damping couples each mode with others, so more undamped modes are needed than are asked for.
         let search = |count: usize, find: &dyn Fn(usize) -> Found| {
             let found = find(count);
             let is_coupled = damped::is_coupled(&body, &found.modes);
@@ -141,7 +141,7 @@ impl Network {
         };
         let is_certified = is_certified && poles.iter().all(|swing| swing.is_known);
         poles.sort_by(|a, b| a.pole.norm_sqr().total_cmp(&b.pole.norm_sqr()));
-        // Its sign is that by which the largest motion is positive.
+        // The sign of a shape is such that its largest motion is positive.
         let shape = |swing: &Swing| -> Vec<Complex<f64>> {
             let large = |x: &Complex<f64>, y: &Complex<f64>| x.re.abs().total_cmp(&y.re.abs());
             let most = swing.shape.iter().copied().max_by(large);
@@ -170,7 +170,7 @@ impl Network {
 }
 
 impl Tone {
-    /// Of a pole s [1/s].
+    /// The tone of a pole s [1/s].
     fn of(s: Complex<f64>) -> Self {
         Self {
             f: s.im / std::f64::consts::TAU,

@@ -1,4 +1,4 @@
-//! Names of modules: a generator's members share one, `string` → `string.12`.
+//! Names of modules; members of a generator share one name: `string` → `string.12`.
 
 /// The names of coordinates.
 const AXES: [char; 3] = ['x', 'y', 'z'];
@@ -8,14 +8,14 @@ const AXES: [char; 3] = ['x', 'y', 'z'];
 struct Group {
     first: usize,
     len: usize,
-    /// Numbered members are shown with their index.
+    /// Whether members are shown with their number.
     numbered: bool,
     /// Number of the first member.
     from: usize,
     name: String,
-    /// What stands behind the number: the axis of a coordinate.
+    /// Suffix after the number: the axis of a coordinate.
     axis: Option<char>,
-    /// Which member is the middle one.
+    /// Index of the middle member.
     centre: usize,
 }
 
@@ -46,7 +46,7 @@ fn show(groups: &[Group], index: usize) -> String {
     name
 }
 
-/// The groups of the modules `kept` (rising indices), with indices counted anew.
+/// The groups of the modules `kept` (rising indices), renumbered.
 fn cut(groups: &[Group], kept: &[u32]) -> Vec<Group> {
     let mut cut: Vec<Group> = Vec::new();
     let mut before: Option<usize> = None;

@@ -22,7 +22,7 @@ pub enum Term {
         /// Factor of their sum.
         weight: f64,
     },
-    /// What LIAs in space measure, their distance [m] (SOX of a distance).
+    /// Lengths that LIAs in space measure [m] (SOX of a distance).
     Length {
         /// First LIA.
         first: usize,

@@ -1,37 +1,37 @@
-//! What every point of a group does to every point of another, or all points of a group to each other.
+//! Links between all pairs of points of two groups, or of one group.
 
 use super::checks::Rule;
 use super::error::Error;
 use super::space::{AXES_MAX, Measure, SINKS, SpaceLaw, SpaceLink, SpacePoint};
 use super::{LinkKind, Network, Run};
 
-/// Contacts or attractions between all pairs of two groups of points. Link i tells of the i-th point of the second group:
-/// its force is the sum of those on that point.
+/// Contacts or attractions between all pairs of points of two groups. Link i belongs to the i-th point of the second
+/// group: its force is the sum of all forces on that point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pairwise {
-    /// What each pair does.
+    /// The link of each pair.
     pub link: SpaceLink,
-    /// Number of points of the first group; that of the second is the number of links.
+    /// Number of points of the first group; the second has as many points as the run has links.
     pub n_first: usize,
-    /// Whether both groups are the same: its points meet each other.
+    /// Whether both groups are the same, so that its points meet each other.
     pub is_within: bool,
-    /// Coefficient of dry friction across the line of a contact.
+    /// Coefficient of dry friction perpendicular to the line of a contact.
     pub friction: f64,
 }
 
-/// What a pair of points does.
+/// The law of a pair of points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PairLaw {
-    /// What it measures.
+    /// What the pair measures.
     pub measure: Measure,
-    /// What it does with that: a contact or an attraction.
+    /// The force for that measure: a contact or an attraction.
     pub law: SpaceLaw,
-    /// Coefficient of dry friction across the line of a contact; 0 for an attraction.
+    /// Coefficient of dry friction perpendicular to the line of a contact; 0 for an attraction.
     pub friction: f64,
 }
 
 impl PairLaw {
-    /// One without friction.
+    /// A pair law without friction.
     pub const fn smooth(measure: Measure, law: SpaceLaw) -> Self {
         Self {
             measure,
@@ -41,7 +41,7 @@ impl PairLaw {
     }
 }
 
-/// The numbers of a run of them that say which pairs touch.
+/// The numbers of a pairwise run that decide which pairs touch.
 #[derive(Clone, Debug)]
 pub(crate) struct PairRun {
     pub(crate) pairs: Pairwise,
@@ -55,18 +55,19 @@ pub(crate) struct PairRun {
 }
 
 impl PairRun {
-    /// The numbers of two points by their first coordinates: the first group, then the second where it is another.
+    /// The numbers of two points from their first coordinates: points of the first group come first, then those of the
+    /// second, if it is another group.
     pub(crate) fn points(&self, (a, b): (usize, usize)) -> [u32; 2] {
         [(a - self.a) as u32, (self.before() + b - self.b) as u32]
     }
 
-    /// The coordinates of the first axis of two points by their numbers.
+    /// The first coordinates of two points from their numbers.
     pub(crate) fn ends(&self, [first, second]: [u32; 2]) -> (usize, usize) {
         let second = self.b + second as usize - self.before();
         (self.a + first as usize, second)
     }
 
-    /// How many points are numbered before those of the second group.
+    /// How many points are numbered before the second group.
     fn before(&self) -> usize {
         if self.pairs.is_within {
             0
@@ -75,7 +76,7 @@ impl PairRun {
         }
     }
 
-    /// The MATs of its points, as ranges.
+    /// The MATs of its points: two ranges per axis.
     pub(crate) fn spans(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
         let Self { pairs, a, b, n, .. } = self;
         let (a, b, n) = (*a, *b, *n);
@@ -86,7 +87,7 @@ impl PairRun {
     }
 }
 
-/// Points that follow one another.
+/// Consecutive points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PointGroup {
     /// The first.
@@ -96,11 +97,11 @@ pub struct PointGroup {
 }
 
 impl Pairwise {
-    /// As many neighbours as equal spheres have at most: on a plane, and in space.
+    /// Most neighbours of a sphere among equal spheres: in a plane, and in space.
     const NEIGHBOURS: [f64; 2] = [6.0, 12.0];
 
-    /// Coordinates along an axis of two points that may meet: each link of a run that begins at `ends` names its own
-    /// point of the second group, and one that it may meet.
+    /// Coordinates along `axis` of two points that may meet, of link i in a run that begins at `ends`: a point of the
+    /// first group, and the i-th point of the second group.
     pub(crate) fn pair(&self, ends: (usize, usize), i: usize, axis: usize) -> (usize, usize) {
         let other = if self.is_within { i + 1 } else { i };
         self.link
@@ -116,7 +117,8 @@ impl Pairwise {
         }
     }
 
-    /// How many points of the other group push a point at once, at most: one of the first, and one of the second.
+    /// Most points of the other group that push a point at once: for a point of the first group, and for one of the
+    /// second.
     pub(crate) fn neighbours(&self, n_second: usize) -> [f64; 2] {
         if self.is_searched() {
             [Self::NEIGHBOURS[self.link.n_axes - 2]; 2]
@@ -125,12 +127,13 @@ impl Pairwise {
         }
     }
 
-    /// Whether pairs are found by where points are; all of them are looked at where they are few, or act from afar.
+    /// Whether touching pairs are searched by position. Otherwise all pairs are examined: there are few, or they do not
+    /// touch by their distance.
     pub(crate) fn is_searched(&self) -> bool {
         self.link.law.is_contact() && self.link.measure == Measure::Distance && self.n_first > 1
     }
 
-    /// Which points of the second group a point of the first may meet, where all pairs are looked at.
+    /// Points of the second group that a point of the first may meet, when all pairs are examined.
     pub(crate) fn others(&self, first: usize, n_second: usize) -> std::ops::Range<usize> {
         if self.is_within {
             first + 1..n_second
@@ -141,7 +144,7 @@ impl Pairwise {
 }
 
 impl Run {
-    /// The run as contacts of all pairs.
+    /// The run as pairwise links; `None` for other kinds.
     pub(crate) fn pairwise(&self) -> Option<PairRun> {
         match &self.kind {
             LinkKind::Pairwise(pairs) => Some(PairRun {
@@ -157,12 +160,12 @@ impl Run {
 }
 
 impl Network {
-    /// Add contacts or attractions between every point of one group and every point of another that is not smaller; the
-    /// same group twice: between all its points. Returns the index of the first link: there are as many as points of the
-    /// second group.
+    /// Add contacts or attractions between every point of one group and every point of a second, which must not be
+    /// smaller. If both groups are the same, all its points meet each other. Returns the index of the first link; there
+    /// are as many links as points in the second group.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range or the groups cannot meet.
+    /// [`Error::Refused`] with the name of the module if a number is out of range or the groups cannot meet.
     pub fn pairwise(
         &mut self,
         name: &str,
@@ -173,7 +176,7 @@ impl Network {
     ) -> Result<usize, Error> {
         let (measure, friction) = (own.measure.clone(), own.friction);
         self.check(name, &[("friction", friction, Rule::NotNegative)])?;
-        // A plane may lie beside the point that carries it.
+        // The gap to a plane may have either sign: the plane may lie beside the point that carries it.
         let length = match &measure {
             Measure::Plane(_) if gap.is_finite() => 0.0,
             _ => gap,
@@ -213,7 +216,7 @@ impl Network {
     }
 }
 
-/// Why two groups cannot meet.
+/// Why two groups cannot meet; `None` if they can.
 fn refusal(
     [a, b]: [PointGroup; 2],
     n_axes: usize,

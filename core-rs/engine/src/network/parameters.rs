@@ -28,7 +28,7 @@ pub enum Contact {
     Plain,
     /// Energy-exact by a discrete gradient (Chatziioannou & van Walstijn 2015).
     Exact,
-    /// K and Z such that the restitution is exact whatever the instant of contact.
+    /// K and Z chosen such that the restitution is exact for any instant of contact.
     Magic,
 }
 
@@ -48,7 +48,7 @@ pub struct But {
     pub k: f64,
     /// Viscosity while it is closed [N·s/m], or algorithmic Z in a part under `ca`.
     pub z: f64,
-    /// Distance at which the contact closes [m].
+    /// How far the striker is beyond the other point when the contact closes [m].
     pub gap: f64,
     /// The side from which the striker comes.
     pub side: Side,
@@ -65,7 +65,7 @@ pub struct But {
 }
 
 impl But {
-    /// CORDIS-ANIMA's own contact: a spring k with viscosity z that the striker closes from below, over a gap.
+    /// The plain contact of CORDIS-ANIMA: a spring k with viscosity z that the striker closes from below, with a gap.
     #[must_use]
     pub const fn plain(k: f64, z: f64, gap: f64) -> Self {
         Self {
@@ -81,8 +81,8 @@ impl But {
         }
     }
 
-    /// κ and ζ of a contact that lasts N steps and gives back e exactly: x[k+N] = −r^N·x[k] whatever
-    /// the phase of the contact, with r = e^(1/N), Nθ = π.
+    /// κ and ζ of a contact that lasts N steps and has exactly the restitution e: x[k+N] = −r^N·x[k] for any phase of
+    /// the contact, with r = e^(1/N), Nθ = π.
     pub(crate) fn exact_restitution(&self) -> (f64, f64) {
         let n = f64::from(self.steps);
         let r = if self.restitution == 1.0 {

@@ -1,4 +1,4 @@
-//! A part by itself as springs and dampers between masses, contacts open and laws at their slope at rest.
+//! A part by itself as springs and dampers between masses, with contacts open and laws at their slope at rest.
 
 use nalgebra::Complex;
 
@@ -15,13 +15,13 @@ pub(super) struct Body {
     /// √M   (n)
     pub(super) root: Vec<f64>,
     pub(super) springs: Springs,
-    /// Dampers; of a discrete network with its springs once more, for its poles then are those of z − 1.
+    /// Dampers; in a discrete network each also contains the stiffness K, because the poles are then those of z − 1.
     pub(super) dampers: Vec<Spring>,
-    /// The rate of the network whose numbers are the truth.
+    /// Rate of the discrete network that defines the part; `None` if it is continuous.
     pub(super) ca_rate: Option<Rate>,
-    /// Links whose law was taken at its slope at rest.
+    /// Number of links whose law was taken at its slope at rest.
     pub(super) n_laws: usize,
-    /// Contacts that were taken as open.
+    /// Number of contacts that were taken as open.
     pub(super) n_contacts: usize,
 }
 
@@ -32,7 +32,7 @@ impl Network {
 }
 
 impl Body {
-    /// Of the masses and links of some parts.
+    /// The body of the masses and links of some parts.
     pub(super) fn new(elements: Elements) -> Self {
         let root: Vec<f64> = elements.m.iter().map(|m| m.sqrt()).collect();
         let end = |slot: usize| -> End { (slot, 1.0 / root[slot]) };
@@ -84,7 +84,7 @@ impl Body {
         }
     }
 
-    /// The pole s [1/s] of a pole of the eigenvalue problem.
+    /// The pole s [1/s] in continuous time for a pole of the eigenvalue problem.
     pub(super) fn continuous(&self, pole: Complex<f64>) -> Complex<f64> {
         let Some(rate) = self.ca_rate else {
             return pole;

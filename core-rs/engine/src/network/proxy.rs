@@ -1,4 +1,4 @@
-//! Proxies: massless points between masses. One moves as its masses do, and passes the forces on it on to them.
+//! Proxies: massless points between masses. A proxy moves as its masses do, and passes forces on it to these masses.
 
 use std::sync::Arc;
 
@@ -9,45 +9,45 @@ use super::{MatKind, Network};
 /// A point between masses: x = Σ share·x. A force on it is divided among the masses by the same shares.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proxy {
-    /// The MAT that it is.
+    /// Its index among the MATs.
     pub(crate) mat: usize,
     shares: Shares,
 }
 
-/// Of which masses a proxy has how much.
+/// The masses of a proxy, and its share in each.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shares {
-    /// MATs, each with its share, at all times.
+    /// MATs, each with a constant share.
     Fixed(Arc<[(usize, f64)]>),
-    /// By where it is on a row or a mesh of MATs, linear along each side.
+    /// Shares that depend on the position on a row or a mesh of MATs, linear along each side.
     Moving {
         /// MATs, row by row.
         mats: Arc<[usize]>,
-        /// How many are in a row.
+        /// Number of MATs in a row.
         columns: usize,
-        /// Where it is: among the rows, and within a row.
+        /// Position across the rows, and within a row.
         along: [Along; 2],
     },
 }
 
-/// Where a proxy is along one side of a mesh of n MATs.
+/// Position of a proxy along one side of a mesh, which has n MATs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Along {
-    /// At a place, in MATs from the first.
+    /// At a fixed place, counted in MATs from the first.
     At(f64),
-    /// At (x + offset)/span of the way from the first to the last, x the position of a MAT.
+    /// At (x + offset)/span of the way from the first MAT to the last, where x is the position of a MAT.
     Following {
         /// The MAT.
         mat: usize,
-        /// [m]
+        /// Offset that is added to x [m].
         offset: f64,
-        /// What the MAT moves from one end to the other [m].
+        /// Distance that the MAT moves from one end to the other [m].
         span: f64,
     },
 }
 
 impl Along {
-    /// The MAT before it, and the share of the next, of `n`.
+    /// The MAT before the proxy among `n`, and the share of the next MAT.
     fn place(self, n: usize, x: &impl Fn(usize) -> f64) -> (usize, f64) {
         let last = (n - 1) as f64;
         let at = match self {
@@ -56,7 +56,7 @@ impl Along {
                 ((x(mat) + offset) / span).clamp(0.0, 1.0) * last
             }
         };
-        // NaN, of a MAT that is nowhere, is at the first.
+        // If the position of a MAT is NaN, the proxy is at the first MAT.
         let at = at.clamp(0.0, last).max(0.0);
         let low = at as usize;
         (low, at - low as f64)
@@ -75,7 +75,7 @@ impl Along {
 }
 
 impl Proxy {
-    /// Tell every mass and its share, where MATs are at `x` [m].
+    /// Call `tell` with each mass and its share, when MATs are at `x` [m].
     #[inline]
     pub(crate) fn each(&self, x: impl Fn(usize) -> f64, mut tell: impl FnMut(usize, f64)) {
         match &self.shares {
@@ -99,19 +99,19 @@ impl Proxy {
         }
     }
 
-    /// Σ share·value over its masses, where MATs are at `x` [m].
+    /// Σ share·value over its masses, when MATs are at `x` [m].
     pub(crate) fn sum(&self, x: impl Fn(usize) -> f64, value: impl Fn(usize) -> f64) -> f64 {
         let mut sum = 0.0;
         self.each(x, |mat, share| sum += share * value(mat));
         sum
     }
 
-    /// Whether it moves along its masses.
+    /// Whether it may move along its masses.
     pub(crate) fn is_moving(&self) -> bool {
         matches!(self.shares, Shares::Moving { .. })
     }
 
-    /// Every MAT that it may ever have a share of.
+    /// Every MAT in which it may ever have a share.
     pub(crate) fn masses(&self) -> impl Iterator<Item = usize> + '_ {
         let (fixed, moving): (&[(usize, f64)], &[usize]) = match &self.shares {
             Shares::Fixed(shares) => (shares, &[]),
@@ -121,7 +121,7 @@ impl Proxy {
         fixed.chain(moving.iter().copied())
     }
 
-    /// The MATs that say where it is.
+    /// The MATs that determine its place.
     pub(crate) fn guides(&self) -> impl Iterator<Item = usize> + '_ {
         let along: &[Along] = match &self.shares {
             Shares::Fixed(_) => &[],
@@ -133,7 +133,7 @@ impl Proxy {
         })
     }
 
-    /// Keep shares that nothing changes.
+    /// Turn shares that follow no MAT into fixed shares.
     fn settle(&mut self) {
         if self.guides().next().is_none() {
             let mut shares = Vec::new();
@@ -142,7 +142,7 @@ impl Proxy {
         }
     }
 
-    /// The largest Σ|share|.
+    /// The largest possible Σ|share|.
     pub(crate) fn reach(&self) -> f64 {
         match &self.shares {
             Shares::Fixed(shares) => shares.iter().map(|(_, share)| share.abs()).sum(),
@@ -150,7 +150,7 @@ impl Proxy {
         }
     }
 
-    /// The proxy in a network that has its MATs at other indices; `None` where one is missing.
+    /// The proxy in a network that numbers MATs differently; `None` if a MAT is missing there.
     pub(super) fn moved_to(&self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
         let shares = match &self.shares {
             Shares::Fixed(shares) => {
@@ -182,7 +182,7 @@ impl Network {
         &self.proxies
     }
 
-    /// The masses of a proxy, each with its share, where all MATs are at the beginning; none of another MAT.
+    /// The masses of a proxy, each with its share at the initial positions; empty for any other MAT.
     pub fn shares(&self, mat: usize) -> Vec<(usize, f64)> {
         let mut shares = Vec::new();
         if let Some(own) = self.proxies.iter().find(|proxy| proxy.mat == mat) {
@@ -199,7 +199,8 @@ impl Network {
         self.mats.kind[mat] == MatKind::Proxy
     }
 
-    /// Add a massless point between masses; returns its index. It begins where they do.
+    /// Add a massless point between masses, with the initial position and velocity that its shares give; returns its
+    /// index.
     ///
     /// ```
     /// use ergon_engine::Network;
@@ -213,8 +214,8 @@ impl Network {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where it has no mass, a mass is missing or a proxy itself, a row is
-    /// not full, or a number is not finite.
+    /// [`Error::Refused`] with the name of the module if it has no mass, a mass is missing or is itself a proxy, a row
+    /// is not full, or a number is not finite.
     pub fn proxy(&mut self, name: &str, shares: Shares) -> Result<usize, Error> {
         let mut own = Proxy {
             mat: self.n_mat(),

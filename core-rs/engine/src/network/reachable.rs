@@ -9,7 +9,7 @@ pub const PRESS_DEPTH: f64 = 1e-3;
 /// Number of places on either side of rest at which the slope of a law is evaluated.
 const PLACES: i32 = 16;
 
-/// How a network differs from itself at rest at one moment of a piece.
+/// How a network differs from its state at rest at one moment of a piece.
 #[derive(Clone, Debug, Default)]
 pub struct NetworkMoment {
     /// MATs that other hands hold.
@@ -35,7 +35,7 @@ pub struct ReachableNetwork {
 
 impl Network {
     /// The part of the network that a hand on `mat` can move at a moment, with every contact closed and every law
-    /// replaced by the stiffest spring that it is within `depth` [m].
+    /// replaced by its stiffest spring within `depth` [m].
     ///
     /// `rate` [Hz] sets the stiffness of magic contacts, which depends on the length of a step.
     pub fn reachable_network(
@@ -50,7 +50,7 @@ impl Network {
         let goes = |other: usize| other == mat || self.mats.kind[other].moves();
         let (mut through, mut own) = (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
         for (_, mats) in links(self).filter(|&(link, _)| !is_off(link)) {
-            // Coordinates of one point feel each other through a link in space.
+            // A link in space joins all coordinates of its points.
             let mut going = mats.all().iter().copied().filter(|&mat| goes(mat));
             let Some(first) = going.next() else { continue };
             let mut own_first = (!is_held(first)).then_some(first);
@@ -89,7 +89,7 @@ impl Network {
                 found.network.mats.kind[mat] = MatKind::Sol;
             }
         }
-        // The hand's own MAT is always among them.
+        // The MAT of the hand always belongs to them.
         let hand = local(mat).unwrap_or_default();
         found.network.linearise(depth, rate, hand);
         for run in &mut found.network.runs {
@@ -126,7 +126,7 @@ impl Network {
                 per_mass,
             );
             (run.k, run.z, run.rest) = (k, z, 0.0);
-            // Along no axis a link in space is stiffer than along its own line: it stays one that acts along all.
+            // A link in space keeps its kind, which acts along all axes: it is nowhere stiffer than along its own line.
             if run.n_axes() == 1 {
                 run.kind = LinkKind::Ref;
             }
@@ -172,7 +172,7 @@ impl Network {
 fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64) {
     match &run.kind {
         LinkKind::Ref | LinkKind::Space(_) | LinkKind::Pairwise(_) => (run.k, run.z),
-        // Held within `depth` by a spring that reaches F there.
+        // Replaced by a spring that reaches F at `depth`.
         LinkKind::Dry(_) => (run.z / depth, 0.0),
         LinkKind::Bristle(bristle) => (run.k, bristle.with(run.k, run.z).steepest_damping()),
         LinkKind::But(but) if but.contact == Contact::Magic => {
@@ -205,6 +205,6 @@ fn stiffest_law(law: &Law, depth: f64) -> (f64, f64) {
     let drags = places
         .map(|d| law.damping_slope(d))
         .filter(|z| z.is_finite());
-    // A negative slope, which gives way or gives energy, counts as no spring.
+    // A negative slope, which gives way or supplies energy, counts as 0.
     (slopes.fold(0.0, f64::max), drags.fold(0.0, f64::max))
 }

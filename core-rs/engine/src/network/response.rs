@@ -1,4 +1,4 @@
-//! The steady answer of parts to a force that swings: mechanical admittances, by a solution at each frequency.
+//! The steady-state response of parts to a sinusoidal force: mechanical admittances, by one solution per frequency.
 
 use std::f64::consts::{PI, TAU};
 
@@ -10,15 +10,16 @@ use super::part_body::Body;
 use crate::maths::{cos, sin};
 use crate::spectrum::sparse::Factor;
 
-/// Solutions on what the one before left of the force: the first takes rounding off, the second finds no more.
+/// Steps of iterative refinement of a solution: the first removes rounding errors, the second finds no more.
 const REFINEMENTS: usize = 2;
 
 impl Network {
-    /// Velocity of each of `heard` over a force at `forced`, of some parts by themselves, contacts open and laws at their
-    /// slope at rest   (n_heard · n_frequencies) [(m/s)/N]; infinite at a pole that nothing damps.
+    /// Mechanical admittance of some parts without the rest of the network: the velocity of each point of `heard` over
+    /// a force at `forced`   (n_heard · n_frequencies) [(m/s)/N]. Contacts are open, and laws have their slope at rest.
+    /// The admittance is infinite at an undamped pole.
     ///
-    /// A point is one or more masses, by their indices: each gets the force, and their velocities are added up. Of a
-    /// part under `units: ca` the force stays the same for one sample.
+    /// A point is one or more masses, by their indices: each gets the force, and their velocities are added. In a part
+    /// under `units: ca` the force is constant for one sample.
     ///
     /// ```
     /// use ergon_engine::Network;
@@ -69,18 +70,18 @@ impl Network {
     }
 }
 
-/// Where P(s) is solved at a frequency [Hz], and what its solution is times.
+/// The s at which P(s) is solved for a frequency [Hz], and the factor of its solution.
 fn point(body: &Body, f: f64) -> (Complex<f64>, Complex<f64>) {
     let Some(rate) = body.ca_rate else {
         return (Complex::new(0.0, TAU * f), Complex::from(1.0));
     };
-    // z − 1, whose real part does not cancel, where P(s) is z times the scheme.
+    // z − 1, written so that its real part does not cancel; P(z − 1) is z times the scheme.
     let half = PI * f / rate.hertz();
     let lifted = Complex::new(0.0, 2.0 * sin(half)) * Complex::new(cos(half), sin(half));
     (lifted, lifted + 1.0)
 }
 
-/// x of P(s) x = force; `None` at a pole.
+/// The solution x of P(s) x = force; `None` at a pole.
 fn answer(whole: &Whole, s: Complex<f64>, force: &[Complex<f64>]) -> Option<Vec<Complex<f64>>> {
     let matrix = whole.at(s);
     let factor = Factor::new(&whole.pattern, &matrix, Complex::from(0.0))?;

@@ -1,10 +1,10 @@
-//! Whether two networks are equal, so that the state of one can go on in the other.
+//! Whether two networks are equal, so that one can continue from the state of the other.
 
 use super::{Network, Part, Run};
 
 impl Network {
-    /// Whether modules, parameters, names and outputs are those of `other`. Initial positions and velocities may differ,
-    /// and so may parts without modules.
+    /// Whether modules, parameters, names and outputs are those of `other`. Initial positions and velocities may
+    /// differ, and so may parts without modules.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let (own, their) = (&self.mats, &other.mats);
         let parts = |a: usize, b: usize| self.part_at(a) == other.part_at(b);
@@ -29,7 +29,7 @@ impl Network {
             && self.names == other.names
     }
 
-    /// Whether also initial positions and velocities are those of `other`.
+    /// Whether initial positions and velocities are also those of `other`.
     pub(crate) fn is_same_from_start(&self, other: &Self) -> bool {
         let (own, their) = (&self.mats, &other.mats);
         [&own.x0, &own.v0] == [&their.x0, &their.v0] && self.is_same(other)

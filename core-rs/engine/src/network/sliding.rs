@@ -1,8 +1,8 @@
-//! Dry friction of points that touch, across the line between them: a spring that slips (Cundall and Strack, Géotechnique
-//! 29, 1979), with a damper while it holds (Silbert et al., Physical Review E 64, 2001).
+//! Dry friction of points that touch, perpendicular to the line between them: a spring that slips (Cundall and Strack,
+//! Géotechnique 29, 1979), with a damper while it holds (Silbert et al., Physical Review E 64, 2001).
 //!
-//! The spring is as stiff as the contact is along its line, and the damper is that of the contact: a contact that holds is
-//! as stiff along all axes, so the certificate of the contact holds for its friction too.
+//! The spring and the damper have the stiffness and the damping of the contact along its line. A contact that holds is
+//! thus equally stiff along all axes, so the certificate of the contact also holds for its friction.
 
 use super::space::{AXES_MAX, distance};
 
@@ -11,21 +11,21 @@ type Vector = [f64; AXES_MAX];
 /// Two points that touch, at one instant.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sliding {
-    /// Greatest friction: the coefficient times the push of the contact [N].
+    /// Largest friction force: the coefficient times the push of the contact [N].
     pub(crate) limit: f64,
-    /// Stiffness [N/m] and damping a step [N/m].
+    /// Stiffness [N/m] and damping per step [N/m].
     pub(crate) by: [f64; 2],
-    /// From the first point to the second [m].
+    /// Vector from the first point to the second [m].
     pub(crate) apart: Vector,
-    /// Along the line of the contact, of length 1.
+    /// Unit vector along the line of the contact.
     pub(crate) along: Vector,
-    /// What `apart` grew by in the last step [m].
+    /// Change of `apart` in the last step [m].
     pub(crate) moved: Vector,
 }
 
 impl Sliding {
-    /// The force that pulls the first point [N], and what `apart` is where the spring has no force. `anchor` is that of the
-    /// last frame; `None` where the points did not touch then.
+    /// The force that pulls the first point [N], and the new anchor: the value of `apart` at which the spring has no
+    /// force. `anchor` is that of the last frame; `None` if the points did not touch then.
     pub(crate) fn force(&self, anchor: Option<Vector>) -> (Vector, Vector) {
         let [k, z] = self.by;
         let mut stretch = anchor.map_or([0.0; AXES_MAX], |anchor| {
@@ -38,14 +38,14 @@ impl Sliding {
         (force, difference(self.apart, stretch))
     }
 
-    /// The part of a vector across the line of the contact.
+    /// The component of a vector perpendicular to the line of the contact.
     fn across(&self, vector: Vector) -> Vector {
         let along = dot(vector, self.along);
         std::array::from_fn(|axis| vector[axis] - along * self.along[axis])
     }
 }
 
-/// Make a vector as long as `most`, if it is longer.
+/// Shorten a vector to the length `most` if it is longer.
 fn shorten(vector: &mut Vector, most: f64) {
     let length = distance(vector[0], vector[1], vector[2]);
     if length > most {

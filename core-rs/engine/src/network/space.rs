@@ -1,7 +1,7 @@
 //! Links in space: they measure the distance of two points, and act along the line between them.
 //!
-//! A point in space is two or three MATs, its coordinates. So whatever acts on one axis of motion acts on a coordinate
-//! too: hands, ergons, springs, outputs.
+//! A point in space is two or three MATs, its coordinates. Everything that acts on a MAT can therefore act on a
+//! coordinate: hands, ergons, springs, outputs.
 
 mod facets;
 mod law;
@@ -23,7 +23,7 @@ use super::{LinkKind, Network, Run};
 pub(crate) const AXES_MAX: usize = 3;
 
 impl LinkKind {
-    /// Whether its force depends on what was before.
+    /// Whether its force depends on earlier motion.
     pub(crate) fn remembers(&self) -> bool {
         match self {
             Self::Bristle(_) => true,
@@ -32,7 +32,7 @@ impl LinkKind {
         }
     }
 
-    /// Whether it is seen between its ends: neither a contact nor an attraction.
+    /// Whether a view draws it between its ends: false for contacts, attractions and gauges.
     pub fn is_drawn(&self) -> bool {
         match self {
             Self::Space(SpaceLink {
@@ -56,7 +56,7 @@ impl LinkKind {
         breaks.is_finite()
     }
 
-    /// Whether it acts only while its ends meet.
+    /// Whether it acts only while its ends touch.
     pub fn is_contact(&self) -> bool {
         match self {
             Self::But(_) => true,

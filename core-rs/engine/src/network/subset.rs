@@ -1,4 +1,4 @@
-//! Some modules of a network as a network of their own, with their indices in the whole.
+//! Some modules of a network as a network of their own, with their indices in the whole network.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use super::{
 };
 use crate::law::{Hardening, Law};
 
-/// A part of another network, the whole. The lists give the index in the whole for each local index, rising.
+/// A part of another network, the whole. The lists give the index in the whole of each local index, in rising order.
 #[derive(Clone, Debug)]
 pub(crate) struct Subset {
     pub(crate) network: Network,
@@ -15,7 +15,7 @@ pub(crate) struct Subset {
     pub(crate) mats: Vec<u32>,
     /// (n_lia)
     pub(crate) links: Vec<u32>,
-    /// (n_out): only outputs that listen to its modules
+    /// (n_out); of [`Network::subset`] only outputs that listen to its modules
     pub(crate) outputs: Vec<u32>,
 }
 
@@ -27,9 +27,9 @@ impl Subset {
 }
 
 impl Network {
-    /// The MATs `mats` and `guests`, with those of `links` that join two of them, in the order of the whole.
+    /// The MATs `mats` and `guests`, and those of `links` whose ends are among them, in the order of the whole.
     ///
-    /// Outputs keep their terms on `mats` and `links`; terms on guests are left out. All lists rise.
+    /// Outputs keep their terms on `mats` and `links`, but not those on guests. All lists must rise.
     pub(crate) fn subset(&self, mats: &[u32], guests: &[u32], links: &[u32]) -> Subset {
         let mut subset = self.subset_for_all(mats, guests, links);
         let outputs = &mut subset.network.outputs;
@@ -40,7 +40,7 @@ impl Network {
         subset
     }
 
-    /// [`Network::subset`] with all outputs of the whole, also those that listen to none of its modules.
+    /// [`Network::subset`] with all outputs of the whole, including those that listen to none of its modules.
     pub(crate) fn subset_for_all(&self, mats: &[u32], guests: &[u32], links: &[u32]) -> Subset {
         let mut all = [mats, guests].concat();
         all.sort_unstable();
@@ -88,14 +88,14 @@ impl Network {
         subset
     }
 
-    /// Make a MAT a free mass `m` [kg] where it is.
+    /// Turn a MAT into a free mass `m` [kg] at its present position.
     pub(crate) fn set_free(&mut self, mat: usize, m: f64) {
         let mats = &mut self.mats;
         mats.kind[mat] = MatKind::Mas;
         (mats.m[mat], mats.k[mat], mats.z[mat], mats.rest[mat]) = (m, 0.0, 0.0, 0.0);
     }
 
-    /// Let gravity no longer act on a MAT: what computes its body does so.
+    /// Remove gravity from a MAT, because its body accounts for it.
     pub(crate) fn set_weightless(&mut self, mat: usize) {
         if let Some(weight) = self.mats.weight.get_mut(mat) {
             *weight = 0.0;
@@ -108,7 +108,7 @@ impl Network {
         (mats.k[mat], mats.z[mat], mats.m[mat]) = (k, z, m);
     }
 
-    /// Multiply K and Z of some links, whole runs; the q of a hardening spring stays.
+    /// Multiply K and Z of some links, which are whole runs; q of a hardening spring does not change.
     pub(crate) fn scale(
         &mut self,
         links: std::ops::Range<usize>,
@@ -134,15 +134,15 @@ impl Network {
         Ok(())
     }
 
-    /// The network with outputs that are not differentiated: of SOV and SOA the positions they are derived from.
+    /// The network with undifferentiated outputs: SOV and SOA give the positions from which they are derived.
     pub fn undifferentiated(&self) -> Self {
         let mut own = self.clone();
         own.outputs.iter_mut().for_each(|output| output.order = 0);
         own
     }
 
-    /// The network with other rates of its slow parts: `macrostep` gives the frames from pull to pull from a part's name
-    /// and present value; `None`: every frame.
+    /// The network with other macrosteps of its parts: `macrostep` returns the frames from pull to pull for a part's
+    /// name and present value; `None` means every frame.
     pub(crate) fn with_macrosteps(
         &self,
         macrostep: impl Fn(&str, Option<u32>) -> Option<u32>,
@@ -169,7 +169,7 @@ impl Network {
         }
     }
 
-    /// Add the links of one run that lie inside, as runs; links whose ends stay consecutive share a run.
+    /// Add the links of one run that lie inside the subset; links whose ends stay consecutive share a run.
     fn cut(&self, run: &Run, links: &[u32], subset: &mut Subset) {
         let mut open: Option<Stretch> = None;
         for i in 0..run.len {
@@ -220,7 +220,7 @@ impl Subset {
             .is_some_and(|&mat| (mat as usize) < first + len)
     }
 
-    /// Where the ends of the i-th link of a run of the whole are, and what it is in space; `None` where one is not here.
+    /// Local ends of the i-th link of a run of the whole, and its form in space; `None` if an end is not in the subset.
     fn local(&self, run: &Run, i: usize) -> Option<(usize, usize, Option<SpaceLink>)> {
         let ends = (run.a + i, run.b + i);
         if let LinkKind::Space(space) = &run.kind {
@@ -244,7 +244,7 @@ impl Subset {
         Some((a, b, Some(own)))
     }
 
-    /// Add contacts of all pairs, where all their points are here.
+    /// Add a run of pairwise links if all its points and links belong to the subset.
     fn push_pairwise(&mut self, run: &Run, pairs: &Pairwise, links: &[u32]) {
         let span = run.first..run.first + run.len;
         let is_ours = |link: usize| links.binary_search(&(link as u32)).is_ok();
@@ -315,7 +315,7 @@ impl Subset {
         }
     }
 
-    /// The share of the subset in a term, as terms over local ranges.
+    /// The part of a term that lies in the subset, as terms over local ranges.
     fn term(&self, term: &Term, guests: &[u32]) -> Vec<Term> {
         let (known, guests, first, len) = match *term {
             Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
@@ -325,7 +325,7 @@ impl Subset {
                 (&self.links, &[][..], first, len)
             }
         };
-        // Indices rise, so what lies in the range lies together.
+        // Indices rise, so those in the range are adjacent.
         let local = |whole: usize| known.partition_point(|&index| (index as usize) < whole);
         let (first, stop) = (local(first), local(first + len));
         let own: Vec<usize> = (first..stop)

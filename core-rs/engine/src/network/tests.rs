@@ -15,7 +15,7 @@ fn names_are_those_the_composer_wrote() {
     let m = network.mas("m", 1.0, 0.0, 0.0).unwrap();
     network.part("harp", None);
     let string = string(&mut network, "string", 5);
-    // A generator that is the whole part bears its name.
+    // A generator that is the whole part has the name of the part.
     network.part("sky", None);
     let alone = self::string(&mut network, "", 4);
     let link = network.spring("", m, alone, 1.0, 0.0, 0.0).unwrap();
@@ -51,7 +51,7 @@ fn a_part_goes_on_where_it_was_left() {
     assert_eq!(network.mat_name(2), "a.n");
 }
 
-/// Without a part there is one that bears no name, so that every MAT has its own.
+/// Modules without a part get one with an empty name, so that every MAT has a part.
 #[test]
 fn a_module_without_a_part_has_one_without_a_name() {
     let mut network = Network::new();
@@ -84,7 +84,7 @@ fn a_part_alone_keeps_its_inner_links_whoever_declared_them() {
     assert_eq!(own.mats, (1..=6).collect::<Vec<_>>());
     let alone = own.network;
     assert_eq!(alone.mat_name(3), "key.s.3");
-    // Five of the string, `in` and `by`; `out` leads out.
+    // Five links of the string, `in` and `by`; `out` leads to another part.
     assert_eq!((alone.n_mat(), alone.n_lia()), (6, 7));
     let run_of = |link| alone.run_of(link).unwrap();
     let rules: Vec<_> = (0..7)

@@ -1,4 +1,4 @@
-//! What a plan may spend, and how far from the truth it may be.
+//! How exact a plan has to be, or which method it has to use.
 
 use crate::integrate::MeshMethod;
 
@@ -20,7 +20,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// How it steps a mesh; `None`: as CA does.
+    /// The method for meshes; `None`: CA.
     pub(crate) fn way(self) -> Option<MeshMethod> {
         match self {
             Self::Ca | Self::Modal => None,
@@ -32,33 +32,34 @@ impl Method {
     }
 }
 
-/// How exact a plan has to be.
+/// The accuracy that a plan has to reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Budget {
-    /// By one method, whatever its error.
+    /// One method, whatever its error.
     Method(Method),
     /// Error of the waveform [dB], relative to the sound.
     Error(f64),
     /// Error of pitches [cents], up to a frequency [Hz].
     Cents {
-        /// Most cents.
+        /// Largest error [cents].
         cents: f64,
-        /// Up to here [Hz].
+        /// Up to this frequency [Hz].
         upto: f64,
     },
 }
 
-/// Partials that are left out lie together this far below the sound where pitch is what counts [dB]:
-/// masked by the rest, and below the noise of a 16-bit file at any usual level.
+/// Loudness of all left-out partials together, relative to the sound, if the budget is one of pitch [dB]: masked by the
+/// rest, and below the noise of a 16-bit file at any usual level.
 const UNHEARD: f64 = -80.0;
-/// What is left out may take this part of an error budget [dB]: the predictor is within 1.1 dB.
+/// The part of an error budget for left-out modes, and for contacts [dB]; the predictor of their loudness is within 1.1
+/// dB.
 const SHARE: f64 = -6.0;
-/// Where pitch is what counts, a contact is right to this [dB].
+/// Accuracy of contacts if the budget is one of pitch [dB].
 const CONTACT: f64 = -60.0;
-/// Nobody hears above [Hz].
+/// Highest audible frequency [Hz].
 pub(crate) const AUDIBLE: f64 = 20_000.0;
 
-/// Above this pitch is hardly a quality of a sound any more [Hz].
+/// Above this frequency a sound hardly has a pitch [Hz].
 pub const PITCH_UPTO: f64 = 5_000.0;
 
 impl Default for Budget {
@@ -73,7 +74,7 @@ impl Default for Budget {
 }
 
 impl Budget {
-    /// Whether linear bodies go by their modes.
+    /// Whether linear bodies are computed by their modes.
     pub(crate) fn takes_modes(&self) -> bool {
         match self {
             Self::Method(method) => *method == Method::Modal,
@@ -81,7 +82,7 @@ impl Budget {
         }
     }
 
-    /// Whether meshes may go by another method than CA.
+    /// Whether meshes may be computed by another method than CA.
     pub(crate) fn takes_meshes(&self) -> bool {
         match self {
             Self::Method(method) => method.way().is_some(),
@@ -98,12 +99,12 @@ impl Budget {
         }
     }
 
-    /// Contacts that are computed finer than a frame take so many steps a frame at least; more than `STEPS_MAX` are
-    /// slower than they are worth.
+    /// Fewest substeps a frame of contacts that are computed finer than a frame; more than `STEPS_MAX` would be slower
+    /// than they are worth.
     pub(crate) const STEPS_MIN: usize = 2;
     pub(crate) const STEPS_MAX: usize = 64;
 
-    /// How exact contacts have to be [dB].
+    /// Largest error that contacts may have [dB].
     pub(crate) fn contact(&self) -> f64 {
         match *self {
             Self::Method(_) => f64::INFINITY,
@@ -112,7 +113,8 @@ impl Budget {
         }
     }
 
-    /// The error of the waveform that is asked for, or where it is none that counts, what contacts are right to [dB].
+    /// The error of the waveform that is asked for; if the budget is not one of the waveform, the accuracy of contacts
+    /// [dB].
     pub(crate) fn asked(&self) -> f64 {
         match *self {
             Self::Error(db) => db,
@@ -120,7 +122,7 @@ impl Budget {
         }
     }
 
-    /// How finely contacts are computed: in so many steps a frame and for a radian of their own oscillation at least.
+    /// Fewest contact substeps a frame, and for a radian of the contacts' own oscillation.
     pub(crate) fn contact_substeps(&self) -> usize {
         match self {
             Self::Method(_) => 1,

@@ -1,4 +1,4 @@
-//! What a plan decided, so that it can be decided the same again.
+//! What a plan decided, kept so that the same can be decided again.
 
 use std::collections::VecDeque;
 
@@ -7,13 +7,13 @@ use crate::network::Error;
 /// What was decided for one island.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Choice {
-    /// Modules of the island: a plan of another score has others.
+    /// Number of modules of the island, to detect a plan of another score.
     pub modules: usize,
-    /// How often a frame the island is stepped.
+    /// Steps a frame of the island.
     pub oversampling: u32,
-    /// How often a step contacts are computed; 0: the island is a bank of modes.
+    /// Contact substeps a step; 0: the island is a bank of modes.
     pub contact_substeps: usize,
-    /// The modes that are computed of each body; of one that goes by another method, which, and its steps.
+    /// For each body, the modes that are computed; for a mesh its method and steps, for a slow body its macrostep.
     pub kept: Vec<Vec<u32>>,
 }
 
@@ -23,7 +23,7 @@ impl Choice {
     }
 }
 
-/// Decisions that were made before; empty where none were.
+/// Decisions that were made before, if any.
 pub(super) struct Pins(Option<VecDeque<Choice>>);
 
 impl Pins {
@@ -42,7 +42,7 @@ impl Pins {
         }
     }
 
-    /// That is all there were.
+    /// Checks that no decisions are left over.
     pub(super) fn end(&self) -> Result<(), Error> {
         match &self.0 {
             Some(left) if !left.is_empty() => Err(another()),

@@ -1,4 +1,4 @@
-//! What a plan costs: work counted, times a table that ships as data.
+//! The cost of a plan: amounts of work, multiplied by a table that ships as data.
 
 use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
@@ -11,10 +11,10 @@ use crate::plan::passes::mesh::LADDER;
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
-/// Nanoseconds for each kind of work.
+/// Nanoseconds of one unit of each kind of work.
 const TABLE: &str = include_str!("costs.txt");
 
-/// The table.
+/// The table of costs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Costs;
 
@@ -33,7 +33,7 @@ impl Costs {
     }
 }
 
-/// What is stepped costs a frame [ns].
+/// Cost of the modules that are stepped [ns a frame].
 pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
     let ns = modules_cost(network);
     if timeline.gestures.is_empty() {
@@ -42,7 +42,7 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
     ns + Costs::of("hand") * timeline.keys.len() as f64
 }
 
-/// What modules cost that are stepped without hands, a frame [ns].
+/// Cost of modules that are stepped, without hands [ns a frame].
 fn modules_cost(network: &Network) -> f64 {
     let mut ns = Costs::of("frame") + network.n_moving() as f64 * Costs::of("mat");
     for run in network.runs() {
@@ -79,7 +79,7 @@ fn modules_cost(network: &Network) -> f64 {
     ns
 }
 
-/// What a wall costs for each point [ns]; a surface as if all points lay on it.
+/// Cost of a wall for each point [ns]; for a surface as if all points lay on it.
 fn wall_cost(pairs: &Pairwise) -> f64 {
     match &pairs.link.measure {
         Measure::Surface(facets) => {
@@ -89,12 +89,12 @@ fn wall_cost(pairs: &Pairwise) -> f64 {
     }
 }
 
-/// How many times as much contacts with friction cost: 1.9 in a heap of 1,000 grains.
+/// Factor by which friction makes contacts dearer: 1.9 in a heap of 1,000 grains.
 fn friction_factor(pairs: &Pairwise) -> f64 {
     if pairs.friction > 0.0 { 1.9 } else { 1.0 }
 }
 
-/// What laws that are computed finer than a frame cost a frame beside [ns].
+/// Additional cost of laws that are computed finer than a frame [ns a frame].
 pub(super) fn laws_cost(network: &Network, bodies: &[BodyPlan], contact_substeps: usize) -> f64 {
     if contact_substeps < Budget::STEPS_MIN {
         return 0.0;
@@ -114,14 +114,14 @@ pub(super) fn laws_cost(network: &Network, bodies: &[BodyPlan], contact_substeps
         .iter()
         .map(|run| Costs::of("collocation") + each(run))
         .sum();
-    // Where a frame may be taken in parts, those with a kink are.
+    // If a frame may be divided, laws are computed in this many parts on average.
     let most = contact_substeps / Budget::STEPS_MIN;
     let parts = if most > 1 {
         1.0 + PARTS * most as f64
     } else {
         1.0
     };
-    // A port tells its way at the instants of a frame, and is pushed there, mode by mode.
+    // At each instant of a frame, a port gives its position and takes its force, mode by mode.
     let has_law = |port: &&usize| {
         let ends = |run: &&Run| [run.a, run.b].contains(port);
         laws.iter().any(ends)
@@ -134,12 +134,13 @@ pub(super) fn laws_cost(network: &Network, bodies: &[BodyPlan], contact_substeps
     parts * ns + 2.0 * INSTANTS * modes * Costs::of("port")
 }
 
-/// Instants of a frame: 8 to 10 where strings have 17 to 35 masses, and what lies between modes.
+/// Instants of a frame: 8 to 10 for strings of 17 to 35 masses, plus a reserve for what lies between modes.
 const INSTANTS: f64 = 12.0;
-/// Of the parts that a frame of laws may be taken in, so many are (a rope that is stretched 800 times a second).
+/// The share of the possible parts of a frame that are computed on average (a rope that is stretched 800 times a
+/// second).
 const PARTS: f64 = 0.25;
 
-/// What a body inside an island costs a frame [ns].
+/// Cost of a body inside an island [ns a frame].
 pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
     match inside {
         BodyPlan::Modal(modal) => {
@@ -151,15 +152,16 @@ pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
     }
 }
 
-/// How many times a step of CA a mesh takes a frame.
+/// Cost of a mesh as a multiple of a step of CA a frame.
 fn times(mesh: &Mesh) -> f64 {
     let rung =
         |&&(way, steps, _): &&(MeshMethod, u32, f64)| (way, steps) == (mesh.way, mesh.substeps);
     LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times)
 }
 
-/// What a body takes in a trial a frame beyond [`body_cost`] [ns]: rows of a small plate are shorter than what the
-/// table was measured with. A step of CA goes through the rows once, those of the other methods several times.
+/// Additional cost of a body in a trial, beyond [`body_cost`] [ns a frame]: the rows of a small plate are shorter than
+/// those that the table was measured with. A step of CA goes through the rows once, those of the other methods several
+/// times.
 pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
     const ROW: f64 = 2.5;
     const ROW_OF_STAGES: f64 = 6.0;
@@ -175,14 +177,15 @@ pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
     }
 }
 
-/// What laws of links that stand alone take in a trial a step beyond [`stepped_cost`] [ns]: the table is of long runs.
+/// Additional cost of laws on single links in a trial, beyond [`stepped_cost`] [ns a step]: the table was measured with
+/// long runs.
 pub(super) fn lone_laws_cost(network: &Network) -> f64 {
     const LAW: f64 = 20.0;
     let is_lone = |run: &&Run| run.len == 1 && matches!(run.kind, LinkKind::Lnl(_));
     LAW * network.runs().iter().filter(is_lone).count() as f64
 }
 
-/// What a slow body costs less a frame than stepped module by module [ns].
+/// What a slow body saves compared with stepping it module by module [ns a frame].
 pub(super) fn saved(slow: &Slow) -> f64 {
     let stepped = modules_cost(&slow.network) - Costs::of("frame");
     let ports = slow.ports.len() as f64 * Costs::of("mat");
@@ -199,7 +202,7 @@ fn slow_cost(slow: &Slow) -> f64 {
     kick / f64::from(slow.macrostep) + each
 }
 
-/// What a bank costs a frame [ns].
+/// Cost of a bank [ns a frame].
 pub(super) fn bank_cost(bank: &BankPlan) -> f64 {
     let all = bank.oscillators.iter();
     let taps: usize = all.map(|own| own.heard.len().max(1) - 1).sum();
@@ -244,7 +247,7 @@ mod tests {
         assert!(one > 10.0 && lone_laws_cost(&network) == 2.0 * one);
     }
 
-    /// What stepping costs with 50 points before a wall [ns].
+    /// Cost of stepping 50 points in front of a wall [ns].
     fn walled(measure: Measure) -> f64 {
         use crate::network::{PairLaw, PointGroup, SpacePoint, SpacePoints};
         let mut network = Network::new();
@@ -272,7 +275,7 @@ mod tests {
 
     #[test]
     fn a_surface_costs_more_the_finer_it_is() {
-        // A square of 1 m² as so many squares each way.
+        // A square of 1 m², divided into `n` × `n` squares.
         let square = |n: u32| {
             let place = |i: u32| f64::from(i) / f64::from(n);
             let corners = (0..=n).flat_map(|y| (0..=n).map(move |x| [place(x), place(y), 0.0]));

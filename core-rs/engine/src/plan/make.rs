@@ -1,6 +1,7 @@
-//! How a plan is made: islands first, then for each of them the cheapest method that is exact enough.
+//! How a plan is made: the network is divided into islands, and each gets the cheapest method that is exact enough.
 //!
-//! An island goes by its modes where `passes/body` makes them. All other islands are stepped, by what trials measured.
+//! An island that is one linear body becomes a bank of modes (`passes/body`). All other islands are stepped, as trials
+//! decide.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -37,32 +38,32 @@ use crate::timeline::Timeline;
 mod beside;
 mod offers;
 
-/// A plan on its way.
+/// A plan in the making.
 struct Maker<'a> {
     plan: Plan,
     budget: &'a Budget,
     pins: Pins,
     memo: Memo<'a>,
     allowance: Allowance,
-    /// What trials of earlier plans found.
+    /// Results of trials of earlier plans.
     store: Option<&'a dyn TrialStore>,
-    /// Parts that are looked at, and what is computed for that alone.
+    /// Parts that are displayed, and the units that are computed only for that.
     seen: &'a [String],
     shown: Vec<Unit>,
-    /// Its islands may go once in so many frames.
+    /// Islands may be computed once in this many frames.
     every: u32,
-    /// Parts that are only seen may go once in so many frames where the rest of their island is heard.
+    /// Parts that are only seen may be computed once in this many frames, if the rest of their island is heard.
     seen_every: u32,
 }
 
-/// How an island goes.
+/// How an island is computed.
 struct Solved {
     found: Piloted,
     growth: Option<Growth>,
-    /// What its slow parts change of the sound.
+    /// The error that its slow parts add.
     slow_error: Option<Measured>,
     stay: Vec<Stays>,
-    /// Keys in it are slow without being asked to be.
+    /// It has slow parts that did not ask for it: keys, or parts that are only seen.
     is_offered: bool,
 }
 
@@ -108,7 +109,7 @@ pub(super) fn make(
                 maker.drop(&island, Reason::Still);
             }
             (true, true) if is_loose() => loose.extend(island.mats),
-            // Cells that glide are stepped all at once: each by itself would take far longer.
+            // Gliding cells are stepped as one island: one island for each would take far longer.
             (true, true) if island.links.is_empty() && island.mats.iter().all(is_gliding) => {
                 gliding.extend(island.mats);
             }
@@ -131,7 +132,7 @@ pub(super) fn make(
             maker.cells(&subset, &own)
         };
         if let Err(error) = made {
-            // No trial: there is no plan any more, and what else is refused is told too.
+            // From here no trials: there is no plan any more, but the remaining islands are checked for further errors.
             maker.allowance = Allowance::new(network.n_mat() + network.n_lia(), 0.0);
             refused.push(error);
         }
@@ -155,7 +156,7 @@ pub(super) fn make(
 }
 
 impl<'a> Maker<'a> {
-    /// Without trials, and with nothing known.
+    /// A maker that has no allowance for trials and no earlier results.
     fn new(network: &Arc<Network>, timeline: &Timeline, budget: &'a Budget) -> Self {
         Self {
             plan: Plan::empty(network.clone(), timeline),
@@ -171,7 +172,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// An island that is not computed: counted with the others of its part.
+    /// Reports an island that is not computed, in one row with others of its part.
     fn drop(&mut self, island: &IslandMembers, reason: Reason) {
         let row = Row::left_out(&self.plan.network, island, reason);
         if row.mats + row.links == 0 {
@@ -187,7 +188,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Add what is heard of modules that never move.
+    /// Adds what outputs hear of modules that never move.
     fn rest(&mut self, island: &IslandMembers) -> Result<(), Error> {
         let subset = self
             .plan
@@ -214,7 +215,7 @@ impl<'a> Maker<'a> {
         Ok(())
     }
 
-    /// An island: by its modes where it has them, else stepped.
+    /// Plans an island: as a bank of modes if it has them, else stepped.
     fn island(&mut self, subset: Subset, own: OwnTimeline) -> Result<(), Error> {
         self.memo.begin();
         let modules = subset.network.n_mat() + subset.network.n_lia();
@@ -258,7 +259,7 @@ impl<'a> Maker<'a> {
         self.stepped(&subset, &own, modules, pin.as_ref(), why)
     }
 
-    /// The modes of a body that move it and that nobody hears, where it is looked at.
+    /// If the body is displayed: a bank of its moving modes that no output hears.
     fn silent_modes(&self, subset: &Subset, own: &OwnTimeline, heard: &[u32]) -> Option<Unit> {
         if !seen::is_any(&subset.network.moving_parts(), self.seen) {
             return None;
@@ -276,8 +277,8 @@ impl<'a> Maker<'a> {
         Some(Unit::Bank(found.bank))
     }
 
-    /// An island frame by frame: bodies by methods of their own, the rest as it is written, as often as the budget
-    /// asks for.
+    /// Plans an island that is stepped: bodies by methods of their own, the rest module by module, at the oversampling
+    /// that the budget asks for.
     fn stepped(
         &mut self,
         subset: &Subset,
@@ -332,7 +333,7 @@ impl<'a> Maker<'a> {
             row.because = because.map(|why| why.why().to_owned());
             self.plan.rows.push(row);
         }
-        // What is left beside bodies has a row of its own, or goes with the first of them.
+        // The cost of the rest beside bodies has a row of its own, or is added to the row of the first body.
         let mut hub = if self.plan.rows.len() == first_row {
             cost::seconds(
                 cost::stepped_cost(&island_plan.network, &island_plan.timeline)
@@ -370,7 +371,7 @@ impl<'a> Maker<'a> {
         Ok(())
     }
 
-    /// How an island goes, with its slow parts slow where they may be.
+    /// Decides how an island is computed, with those of its slow parts slow that may be.
     fn solve(
         &self,
         subset: &Subset,
@@ -384,7 +385,7 @@ impl<'a> Maker<'a> {
                 self.allowance.spend(self.memo.take_work());
                 island
             };
-            // What grows at once is not worth a pilot.
+            // An island that is unstable at once is not worth a pilot.
             let has_slow_parts = subset.network.has_slow_parts();
             let judged = has_slow_parts.then(|| assemble((1, MethodChoice::ByBudget)));
             let mut judged = match judged {
@@ -400,7 +401,7 @@ impl<'a> Maker<'a> {
                     .ok_or_else(another)?,
                     None => self.piloted(&subset, own, &assemble)?,
                 };
-                // Where all of it goes more often its map is another.
+                // At a higher oversampling the island has to be certified again.
                 if found.island.island_plan.oversampling > 1 {
                     judged = multirate::certify(&found.island, &self.allowance);
                 }
@@ -430,7 +431,7 @@ impl<'a> Maker<'a> {
         })
     }
 
-    /// An island by its pilot, or by one of an earlier plan that would find the same.
+    /// Decides an island by its pilot, or by the record of an earlier pilot that would find the same.
     fn piloted(
         &self,
         subset: &Subset,
@@ -452,7 +453,7 @@ impl<'a> Maker<'a> {
                 Assembled::new(subset, own, self.budget, how, pin, &self.memo)
             };
             let tried = Tried::recalled(&record, &assemble)?;
-            // What bodies cost is among the work that the record tells.
+            // The record includes the work of solving bodies.
             self.memo.take_work();
             self.allowance.count(&taken);
             Some(tried)
@@ -469,11 +470,11 @@ impl<'a> Maker<'a> {
     }
 }
 
-/// Tell of which body a bank is, and which of its modes.
+/// Notes on a bank which body it is of, and which of its modes.
 fn named(found: &mut Found, subset: &Subset, own: &OwnTimeline) {
     found.bank.is_open = own.timeline.is_open;
     found.bank.kept = found.kept.numbers();
-    // What takes over from it asks for normal modes.
+    // A takeover needs normal modes.
     let is_normal = found.kind == ModeKind::Normal;
     found.bank.of = is_normal.then(|| Arc::new(subset.network.clone()));
 }
@@ -511,7 +512,7 @@ fn obeys(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<(), Err
     }
 }
 
-/// Why parts of a row that have a rate of their own go at every frame.
+/// Why parts of a row that ask for a rate of their own are computed at every frame.
 fn told(stay: &[Stays], row: &Row) -> Option<String> {
     let ours = stay.iter().filter(|(part, _)| row.parts.contains(part));
     let all: Vec<String> = ours.map(|(part, why)| format!("{part}: {why}")).collect();

@@ -1,4 +1,4 @@
-//! The passes that find what is computed and how: islands, bodies, methods. No island is stepped here.
+//! The passes that find what is computed and how: islands, bodies, methods. No island is simulated here.
 
 pub(in crate::plan) mod assemble;
 pub(in crate::plan) mod audible;

@@ -1,4 +1,4 @@
-//! What a plan tells of itself, and how it is known again.
+//! What a plan reports, and the hashes by which it is recognised.
 
 pub(crate) mod content;
 pub(in crate::plan) mod hash;

@@ -1,4 +1,4 @@
-//! The beginning of an island is played to measure what its plan costs in accuracy.
+//! Trials: the beginning of an island is played to measure the error of ways to compute it.
 
 pub(in crate::plan) mod allowance;
 pub(in crate::plan) mod audible;

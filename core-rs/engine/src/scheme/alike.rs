@@ -1,15 +1,16 @@
-//! MATs with the same numbers: a step over a large mesh waits for memory, and then has five streams of numbers instead of
-//! nine.
+//! Ranges of MATs with equal coefficients. The step of a large mesh is limited by memory bandwidth; with equal
+//! coefficients it reads and writes five arrays instead of nine.
 
 use std::ops::Range;
 
 use super::Scheme;
 
-/// MATs for each stretch of equal ones, at least, on average. A stretch costs 9 ns; its MATs take 0.05 ns less each where
-/// there are 320, and 0.2 ns less where there are 10,000. So stretches of 128 cost nothing there, and a fifth less here.
+/// Smallest average number of MATs in a range. A range costs 9 ns; each of its MATs takes 0.05 ns less in a mesh of 320
+/// MATs, and 0.2 ns less in one of 10,000. So ranges of 128 MATs make little difference in the small mesh and save a
+/// fifth in the large one.
 const LEAST: usize = 128;
 
-/// MATs that follow one another with the same 1/M, κ, ζ and rest position.
+/// Successive MATs with the same 1/M, κ, ζ and rest position.
 #[derive(Clone, Debug)]
 pub(crate) struct Alike {
     pub(crate) mats: Range<usize>,
@@ -17,7 +18,7 @@ pub(crate) struct Alike {
 }
 
 impl Scheme {
-    /// All MATs as stretches of equal ones; none where these are too short to gain time.
+    /// All MATs as ranges with equal coefficients; empty if the ranges are too short to save time.
     pub(super) fn stretches(&self) -> Vec<Alike> {
         let n = self.n_mat();
         let (mut found, mut start) = (Vec::new(), 0);
@@ -36,14 +37,14 @@ impl Scheme {
         found
     }
 
-    /// A copy whose numbers of MATs may change.
+    /// A copy in which the coefficients of MATs may change: without ranges of equal ones.
     pub(crate) fn changing(&self) -> Box<Self> {
         let mut copy = Box::new(self.clone());
         copy.alike = Vec::new();
         copy
     }
 
-    /// Whether its stretches of equal MATs are.
+    /// Whether the MATs of each range still have the same coefficients.
     pub(crate) fn are_alike(&self) -> bool {
         let ties = self.ties();
         self.alike.iter().all(|alike| {
@@ -57,7 +58,7 @@ impl Scheme {
     }
 }
 
-/// Whether two numbers are the same to the last bit: 0 and −0 are not.
+/// Whether two numbers have the same bits: 0 and −0 have not.
 fn same(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits()
 }
@@ -68,7 +69,7 @@ mod tests {
     use crate::network::{Network, Tie};
     use crate::units::Rate;
 
-    /// So many masses of each weight [kg], one after the other.
+    /// Groups of masses, given as (number, mass [kg]), one after the other.
     fn scheme(masses: &[(usize, f64)]) -> Scheme {
         let mut network = Network::new();
         for &(n, m) in masses {

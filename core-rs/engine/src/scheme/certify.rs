@@ -1,10 +1,10 @@
 //! The stability certificate of the CA scheme: λmax(M⁻¹(K + 2Z)) < 4.
 //!
-//! CA with backward damping is leapfrog with mass M − Z/2, so the number of unstable roots is the
-//! number of negative eigenvalues of 4M − K − 2Z. Every contact is taken closed, every law at
-//! its slope at rest; with such links the certificate guards, without them it proves.
+//! CA with backward damping is leapfrog with mass M − Z/2, so the number of unstable roots is the number of negative
+//! eigenvalues of 4M − K − 2Z. Every contact counts as closed, every law by its slope at rest. A certificate of a
+//! network with such links is `Guarded`; without them it is `Proved`.
 //!
-//! Other methods ask for other multiples of Z and other bounds: `top` finds λmax(M⁻¹(K + c·Z)).
+//! Other methods need other multiples of Z and other bounds: `top` finds λmax(M⁻¹(K + c·Z)).
 
 use std::collections::HashSet;
 
@@ -41,7 +41,7 @@ pub enum Means {
 /// A stability certificate.
 #[derive(Clone, Copy, Debug)]
 pub struct Certificate {
-    /// Upper bound of λmax(M⁻¹(K + 2Z)).
+    /// Upper bound of λmax(M⁻¹(K + c·Z)); c = 2 for CA.
     pub lambda_max: f64,
     /// Method of the bound.
     pub means: Means,
@@ -50,7 +50,7 @@ pub struct Certificate {
 }
 
 impl Certificate {
-    /// How many times the rate would have to be multiplied, ⌈√(λmax/4)⌉; 1 when stable.
+    /// Factor by which the rate must be multiplied for CA to be stable, ⌈√(λmax/4)⌉; 1 if it is stable.
     pub fn oversampling(&self) -> u32 {
         oversampling(self.lambda_max)
     }
@@ -60,20 +60,21 @@ fn oversampling(lambda: f64) -> u32 {
     (lambda / 4.0).sqrt().ceil().max(1.0) as u32
 }
 
-/// K + c·Z of one link at its stiffest known state.
+/// K + c·Z of one link in its stiffest known state.
 fn weight(run: &Run, c: f64) -> f64 {
     match &run.kind {
         Kind::Ref | Kind::Hardening(_) => run.k + c * run.z,
-        Kind::Dry { .. } => 0.0, // it takes no more than what moves
-        // Along its line a link in space is as stiff as this, and less across: its matrix is K·nnᵀ + (f/ℓ)(1 − nnᵀ), with
-        // f/ℓ ≤ K. So springs along all axes are stiffer than it is in any position.
+        Kind::Dry { .. } => 0.0, // solved implicitly: it stops a motion, but never reverses it
+        // The stiffness of a link in space along its line. Across the line it is less stiff: its matrix is K·nnᵀ +
+        // (f/ℓ)(1 − nnᵀ), with f/ℓ ≤ K. So springs with this stiffness along all axes are an upper bound in any
+        // position.
         Kind::Space(SpaceLink { law, .. }) => space_weight(law, run, c),
         Kind::Pairwise { by, .. } => space_weight(&by.link.law, run, c),
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
         Kind::Bristle { by, rate } => run.k + c * by.with(run.k, run.z).steepest_damping() * rate,
         Kind::Lnl { law, rate, .. } => law_weight(law, *rate, c),
-        // The stiffest of the laws that it may become where each constant is at one of its ends.
+        // The stiffest law that it can become: each constant at one end of its range.
         Kind::Followed { by, rate, .. } => {
             let weights = by.corners().map(|law| law_weight(&law, *rate, c));
             weights.fold(0.0, |most, own| {
@@ -93,12 +94,13 @@ fn law_weight(law: &Law, rate: f64, c: f64) -> f64 {
 
 fn space_weight(law: &SpaceLaw, run: &Run, c: f64) -> f64 {
     match law {
-        // An attraction is stiffest where its ends are at one place, along it and across.
+        // An attraction is stiffest, along its line and across, if its two ends are at the same position.
         SpaceLaw::Spring
         | SpaceLaw::Yielding { .. }
         | SpaceLaw::Attraction { .. }
         | SpaceLaw::Lnl { .. }
-        // Where a contact pulls it is softer than K along its line, and across it as long as it sinks in by less than a gap.
+        // While a contact pulls, it is softer than K along its line. It is softer across, too, as long as the depth at
+        // which it rests is less than the distance of touch.
         | SpaceLaw::Cohesive { exponent: 1.0, .. }
         | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z,
         SpaceLaw::Contact { .. } | SpaceLaw::Cohesive { .. } => c * run.z,
@@ -106,7 +108,8 @@ fn space_weight(law: &SpaceLaw, run: &Run, c: f64) -> f64 {
     }
 }
 
-/// The coordinates of points that meet in all pairs, each with the sum of K + c·Z of the contacts on it, at most.
+/// The MATs of points in contacts between all pairs, axis by axis, each with an upper bound of the sum of K + c·Z of
+/// the contacts on it.
 fn crowded(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
     let pairs = match &run.kind {
         Kind::Pairwise { by, .. } => Some(by),
@@ -125,31 +128,31 @@ fn crowded(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
     })
 }
 
-/// Whether each link of a run joins two MATs, for good.
+/// Whether each link of a run always joins the same two MATs.
 fn joins(run: &Run) -> bool {
     !matches!(run.kind, Kind::Pairwise { .. })
 }
 
-/// Below the exact border of 4 by what rounding may take from an eigenvalue.
+/// The stability limit of 4, reduced by the possible rounding error of an eigenvalue.
 const BORDER: f64 = 4.0 * (1.0 - 1e-14);
-/// Up to this many MATs all eigenvalues are computed: exact at the border, and as quick.
+/// Up to this many MATs all eigenvalues are computed: this is exact at the limit, and just as quick.
 const DENSE_MAX: usize = 200;
 
 /// The largest eigenvalue of M⁻¹(K + c·Z), or an upper bound of it.
 pub(crate) struct Top {
     pub(crate) lambda: f64,
     pub(crate) means: Means,
-    /// The MAT that moves most in its mode; 0 where only sums were taken.
+    /// The MAT with the largest amplitude in the mode of `lambda`; 0 if only sums were computed.
     pub(crate) worst: usize,
 }
 
-/// λmax(M⁻¹(K + c·Z)): by the sums at the ends of each link where these stay below `enough`, else by
-/// an eigenvalue. Fails where a force at rest is not finite.
+/// λmax(M⁻¹(K + c·Z)): Gershgorin's bound if it is below `enough`, else an eigenvalue. Fails if a force at rest is not
+/// finite.
 pub(crate) fn top(scheme: &Scheme, network: &Network, c: f64, enough: f64) -> Result<Top, Error> {
     top_up_to(scheme, network, c, enough, f64::INFINITY)
 }
 
-/// The same; where λmax is at least `beyond` no more is found than that it is.
+/// Does the same as [`top`], but stops as soon as λmax is known to be at least `beyond`.
 pub(crate) fn top_up_to(
     scheme: &Scheme,
     network: &Network,
@@ -188,7 +191,7 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
             }
         })
         .collect();
-    // A body that resists bending has negative links; each counts as if it were positive.
+    // A body that resists bending has links with negative K; each counts by its absolute value.
     let joined = || links().filter(|(run, _)| joins(run));
     let reach = reach(scheme);
     for (run, weight) in joined() {
@@ -200,7 +203,7 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
             }
         }
     }
-    // (Σshare·x)² ≤ Σ|share|·Σ|share|·x², and no share of one that moves is above 1.
+    // (Σshare·x)² ≤ Σ|share|·Σ|share|·x², and no share of a moving proxy is above 1.
     let mut met = Vec::new();
     for proxy in &scheme.proxies {
         let own = sums[proxy.mat];
@@ -233,7 +236,7 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
         let pairs = (0..run.len).flat_map(|i| run.pairs(i));
         pairs.map(|(a, b)| at(a) + at(b))
     });
-    // Any two points of a crowd may meet.
+    // Any two points of a pairwise run may touch.
     let crowds = links().flat_map(|(run, weight)| crowded(run, *weight));
     let crowds = crowds.map(|(mat, _)| 2.0 * at(mat));
     let ends = joined().flat_map(|(run, _)| (0..run.len).flat_map(|i| run.pairs(i)));
@@ -248,8 +251,7 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
         .fold(0.0, f64::max))
 }
 
-/// How many times its own weight a link has in the sums at its ends, for each end: more than once only at proxies whose
-/// shares add up to more than 1.
+/// Factor for the weight of a link in the sum at each end: above 1 only at proxies with Σ|share| above 1.
 fn reach(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
     |mat| {
         let mut proxies = scheme.proxies.iter();
@@ -258,12 +260,12 @@ fn reach(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
     }
 }
 
-/// The largest eigenvalue of M^-½ (K + c·Z) M^-½, proxies where they begin.
+/// The largest eigenvalue of M^-½ (K + c·Z) M^-½, with proxies at their initial positions.
 fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], beyond: f64) -> Top {
     let n = scheme.n_mat();
     let mut root: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
     for proxy in &scheme.proxies {
-        root[proxy.mat] = 1.0; // its forces are passed on whole
+        root[proxy.mat] = 1.0; // a proxy has no mass: its forces are passed on unscaled
     }
     let begin = |mat: usize| network.mats().x0[mat];
     let mut scaled = vec![0.0; n];
@@ -276,7 +278,7 @@ fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], be
             scaled[proxy.mat] = proxy.sum(begin, |mat| scaled[mat]);
         }
         for (run, weight) in scheme.runs.iter().zip(weights) {
-            // Links between whatever meets are no more than twice their sums.
+            // The matrix of links between points that may touch is bounded by twice the sum at each point.
             crowded(run, *weight)
                 .for_each(|(mat, sum)| y[mat] += 2.0 * sum * scheme.w[mat] * v[mat]);
             for (a, b) in (0..run.len)
@@ -323,17 +325,17 @@ fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], be
     }
 }
 
-/// How much is found out of a scheme that is refused.
+/// How much is computed for a scheme that is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
-    /// How far it is from stable, and the module that would move most.
+    /// The largest eigenvalue, and the module that would move most.
     Explained,
-    /// Only that it is refused, which is much quicker for a large network.
+    /// Only the fact that it is refused, which is much quicker for a large network.
     Bare,
 }
 
-/// How many times the rate is stable: springs ask for the root of λmax/4, dampers for λmax/4 itself, and cells for what
-/// their poles are there.
+/// The lowest multiple of the rate at which the scheme is stable. Springs need a factor of √(λmax/4), dampers of
+/// λmax/4, and for CELs it depends on their poles at that rate; so multiples are tried.
 fn helping(scheme: &Scheme, network: &Network, lambda: f64) -> u32 {
     const MOST: u32 = 1 << 20;
     let own: HashSet<usize> = scheme.runs.iter().map(|run| run.first).collect();
@@ -390,7 +392,7 @@ pub(super) fn certify(
         Refusal::Bare => BORDER,
     };
     let top = top_up_to(scheme, network, 2.0, BORDER, beyond)?;
-    // An eigenvalue is that of the place where a proxy begins.
+    // The eigenvalue holds for the initial position of a proxy only.
     let moves = scheme.proxies.iter().any(Proxy::is_moving);
     let word = match top.means {
         Means::Dense | Means::Lanczos if moves => StabilityGuarantee::Tried,

@@ -9,12 +9,12 @@ use crate::network::forest::Forest;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network, Run as LinkRun};
 use crate::units::Rate;
 
-/// What κ and ζ of a CEL are made from.
+/// How κ and ζ of a CEL are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ties {
-    /// The poles of its continuous motion, which the CA scheme then has exactly.
+    /// From the poles of its continuous motion, which the CA scheme then has exactly.
     Poles,
-    /// Its stiffness and viscosity.
+    /// From its stiffness and viscosity.
     Physical,
 }
 
@@ -65,7 +65,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                 (rate.step() * rate.step() / m, own.ratios(rate))
             }
             Some(at) => {
-                // The number is M at its own rate: m = M·T²; at that rate the factor is exactly 1.
+                // The number is M at the part's own rate, so m = M·T²; if `rate` is that rate, the factor is exactly 1.
                 let step = at.hertz() / rate.hertz();
                 let own = Ratios {
                     kappa: k / m,
@@ -87,7 +87,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
     let (mut dry_runs, mut n_pairwise, mut n_followed) = (Vec::new(), 0, 0);
     for run in network.runs() {
         let ca = ca_rate(network, run.part);
-        // z = Z·T_ca under `ca`; then Z = z/T.
+        // z = Z·T_ca under `ca`; then Z = z/T. Without `ca`, Z = z/T.
         let per_step = rate.hertz() / ca.map_or(1.0, Rate::hertz);
         let mut planned = Run {
             kind: Kind::Ref,
@@ -118,7 +118,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
             }
             LinkKind::Lnl(law) => {
                 scheme.linear = false;
-                // Runs that share a law share its room.
+                // Runs that share a law share its scratch memory.
                 let known = rooms.iter().position(|known| Arc::ptr_eq(known, law));
                 let room = known.unwrap_or_else(|| {
                     rooms.push(law.clone());
@@ -167,7 +167,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                 planned.kind = Kind::But(*but);
                 match but.contact {
                     Contact::Plain => scheme.runs.push(planned),
-                    // The same equation, stepped by its force now: what a proxy gives way by is not one mass.
+                    // The same contact with an explicit force: a proxy has no single mass for which it could be solved.
                     Contact::Exact if ends_on_proxy(network, run) => scheme.runs.push(planned),
                     Contact::Exact => scheme.exact.push(planned),
                     Contact::Magic if ends_on_proxy(network, run) => {
@@ -202,8 +202,8 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
     Ok(scheme)
 }
 
-/// MATs of bodies of which single ties or springs have a stiffness below 0, as those of MODES: they take away from each
-/// other, so that a tie by its own poles would leave something else   (n_mat)
+/// MATs of bodies in which some tie or spring has a negative stiffness, as in those of MODES. Such stiffnesses cancel
+/// others, and would not if a tie were discretised by its own poles   (n_mat).
 fn cancelling(network: &Network) -> Vec<bool> {
     let mut joined = Forest::new(network.n_mat());
     let springs = network.runs().iter();
@@ -232,7 +232,7 @@ fn ca_rate(network: &Network, part: usize) -> Option<Rate> {
     network.parts().get(part).and_then(|part| part.ca_rate)
 }
 
-/// Above half the rate a cell's exact poles are those of its alias: stable, and out of tune.
+/// Refuses a CEL above half the rate: its exact poles would be those of its alias, stable but of another pitch.
 fn above_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Option<Error> {
     (f > 0.5 * rate.hertz()).then(|| Error::Refused {
         module: network.mat_name(mat),
@@ -243,8 +243,8 @@ fn above_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Option<Er
     })
 }
 
-/// The cell of a discrete network at another rate: by its poles where they are a pitch and a decay, by
-/// M = m/T², Z = z/T where they are not.
+/// κ and ζ of a discrete CEL at another rate: from its poles if they have a pitch and a decay, else by M = m/T², Z =
+/// z/T.
 fn moved(own: Ratios, at: Rate, rate: Rate) -> Ratios {
     if at.hertz() == rate.hertz() {
         return own;
@@ -275,7 +275,7 @@ fn on_proxy(network: &Network, run: &LinkRun) -> Error {
     }
 }
 
-/// A magic contact is exact only where nothing else acts on its two ends.
+/// A magic contact is exact only if nothing else acts on its two ends.
 fn free(network: &Network, mat: usize, link: usize) -> Result<(), Error> {
     let tied = network.mats().kind[mat] == MatKind::Cel;
     let held = tied || (network.degree(mat) > 1 && network.mats().kind[mat].moves());

@@ -1,20 +1,20 @@
-//! Terms of outputs → what is summed at every frame: single MATs lie together in one list.
+//! Turns the terms of outputs into what is summed at every frame: single MATs are gathered in one list.
 
 use crate::network::{LinkKind, Network, Output, SpaceLink, Term};
 
-/// Fewer single MATs than this are as quick one by one.
+/// Below this number, single MATs are summed as quickly one by one.
 const TOGETHER: usize = 8;
 
 /// One summand of an output.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Tap {
     Term(Term),
-    /// weight · Σ x of scattered MATs: a bank's members by their nearest loudspeaker.
+    /// weight · Σ x of MATs that are not adjacent: for example members of a bank, by their nearest loudspeaker.
     Scattered {
         mats: Vec<u32>,
         weight: f64,
     },
-    /// weight · Σ of the distances of the ends of links, by their first coordinates.
+    /// weight · Σ of the lengths of links, each given by its MATs along the first axis.
     Lengths {
         links: Vec<((usize, usize), SpaceLink)>,
         weight: f64,

@@ -1,11 +1,11 @@
-//! A run of springs as the inner loops take them.
+//! A run of springs in the form that the inner loops use.
 
 use std::ops::Range;
 
 /// A run of hardening springs with dampers, f = k·e + q·e³ + z·(e − e⁻): numbers per step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Spring {
-    /// First points of its first link.
+    /// The MATs of its first link.
     pub(crate) a: usize,
     pub(crate) b: usize,
     pub(crate) len: usize,
@@ -20,7 +20,7 @@ pub(crate) struct Spring {
     pub(crate) pull: Pull,
 }
 
-/// Which ends a run pulls, and where the first of them stands among the forces.
+/// The ends to which a run adds its force, with the index of the first such MAT in the array of forces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pull {
     Both(usize, usize),
@@ -29,7 +29,7 @@ pub(crate) enum Pull {
 }
 
 impl Spring {
-    /// Some of its links, with other ends to pull; `None` where they are none.
+    /// Some links of the run, adding their forces to the ends that `pull` gives; `None` if `links` is empty.
     pub(crate) fn piece(&self, links: Range<usize>, pull: impl Fn(usize) -> Pull) -> Option<Self> {
         (!links.is_empty()).then(|| Self {
             a: self.a + links.start,

@@ -70,7 +70,7 @@ fn the_border_of_one_mass_is_four() {
     }
 }
 
-/// The sums at the ends say 4K and more; the truth is a little less.
+/// The bound from sums is 4K and more; the eigenvalue is slightly less.
 #[test]
 fn where_sums_are_too_coarse_the_eigenvalue_decides() {
     let n = 40;
@@ -83,7 +83,7 @@ fn where_sums_are_too_coarse_the_eigenvalue_decides() {
     assert!((below.lambda_max - 4.0).abs() < 1e-8 && below.lambda_max < 4.0);
     let (module, lambda, _) = unstable(&row(n, border * (1.0 + 1e-9)));
     assert!((4.0..4.0 + 1e-7).contains(&lambda));
-    // Its mode alternates, widest in the middle.
+    // The unstable mode alternates in sign, and is largest in the middle.
     assert!(["p.m19", "p.m20"].contains(&module.as_str()), "{module}");
 }
 
@@ -106,7 +106,7 @@ fn the_module_named_is_the_one_that_would_move() {
     assert!((lambda - 0.5 * (0.01 + 10.0)).abs() < 1e-9, "{lambda}");
 }
 
-/// The factor of the rate that is asked for is the least that suffices.
+/// The oversampling factor in the error is the smallest that suffices.
 #[test]
 fn oversampling_suffices_and_less_does_not() {
     for k in [4.5, 15.9, 16.1, 35.0, 37.0] {
@@ -137,7 +137,7 @@ fn but(contact: Contact) -> But {
     }
 }
 
-/// Contacts count as closed, laws by their slope at rest; an exact contact is stable by itself.
+/// Contacts count as closed, laws by their slope at rest; an exact contact is always stable.
 #[test]
 fn non_linear_links_are_guarded() {
     let scene = |join: &dyn Fn(&mut Network)| {
@@ -213,7 +213,7 @@ fn a_magic_contact_is_refused_where_it_would_not_be_exact() {
     };
     assert_eq!(refused(0, 1, &|_| {}), None);
     assert_eq!(refused(0, 2, &|_| {}), None);
-    // A fixed point may bear other links.
+    // A fixed point may have other links.
     let other = |network: &mut Network| _ = network.spring("o", 1, 2, 1.0, 0.0, 0.0).unwrap();
     assert_eq!(refused(0, 2, &other), None);
     assert!(refused(0, 1, &other).unwrap().contains("p.n"));
@@ -269,7 +269,7 @@ fn a_magic_contact_refuses_what_breaks_its_promise() {
     assert!(network.but("l", 0, 1, clamped).is_ok());
 }
 
-/// Its exact poles would be stable ones: those of another pitch.
+/// Its exact poles would be stable, but of another pitch.
 #[test]
 fn a_cell_above_half_the_rate_is_refused() {
     let scheme = |ca: Option<Rate>, tie: Tie, hertz: f64| {
@@ -296,7 +296,7 @@ fn a_cell_above_half_the_rate_is_refused() {
             "{error}"
         );
     }
-    // Beyond critical damping there is no pitch to miss.
+    // Above critical damping there is no pitch that could be wrong.
     let creeping = Tie::Physical {
         k: m * omega * omega,
         z: 3.0 * m * omega,
@@ -306,7 +306,7 @@ fn a_cell_above_half_the_rate_is_refused() {
 
 #[test]
 fn the_rate_that_a_refusal_names_is_the_lowest_that_helps() {
-    // Of a damper λ falls with the rate, of a spring with its square.
+    // λ of a damper falls with the rate, that of a spring with its square.
     for (k, z) in [(0.0, 1000.0), (1e7, 0.0), (1e6, 30.0)] {
         let mut network = Network::new();
         let m = network.mas("m", 2.5e-4, 0.0, 0.0).unwrap();

@@ -1,5 +1,5 @@
-//! Bodies that go by modes or by methods of their own, seen mass by mass: what is another body now goes on from where
-//! its masses are.
+//! Bodies that are computed by modes or by methods of their own, seen mass by mass: the body of the new simulation
+//! starts from the positions and steps of the masses of the old one, even if the method changes.
 
 use std::collections::HashSet;
 
@@ -10,31 +10,31 @@ use crate::network::Network;
 use crate::plan::{ModalTransform, ModeShapes};
 use crate::units::Rate;
 
-/// Where a body is computed: a bank of its modes, or which body of an island.
+/// Where a body is computed: in a bank of its modes (`None`), or as a body of an island (its index).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub(super) at: At,
     body: Option<usize>,
 }
 
-/// A body as its masses.
+/// A body, seen as its masses.
 #[derive(Clone, Debug)]
 pub(super) struct Body {
     pub(super) place: Place,
-    /// Where its masses stand in the room.
+    /// Index in [`Room::mats`] of the first of its masses.
     first: usize,
     how: Source,
 }
 
 #[derive(Clone, Debug)]
 enum Source {
-    /// By its modes.
+    /// The masses follow from the modes of the body.
     Modes(Box<ModeShapes>),
-    /// By another method: its own index of each mass, and its motion.
+    /// The body computes its masses by another method: their indices in the body, and room for their motions (x, step).
     Masses(Vec<(usize, (f64, f64))>),
 }
 
-/// A body that may be asked for its masses: names, where each begins [m] and by what step.
+/// A body whose masses may be asked for: the names of the masses, and the initial position and step of each [m].
 struct Candidate<'a> {
     place: Place,
     names: Vec<String>,
@@ -43,12 +43,14 @@ struct Candidate<'a> {
 }
 
 enum Wanted<'a> {
-    /// Of a body: which of its modes, what they were turned towards, and the rate of its steps.
+    /// A body by modes: its network, which of its modes are computed, the MATs that modes of one frequency were turned
+    /// towards, and the rate of its steps.
     Modes(&'a Network, (&'a [u32], Option<&'a [usize]>), Rate),
     Masses(Vec<usize>),
 }
 
-/// Room for masses and modes on their way: of masses where they are [m], and their steps in a frame of the scene [m].
+/// Working memory for masses and modes during a takeover. Of each mass: its position [m] and its step in a frame of the
+/// scene [m].
 #[derive(Clone, Debug, Default)]
 pub(super) struct Room {
     pub(super) mats: Vec<(f64, f64)>,
@@ -57,7 +59,7 @@ pub(super) struct Room {
 }
 
 impl<'a> Candidate<'a> {
-    /// Bodies of units that are not the same, but for some.
+    /// Bodies of all units that are not the same on both sides, except those in `without`.
     fn all(
         side: &'a Side<'a>,
         [islands, banks]: [&[bool]; 2],
@@ -116,7 +118,7 @@ impl<'a> Candidate<'a> {
         }
     }
 
-    /// Given a place in the room.
+    /// The body, with a place in the room; `None` if its modes cannot be found.
     fn body(self, transform: ModalTransform, room: &mut Room) -> Option<Body> {
         let first = room.mats.len();
         let how = match self.what {
@@ -140,7 +142,7 @@ impl<'a> Candidate<'a> {
     }
 }
 
-/// A motion (x, step) in steps of another length.
+/// A motion (x, step) with its step converted to a step of another length.
 fn scaled((x, step): (f64, f64), times: f64) -> (f64, f64) {
     (x, step * times)
 }
@@ -151,7 +153,8 @@ fn moving(network: &Network) -> Vec<usize> {
     moving.map(|(mat, _)| mat).collect()
 }
 
-/// The masses of bodies on one side whose names are among some: by name, their places in the room, and the bodies.
+/// The bodies of one side that hold at least one wanted mass: the names of all their masses with their places in the
+/// room, and the bodies.
 pub(super) fn bodies(
     side: &Side<'_>,
     same: [&[bool]; 2],
@@ -176,7 +179,7 @@ pub(super) fn bodies(
     (spots, found)
 }
 
-/// Names of the masses of all bodies of a side that are not the same.
+/// Names of the masses of all bodies that `bodies` considers on one side.
 pub(super) fn names(
     side: &Side<'_>,
     same: [&[bool]; 2],
@@ -187,7 +190,7 @@ pub(super) fn names(
 }
 
 impl Body {
-    /// Where its masses are, into the room.
+    /// Copies the positions and steps of the masses from the simulation into the room.
     pub(super) fn look(&self, simulation: &mut Simulation, room: &mut Room) {
         let playing = simulation.playing(self.place.at);
         let times = playing.steps_a_frame();
@@ -231,7 +234,7 @@ impl Body {
         }
     }
 
-    /// Its masses go on from where the room has them.
+    /// Sets the motion of the body from its masses in the room.
     pub(super) fn put(&mut self, simulation: &mut Simulation, room: &mut Room) {
         let playing = simulation.playing(self.place.at);
         let frames = 1.0 / playing.steps_a_frame();

@@ -1,4 +1,5 @@
-//! Units of a plan whose sounds are added up together; which threads compute them.
+//! Groups of units of a plan: the sounds of a group are summed together. Also decides which threads compute which
+//! group.
 
 use std::ops::Range;
 use std::sync::Mutex;
@@ -10,44 +11,44 @@ use crate::network::Error;
 use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::units::Rate;
 
-/// Frames that a unit advances before its output is added: its state stays in the cache.
+/// Frames that a unit advances before its output is added to the sum: few enough for its state to stay in the cache.
 pub(super) const STRETCH: usize = 256;
-/// Frames that a group advances where threads share the work: starting the threads costs little beside it.
+/// Frames that a group advances when threads share the work: enough to make the cost of starting threads small.
 pub(super) const LONG: usize = 4_096;
 /// Largest number of groups, whatever the number of threads; banks of large parts may add some.
 pub(super) const GROUPS: usize = 16;
-/// Part of a helper's time that is gained where a team computes one mesh.
+/// Share of each additional thread's time that is gained when a team computes one mesh.
 const HELP: f64 = 0.7;
 
-/// Units whose sound is added up together, in the order of the plan.
+/// Units whose sounds are summed together, in the order of the plan.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
-    /// Index of the first in the plan.
+    /// Index in the plan of the first unit.
     pub(super) first: usize,
     pub(super) units: Vec<RunningUnit>,
-    /// Of each unit, whether its sound is kept or known   (n_units)
+    /// Where the sound of each unit comes from   (n_units)
     pub(super) sources: Vec<SoundSource>,
-    /// Threads that compute its large meshes together.
+    /// Number of threads that compute its large meshes together.
     pub(super) team: usize,
-    /// (STRETCH or LONG · n_out)
+    /// Sum of the sounds of all units   (STRETCH or LONG · n_out)
     pub(super) sum: Vec<f64>,
-    /// One island's   (STRETCH · its n_out)
+    /// Sound of one island   (STRETCH · its n_out)
     sound: Vec<f64>,
 }
 
 /// Where the sound of a unit comes from.
 #[derive(Clone, Debug)]
 pub(super) enum SoundSource {
-    /// It is computed.
+    /// The unit is computed.
     Computed,
-    /// It is computed, and kept here   (n_frames · its n_out)
+    /// The unit is computed, and its sound is kept here   (n_frames · its n_out)
     Recorded(Vec<f64>),
-    /// It is known from an earlier run: these frames, from this sample on; nothing of the unit moves.
+    /// The sound is known from an earlier run: its samples, and the index of the next one. The unit is not stepped.
     Recalled(Vec<f64>, usize),
 }
 
 impl SoundSource {
-    /// The next frames, where they are known and there are so many.
+    /// Copies the next samples to `sound`; false if they are not known or too few are left.
     fn recall(&mut self, sound: &mut [f64]) -> bool {
         let Self::Recalled(known, at) = self else {
             return false;
@@ -67,7 +68,7 @@ impl SoundSource {
     }
 }
 
-/// A running unit of a plan.
+/// A unit of a plan, in the state of the current frame.
 #[derive(Clone, Debug)]
 pub(super) enum RunningUnit {
     Island(Box<Island>),
@@ -75,7 +76,7 @@ pub(super) enum RunningUnit {
 }
 
 impl Group {
-    /// The units `range` of a plan, at frame 0, with room for `room` samples of their sum.
+    /// The units `range` of a plan, at frame 0; `room`: number of samples of the buffer for their sum.
     pub(super) fn new(
         plan: &Plan,
         range: Range<usize>,
@@ -128,7 +129,8 @@ impl Group {
         self.units.iter().any(RunningUnit::is_shared)
     }
 
-    /// Every unit through `n_frames` frames after the first `done`, their sound into `sum`.
+    /// Advances every unit by `n_frames` frames, after `done` frames of the simulation, and leaves the sum of their
+    /// sounds in `sum`.
     pub(super) fn run(
         &mut self,
         plan: &Plan,
@@ -162,7 +164,8 @@ impl Group {
 }
 
 impl RunningUnit {
-    /// A few frames after the first `done`, added to `out` (n_frames · n_out); `sound` is room for its own.
+    /// Advances by at most STRETCH frames, after `done` frames of the simulation, and adds the sound to `out` (n_frames
+    /// · n_out); `sound` is a buffer for the unit's own outputs.
     fn process(
         &mut self,
         (unit, source): (&Unit, &mut SoundSource),
@@ -192,7 +195,7 @@ impl RunningUnit {
         None
     }
 
-    /// Its steps in a frame of the scene.
+    /// Number of its steps in a frame of the scene.
     pub(super) fn steps_a_frame(&self) -> f64 {
         match self {
             Self::Island(island) => island.steps_a_frame(),
@@ -206,16 +209,16 @@ impl RunningUnit {
     }
 }
 
-/// Give groups with large meshes a thread team, where that is quicker than a thread for each group.
+/// Give groups with large meshes a thread team, if that is quicker than one thread for each group.
 pub(super) fn assign_teams(groups: &mut [Group], plan: &Plan, threads: usize) {
-    // Waiting for a helper without a processor takes long.
+    // A helper without a processor of its own would keep the others waiting: no more threads than processors.
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let team = threads.min(processors);
     let costs = |group: &Group| -> f64 {
         let units = &plan.units[group.first..][..group.units.len()];
         units.iter().map(Unit::cost).sum()
     };
-    // Time of groups in parallel: that of the dearest, or of all of them divided by the threads.
+    // Time of groups in parallel: that of the most expensive one, or the sum divided by the threads, if that is longer.
     let beside = |costs: &[f64]| {
         let longest = costs.iter().copied().fold(0.0, f64::max);
         longest.max(costs.iter().sum::<f64>() / team as f64)
@@ -249,7 +252,7 @@ pub(super) fn run_on_threads(
     let waiting = Mutex::new(groups.into_iter());
     let faults = Mutex::new(Vec::new());
     let work = || {
-        // A poisoned lock is a thread that panicked: the scope passes that on.
+        // The lock is poisoned only if a thread panicked; the scope passes the panic on.
         while let Some(group) = waiting.lock().ok().and_then(|mut groups| groups.next()) {
             if let Some(fault) = run(group)
                 && let Ok(mut faults) = faults.lock()
@@ -267,7 +270,7 @@ pub(super) fn run_on_threads(
     faults.into_inner().unwrap_or_default()
 }
 
-/// Add an island's sound (n_frames · own) to the outputs that it is heard at (n_frames · n_out).
+/// Add an island's sound (n_frames · own) to the outputs that hear it (n_frames · n_out).
 fn add(sound: &[f64], own: usize, island_plan: &IslandPlan, out: &mut [f64], n_out: usize) {
     if n_out == 0 || own == 0 {
         return;

@@ -1,7 +1,8 @@
-//! What can be seen of a simulation: where every mass is, whatever computes it.
+//! What can be seen of a simulation: the position of every mass, whatever method computes it.
 //!
-//! A [`Look`] is made outside real time and lists where each number comes from; [`Simulation::look`] then only copies. What is
-//! free to swing goes by its oscillation, of which two frames tell all; a body by those of its modes; the rest by positions.
+//! A [`Look`] is made outside real time and lists where each number comes from; [`Simulation::look`] then only copies.
+//! A free oscillator is described by its oscillation, which two frames determine; a body by the oscillations of its
+//! modes; all other masses by their positions.
 
 use std::sync::Arc;
 
@@ -22,47 +23,47 @@ mod oscillation;
 pub use glance::{Glance, Push};
 pub use oscillation::Oscillation;
 
-/// How a point that is looked at moves.
+/// How the motion of a point is described.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum How {
-    /// By an oscillation of its own.
+    /// By a free oscillation.
     Free(Oscillation),
-    /// By its positions.
+    /// By its positions, frame by frame.
     Sampled,
-    /// By the modes of [`Look::bodies`] of this number.
+    /// By the modes of a body: its index in [`Look::bodies`].
     Modal(usize),
-    /// Nothing computes it, for nobody hears it or nothing moves it.
+    /// The point is not computed, because no output hears it or nothing moves it.
     NotComputed {
-        /// Whether anything moves it: then nobody hears it.
+        /// Whether anything moves it; if so, it is not computed because no output hears it.
         is_moved: bool,
     },
 }
 
-/// A mass.
+/// A mass that can be seen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
     /// Its MAT in the network.
     pub mat: usize,
     /// Its part in the network.
     pub part: usize,
-    /// From where its displacement counts [m].
+    /// The position from which its displacement counts [m].
     pub rest: f64,
     /// How it moves.
     pub how: How,
 }
 
-/// A body that goes by its modes.
+/// A body that is computed by its modes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SeenBody {
     /// The oscillation of each mode.
     pub modes: Vec<Oscillation>,
-    /// The first of them among all modes that are looked at.
+    /// Index of its first mode among the modes of all bodies.
     pub first: usize,
-    /// How many modes the engine computes of it.
+    /// Number of its modes that the engine computes; `modes` holds the lowest of them.
     pub of: usize,
-    /// Its points, rising.
+    /// Its points: indices in [`Look::points`], rising.
     pub points: Vec<usize>,
-    /// How much each point sees of each mode   (n_points, n_modes)
+    /// Displacement of each point per unit of each mode   (n_points, n_modes)
     pub shapes: Vec<f64>,
 }
 
@@ -73,16 +74,16 @@ pub struct Contact {
     pub name: String,
     /// The LIA in the network.
     pub link: usize,
-    /// Its two MATs.
+    /// Its two MATs; the same MAT twice if all pairs of two sets may touch.
     pub ends: (usize, usize),
 }
 
-/// What can be seen of a simulation, and where it is found.
+/// What can be seen of a simulation, and where each number is found.
 #[derive(Clone, Debug)]
 pub struct Look {
-    /// By part, by how they move, by MAT.
+    /// Sorted by part, then by how they move, then by MAT.
     pub points: Vec<Point>,
-    /// Bodies that go by their modes.
+    /// Bodies that are computed by their modes.
     pub bodies: Vec<SeenBody>,
     /// Contacts.
     pub contacts: Vec<Contact>,
@@ -91,21 +92,22 @@ pub struct Look {
     plan: Arc<Plan>,
     n_modes: usize,
     sources: Vec<(usize, Source)>,
-    /// By unit: the contact of each LIA of the island.
+    /// By unit: for each LIA of the island, its index in `contacts` or [`NOWHERE`].
     touched: Vec<(usize, Vec<u32>)>,
-    /// Units in which written gestures play, and the MAT of the network that each of theirs is.
+    /// Units in which written gestures play, each with the map from its MATs to those of the network (`None`: the
+    /// same).
     played: Vec<(usize, Option<Vec<u32>>)>,
-    /// By unit: LIAs of the island that may break, and which of `breakable` each is.
+    /// By unit: the LIAs of the island that may break, each with its index in `breakable`.
     breaking: Vec<(usize, Vec<(u32, u32)>)>,
 }
 
-/// Where numbers come from: pairs of an index in the source and one in what is looked at, with the rest of it.
+/// Where numbers come from: index in the source, track, and rest position [m]; banks need no rest position.
 #[derive(Clone, Debug)]
 enum Source {
     Masses(Vec<(u32, u32, f64)>),
     Mesh(usize, Vec<(u32, u32, f64)>),
     Slow(usize, Vec<(u32, u32, f64)>),
-    /// What each mode is, [`NOWHERE`] where it is not looked at.
+    /// The track of each mode of a body; [`NOWHERE`] for modes that are not looked at.
     Modes(usize, Vec<u32>),
     Bank(Vec<(u32, u32)>),
 }
@@ -126,22 +128,22 @@ impl Look {
         maker.finish(plan.clone())
     }
 
-    /// How many numbers are looked at: points, then modes.
+    /// Number of tracks: points, then modes.
     pub fn n_tracks(&self) -> usize {
         self.points.len() + self.n_modes
     }
 
-    /// Whether it was found of the plan of this simulation.
+    /// Whether it was made for the plan of this simulation.
     pub fn is_of(&self, simulation: &Simulation) -> bool {
         Arc::ptr_eq(&self.plan, &simulation.plan)
     }
 
-    /// How many modes are looked at.
+    /// Number of modes that are looked at.
     pub fn n_modes(&self) -> usize {
         self.n_modes
     }
 
-    /// The oscillation of a mode, by its place among all numbers.
+    /// The oscillation of a mode, by its track.
     fn oscillation(&self, track: usize) -> Oscillation {
         let mode = track - self.points.len();
         let body = self.bodies.partition_point(|body| body.first <= mode) - 1;
@@ -150,8 +152,9 @@ impl Look {
 }
 
 impl Simulation {
-    /// The ergons that a timeline holds, by rising instant; the speed of a strike, and the impulse of an ergon, are those
-    /// against a mass that stands still. Of gestures [`Self::take_sparks`] tells; real hands give forces.
+    /// The ergons that a timeline holds, by rising instant. The speed of a strike, and the impulse of an ergon, are
+    /// computed for a mass that stands still. Gestures are not included: [`Self::take_sparks`] reports their ergons.
+    /// Nor are real hands, which give forces.
     pub fn written(&self, timeline: &Timeline) -> Vec<Record> {
         let network = &*self.plan.network;
         let mass = |mat: u32| {
@@ -180,18 +183,18 @@ impl Simulation {
         all
     }
 
-    /// The network of its plan.
+    /// The network of the plan.
     pub fn network(&self) -> &Network {
         &self.plan.network
     }
 
-    /// What can be seen of it. Takes as long as finding the modes of its bodies, and longer.
+    /// What can be seen of the simulation. Takes longer than finding the modes of its bodies.
     pub fn looked_at(&self) -> Look {
         Look::of(self)
     }
 
-    /// Displacements now, and one frame before, of what is free and of modes [m]   (2 · n_tracks): first all now. What is sampled, and
-    /// what nobody computes, has no frame before. Only copies.
+    /// Displacements now and one frame before [m]   (2 · n_tracks): first all of now, then all of before. The value
+    /// before is set only for free points and modes, not for points that are sampled or not computed. Only copies.
     pub fn look(&self, look: &Look, out: &mut [f64]) {
         let (now, before) = out.split_at_mut(look.n_tracks());
         for (unit, source) in &look.sources {
@@ -212,7 +215,7 @@ impl Simulation {
         }
     }
 
-    /// Note the strongest push of each contact, and what written hands strike, from here on.
+    /// From here on, record the strongest push of each contact and the strikes of written hands.
     pub fn watch(&mut self) {
         for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let RunningUnit::Island(island) = running {
@@ -221,8 +224,8 @@ impl Simulation {
         }
     }
 
-    /// Tell of each contact of [`Look::contacts`] that pushed since the last call: which, in which frame most, and by
-    /// which force [N], above 0 where it pushes its first end up.
+    /// Calls `tell` for each contact of [`Look::contacts`] that pushed since the last call: its index, the frame of its
+    /// strongest push, and the force in that frame [N], above 0 if the contact pushes its first end up.
     pub fn take_contacts(&mut self, look: &Look, mut tell: impl FnMut(usize, u64, f64)) {
         for (unit, contacts) in &look.touched {
             if let RunningUnit::Island(island) = self.running_mut(*unit) {
@@ -237,7 +240,7 @@ impl Simulation {
 }
 
 impl Simulation {
-    /// A unit of the plan as it runs.
+    /// The running unit of this index in the plan.
     fn running(&self, unit: usize) -> &RunningUnit {
         let at = self.groups.partition_point(|group| group.first <= unit) - 1;
         &self.groups[at].units[unit - self.groups[at].first]
@@ -249,7 +252,7 @@ impl Simulation {
         &mut group.units[unit - group.first]
     }
 
-    /// How many sparks there are between two looks at most.
+    /// Largest number of sparks between two looks.
     pub(super) fn sparks_max(&self, look: &Look) -> usize {
         let most = look
             .played
@@ -261,8 +264,9 @@ impl Simulation {
         most.sum()
     }
 
-    /// Tell of the ergons of written gestures since the last call, as they are seen: a throw and a grain each by itself, of those that lead along a
-    /// path the ones of one sign as one, with the impulse of all. Where more strike than can be told, others are gathered too.
+    /// Calls `tell` for the ergons of written gestures since the last call, as they are drawn. A throw or a grain is
+    /// reported by itself; ergons that lead along a path are gathered by sign, and one is reported with the impulse of
+    /// all. If too many strike to be reported one by one, the others are gathered as well.
     pub fn take_sparks(&mut self, look: &Look, mut tell: impl FnMut(Record)) {
         for (unit, mats) in &look.played {
             if let RunningUnit::Island(island) = self.running_mut(*unit) {
@@ -274,7 +278,7 @@ impl Simulation {
         }
     }
 
-    /// Tell of each link of [`Look::breakable`] that is computed whether it is broken.
+    /// Calls `tell` for each computed link of [`Look::breakable`]: its index, and whether it is broken.
     fn look_at_breaks(&self, look: &Look, mut tell: impl FnMut(usize, bool)) {
         for (unit, links) in &look.breaking {
             if let RunningUnit::Island(island) = self.running(*unit) {
@@ -287,8 +291,8 @@ impl Simulation {
 }
 
 impl Source {
-    /// What an island has of it in a scene of `rate` that has computed so many frames; where the island is ahead of the scene,
-    /// what was there before.
+    /// Reads the numbers of this source from an island, in a scene of `rate` that has computed `frame` frames. If the
+    /// island is ahead of the scene, its motion is followed back to the scene's frame.
     fn look(
         &self,
         look: &Look,

@@ -1,4 +1,4 @@
-//! What a network answers a hand that is moved once, tick by tick.
+//! Response of a network to a hand that is displaced for one tick, tick by tick.
 
 use std::sync::Arc;
 
@@ -9,23 +9,24 @@ use crate::scheme::Scheme;
 use crate::timeline::{HandWay, Timeline};
 use crate::units::Rate;
 
-/// A pressed network is linear: any step will do that rounding does not reach [m].
+/// Displacement of the hand [m]. A network with closed contacts is linear: any value far above rounding will do.
 const STEP: f64 = 1e-3;
-/// An answer is followed until so little of it is left.
+/// The response is followed until its end is this small, relative to its largest force after the first two ticks.
 const LEFT: f64 = 1e-4;
-/// Work that is done for that at most [MATs × ticks].
+/// Largest amount of work for that [MATs × ticks].
 const WORK: usize = 1 << 17;
-/// Steps of a frame at most, where a closed network is too stiff for one.
+/// Largest number of steps a frame, for a closed network that is too stiff for one.
 const FINEST: u32 = 64;
 
 impl ReachableNetwork {
-    /// Force against the hand [N/m] in each tick, of `every` frames, after it was 1 m away for one: for so many ticks as
-    /// `ticks` says at least, and at most as long as it rings.
+    /// Force against the hand [N/m] in each tick of `every` frames, after a displacement of 1 m that lasts one tick.
+    /// `ticks`: the smallest and the largest number of ticks; between the two, the response is followed as long as it
+    /// rings.
     ///
-    /// `None`: closed, the network diverges by itself at any step.
+    /// `None` if the network with all contacts closed diverges, even in steps as fine as are allowed.
     ///
     /// # Errors
-    /// Where the hand's MAT does not move, or a tick has no such length.
+    /// If the hand's MAT does not move, or a tick cannot have this length.
     pub fn response(
         &self,
         rate: Rate,
@@ -36,7 +37,7 @@ impl ReachableNetwork {
         if found.is_some() || self.is_discrete() {
             return Ok(found);
         }
-        // A performance computes such frames finer.
+        // A performance computes frames that are too stiff in finer steps as well.
         match Scheme::new(&self.network, rate)?.certify(&self.network) {
             Err(Error::Unstable { oversampling, .. }) if oversampling <= FINEST => {
                 self.answers(rate, every, oversampling, ticks)
@@ -45,7 +46,7 @@ impl ReachableNetwork {
         }
     }
 
-    /// Whether the network at its rate is the truth: there are no finer steps.
+    /// Whether the network is defined at its rate (algorithmic parts), so that finer steps would change it.
     fn is_discrete(&self) -> bool {
         let parts = self.network.parts();
         let of = &self.network.mats().part;
@@ -71,7 +72,7 @@ impl ReachableNetwork {
         let rate = Rate::new(rate.hertz() * f64::from(steps))
             .map_err(|error| refused(error.to_string()))?;
         let mut timeline = Timeline::new(rate);
-        // A hand comes from where it begins: it begins at rest.
+        // The path begins at 0: the hand is at rest before its displacement.
         let path = [0.0, STEP, 0.0];
         timeline
             .hand(&network, self.mat, every * steps, HandWay::Line, &path)
@@ -102,7 +103,7 @@ impl ReachableNetwork {
     }
 }
 
-/// Whether the end of an answer is still to be heard beside what followed its first push.
+/// Whether the last quarter of a response still holds a force above `LEFT` of the largest after the first two ticks.
 fn rings(felt: &[f64]) -> bool {
     let most = |part: &[f64]| part.iter().fold(0.0, |most, x| f64::max(most, x.abs()));
     let end = felt.len() - felt.len() / 4;
@@ -117,7 +118,7 @@ mod tests {
     const RATE: f64 = 44_100.0;
     const KEY: Tie = Tie::Physical { k: 60.0, z: 1.2 };
 
-    /// Two keys that a spring joins, each with a mass behind it, and a mesh that nothing joins with them.
+    /// Two keys `a` and `b` joined by a spring, each with a mass behind it, and a CEL `far` that no link joins to them.
     fn scene() -> (Network, [usize; 5]) {
         let mut network = Network::new();
         network.part("keys", None);
@@ -154,7 +155,7 @@ mod tests {
             held: vec![far, b],
             ..NetworkMoment::default()
         };
-        // A held key ends what is reached, and its hand is counted.
+        // A held key is the end of what can be reached, and the hand on it is counted.
         let reached = network.reachable_network(a, &held, 1e-3, RATE);
         assert_eq!(
             (
@@ -179,7 +180,7 @@ mod tests {
         );
     }
 
-    /// A moment of a glide is the network with the numbers of that moment.
+    /// At a moment of a glide, the network responds as one that has the numbers of that moment.
     #[test]
     fn a_moment_answers_as_a_network_with_its_numbers() {
         let (network, [a, _, _, m, _]) = scene();
@@ -208,7 +209,7 @@ mod tests {
         assert_ne!(found, response(&network, a, &NetworkMoment::default()));
     }
 
-    /// The same numbers, the same bytes; another number anywhere, others.
+    /// The same numbers give the same bytes; a change of any number changes the bytes.
     #[test]
     fn numbers_tell_networks_apart() {
         let (network, [a, _, b, ..]) = scene();
@@ -232,7 +233,7 @@ mod tests {
         assert_ne!(of(&plain), of(&held));
     }
 
-    /// Closed, this network needs finer steps than its rate has.
+    /// With its contacts closed, this network needs finer steps than a frame.
     #[test]
     fn a_network_too_stiff_for_a_frame_is_computed_finer() {
         let mut network = Network::new();
@@ -241,7 +242,7 @@ mod tests {
         let m = network.cel("m", 1e-4, KEY, 0.0, 0.0, 0.0).unwrap();
         network.spring("am", a, m, 1e6, 0.0, 0.0).unwrap();
         let felt = response(&network, a, &NetworkMoment::default());
-        // In the end the mass moves with the key: what is left is the spring of its tie.
+        // In the end the mass moves with the key, and only the spring of its own tie pushes back.
         let sum: f64 = felt.iter().sum();
         assert!((sum - 60.0).abs() < 10.0, "{sum}");
     }

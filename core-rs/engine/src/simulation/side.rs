@@ -1,25 +1,25 @@
-//! One of the two simulations of a take-over, as both are compared.
+//! One of the two simulations of a takeover, as `Takeover::new` compares them.
 
 use super::{RunningUnit, Simulation};
 use crate::island::Island;
 use crate::network::Network;
 use crate::plan::{IslandPlan, Unit};
 
-/// Group of a simulation, and unit in it.
+/// Index of a group in a simulation, and of a unit in the group.
 pub(super) type At = (usize, usize);
 
 /// Where a MAT is computed.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum MatLocation {
-    /// MAT of an island.
+    /// Index of a MAT in an island.
     Island(At, usize),
-    /// Oscillator of a bank, and where its MAT rests [m].
+    /// Index of an oscillator in a bank, and the rest position of its MAT [m].
     Bank(At, usize, f64),
-    /// A mass of a body seen whole.
+    /// Index in the room of a mass of a body.
     Room(usize),
 }
 
-/// One of the two simulations of a take-over: its islands and banks, with what the plan says of them.
+/// One of the two simulations of a takeover: its islands and banks, with their plans.
 pub(super) struct Side<'a> {
     pub(super) network: &'a Network,
     pub(super) rate: crate::units::Rate,
@@ -52,7 +52,7 @@ impl<'a> Side<'a> {
     }
 }
 
-/// Those of a list that are not marked.
+/// The items of a list that are not marked as the same, with their indices.
 pub(super) fn others<'a, T>(
     all: &'a [T],
     is_same: &'a [bool],
@@ -61,7 +61,7 @@ pub(super) fn others<'a, T>(
     pairs.filter_map(|((one, is_same), at)| (!is_same).then_some((one, at)))
 }
 
-/// The MATs of units that are not the same, by name: those that move, and no port, which goes where its body has it.
+/// The moving MATs of units that are not the same on both sides, by name. Ports are left out: their bodies move them.
 pub(super) fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, MatLocation)> {
     let mut found = Vec::new();
     for (&(at, _, island_plan), _) in others(&side.islands, islands) {

@@ -1,11 +1,12 @@
-//! Inputs: samples of a sound card pass high-pass, gain and clamp here, and go to all islands, as values do that are told.
+//! Inputs: samples of a sound card pass a high-pass, a gain and a clamp here, then go to all islands; so do the values
+//! that [`Simulation::tell`] gives.
 
 use super::{RunningUnit, Simulation};
 use crate::island::{FRAMES_MAX, Island};
 use crate::plan::Plan;
 use crate::timeline::{Conditioner, InputSource};
 
-/// The stages of all inputs, and room for the values of one.
+/// The conditioning stages of all inputs, and a buffer for the values of one input.
 #[derive(Clone, Debug)]
 pub(super) struct SoundsIn {
     conditioners: Vec<Conditioner>,
@@ -28,7 +29,7 @@ impl SoundsIn {
         }
     }
 
-    /// Inputs that both have go on where they stand.
+    /// Inputs that exist in both simulations continue from their current state.
     pub(super) fn take_over(&mut self, old: &Self) {
         for (own, old) in self.conditioners.iter_mut().zip(&old.conditioners) {
             own.take_over(old);
@@ -37,7 +38,7 @@ impl SoundsIn {
 }
 
 impl Simulation {
-    /// Number of channels of a sound card that its inputs need: 0 where it has none.
+    /// Number of channels of a sound card that the inputs need; 0 if no input is heard from a sound card.
     pub fn n_channels_in(&self) -> usize {
         let sources = self.plan.sounds_in.iter().map(|own| own.source);
         let channels = sources.filter_map(|source| match source {
@@ -47,9 +48,9 @@ impl Simulation {
         channels.max().unwrap_or_default()
     }
 
-    /// Let the input of a number ([`InputSource::Told`]) go to a value from the next frame on, full scale 1; false where
-    /// none that plays has this number, or the value is no finite number. Until the first value it is heard from the
-    /// timeline's samples.
+    /// Let the input of a number ([`InputSource::Told`]) go to a value from the next frame on, full scale 1. Returns
+    /// false if no playing input has this number, or the value is not finite. Before its first value, the input is
+    /// heard from the timeline's samples.
     pub fn tell(&mut self, number: u64, value: f64) -> bool {
         if !value.is_finite() {
             return false;
@@ -62,7 +63,7 @@ impl Simulation {
         is_here
     }
 
-    /// Inputs that were told a value go on by the ways that they were on in another simulation.
+    /// Inputs that were told a value continue towards it as they did in another simulation.
     pub(super) fn go_on_as_told(&mut self, old: &Self) {
         for (island, _) in old.islands() {
             for (number, way) in island.ways() {
@@ -72,7 +73,7 @@ impl Simulation {
         }
     }
 
-    /// All islands, to be told something.
+    /// All islands.
     fn playing_islands(&mut self) -> impl Iterator<Item = &mut Island> {
         let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
         units.filter_map(|running| match running {
@@ -81,9 +82,9 @@ impl Simulation {
         })
     }
 
-    /// What a sound card hears in the frames that are computed next, full scale 1, at the rate of the score,
-    /// (n_frames, n_channels) with 4096 frames at most. Silence where a channel is missing; frames that nothing is given for
-    /// are heard from the timeline's samples until the first call, and are silent after it.
+    /// Gives the sound card's samples for the frames that are computed next: full scale 1, at the rate of the score,
+    /// (n_frames, n_channels), at most 4096 frames. A missing channel is silent. Frames without samples are heard from
+    /// the timeline before the first call, and are silent after it.
     pub fn sound_in(&mut self, frames: &[f32], n_channels: usize) {
         let n_channels = n_channels.max(1);
         let n = (frames.len() / n_channels).min(FRAMES_MAX);

@@ -1,8 +1,8 @@
 //! Stretches of islands that another run has computed: their sound, and the state at their end.
 //!
-//! Islands do not touch each other, so a render need not compute one again whose events did not change: it recalls the
-//! sound of one stretch after the other, and goes on computing from the state at the end of the last that it knows. The
-//! samples are those of a render from frame 0. Banks are computed: they cost less than what reading them would.
+//! Islands do not touch each other, so a render need not compute an island again if its events did not change: it
+//! recalls the sound of one stretch after the other, and continues from the state at the end of the last known stretch.
+//! The samples are those of a render from frame 0. Banks are always computed: reading them would cost more.
 
 use std::sync::OnceLock;
 
@@ -18,7 +18,7 @@ use crate::plan::{Content, Unit};
 #[derive(Clone, Debug)]
 pub struct StorableIsland {
     unit: usize,
-    /// Hashed when its first key is asked for: many islands are too cheap to be looked up.
+    /// Computed when its first key is asked for, because many islands are too cheap to be looked up.
     content: OnceLock<Content>,
     /// Number of outputs that hear it.
     pub n_out: usize,
@@ -27,7 +27,7 @@ pub struct StorableIsland {
 }
 
 impl Simulation {
-    /// The islands that are heard and whose stretches can be stored; none where ledgers or streams of ergons are kept.
+    /// The islands that are heard and whose stretches can be stored; none if ledgers or streams of ergons are kept.
     pub fn storable(&self) -> Vec<StorableIsland> {
         let units = self.units().enumerate();
         let islands = units.filter_map(|(unit, pair)| match pair {
@@ -46,8 +46,8 @@ impl Simulation {
         islands.collect()
     }
 
-    /// A hash of all that an island is a function of from frame 0 to the last of `frames` (64 hex digits); `before` is that up
-    /// to the first of them, and empty at 0.
+    /// A hash of everything that determines an island up to the last of `frames` (64 hex digits); `before` is the hash
+    /// up to the first of `frames`, or empty if that is 0.
     pub fn island_key(&self, island: &StorableIsland, frames: (u64, u64), before: &str) -> String {
         match &self.plan.units[island.unit] {
             Unit::IslandPlan(island_plan) => {
@@ -58,12 +58,13 @@ impl Simulation {
         }
     }
 
-    /// Take the sound of an island from here on (n_frames · its n_out) instead of computing it: then its state stands still.
+    /// From here on, take the sound of an island from `sound` (n_frames · its n_out) instead of computing it; the
+    /// island's state does not change meanwhile.
     pub fn recall(&mut self, island: &StorableIsland, sound: Vec<f64>) {
         *self.source(island) = SoundSource::Recalled(sound, 0);
     }
 
-    /// Compute an island from here on, and keep its sound.
+    /// From here on, compute an island and keep its sound.
     pub fn record(&mut self, island: &StorableIsland) {
         *self.source(island) = SoundSource::Recorded(Vec::new());
     }
@@ -84,14 +85,14 @@ impl Simulation {
     /// Put an island into the state that an equal one had at this frame, and compute it from here on.
     ///
     /// # Errors
-    /// [`Damaged`] where the bytes are no state of it; the simulation is then of no use.
+    /// [`Damaged`] if the bytes are not a state of this island; the simulation must then be discarded.
     pub fn set_state(&mut self, island: &StorableIsland, state: &[u8]) -> Result<(), Damaged> {
         *self.source(island) = SoundSource::Computed;
         self.island(island).ok_or(Damaged)?.read_state(state)
     }
 
-    /// The next frames of one island (n_frames · its n_out) while all else stands still: what another machine computes of
-    /// a simulation. The state before them is that of [`Simulation::set_state`], and after them of [`Simulation::recorded`].
+    /// Computes the next frames of one island alone (n_frames · its n_out), for a worker on another machine. Set the
+    /// state before them by [`Simulation::set_state`], and read the state after them by [`Simulation::recorded`].
     ///
     /// # Errors
     /// [`Fault`] with the part that becomes non-finite.

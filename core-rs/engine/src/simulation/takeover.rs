@@ -1,7 +1,8 @@
-//! Finds what passes from one simulation to another that takes over from it, from their two plans: what both have goes
-//! on as if nothing had happened.
+//! Finds what a simulation takes over from another, by comparing their plans: whatever both have continues without a
+//! change.
 //!
-//! It is found beforehand; then `take_over` passes it on without allocating.
+//! The search is done beforehand; `take_over` then transfers the state without allocating. Here "there" is the old
+//! simulation, and "here" the new one.
 
 mod apply;
 mod pieces;
@@ -18,30 +19,30 @@ use crate::network::Network;
 use crate::plan::{IslandPlan, ModalTransform, Plan};
 use crate::timeline::DriveKind;
 
-/// What a simulation takes over from another, piece by piece.
+/// What a simulation takes over from another, item by item.
 #[derive(Clone, Debug, Default)]
 pub struct Takeover {
-    /// The plans that it was made for.
+    /// The plans that it was made for, old and new.
     pub(super) plans: Option<[Arc<Plan>; 2]>,
-    /// Whole units that are the same, there and here.
+    /// Units that are the same in both: there, here.
     pub(super) units: Vec<(At, At)>,
-    /// Banks of the same modes, otherwise heard.
+    /// Banks of the same modes with other outputs: there, here, number of modes.
     pub(super) modes: Vec<(At, At, usize)>,
-    /// MATs of all others.
+    /// MATs of all other units: there, here.
     pub(super) mats: Vec<(MatLocation, MatLocation)>,
-    /// Bodies there whose masses go on, and bodies here that do.
+    /// Bodies there whose masses are read, and bodies here whose masses are set.
     pub(super) from: Vec<Body>,
     pub(super) to: Vec<Body>,
     pub(super) room: Room,
-    /// Islands whose bodies came from elsewhere: their ports are to be placed.
+    /// Islands whose bodies took over a state: the ports of these islands must then be placed.
     pub(super) placed: Vec<At>,
     pub(super) items: Vec<(At, At, ItemTakeover)>,
-    /// Here, an output of there.
+    /// For each output there, its index here; `None` if it is gone.
     pub(super) outputs: Vec<Option<usize>>,
 }
 
 impl Takeover {
-    /// What `new` takes over from `old`, by the names of modules; both at any moment.
+    /// What `new` takes over from `old`, by the names of modules. The two may be at any frame.
     pub fn new(old: &Simulation, new: &Simulation) -> Self {
         let (there, here) = (Side::new(old), Side::new(new));
         let mut takeover = Self {
@@ -67,19 +68,20 @@ impl Takeover {
         takeover
     }
 
-    /// Which output here an output of there has become.
+    /// For each output of the old simulation, its index in the new one.
     pub fn outputs(&self) -> &[Option<usize>] {
         &self.outputs
     }
 
-    /// Islands that are the same in both; which those are: there, here.
+    /// Finds islands that are the same in both; returns which those are, there and here.
     fn islands(&mut self, there: &Side<'_>, here: &Side<'_>) -> [Vec<bool>; 2] {
         let mut same = [
             vec![false; there.islands.len()],
             vec![false; here.islands.len()],
         ];
         let first = |island_plan: &IslandPlan| island_plan.network.mat_name(0);
-        // An imposed point that several islands touch, such as a hand's key, is the first of each.
+        // The first MAT of several islands may be the same imposed point, such as a hand's key: one name, several
+        // candidates.
         let mut by_name: HashMap<String, Vec<usize>> = HashMap::new();
         for (at, (_, _, island_plan)) in there.islands.iter().enumerate() {
             by_name.entry(first(island_plan)).or_default().push(at);
@@ -98,7 +100,7 @@ impl Takeover {
         same
     }
 
-    /// Banks that are the same in both; which those are: there, here.
+    /// Finds banks that are the same in both; returns which those are, there and here.
     fn banks(&mut self, there: &Side<'_>, here: &Side<'_>) -> [Vec<bool>; 2] {
         let mut same = [
             vec![false; there.banks.len()],
@@ -147,7 +149,7 @@ impl Takeover {
         same
     }
 
-    /// Bodies of islands that are not the same, where the bodies are.
+    /// Finds bodies that are the same, in islands that are not.
     fn bodies(&mut self, there: &Side<'_>, here: &Side<'_>, same: &[Vec<bool>; 2]) {
         for (&(to, _, island_plan), _) in others(&here.islands, &same[1]) {
             let mut found = false;
@@ -170,7 +172,7 @@ impl Takeover {
         }
     }
 
-    /// What links of islands that are not the same remember, by the names of these links; of some with one name by their
+    /// Finds links with memory in islands that are not the same, by link name; links of one name are matched by their
     /// order.
     fn memory(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
         let found = |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (At, usize))> {
@@ -199,7 +201,8 @@ impl Takeover {
         }
     }
 
-    /// How points slid that meet in all pairs, where as many meet under one name in islands that are not the same.
+    /// Finds contacts of all pairs, in islands that are not the same, whose history of sliding continues: matched by
+    /// link name and by the numbers of points.
     fn histories(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
         let found =
             |side: &Side<'_>, same: &[bool]| -> HashMap<(String, [usize; 2]), (At, usize)> {
@@ -223,7 +226,7 @@ impl Takeover {
         }
     }
 
-    /// MATs of units that are not the same.
+    /// Finds MATs of units that are not the same.
     fn mats(
         &mut self,
         there: &Side<'_>,
@@ -280,7 +283,7 @@ impl Takeover {
     }
 }
 
-/// Whether one island can go on as another stands, to the last bit.
+/// Whether one island can continue from the state of another, to the last bit.
 fn are_same_isles(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
     let imposed = |island_plan: &IslandPlan| -> Vec<usize> {
         let drives = island_plan.timeline.drives.iter();
@@ -297,7 +300,7 @@ fn are_same_isles(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
         && bodies().all(|(own, their)| own.is_same(their, name, name))
 }
 
-/// Whether two banks are of the same modes, whatever hears them.
+/// Whether two banks hold the same modes; their outputs may differ.
 fn are_alike(own: &[crate::bank::Oscillator], other: &[crate::bank::Oscillator]) -> bool {
     let numbers = |one: &crate::bank::Oscillator| (one.a, one.b);
     own.iter().map(numbers).eq(other.iter().map(numbers))

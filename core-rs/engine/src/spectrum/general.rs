@@ -1,6 +1,6 @@
 //! All eigenvalues and eigenvectors of a dense matrix that need not be symmetric: Householder's reduction to Hessenberg
 //! form, Francis' double-shift QR to real Schur form, back-substitution (Golub & Van Loan 7.4-7.6; Peters & Wilkinson
-//! 1970). Sums, products and square roots alone, in a fixed order.
+//! 1970). Uses only sums, products, quotients and square roots, in a fixed order.
 
 mod hessenberg;
 mod inverse;
@@ -14,15 +14,16 @@ pub(crate) use inverse::inverse;
 /// Eigenvalues and eigenvectors of a real matrix.
 #[derive(Clone, Debug)]
 pub(crate) struct General {
-    /// Eigenvalues: real and imaginary part; conjugate pairs lie together, the positive imaginary part first   (n)
+    /// Eigenvalues: real and imaginary part; the two of a conjugate pair are adjacent, positive imaginary part first
+    /// (n)
     pub values: Vec<(f64, f64)>,
-    /// An eigenvector in each row; of a pair its real part, then its imaginary part   (n, n)
+    /// One eigenvector a row; a conjugate pair has two rows, the real and the imaginary part   (n, n)
     pub vectors: Vec<f64>,
 }
 
 /// The eigenvalues and eigenvectors of `matrix` (n, n), row after row.
 ///
-/// `None` where a number is not finite or QR does not converge.
+/// `None` if a number is not finite or QR does not converge.
 pub(crate) fn general(mut matrix: Vec<f64>) -> Option<General> {
     let n = matrix.len().isqrt();
     if !matrix.iter().all(|x| x.is_finite()) {

@@ -7,7 +7,7 @@ use crate::maths::sqrt;
 ///
 /// `matrix` is (n, n), row after row; only its symmetric part counts.
 pub(super) fn eigen(mut matrix: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
-    /// Quadratic convergence needs some eight sweeps for n = 100.
+    /// Convergence is quadratic: about eight sweeps for n = 100.
     const SWEEPS: usize = 40;
     let n = matrix.len();
     let transposed: Vec<Vec<f64>> = (0..n)
@@ -43,12 +43,12 @@ pub(super) fn eigen(mut matrix: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
     pairs
 }
 
-/// The largest eigenvalue and its vector; of no matrix at all, 0.
+/// The largest eigenvalue and its vector; 0 for an empty matrix.
 pub(super) fn largest(matrix: Vec<Vec<f64>>) -> (f64, Vec<f64>) {
     eigen(matrix).pop().unwrap_or_default()
 }
 
-/// Turn the plane (p, q) so that element (p, q) vanishes; false where it has no weight.
+/// Rotate the plane (p, q) so that element (p, q) vanishes; false if the element is negligible already.
 fn rotate(matrix: &mut [Vec<f64>], vectors: &mut [Vec<f64>], p: usize, q: usize) -> bool {
     let off = matrix[p][q];
     let (first, second) = (matrix[p][p], matrix[q][q]);

@@ -4,13 +4,13 @@ use super::vector::{add, dot, normalise, orthogonalise, scattered};
 use super::{Apply, jacobi};
 use crate::interrupt;
 
-/// Steps at most: what they have not found by then the bounds cover.
+/// Largest number of steps; the bounds cover the error that is left then.
 const STEPS: usize = 60;
-/// Numbers kept at most (96 MB): a network of millions gets fewer steps.
+/// Largest number of stored values (96 MB): a network of millions of masses gets fewer steps.
 const KEPT: usize = 12_000_000;
-/// A look at the small matrix after so many steps.
+/// Number of steps between two diagonalisations of the tridiagonal matrix.
 const LOOK: usize = 5;
-/// Relative size of the residual at which the eigenvalue is known.
+/// Relative residual at which the eigenvalue counts as converged.
 const KNOWN: f64 = 1e-10;
 
 /// The upper end of a spectrum.
@@ -20,7 +20,7 @@ pub(crate) struct Largest {
     pub(crate) theta: f64,
     /// |β_k s_k|: an eigenvalue lies within this of `theta`.
     pub(crate) residual: f64,
-    /// θ + |β_k|: an upper bound of λmax in practice always (Zhou & Li 2011), loose before convergence.
+    /// θ + |β_k|: in practice always an upper bound of λmax (Zhou & Li 2011), loose before convergence.
     pub(crate) safe: f64,
     /// Steps taken, k.
     pub(crate) steps: usize,
@@ -33,7 +33,7 @@ pub(crate) fn largest(n: usize, apply: Apply<'_>) -> Largest {
     largest_up_to(n, apply, f64::INFINITY)
 }
 
-/// The same, but no more exact than it takes to know that the largest eigenvalue is at least `beyond`.
+/// As [`largest`], but stops as soon as the largest eigenvalue is known to be at least `beyond`.
 pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest {
     let most = STEPS.min(n).min((KEPT / n.max(1)).max(8));
     let mut next = scattered(n, 0);
@@ -50,7 +50,7 @@ pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest 
         orthogonalise(&mut image, &basis);
         let beta = normalise(&mut image);
         let steps = basis.len();
-        // Nothing but rounding is left: the whole space of the start vector has been seen.
+        // Only rounding is left: the Krylov space of the start vector is exhausted.
         let exhausted = steps == n || beta <= 1e-14 * (alpha.abs() + betas.last().unwrap_or(&0.0));
         let last = exhausted || steps == most;
         if last || steps.is_multiple_of(LOOK) {

@@ -1,26 +1,26 @@
-//! The lowest mode: Lanczos without storage, in two passes.
+//! The lowest mode: Lanczos without storage of the basis, in two passes.
 //!
-//! The first pass keeps only the tridiagonal matrix, until its lowest Ritz pair has settled; the second goes
-//! the same way again and adds up the vector. Only pairs that have settled lose orthogonality
-//! (Paige 1971), so the pair sought does not. A Rayleigh quotient squares the vector's error away.
+//! The first pass keeps only the tridiagonal matrix, until its lowest Ritz pair has converged; the second repeats the
+//! same steps and sums the vector. Orthogonality is lost only along converged pairs (Paige 1971), so it is kept for the
+//! pair that is sought. The error of the Rayleigh quotient is the square of the vector's error.
 
 use super::vector::{add, dot, norm, normalise, orthogonalise, orthonormal, scattered, take_from};
 use super::{Apply, Mode};
 use crate::interrupt;
 
-/// Residual, relative to λ, at which the vector is known: λ's error is the square over the gap.
+/// Residual, relative to λ, at which the vector counts as converged: the error of λ is residual² over the gap.
 const KNOWN: f64 = 1e-8;
-/// Residuals of so many rounding units of the largest eigenvalue cannot be made smaller.
+/// Relative to the largest eigenvalue: rounding keeps residuals from becoming smaller than this.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
-/// Restarts from the vector found, should rounding have kept it from being known.
+/// Largest number of restarts from the vector found, if rounding has kept it from converging.
 const RESTARTS: usize = 8;
-/// Each look at the small matrix comes this much later than the one before.
+/// Ratio of the step numbers of two consecutive diagonalisations of the tridiagonal matrix.
 const LOOK: f64 = 1.1;
 
-/// The smallest eigenvalue of a symmetric positive semi-definite operator outside the span of `nullspace`
-/// (the constant vector for a network without ground), and its vector.
+/// The smallest eigenvalue of a symmetric positive semi-definite operator outside the span of `nullspace` (the constant
+/// vector for a network without ground), and its vector.
 ///
-/// To some 1e-13 of λ. `None` where the nullspace is all there is.
+/// λ is exact to about 1e-13 of itself. `None` if the nullspace is the whole space.
 pub(crate) fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Option<Mode> {
     let null = orthonormal(nullspace);
     if null.len() >= n {
@@ -38,7 +38,7 @@ pub(crate) fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Opti
         let lambda = dot(&vector, &image);
         add(-lambda, &vector, &mut image);
         let residual = norm(&image);
-        // Once rounding decides, a restart makes nothing better.
+        // Once rounding decides the residual, a restart does not improve it.
         if best
             .as_ref()
             .is_some_and(|(before, _)| residual >= 0.5 * before)
@@ -59,18 +59,19 @@ pub(crate) fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Opti
     best.map(|(_, mode)| mode)
 }
 
-/// The tridiagonal matrix of a first pass and its lowest vector.
+/// The tridiagonal matrix of a first pass, and its eigenvector of the lowest eigenvalue.
 struct Small {
     alphas: Vec<f64>,
     betas: Vec<f64>,
     lowest: Vec<f64>,
-    /// Not below the lowest eigenvalue.
+    /// An upper bound of the lowest eigenvalue.
     above: f64,
-    /// The size of the largest.
+    /// About the size of the largest eigenvalue.
     scale: f64,
 }
 
-/// One step of Lanczos: q is replaced by what follows it, `before` by q; `image` is room   (n each).
+/// One Lanczos step: q becomes the next vector and `before` the old q; `image` is working memory   (n each). Returns α
+/// and β.
 fn step(
     q: &mut Vec<f64>,
     before: &mut Vec<f64>,
@@ -85,7 +86,7 @@ fn step(
     take_from(image, beta, &mut next);
     let alpha = dot(q, &next);
     add(-alpha, q, &mut next);
-    // The nullspace is the lowest of all: rounding brings it back unless it is kept out.
+    // The nullspace has the lowest eigenvalue of all: rounding would bring it back unless it is projected out.
     for direction in null {
         let along = dot(direction, &next);
         add(-along, direction, &mut next);
@@ -98,7 +99,7 @@ fn step(
 impl Small {
     fn build(start: &[f64], apply: Apply<'_>, null: &[Vec<f64>]) -> Self {
         let n = start.len();
-        // In exact arithmetic n steps see everything; lost orthogonality costs a few times as many.
+        // In exact arithmetic n steps span the whole space; loss of orthogonality costs a few times as many.
         let most = 4 * n + 100;
         let (mut q, mut before, mut image) = (start.to_vec(), vec![0.0; n], vec![0.0; n]);
         let mut small = Self {
@@ -128,22 +129,22 @@ impl Small {
         }
     }
 
-    /// The lowest eigenvalue, between bounds by bisection, and its vector by inverse iteration from the
-    /// lower bound: what is left of the matrix there is positive definite, and LDLᵀ needs no pivoting.
+    /// Finds the lowest eigenvalue by bisection, and its vector by inverse iteration from the lower bound: the matrix
+    /// shifted by this bound is positive definite, so LDLᵀ needs no pivoting.
     fn settle(&mut self) -> f64 {
-        /// Bounds this close tell modes apart that lie a millionth from each other.
+        /// Relative distance of the bounds: close enough to separate modes that differ by a millionth.
         const CLOSE: f64 = 1e-9;
-        /// So many halvings from the largest number to the smallest of interest; 0 is never reached.
+        /// Enough halvings to reach the smallest eigenvalue of interest from the largest number; 0 is never reached.
         const HALVINGS: usize = 100;
         const ITERATIONS: usize = 5;
         let n = self.alphas.len();
-        // The first component of the vector sought never vanishes.
+        // The first component of the vector sought is never 0.
         if self.lowest.is_empty() {
             self.lowest.push(1.0);
         }
         self.lowest.resize(n, 0.0);
         let mut low = 0.0;
-        // A larger matrix has a lower lowest eigenvalue, and none has it above its diagonal.
+        // The lowest eigenvalue falls as the matrix grows, and is never above an element of its diagonal.
         let mut high = f64::min(self.above, self.alphas[n - 1]);
         for _ in 0..HALVINGS {
             interrupt::poll();
@@ -181,7 +182,7 @@ impl Small {
             let above = pivots
                 .last()
                 .map_or(0.0, |p| self.betas[i - 1] * self.betas[i - 1] / p);
-            // Rounding may leave a last pivot at or below 0 where T itself is singular.
+            // Rounding may make the last pivot 0 or negative if T itself is singular.
             pivots.push(f64::max(alpha - shift - above, f64::MIN_POSITIVE));
         }
         pivots
@@ -199,7 +200,7 @@ impl Small {
         pivot > 0.0
     }
 
-    /// The Ritz vector, the same way again.
+    /// The Ritz vector: repeats the Lanczos steps and sums their vectors.
     fn vector(&self, start: Vec<f64>, apply: Apply<'_>, null: &[Vec<f64>]) -> Vec<f64> {
         let n = start.len();
         let (mut q, mut before, mut beta) = (start, vec![0.0; n], 0.0);

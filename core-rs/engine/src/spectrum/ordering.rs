@@ -1,7 +1,8 @@
-//! The order in which the unknowns of a sparse symmetric matrix are eliminated, so that few new entries arise: approximate
-//! minimum degree on a quotient graph.
+//! The order in which the unknowns of a sparse symmetric matrix are eliminated so that there is little fill-in:
+//! approximate minimum degree on a quotient graph.
 //!
-//! Source: Amestoy, Davis, Duff, "An approximate minimum degree ordering algorithm", SIAM J. Matrix Anal. Appl. 17 (1996).
+//! Source: Amestoy, Davis, Duff, "An approximate minimum degree ordering algorithm", SIAM J. Matrix Anal. Appl. 17
+//! (1996).
 
 use crate::interrupt;
 
@@ -23,15 +24,16 @@ pub(super) fn order(first: &[usize], columns: &[u32]) -> Vec<u32> {
     graph.expand(&pivots)
 }
 
-/// Unknowns that are left, each a node with those merged into it, and eliminated ones, each an element that joins nodes.
+/// The quotient graph. Remaining unknowns are nodes; a node stands also for the unknowns that were merged into it.
+/// Eliminated unknowns are elements; an element connects all its nodes with each other.
 struct Graph {
-    /// Nodes beside each node that no element joins to it   (n)
+    /// Neighbours of each node that share no element with it   (n)
     nodes: Vec<Vec<u32>>,
     /// Elements that each node belongs to   (n)
     elements: Vec<Vec<u32>>,
-    /// Nodes of each element; empty where it has been absorbed   (n)
+    /// Nodes of each element; empty once the element is absorbed   (n)
     members: Vec<Vec<u32>>,
-    /// How many unknowns each element joins   (n)
+    /// How many unknowns each element connects   (n)
     size: Vec<u32>,
     is_alive: Vec<bool>,
     /// How many unknowns each node stands for: 0 once it is merged or eliminated   (n)
@@ -39,10 +41,10 @@ struct Graph {
     /// The node that each was merged into   (n)
     merged: Vec<u32>,
     buckets: Buckets,
-    /// When each node was last seen   (n)
+    /// Stamp of the last visit to each node   (n)
     seen: Vec<u32>,
     stamp: u32,
-    /// Unknowns of an element outside the newest one, and when that was counted   (n)
+    /// Number of unknowns of each element outside the newest one, and the stamp of that count   (n)
     outside: Vec<(u32, u32)>,
 }
 
@@ -71,7 +73,7 @@ impl Graph {
         }
     }
 
-    /// Make an element of a node; `left` unknowns remain.
+    /// Eliminate a node: it becomes an element; `left` unknowns remain.
     fn eliminate(&mut self, pivot: u32, left: usize) {
         let p = pivot as usize;
         let mut joined = self.neighbours(pivot);
@@ -95,7 +97,7 @@ impl Graph {
             let (outside, is_alive, members) =
                 (&self.outside, &mut self.is_alive, &mut self.members);
             self.elements[i].retain(|&e| {
-                // An element that the new one holds whole is absorbed.
+                // An element without nodes outside the new one is absorbed by it.
                 let stays = is_alive[e as usize] && outside[e as usize].0 > 0;
                 if !stays {
                     is_alive[e as usize] = false;
@@ -132,7 +134,7 @@ impl Graph {
         self.is_alive[p] = size > 0;
     }
 
-    /// All nodes that a node shares an entry with; its elements are absorbed.
+    /// All nodes that are connected to a node, directly or by an element; its elements are absorbed.
     fn neighbours(&mut self, pivot: u32) -> Vec<u32> {
         self.stamp += 1;
         let (stamp, weight, seen) = (self.stamp, &self.weight, &mut self.seen);
@@ -154,7 +156,7 @@ impl Graph {
         joined
     }
 
-    /// Make one of nodes that have the same entries; `alike` holds a sum of these for each.
+    /// Merge nodes that have the same neighbours and elements; `alike` holds a hash of these for each node.
     fn merge(&mut self, alike: &mut [(u64, u32)]) {
         alike.sort_unstable();
         for group in alike.chunk_by(|a, b| a.0 == b.0) {
@@ -182,7 +184,7 @@ impl Graph {
         }
     }
 
-    /// Each pivot, then what was merged into it.
+    /// The final order: each pivot, followed by the nodes that were merged into it.
     fn expand(&self, pivots: &[u32]) -> Vec<u32> {
         let n = self.merged.len();
         let mut parts: Vec<Vec<u32>> = vec![Vec::new(); n];
@@ -204,7 +206,7 @@ impl Graph {
     }
 }
 
-/// Whether two lists, which are put in order, hold the same numbers.
+/// Whether two lists hold the same numbers; sorts both.
 fn same(lists: &mut [Vec<u32>], i: usize, j: usize) -> bool {
     if lists[i].len() != lists[j].len() {
         return false;
@@ -214,7 +216,7 @@ fn same(lists: &mut [Vec<u32>], i: usize, j: usize) -> bool {
     lists[i] == lists[j]
 }
 
-/// Nodes by their degree, in lists.
+/// Nodes in doubly linked lists, one list for each degree.
 struct Buckets {
     head: Vec<u32>,
     next: Vec<u32>,
@@ -259,7 +261,7 @@ impl Buckets {
         }
     }
 
-    /// Take away a node of the least degree; there must be one.
+    /// Remove and return a node of the least degree; there must be one.
     fn take_least(&mut self) -> u32 {
         while self.head[self.least] == NONE {
             self.least += 1;

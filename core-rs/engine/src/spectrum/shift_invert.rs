@@ -1,9 +1,9 @@
-//! The modes of a network near a frequency, none left out: Lanczos on (A − σ)⁻¹, whose largest eigenvalues lie next to the
-//! shift σ. The inertia of A − σ tells how many there are; what one run misses, for it sees one vector of each eigenvalue,
-//! another finds outside the span of those found.
+//! The modes of a network near a frequency, with none left out: Lanczos on (A − σ)⁻¹, whose largest eigenvalues lie
+//! next to the shift σ. The inertia of A − σ tells how many modes there are. One run sees only one vector of a multiple
+//! eigenvalue; further runs find the missing modes outside the span of those found.
 //!
-//! Source: Grimes, Lewis, Simon, "A shifted block Lanczos algorithm for solving sparse symmetric generalized eigenproblems",
-//! SIAM J. Matrix Anal. Appl. 15 (1994).
+//! Source: Grimes, Lewis, Simon, "A shifted block Lanczos algorithm for solving sparse symmetric generalized
+//! eigenproblems", SIAM J. Matrix Anal. Appl. 15 (1994).
 
 use super::sparse::Factor;
 use super::springs::Springs;
@@ -13,22 +13,24 @@ use super::vector::{
 use super::{Mode, whole};
 use crate::interrupt;
 
-/// Modes of one shift: a longer basis costs more than another factor.
+/// Largest number of modes sought at one shift: a longer basis costs more than another factorisation.
 const SLICE: usize = 64;
-/// Residual of (A − σ)⁻¹, relative to the eigenvalue, at which a pair is known: the eigenvalue's error is the square.
+/// Residual of (A − σ)⁻¹, relative to the eigenvalue, at which a pair counts as converged: the eigenvalue's error is
+/// its square.
 const KNOWN: f64 = 1e-11;
-/// A pair this much smaller than the largest of its run drowns in the rounding of that: another run finds it.
+/// A pair this much smaller than the largest of its run is lost in the rounding of that; another run finds it.
 const RANGE: f64 = 1e-6;
-/// Looks at the small matrix lie so many steps apart.
+/// Number of steps between two diagonalisations of the small matrix.
 const LOOK: usize = 12;
-/// A border lies in a gap of at least this part of its modes: no rounding moves a mode across.
+/// Smallest relative gap between two modes in which a border may lie: rounding does not move a mode across it.
 const GAP: f64 = 1e-9;
-/// Most of a residual, relative to the largest of the diagonal; most of a mode that lies along its neighbour.
+/// Largest residual of a mode, relative to the largest element of the diagonal; also the largest scalar product of two
+/// neighbouring modes.
 const SURE: f64 = 1e-9;
-/// Runs without a new mode after which a count stays short.
+/// Number of consecutive runs without a new mode after which the search ends, even if modes are missing.
 const FRUITLESS: usize = 3;
 
-/// Modes, rising, and whether the inertia of the matrix says that none among them is missing.
+/// Modes by rising λ, and whether the inertia of the matrix confirms that none is missing among them.
 #[derive(Debug)]
 pub(crate) struct Found {
     pub(crate) modes: Vec<Mode>,
@@ -41,11 +43,12 @@ pub(crate) fn n_below(springs: &Springs, bound: f64) -> usize {
     springs.factor(&mut shift).n_below()
 }
 
-/// The `count` modes of the smallest λ; fewer where there are fewer.
+/// The `count` modes of the smallest λ; fewer if there are not so many.
 pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> Found {
     let n = springs.n();
     let count = count.min(n);
-    // Below all of a body that nothing holds; where some grow, below those as well.
+    // A shift below all eigenvalues: slightly below 0, or below the Gershgorin bound if the matrix has negative
+    // eigenvalues.
     let mut shift = -1e-9 * springs.scale();
     let mut factor = springs.factor(&mut shift);
     if factor.n_below() > 0 {
@@ -70,7 +73,7 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> Found {
         let mut next = border;
         let above = springs.factor(&mut next);
         let below = modes.iter().filter(|mode| mode.lambda < next).count();
-        // Some of one eigenvalue are missing: the same shift finds more.
+        // If the numbers differ, modes of a multiple eigenvalue are missing: the same shift finds them in another run.
         if above.n_below() == below {
             known = below;
             factor = above;
@@ -121,7 +124,8 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Foun
     }
 }
 
-/// Whether vectors, by rising λ, are modes, each another one: what a count of eigenvalues cannot tell.
+/// Whether each vector is a mode, and no two neighbours (by rising λ) are the same one: counting eigenvalues cannot
+/// tell.
 pub(crate) fn are_modes(springs: &Springs, modes: &[Mode]) -> bool {
     let stiffest = springs.values.diagonal.iter();
     let stiffest = stiffest.fold(0.0_f64, |most, x| most.max(x.abs()));
@@ -138,7 +142,8 @@ fn sort(modes: &mut [Mode]) {
     modes.sort_by(|a, b| a.lambda.total_cmp(&b.lambda));
 }
 
-/// A number between two modes, above the first `count` of them or as many as there are.
+/// A number in a gap between two modes: above the first `count` modes if there is such a gap, otherwise above as many
+/// as possible.
 fn border(modes: &[Mode], count: usize) -> Option<f64> {
     let gap = |&i: &usize| {
         let (low, high) = (modes[i - 1].lambda, modes[i].lambda);
@@ -151,8 +156,8 @@ fn border(modes: &[Mode], count: usize) -> Option<f64> {
         .map(middle)
 }
 
-/// The modes that one run of Lanczos finds outside the span of `found`: from the shift on, up to the first that is not
-/// known.
+/// The modes that one Lanczos run finds outside the span of `found`: from the nearest to the shift up to the first that
+/// has not converged.
 fn lanczos(
     springs: &Springs,
     factor: &Factor<'_, f64>,
@@ -184,7 +189,7 @@ fn lanczos(
         }
         let alpha = dot(&next, &image);
         add(-alpha, &next, &mut image);
-        // Last, or the recurrence makes what is left of them grow with each step.
+        // This must come last: the recurrence would amplify any part along the found modes with each step.
         keep_out(&mut image);
         let left = norm(&image);
         basis.push(next);
@@ -216,14 +221,15 @@ fn lanczos(
         }
         keep_out(&mut vector);
         normalise(&mut vector);
-        // The energy is exact for slow modes; σ + 1/θ is not.
+        // For slow modes, λ by the energy is exact, whereas σ + 1/θ is not.
         let lambda = springs.energy(&vector);
         Mode { lambda, vector }
     };
     pairs.into_iter().map(ritz).collect()
 }
 
-/// Vectors of the small matrix by falling |θ|, up to the first that is not known; and whether rounding is why no more are.
+/// Eigenvectors of the tridiagonal matrix by falling |θ|, up to the first that has not converged; and whether rounding
+/// is what ends the list.
 fn known(alphas: &[f64], betas: &[f64], beta: f64) -> (Vec<Vec<f64>>, bool) {
     let k = alphas.len();
     let mut small = vec![0.0; k * k];

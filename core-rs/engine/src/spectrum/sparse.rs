@@ -1,7 +1,7 @@
-//! A sparse symmetric matrix, and its LDLᵀ: how many eigenvalues lie below a number, and solutions.
+//! A sparse symmetric matrix and its LDLᵀ factorisation, which solves systems and counts eigenvalues below a number.
 //!
-//! Pivots are taken in a fixed order, whatever their size: a matrix that is not definite is factored at a shift that lies
-//! at no eigenvalue. Source: Davis, "Algorithm 849: a concise sparse Cholesky factorization package", ACM TOMS 31 (2005).
+//! Pivots are taken in a fixed order, whatever their size: an indefinite matrix is factored at a shift that is not an
+//! eigenvalue. Source: Davis, "Algorithm 849: a concise sparse Cholesky factorization package", ACM TOMS 31 (2005).
 
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -10,7 +10,7 @@ use crate::interrupt;
 
 const NONE: u32 = u32::MAX;
 
-/// What a matrix is made of: `f64`, or complex numbers where P(λ) = K + λZ + λ²M is solved.
+/// Type of the elements of a matrix: `f64`, or complex numbers where P(λ) = K + λZ + λ²M is solved.
 pub(crate) trait Scalar:
     Copy
     + PartialEq
@@ -33,24 +33,24 @@ impl<T> Scalar for T where
 {
 }
 
-/// Where a symmetric matrix has entries, and the order of its elimination.
+/// The positions of the entries of a symmetric matrix, and its elimination order.
 #[derive(Debug)]
 pub(crate) struct Pattern {
     /// Where each row begins in `columns`   (n + 1)
     first: Vec<usize>,
     /// Columns off the diagonal, rising in each row
     columns: Vec<u32>,
-    /// (n): eliminated first to last, and the inverse
+    /// The elimination order (n), and its inverse
     order: Vec<u32>,
     place: Vec<u32>,
-    /// The elimination tree   (n)
+    /// Parent of each column in the elimination tree   (n)
     parent: Vec<u32>,
     /// Where each column of L begins   (n + 1)
     begins: Vec<usize>,
 }
 
 impl Pattern {
-    /// Of a matrix (n, n) that has entries at `pairs` and on its diagonal.
+    /// The pattern of a matrix (n, n) with entries at `pairs` and on its diagonal.
     pub(crate) fn new(n: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Self {
         let mut rows: Vec<Vec<u32>> = vec![Vec::new(); n];
         for (a, b) in pairs {
@@ -87,12 +87,12 @@ impl Pattern {
         self.order.len()
     }
 
-    /// How many entries L has.
+    /// Number of entries of L.
     pub(crate) fn fill(&self) -> usize {
         self.begins[self.n()]
     }
 
-    /// Where an entry stands among the values.
+    /// Index of an off-diagonal entry in `columns` and in the values.
     fn slot(&self, a: usize, b: usize) -> usize {
         let row = &self.columns[self.first[a]..self.first[a + 1]];
         self.first[a] + row.partition_point(|&column| (column as usize) < b)
@@ -128,7 +128,7 @@ impl Pattern {
 #[derive(Clone, Debug)]
 pub(crate) struct Values<T> {
     pub(crate) diagonal: Vec<T>,
-    /// Beside the columns of the pattern
+    /// Off-diagonal values, in the order of the pattern's columns
     beside: Vec<T>,
 }
 
@@ -148,7 +148,7 @@ impl Values<f64> {
 }
 
 impl<T: Scalar> Values<T> {
-    /// Each value made of two of the same place; the diagonal gets `more`.
+    /// Combines two matrices of one pattern element by element with `make`, and adds `more` to the diagonal.
     pub(crate) fn of<U: Copy>(
         one: &Values<U>,
         other: &Values<U>,
@@ -177,7 +177,7 @@ impl<T: Scalar> Values<T> {
     }
 }
 
-/// LDLᵀ of a symmetric matrix; also of a complex one, without conjugation.
+/// LDLᵀ factorisation of a symmetric matrix; also of a complex symmetric one, without conjugation.
 pub(crate) struct Factor<'a, T> {
     pattern: &'a Pattern,
     rows: Vec<u32>,
@@ -186,7 +186,7 @@ pub(crate) struct Factor<'a, T> {
 }
 
 impl<'a, T: Scalar> Factor<'a, T> {
-    /// Of A − `shift`·1; `None` where a pivot is 0.
+    /// Factors A − `shift`·1; `None` if a pivot is 0.
     pub(crate) fn new(pattern: &'a Pattern, matrix: &Values<T>, shift: T) -> Option<Self> {
         let zero = T::from(0.0);
         let n = pattern.n();
@@ -214,7 +214,7 @@ impl<'a, T: Scalar> Factor<'a, T> {
                     path.push(i as u32);
                     i = pattern.parent[i] as usize;
                 }
-                // Nearest to the root first: read from its end, each comes before those that it changes.
+                // Nearest to the root first. Read from the end, each column comes before those that it changes.
                 reach.extend(path.drain(..).rev());
             }
             let mut pivot = matrix.diagonal[own] - shift;

@@ -1,11 +1,11 @@
-//! Springs between points as one sparse matrix M^-½ K M^-½, and the energy of a motion without cancellation.
+//! A network of springs as one sparse matrix M^-½ K M^-½; also the energy of a motion, computed without cancellation.
 
 use super::sparse::{Factor, Pattern, Values};
 
-/// A point and its share of an elongation, M^-½.
+/// A point, and its factor M^-½ in an elongation.
 pub(crate) type End = (usize, f64);
 
-/// A spring or damper: one end, the other (none where it is held), and its coefficient.
+/// A spring or damper: one end, the other end (`None`: fixed), and the coefficient.
 pub(crate) type Spring = (End, Option<End>, f64);
 
 /// The matrix of springs.
@@ -17,7 +17,7 @@ pub(crate) struct Springs {
 }
 
 impl Springs {
-    /// Of `each` on `n` points.
+    /// The matrix of the springs `each` on `n` points.
     pub(crate) fn new(n: usize, each: Vec<Spring>) -> Self {
         let pattern = Pattern::new(n, pairs(&each));
         let values = values(&pattern, &each);
@@ -36,14 +36,15 @@ impl Springs {
         self.pattern.n()
     }
 
-    /// A x.
+    /// The product A x.
     pub(crate) fn times(&self, x: &[f64]) -> Vec<f64> {
         let mut y = vec![0.0; x.len()];
         self.values.times(&self.pattern, x, &mut y);
         y
     }
 
-    /// xᵀ A x: twice the energy, summed over springs. The elongations of a slow mode are small: no large numbers cancel.
+    /// xᵀ A x: twice the energy, summed over springs. The elongations of a slow mode are small, so no large numbers
+    /// cancel.
     pub(crate) fn energy(&self, x: &[f64]) -> f64 {
         let pull = |&((a, share), other, k): &Spring| {
             let long = share * x[a] - other.map_or(0.0, |(b, share)| share * x[b]);
@@ -52,7 +53,7 @@ impl Springs {
         self.each.iter().map(pull).sum()
     }
 
-    /// LDLᵀ of A − shift, at a shift that is moved a little where it is an eigenvalue.
+    /// LDLᵀ of A − shift; the shift is raised a little if a pivot is 0 there.
     pub(crate) fn factor(&self, shift: &mut f64) -> Factor<'_, f64> {
         let step = 1e-13 * f64::max(shift.abs(), 1e-3 * self.scale());
         loop {
@@ -63,7 +64,7 @@ impl Springs {
         }
     }
 
-    /// The mean of the diagonal; 1 where that is 0.
+    /// The mean absolute value of the diagonal; 1 if that is 0.
     pub(crate) fn scale(&self) -> f64 {
         let sum: f64 = self.values.diagonal.iter().map(|x| x.abs()).sum();
         if sum > 0.0 {
@@ -73,7 +74,7 @@ impl Springs {
         }
     }
 
-    /// No eigenvalue lies below (Gershgorin).
+    /// A lower bound of all eigenvalues, at most 0 (Gershgorin).
     pub(crate) fn bottom(&self) -> f64 {
         let mut least = vec![0.0; self.n()];
         for &((a, at), other, k) in &self.each {

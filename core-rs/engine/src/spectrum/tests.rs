@@ -10,14 +10,14 @@ fn matrix(n: usize, springs: &Springs) -> springs::Springs {
     springs::Springs::new(n, each.collect())
 }
 
-/// The lowest modes, which the inertia of the matrix confirms to be all.
+/// The lowest modes; the inertia of the matrix confirms that none is missing.
 fn certified(n: usize, springs: &Springs, count: usize) -> Vec<Mode> {
     let found = lowest_modes(&matrix(n, springs), count);
     assert!(found.is_certified);
     found.modes
 }
 
-/// Springs (a, b, k); b of none is the ground.
+/// Springs (a, b, k); `None` for b is the ground.
 type Springs = Vec<(usize, Option<usize>, f64)>;
 
 fn operator(springs: &Springs) -> impl FnMut(&[f64], &mut [f64]) {
@@ -129,7 +129,7 @@ fn modes_of_a_string_and_of_a_membrane() {
             mode.lambda
         );
     }
-    // A square membrane's modes come in pairs of one frequency: λ is a sum of two strings'.
+    // The modes of a square membrane come in pairs of one frequency: λ is the sum of those of two strings.
     let side = 21;
     let mut springs: Springs = Vec::new();
     for i in 0..side * side {
@@ -160,7 +160,7 @@ fn modes_of_a_string_and_of_a_membrane() {
     assert!(close(first.lambda, closed[1], 1e-13));
 }
 
-// Two bodies nearly in tune: the lowest modes lie a ten-thousandth apart.
+// Two bodies nearly in tune: their lowest modes differ by a ten-thousandth.
 #[test]
 fn modes_that_nearly_agree_are_told_apart() {
     let n = 50;
@@ -225,7 +225,7 @@ proptest! {
         let Largest { theta, residual, safe, .. } = largest(n, &mut operator(&springs));
         prop_assert!(close(theta, top, 1e-9) && residual <= 1e-9 * top, "{theta} {top}");
         prop_assert!(safe >= top * (1.0 - 1e-12));
-        // The dense values are only right to some units of rounding of the largest.
+        // The error of the dense values is some units of rounding of the largest value.
         let rounding = 1e-13 * top;
         let low = lowest(n, &mut operator(&springs), &null).expect("mode").lambda;
         prop_assert!((low - values[rigid]).abs() <= 1e-12 * low + rounding, "{low} {values:?}");
@@ -236,7 +236,7 @@ proptest! {
         for (mode, value) in found.modes.iter().zip(&values) {
             prop_assert!((mode.lambda - value).abs() <= 1e-12 * value + rounding);
         }
-        // Those nearest to a number, and how many lie below it.
+        // Modes nearest to a number, and the number of modes below it.
         let centre = values[n / 2] * 1.01 + 0.01;
         prop_assert_eq!(n_below(&sparse, centre), values.iter().filter(|value| **value < centre).count());
         let mut nearest = values.clone();
@@ -271,11 +271,11 @@ fn what_is_beyond_a_bound_is_known_after_a_few_steps() {
         beyond.steps,
         whole.steps
     );
-    // What stays below is found as exactly as ever.
+    // If the bound is not reached, the eigenvalue is found as exactly as without it.
     assert_eq!(largest_up_to(n, &mut row, 4.0), whole);
 }
 
-/// Values, and squares of coordinates, against nalgebra's; a matrix with equal values among them.
+/// Eigenvalues, and squares of coordinates, against nalgebra's; one matrix has equal eigenvalues.
 #[test]
 fn the_whole_spectrum_is_that_of_the_matrix() {
     for n in [1usize, 2, 3, 10, 33, 120] {
@@ -305,7 +305,7 @@ fn the_whole_spectrum_is_that_of_the_matrix() {
     }
 }
 
-/// A string's: 2 − 2 cos(πi/(n + 1)), with vectors √(2/(n + 1))·sin.
+/// The eigenvalues of a string are 2 − 2 cos(πi/(n + 1)), its vectors √(2/(n + 1))·sin.
 #[test]
 fn the_whole_spectrum_of_a_string() {
     let n = 400;
@@ -328,7 +328,8 @@ fn the_whole_spectrum_of_a_string() {
     }
 }
 
-/// Oscillators by themselves, whose eigenvalues are known, in several runs that keep away from what is found.
+/// Isolated oscillators, whose eigenvalues are known; several runs are needed, each orthogonal to the modes found
+/// before.
 #[test]
 fn modes_that_lie_near_each_other_are_found_once_each() {
     let n = 400;
@@ -345,7 +346,7 @@ fn modes_that_lie_near_each_other_are_found_once_each() {
     }
 }
 
-/// A count of eigenvalues does not tell whether a mode was found twice, or what was found is none.
+/// Counting eigenvalues cannot tell whether a mode was found twice, or a vector is not a mode.
 #[test]
 fn what_is_no_mode_or_one_twice_is_not_certified() {
     let alone: Springs = (0..5).map(|i| (i, None, 1.0 + i as f64)).collect();

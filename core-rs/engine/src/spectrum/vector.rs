@@ -3,7 +3,7 @@
 use crate::maths::sqrt;
 use crate::maths::wide::wide;
 
-/// Partial sums kept side by side: as many as the widest registers hold, always.
+/// Number of partial sums: that of the widest registers, on every machine.
 const LANES: usize = 8;
 
 wide! {
@@ -81,7 +81,7 @@ pub(crate) fn units(n: usize) -> Vec<Vec<f64>> {
     (0..n).map(unit).collect()
 }
 
-/// The orthonormal vectors that span `vectors`, those that depend on earlier ones left out.
+/// Orthonormal vectors that span `vectors`; vectors that depend on earlier ones are left out.
 pub(super) fn orthonormal(vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(vectors.len());
     for vector in vectors {
@@ -95,7 +95,7 @@ pub(super) fn orthonormal(vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
     basis
 }
 
-/// A start vector with a part along everything: SplitMix64 (Steele, Lea, Flood 2014) of the index.
+/// A start vector with a part along every eigenvector: SplitMix64 (Steele, Lea, Flood 2014) of the index.
 pub(super) fn scattered(n: usize, which: usize) -> Vec<f64> {
     let seed = (which as u64 + 1).wrapping_mul(0xd1b5_4a32_d192_ed03);
     (0..n as u64)
@@ -104,7 +104,7 @@ pub(super) fn scattered(n: usize, which: usize) -> Vec<f64> {
             z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
             z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
             z ^= z >> 31;
-            // The top 53 bits, from -1 to 1.
+            // The top 53 bits, mapped to −1 to 1.
             (z >> 11) as f64 / (1u64 << 52) as f64 - 1.0
         })
         .collect()

@@ -1,19 +1,19 @@
-//! All eigenvalues of a dense symmetric matrix, and what some vectors look like from its eigenvectors:
-//! Householder's reduction to three diagonals, then implicit QL (Golub & Van Loan 8.3; Bowdler, Martin,
-//! Reinsch & Wilkinson 1968). The eigenvectors themselves are never formed.
+//! All eigenvalues of a dense symmetric matrix, and the coordinates of some vectors along its eigenvectors:
+//! Householder's reduction to tridiagonal form, then implicit QL (Golub & Van Loan 8.3; Bowdler, Martin, Reinsch &
+//! Wilkinson 1968). The eigenvectors themselves are never formed.
 
 use super::vector::dot;
 use crate::interrupt;
 use crate::maths::wide::wide;
 use crate::maths::{copysign, sqrt};
 
-/// Rounds of QL for one eigenvalue; two are the rule.
+/// Largest number of QL rounds for one eigenvalue; two are usual.
 const ROUNDS: usize = 60;
 
-/// Eigenvalues, rising (n,), and for each of `vectors` (n,) its coordinates along their eigenvectors, in
-/// the same order (n,). `matrix` is (n, n), row after row, and is used up.
+/// Eigenvalues, rising (n,), and for each of `vectors` (n,) its coordinates along their eigenvectors, in the same order
+/// (n,). `matrix` is (n, n), row after row, and is overwritten.
 ///
-/// `None` where a number is not finite.
+/// `None` if a number is not finite or QL does not converge.
 pub(crate) fn whole(
     mut matrix: Vec<f64>,
     vectors: &[Vec<f64>],
@@ -22,7 +22,7 @@ pub(crate) fn whole(
     let mut seen = vectors.to_vec();
     let (mut diagonal, mut beside) = reduce(&mut matrix, n, &mut seen);
     drop(matrix);
-    // One row for each place, so that a rotation turns two rows that lie together.
+    // One row for each coordinate, so that a rotation combines two adjacent rows.
     let k = seen.len();
     let mut turned: Vec<f64> = (0..n * k).map(|at| seen[at % k][at / k]).collect();
     iterate(&mut diagonal, &mut beside, &mut turned, k)?;
@@ -34,7 +34,7 @@ pub(crate) fn whole(
 }
 
 wide! {
-    /// row −= f·w + g·v, and its product with u.
+    /// row −= f·w + g·v; returns the product of the new row with u.
     fn update(row: &mut [f64], f: f64, w: &[f64], g: f64, v: &[f64], u: &[f64]) -> f64 {
         let n = row.len();
         let (w, v, u) = (&w[..n], &v[..n], &u[..n]);
@@ -57,10 +57,10 @@ wide! {
     }
 }
 
-/// To three diagonals: the middle one, the one beside it (n), and `seen` turned along.
+/// Reduces to tridiagonal form: the diagonal and the off-diagonal (n), with the reflections applied to `seen`.
 fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
     let (mut diagonal, mut beside) = (vec![0.0; n], vec![0.0; n]);
-    // The last reflection's vectors: its update waits until the rows are read anyway.
+    // Vectors of the last reflection: its update is applied when the next step reads the rows anyway.
     let (mut v, mut w, mut u, mut p) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let zero = vec![0.0; n];
     for k in 0..n {
@@ -76,7 +76,7 @@ fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec
         u[..=k].fill(0.0);
         u[k + 1..].copy_from_slice(column);
         let scale = if rest == 0.0 {
-            // In place already: nothing is reflected.
+            // The column is in tridiagonal form already: no reflection.
             beside[k + 1] = column[0];
             u.fill(0.0);
             0.0
@@ -115,7 +115,7 @@ fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec
     (diagonal, beside)
 }
 
-/// QL with implicit shifts: `d` becomes the eigenvalues; rows of `turned` (n · k) turn along.
+/// QL with implicit shifts: `d` becomes the eigenvalues; the rotations are applied to the rows of `turned` (n · k).
 fn iterate(d: &mut [f64], e: &mut [f64], turned: &mut [f64], k: usize) -> Option<()> {
     let n = d.len();
     e.rotate_left(1); // e[i] now couples i and i + 1

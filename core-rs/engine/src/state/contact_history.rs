@@ -1,6 +1,6 @@
-//! What touching points remember of how they slid: an anchor for each pair.
+//! Friction states of touching points: an anchor for each pair.
 
-/// Two points that touch, by their numbers, and what lies between them where friction has no force [m].
+/// Two points that touch, by their indices, and the vector between them at which friction has no force [m].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Anchored {
     first: u32,
@@ -14,21 +14,22 @@ crate::archive::state!(Anchored {
     anchor
 });
 
-/// The pairs that touch now, in the order in which they are gone through.
+/// The pairs that touch, in the order in which the loops visit them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContactHistory {
     pairs: Vec<Anchored>,
-    /// Those of the pass that goes on.
+    /// Pairs found so far in the current pass.
     next: Vec<Anchored>,
-    /// The first pair that the pass has not passed.
+    /// Index of the first pair in `pairs` that the current pass has not yet passed.
     cursor: usize,
 }
 
-/// Room at once for so many touching pairs a point: spheres of one size touch 12 others.
+/// Number of touching pairs per point for which memory is reserved: equal spheres touch at most 12 others, and a pair
+/// has two points.
 const ROOM: usize = 8;
 
 impl ContactHistory {
-    /// Of so many points.
+    /// An empty history for contacts between `n_points` points.
     pub(crate) fn new(n_points: usize) -> Self {
         Self {
             pairs: Vec::with_capacity(ROOM * n_points),
@@ -51,13 +52,13 @@ impl ContactHistory {
         found.ok().map(|at| self.pairs[at].anchor)
     }
 
-    /// Begin a pass over all pairs that touch, in the order of their numbers.
+    /// Begin a pass over all pairs that touch, in the order of their indices.
     pub(crate) fn begin(&mut self) {
         self.next.clear();
         self.cursor = 0;
     }
 
-    /// The anchor of a pair, if it touched when the last pass ended.
+    /// The anchor of a pair, if the pair touched in the last pass.
     pub(crate) fn anchor(&mut self, [first, second]: [u32; 2]) -> Option<[f64; 3]> {
         let is_before = |pair: &&Anchored| (pair.first, pair.second) < (first, second);
         let passed = self.pairs[self.cursor..].iter().take_while(is_before);
@@ -66,7 +67,7 @@ impl ContactHistory {
         (found.first == first && found.second == second).then_some(found.anchor)
     }
 
-    /// Note the anchor of a pair that touches.
+    /// Store the anchor of a pair that touches.
     pub(crate) fn keep(&mut self, [first, second]: [u32; 2], anchor: [f64; 3]) {
         self.next.push(Anchored {
             first,
@@ -80,7 +81,7 @@ impl ContactHistory {
         std::mem::swap(&mut self.pairs, &mut self.next);
     }
 
-    /// Take over what another of the same points remembers, without allocating where there is room.
+    /// Copy the history of another body with the same points, without allocating if there is enough memory.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.pairs.clone_from(&other.pairs);
     }

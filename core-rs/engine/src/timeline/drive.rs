@@ -20,7 +20,7 @@ pub struct Drive {
     pub(crate) mat: usize,
     pub(crate) kind: DriveKind,
     pub(crate) source: Source,
-    /// Whether the drive belongs to the MAT's own part: it then acts on the free copy of a key too (e.g. a weight).
+    /// Whether the drive belongs to the MAT's own part. If so, it also acts on the free copy of a key (e.g. a weight).
     pub(crate) own: bool,
 }
 
@@ -29,14 +29,14 @@ pub struct Drive {
 pub enum Source {
     /// A constant [m or N].
     Constant(f64),
-    /// A placed take [m or N]; its first value before it, its last value after it.
+    /// A placed take [m or N]; it holds its first value before its start and its last value after its end.
     Take(Placed),
     /// A real hand.
     Hand(Hand),
-    /// Impulses given by [`Simulation::strike`](crate::simulation::Simulation::strike) while it plays; the number names
-    /// the point. Without an impulse the force is 0.
+    /// Impulses given by [`Simulation::strike`](crate::simulation::Simulation::strike) while it plays; the number
+    /// identifies the point. Without an impulse the force is 0.
     Strikes(u32),
-    /// An input of a sound card: its values times `scale`.
+    /// An input: its values times `scale`.
     SoundIn {
         /// The input.
         sound: SoundIn,
@@ -60,8 +60,8 @@ impl Drive {
                 scale,
                 steps,
             } => {
-                // A position is that of the frame that was computed before; a force is asked for at the start alone, where
-                // nobody knows yet what will be played.
+                // A position in a frame is the input value of the frame before. A force is asked for only at the start,
+                // when nobody knows yet what will be played.
                 let frame = (n / u64::from(*steps)).checked_sub(1);
                 let frame = frame.filter(|_| self.kind == DriveKind::Position);
                 frame.map_or(0.0, |frame| scale * sound.at(frame))
@@ -69,7 +69,7 @@ impl Drive {
         }
     }
 
-    /// Whether an input of a sound card drives it.
+    /// Whether an input drives it.
     pub(crate) fn is_heard(&self) -> bool {
         matches!(self.source, Source::SoundIn { .. })
     }
@@ -106,7 +106,7 @@ impl Drive {
     /// Add the force at frame `n`, or impose the position at frame n + 1.
     pub(crate) fn apply(&self, n: u64, rate: f64, body: &mut Body, targets: &mut Vec<Target>) {
         if self.is_heard() {
-            return; // what is played into it is known to its island alone
+            return; // only its island knows what is played into it
         }
         match self.kind {
             DriveKind::Force => body.push(self.mat, self.value(n, rate)),

@@ -15,11 +15,11 @@ pub(crate) struct Gate {
     /// Index of the first link and number of links: complete runs.
     pub(crate) link: usize,
     pub(crate) len: usize,
-    /// `None`: open from the beginning.
+    /// Start and end of the coupling; `start` is `None` if it acts from the beginning.
     pub(super) start: Option<u64>,
     pub(super) stop: Option<u64>,
     pub(super) fade: u64,
-    /// A further factor of the force that glides.
+    /// A further factor of the force, which glides.
     pub(super) ramp: Option<Ramp>,
 }
 
@@ -51,7 +51,7 @@ impl Ramp {
         }
     }
 
-    /// The same event at one frame for `every` of its own.
+    /// The same event at the rate divided by `every`.
     fn slower(self, every: u64) -> Self {
         let start = nearest_frame(self.start, every);
         Self {
@@ -74,7 +74,7 @@ impl Gate {
         }
     }
 
-    /// The same event at one frame for `every` of its own.
+    /// The same event at the rate divided by `every`.
     pub(super) fn slower(self, every: u64) -> Self {
         Self {
             start: self.start.map(|start| nearest_frame(start, every)),
@@ -95,7 +95,7 @@ impl Gate {
         self.link..self.link + self.len
     }
 
-    /// Whether the gate has a glide only: its links act all the time.
+    /// Whether the gate only glides: its links act all the time.
     pub(crate) fn is_ramp(&self) -> bool {
         (self.start, self.stop) == (None, None)
     }
@@ -105,12 +105,12 @@ impl Gate {
         self.ramp.is_some()
     }
 
-    /// Whether the links do not act after the end of the gate.
+    /// Whether the glide ends at 0, so that the links do not act after it.
     pub(crate) fn closes(&self) -> bool {
         self.ramp.is_some_and(|ramp| ramp.to == 0.0)
     }
 
-    /// Factor of the force at frame `n`: a fade by 3u² − 2u³, so that no force jumps, times the glide.
+    /// Factor of the force at frame `n`: a fade by 3u² − 2u³, so that the force never jumps, times the glide.
     pub(crate) fn open(&self, n: u64) -> f64 {
         let risen = self.start.map_or(1.0, |start| self.ramp(n, start));
         let fallen = self.stop.map_or(0.0, |stop| self.ramp(n, stop));
@@ -118,7 +118,8 @@ impl Gate {
         self.ramp.map_or(open, |ramp| open * ramp.at(n))
     }
 
-    /// The first frame, `n` or later, at which the factor may change; where it comes from another version's, too.
+    /// The first frame, `n` or later, at which the factor may change, including the continuation from a replaced
+    /// version.
     pub(crate) fn due(&self, continuation: Option<&GateContinuation>, n: u64) -> u64 {
         let since = continuation.map(|continuation| continuation.since);
         let fades = [self.start, self.stop, since].into_iter().flatten();
@@ -134,7 +135,7 @@ impl Gate {
     }
 }
 
-/// Continuation of a gate across a change of score: the factor glides from that of the replaced version.
+/// Continuation of a gate across a change of score: the factor moves from its value in the replaced version to its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct GateContinuation {
     from: f64,
@@ -142,12 +143,12 @@ pub(crate) struct GateContinuation {
 }
 
 impl GateContinuation {
-    /// Continuation to `gate` from another gate's factor at frame `n`; `None` where both factors are equal.
+    /// Continuation to `gate` from another gate's factor at frame `n`; `None` if both factors are equal.
     pub(crate) fn new(gate: &Gate, from: f64, n: u64) -> Option<Self> {
         (from != gate.open(n)).then_some(Self { from, since: n })
     }
 
-    /// Factor of a gate at frame `n`.
+    /// Factor of a gate at frame `n`, with its continuation, if it has one.
     pub(crate) fn open(continuation: Option<&Self>, gate: &Gate, n: u64) -> f64 {
         let own = gate.open(n);
         match continuation {
@@ -175,7 +176,7 @@ impl Timeline {
     /// ```
     ///
     /// # Errors
-    /// Unless the LIA is a single link without times yet, and `stop` comes after `start`.
+    /// If the LIA is not a single link, has times already, or `stop` does not come after `start`.
     pub fn couple(
         &mut self,
         network: &Network,
@@ -186,10 +187,10 @@ impl Timeline {
         self.couple_over(network, link, start, stop, FADE)
     }
 
-    /// The same with fades of another length [s], rounded up to the grid.
+    /// As [`Timeline::couple`], with fades of another length [s], rounded up to the grid.
     ///
     /// # Errors
-    /// As [`Timeline::couple`]; and where a fade takes no time.
+    /// As [`Timeline::couple`], and if a fade takes no time.
     pub fn couple_over(
         &mut self,
         network: &Network,
@@ -246,12 +247,12 @@ impl Timeline {
         Ok(())
     }
 
-    /// Let the force of `n` LIAs, whole runs of them, be `from` times what it is until `start` and `to` times from `stop`
-    /// on [s], evenly between, on the grid. For springs that is a glide of K and Z; of two links in one place, one that
-    /// goes to 0 while the other comes from there makes any other.
+    /// Let the force of `n` LIAs, which are whole runs, be multiplied by a factor: `from` until `start`, `to` from
+    /// `stop` on [s], and linear between, on the grid. For springs this is a glide of K and Z. One law turns into
+    /// another with two links in one place, of which one glides to 0 while the other glides from 0.
     ///
     /// # Errors
-    /// Unless they are whole runs that do not glide yet, and `stop` comes after `start`.
+    /// If the LIAs are not whole runs or glide already, or `stop` does not come after `start`.
     pub fn fade(
         &mut self,
         network: &Network,

@@ -1,4 +1,4 @@
-//! Glides of M, K and Z of a MAT: to the values of the network, or through any number of points.
+//! Glides of M, K and Z of a MAT: to the values in the network, or through any number of points.
 
 use std::sync::Arc;
 
@@ -9,12 +9,12 @@ use crate::network::{Error, MatKind, Network};
 /// K [N/m], Z [N·s/m] and M [kg], or algorithmic values.
 pub type Ties = [f64; 3];
 
-/// The parameters of a MAT as a function of the frame, linear between points (of what a frame takes of them).
+/// The parameters of a MAT as a function of the frame; between points, the coefficients of its scheme are linear.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Glide {
     pub(crate) mat: usize,
-    /// Frames on the grid, rising, and the parameters there; `None`: those of the network. Before the first point and
-    /// after the last one they stay.
+    /// Frames on the grid, rising, and the parameters there; `None` stands for those of the network. Parameters are
+    /// constant before the first point and after the last.
     pub(crate) points: Arc<[(u64, Option<Ties>)]>,
 }
 
@@ -30,7 +30,7 @@ impl Glide {
         }
     }
 
-    /// The same event at one frame for `every` of its own.
+    /// The same event at the rate divided by `every`.
     pub(super) fn slower(&self, every: u64) -> Self {
         Self {
             points: slower_points(&self.points, every),
@@ -40,8 +40,8 @@ impl Glide {
 }
 
 impl Timeline {
-    /// Let a MAT have other K, Z and M up to `start`, and the network's own from `stop` on [s], evenly between (of what a
-    /// frame takes of them), on the grid.
+    /// Let a MAT have other K, Z and M until `start`, and those of the network from `stop` on [s], on the grid. Between
+    /// these instants the coefficients of its scheme are linear.
     ///
     /// ```
     /// use ergon_engine::network::Tie;
@@ -57,7 +57,7 @@ impl Timeline {
     /// ```
     ///
     /// # Errors
-    /// Unless the MAT moves and does not glide yet, the numbers are numbers, and `stop` comes after `start`.
+    /// If the MAT does not move or glides already, a number is out of range, or `stop` does not come after `start`.
     pub fn glide(
         &mut self,
         network: &Network,
@@ -70,11 +70,11 @@ impl Timeline {
         Ok(())
     }
 
-    /// Let K, Z and M of a MAT go through points (instants [s], rising), evenly between them, on the grid. Points that
-    /// lie on one place of the grid are one: the last of them.
+    /// Let K, Z and M of a MAT go through points (instants [s], rising), linearly between them, on the grid. Of points
+    /// that fall on the same frame of the grid, the last counts.
     ///
     /// # Errors
-    /// Unless the MAT moves and does not glide yet, and there are points that rise and are numbers.
+    /// If the MAT does not move or glides already, there are no points, or their instants or numbers are out of range.
     pub fn path(
         &mut self,
         network: &Network,
@@ -87,11 +87,11 @@ impl Timeline {
         Ok(())
     }
 
-    /// Let `n` CELs go through points (instants [s], rising; the square of a factor of their frequencies, a factor of
-    /// their decay rates), evenly between them, on the grid.
+    /// Let `n` CELs go through points (instants [s], rising; the square of a factor of their frequencies, and a factor
+    /// of their decay rates), linearly between them, on the grid.
     ///
     /// # Errors
-    /// As [`Timeline::path`]; and where one is no CEL with K and Z in SI units.
+    /// As [`Timeline::path`], and if a MAT is not a CEL with K and Z in SI units.
     pub fn retune(
         &mut self,
         network: &Network,

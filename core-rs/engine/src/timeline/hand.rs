@@ -16,7 +16,7 @@ pub(super) const TICK_MAX: u32 = 4_096;
 pub enum HandWay {
     /// The position changes at the tick and holds: least delay.
     Hold,
-    /// Linear over the tick: nothing rings at the rate of the ticks.
+    /// Linear over the tick, so that nothing rings at the rate of the ticks.
     #[default]
     Line,
 }
@@ -30,12 +30,12 @@ pub struct Hand {
     pub(crate) tick_frames: u32,
     /// Interpolation between ticks.
     pub(crate) way: HandWay,
-    /// Position at each tick unless a device sends another [m], (n_ticks); the last one holds.
+    /// Position at each tick if no device sends another [m], (n_ticks); the last one holds.
     pub(crate) positions: Arc<[f64]>,
 }
 
 impl Hand {
-    /// Position at frame `n` unless a device sends another [m].
+    /// Position at frame `n` if no device sends another [m].
     pub(crate) fn at(&self, n: u64) -> f64 {
         let tick = usize::try_from(n / u64::from(self.tick_frames)).unwrap_or(usize::MAX);
         let last = self.positions.len().saturating_sub(1);
@@ -70,7 +70,7 @@ impl Timeline {
     /// ```
     ///
     /// # Errors
-    /// [`StrikeError`] where the MAT cannot be imposed, the tick is not of 1 to 4096 frames or differs from that of other
+    /// [`StrikeError`] if the MAT cannot be imposed, the tick is not of 1 to 4096 frames or differs from that of other
     /// hands, or a position is not finite.
     pub fn hand(
         &mut self,

@@ -1,4 +1,4 @@
-//! Links whose K and Z go through points, as factors of what the network says.
+//! Links whose K and Z go through points, given as factors of the values in the network.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -16,12 +16,13 @@ pub(crate) struct Lead {
     /// Index of the first link and number of links: complete runs.
     pub(crate) link: usize,
     pub(crate) len: usize,
-    /// Frames on the grid, rising, and the factors there; before the first and after the last they stay.
+    /// Frames on the grid, rising, and the factors there; factors are constant before the first point and after the
+    /// last.
     points: Arc<[(u64, Factors)]>,
 }
 
 impl Lead {
-    /// The factors at a frame, or between two.
+    /// The factors at frame `n` plus the fraction `part` of a frame.
     pub(crate) fn at(&self, n: u64, part: f64) -> Factors {
         let next = self.points.partition_point(|&(frame, _)| frame <= n);
         let Some(&(start, from)) = next.checked_sub(1).and_then(|last| self.points.get(last))
@@ -59,7 +60,7 @@ impl Lead {
         }
     }
 
-    /// The same event at one frame for `every` of its own.
+    /// The same event at the rate divided by `every`.
     pub(super) fn slower(&self, every: u64) -> Self {
         Self {
             points: slower_points(&self.points, every),
@@ -67,7 +68,7 @@ impl Lead {
         }
     }
 
-    /// The same on other links.
+    /// The same event on other links.
     pub(crate) fn on(&self, link: usize, len: usize) -> Self {
         Self {
             link,
@@ -82,10 +83,11 @@ impl Lead {
     }
 }
 
-/// The network with every link that is led at its greatest K and Z: what is stable with them is so all the time.
+/// The network with each led link at its greatest K and Z. If this network is stable, the led one is stable at all
+/// times.
 ///
 /// # Errors
-/// Where a law is not finite with them.
+/// If a law is not finite with them.
 pub(crate) fn greatest(network: &Network, leads: &[Lead]) -> Result<Network, Error> {
     let mut stiffest = network.clone();
     for lead in leads {
@@ -94,7 +96,7 @@ pub(crate) fn greatest(network: &Network, leads: &[Lead]) -> Result<Network, Err
     Ok(stiffest)
 }
 
-/// The network with every link that is led as it is at frame 0.
+/// The network with each led link as it is at frame 0.
 ///
 /// # Errors
 /// As [`greatest`].
@@ -106,14 +108,14 @@ pub(crate) fn first(network: &Network, leads: &[Lead]) -> Result<Network, Error>
     Ok(begun)
 }
 
-/// The first frame, `n` or later, at which what goes evenly through points (frames, rising) may change.
+/// The first frame, `n` or later, at which a value that is linear between points (frames, rising) may change.
 pub(crate) fn next_change<T: PartialEq>(points: &[(u64, T)], n: u64) -> u64 {
     let ways = points.windows(2);
     let mut left = ways.filter(|way| way[1].0 > n && way[0].1 != way[1].1);
     left.next().map_or(u64::MAX, |way| way[0].0.max(n))
 }
 
-/// Points (frames, rising) at one frame for `every` of theirs; of those that fall on one frame the last.
+/// Points (frames, rising) at the rate divided by `every`; of points that fall on one frame the last is kept.
 pub(super) fn slower_points<T: Copy>(points: &[(u64, T)], every: u64) -> Arc<[(u64, T)]> {
     let mut placed: Vec<(u64, T)> = Vec::with_capacity(points.len());
     for &(frame, value) in points {
@@ -127,8 +129,8 @@ pub(super) fn slower_points<T: Copy>(points: &[(u64, T)], every: u64) -> Arc<[(u
 }
 
 impl Timeline {
-    /// Let K and Z of `n` LIAs, whole runs of them, go through points (instants [s], rising; factors of K and of Z), evenly
-    /// between them, on the grid. The q of a hardening spring stays.
+    /// Let K and Z of `n` LIAs, which are whole runs, go through points (instants [s], rising; factors of K and of Z),
+    /// linearly between them, on the grid. The q of a hardening spring does not change.
     ///
     /// ```
     /// use ergon_engine::{Network, Rate, Timeline};
@@ -143,7 +145,7 @@ impl Timeline {
     /// ```
     ///
     /// # Errors
-    /// Unless they are whole runs with K and Z in SI units that are not led yet, and there are points that rise.
+    /// If the LIAs are not whole runs with K and Z in SI units, are led already, or there are no points that rise.
     pub fn lead(
         &mut self,
         network: &Network,
@@ -205,7 +207,7 @@ impl Timeline {
     }
 }
 
-/// Whether the K and Z of a run are numbers that can change; a shared tension has neither, and stays.
+/// Whether K and Z of a run can be multiplied by factors. A shared tension has neither, and does not change.
 fn has_stiffness(network: &Network, run: &Run) -> bool {
     let is_ca = network
         .parts()

@@ -1,4 +1,4 @@
-//! Forces at frames by strikes at instants.
+//! Forces at frames, from strikes at instants.
 
 use super::Timeline;
 use crate::cell::Cell;
@@ -21,9 +21,9 @@ pub(crate) struct Push {
 
 /// The forces of all strikes, by rising frame.
 ///
-/// On a key and under `ca` a strike acts in one step. A CEL that `is_alone` takes it between samples so that
-/// every later sample is exact; any other MAT by the linear split, which keeps the impulse and
-/// its first moment.
+/// On a key and under `ca` a strike acts in a single step. A CEL that `is_alone` receives it between samples, so that
+/// every later sample is exact. Any other MAT receives it by the linear split, which keeps the impulse and its first
+/// moment.
 pub(crate) fn pushes(
     network: &Network,
     timeline: &Timeline,

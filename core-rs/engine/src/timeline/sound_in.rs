@@ -1,4 +1,5 @@
-//! Inputs that move or push MATs, by a sound card or by values that are told: what is done to them, and the same from a file.
+//! Inputs that move or push MATs, from a sound card or as values that are told while it plays: how their samples are
+//! conditioned, and the values from a file that replace them.
 
 use std::fmt;
 use std::sync::Arc;
@@ -10,7 +11,7 @@ use crate::section::{BUTTERWORTH_2, Section};
 
 /// Most inputs of a piece.
 const INPUTS_MAX: usize = 64;
-/// Longest way from one value that is told to the next [s].
+/// Longest glide from one told value to the next [s].
 const GLIDE_MAX: f64 = 60.0;
 
 /// Where the samples of an input come from.
@@ -27,26 +28,26 @@ pub enum InputSource {
     },
 }
 
-/// What is done to the samples of an input before they act.
+/// How the samples of an input are conditioned before they act.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SoundInSettings {
-    /// Where they come from.
+    /// Where the samples come from.
     pub source: InputSource,
-    /// What full scale (1.0) is [m or N].
+    /// Value of full scale (1.0) [m or N].
     pub gain: f64,
-    /// Cutoff of a Butterworth high-pass of order 2 [Hz]; `None`: without.
+    /// Cutoff of a Butterworth high-pass of order 2 [Hz]; `None`: no high-pass.
     pub highpass: Option<f64>,
     /// Largest magnitude that acts [m or N].
     pub clamp: f64,
 }
 
 impl SoundInSettings {
-    /// Gain and clamp: what a value is, full scale 1 [m or N].
+    /// The value after gain and clamp [m or N] of an input value at full scale 1.
     pub(crate) fn scaled(&self, value: f64) -> f64 {
         (value * self.gain).clamp(-self.clamp, self.clamp)
     }
 
-    /// The value above which the clamp acts, full scale 1.
+    /// The input value at which the clamp begins to act, full scale 1.
     pub(crate) fn most(&self) -> f64 {
         (self.clamp / self.gain).abs()
     }
@@ -57,12 +58,12 @@ impl SoundInSettings {
 pub struct Conditioner {
     settings: SoundInSettings,
     section: Option<Section>,
-    /// The last value that came out [m or N].
+    /// The last output value [m or N].
     last: f64,
 }
 
 impl Conditioner {
-    /// Stages at rest, at `rate` [Hz]; the cutoff lies below half of it.
+    /// Stages at rest, at `rate` [Hz]; the cutoff must be below half of this rate.
     pub fn new(settings: SoundInSettings, rate: f64) -> Self {
         let section = |cutoff| Section::new(cutoff, rate, BUTTERWORTH_2);
         Self {
@@ -72,7 +73,7 @@ impl Conditioner {
         }
     }
 
-    /// The value of the next sample [m or N]; what is not finite counts as silence.
+    /// The value of the next sample [m or N]; a sample that is not finite counts as silence.
     pub fn next(&mut self, sample: f64) -> f64 {
         let heard = if sample.is_finite() { sample } else { 0.0 };
         let passed = match &mut self.section {
@@ -83,7 +84,7 @@ impl Conditioner {
         self.last
     }
 
-    /// The channel that it hears, if it hears a sound card.
+    /// The channel of the sound card that it reads; `None` if values are told.
     pub(crate) fn channel(&self) -> Option<usize> {
         match self.settings.source {
             InputSource::Channel(channel) => Some(channel),
@@ -91,12 +92,12 @@ impl Conditioner {
         }
     }
 
-    /// The last value that came out [m or N].
+    /// The last output value [m or N].
     pub(crate) fn last(&self) -> f64 {
         self.last
     }
 
-    /// Go on where another one stands, if it hears the same channel.
+    /// Continue from the state of another conditioner, if it has the same source.
     pub(crate) fn take_over(&mut self, other: &Self) {
         if self.settings.source != other.settings.source {
             return;
@@ -108,13 +109,13 @@ impl Conditioner {
     }
 }
 
-/// An input, and what it gives where nobody plays into it.
+/// An input, and its values when nobody plays into it.
 #[derive(Clone)]
 pub struct SoundIn {
     /// Index among the inputs of the timeline.
     pub(crate) index: usize,
     pub(crate) settings: SoundInSettings,
-    /// Frames from one value that is told to the next.
+    /// Frames from one told value to the next.
     pub(crate) glide: u64,
     /// Values at the frames of the score from frame 0 on [m or N], (n_frames,); 0 after them.
     values: Arc<[f64]>,
@@ -123,7 +124,7 @@ pub struct SoundIn {
 }
 
 impl SoundIn {
-    /// The value at a frame of the score, from a file [m or N].
+    /// The value from the file at a frame of the score [m or N].
     pub(crate) fn at(&self, frame: u64) -> f64 {
         let index = usize::try_from(frame).unwrap_or(usize::MAX);
         self.values.get(index).copied().unwrap_or(0.0)
@@ -131,7 +132,7 @@ impl SoundIn {
 }
 
 impl fmt::Debug for SoundIn {
-    /// With the digest instead of the values, for timelines are hashed as they are shown.
+    /// Shows the digest instead of the values, because timelines are hashed by their debug output.
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         to.debug_struct("SoundIn")
             .field("index", &self.index)
@@ -144,11 +145,11 @@ impl fmt::Debug for SoundIn {
 impl Timeline {
     /// Declare an input; returns its index.
     ///
-    /// `samples`: what is heard from frame 0 on where nobody plays into it, at the rate of the timeline, full scale 1,
-    /// (n_frames,). They pass the stages that live ones pass.
+    /// `samples` are the values from frame 0 on that are used when nobody plays into it, at the rate of the timeline,
+    /// full scale 1, (n_frames,). They pass the same stages as live samples.
     ///
     /// # Errors
-    /// [`StrikeError`] where a setting is not finite or out of range, or there are more than 64 inputs.
+    /// [`StrikeError`] if a setting is not finite or out of range, or there are more than 64 inputs.
     pub fn sound_in(
         &mut self,
         settings: SoundInSettings,
@@ -203,7 +204,7 @@ impl Timeline {
     /// Frame n is computed with value n: a force acts in it, a position is reached at its end.
     ///
     /// # Errors
-    /// [`StrikeError`] where there is no such input, or the position of the MAT is imposed already.
+    /// [`StrikeError`] if there is no such input, or the position of the MAT is imposed already.
     pub fn drive_by_sound(
         &mut self,
         mat: usize,
@@ -219,11 +220,11 @@ impl Timeline {
             scale: super::finite("scale", scale).map(|()| scale)?,
             steps: 1,
         };
-        // Not its part's own: what will be played, no written gesture knows.
+        // The drive does not belong to the MAT's own part, because no written gesture knows what will be played.
         self.drive(mat, kind, source, false)
     }
 
-    /// What is done to the samples of each input, in order of declaration.
+    /// How the samples of each input are conditioned, in order of declaration.
     pub(crate) fn sound_settings(&self) -> impl Iterator<Item = SoundInSettings> {
         self.sounds_in.iter().map(|sound| sound.settings)
     }

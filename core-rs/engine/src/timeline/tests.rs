@@ -31,7 +31,7 @@ fn fades_lie_on_the_grid_and_never_jump() {
             (0.0, Some(0.3)),
             (0.1, None),
             (0.1234, Some(0.3)),
-            // Falls before it has risen.
+            // The fade out begins before the fade in ends.
             (0.1, Some(0.105)),
             (-1.0, Some(1e-3)),
         ] {
@@ -53,7 +53,7 @@ fn fades_lie_on_the_grid_and_never_jump() {
             assert!(open.iter().all(|open| (0.0..=1.0).contains(open)));
             assert_eq!(open[0], if start <= 0.0 { 1.0 } else { 0.0 });
             assert_eq!(open[open.len() - 1], if stop.is_none() { 1.0 } else { 0.0 });
-            // C1: 3u² − 2u³ bends by at most 6/fade² a frame, twice that where two fades meet.
+            // C1: the second difference of 3u² − 2u³ is at most 6/fade² per frame, and twice that where two fades meet.
             for three in open.windows(3) {
                 let bend = three[2] - 2.0 * three[1] + three[0];
                 assert!(
@@ -65,7 +65,7 @@ fn fades_lie_on_the_grid_and_never_jump() {
     }
 }
 
-/// A fade of another length, and a factor that goes evenly, alone and times that.
+/// A fade of another length, and a linear factor, alone and together with the fade.
 #[test]
 fn gates_have_a_length_and_a_factor() {
     let hertz = 44_100.0;
@@ -97,7 +97,7 @@ fn gates_have_a_length_and_a_factor() {
         timeline.fade(&network, (0, 1), (1.0, 0.0), span).is_err(),
         "twice"
     );
-    // At four times the rate everything comes at the same time.
+    // At four times the rate everything happens at the same time.
     let faster = timeline.faster(4).unwrap();
     assert!((faster.gates[0].open(4 * half) - both.open(half)).abs() < 1e-12);
 }
@@ -138,7 +138,7 @@ fn a_coupling_that_is_none_is_refused() {
     assert!(timeline.couple(&network, 0, 2.0, None).is_err(), "twice");
 }
 
-/// What begins beyond all time never begins: no frame wraps round.
+/// Events beyond the last frame never begin: frame numbers do not wrap round.
 #[test]
 fn the_end_of_time_is_no_beginning() {
     let mut timeline = timeline(192_000.0);
@@ -178,7 +178,7 @@ fn a_strike_keeps_its_impulse_and_its_instant() {
         assert!((sum(&|push| push.force) * 1e-3 - 2e-3).abs() < 1e-15);
         let moment = sum(&|push| push.force * push.frame as f64) * 1e-3;
         assert!((moment - 2e-3 * at).abs() < 1e-14, "{at}");
-        // One record each, however it is split.
+        // One recorded impulse per strike, however it is split.
         assert_eq!(pushes.iter().filter(|push| push.impulse != 0.0).count(), 1);
     }
 }
@@ -230,7 +230,7 @@ fn a_strike_that_is_none_is_refused() {
     );
 }
 
-/// Before it fills the memory, and also where no strike would be heard.
+/// The rain is refused before it fills the memory, even if its impulses are 0.
 #[test]
 fn an_endless_rain_is_refused_at_once() {
     let network = network();
@@ -313,7 +313,7 @@ fn a_mat_goes_one_way() {
     assert_eq!(drive(DriveKind::Force, 1.0), Ok(()));
 }
 
-/// All that glides or fades stays up to the frame at which it is due, and is due where it changes.
+/// Everything that glides or fades is constant until the frame at which it is due, and then changes.
 #[test]
 fn what_is_due_is_when_it_changes() {
     let points = [(10, 1.0), (20, 1.0), (30, 2.0), (40, 2.0), (50, 1.0)];
@@ -354,7 +354,7 @@ fn what_is_due_is_when_it_changes() {
                     due >= n && (due < next || next > last),
                     "{n}: due {due}, changes {next}"
                 );
-                // And no sooner, but for a glide of what is shut.
+                // And not earlier, except for the glide of a closed gate.
                 assert!(
                     ramp.is_some() || due > last || next - due <= 2,
                     "{n}: due {due}"

@@ -1,10 +1,10 @@
-//! Block size, snapshots and faults elsewhere change no byte.
+//! Block size, snapshots, and faults in other parts change no byte.
 
 use super::scene::{Scene, options};
 use ergon_engine::simulation::{OnFault, Simulation};
 use proptest::prelude::*;
 
-/// Play on, in blocks of these sizes over and over.
+/// Continue, cycling through these block sizes.
 pub(crate) fn play(simulation: &mut Simulation, n_frames: usize, blocks: &[usize]) -> Vec<u64> {
     let n_out = simulation.n_out();
     let mut out = vec![f64::NAN; n_frames * n_out];
@@ -18,7 +18,7 @@ pub(crate) fn play(simulation: &mut Simulation, n_frames: usize, blocks: &[usize
     out.iter().map(|sample| sample.to_bits()).collect()
 }
 
-/// All that a simulation can be asked, as bits.
+/// Everything that can be read from a simulation, as bits.
 fn seen(simulation: &Simulation) -> String {
     format!(
         "{:?} {:?} {:?} {:?} {:?}",
@@ -44,7 +44,7 @@ proptest! {
         prop_assert!(whole.muted().is_empty(), "a scene that diverges tests little: {:?}", whole.muted());
     }
 
-    /// In the middle of gestures, flights, throws, fades and contacts.
+    /// A snapshot is taken in the middle of gestures, flights, throws, fades and contacts.
     #[test]
     fn a_snapshot_is_the_whole_moment(seed in any::<u64>(), part in 0.0..1.0_f64) {
         let scene = Scene::random(seed);

@@ -1,4 +1,4 @@
-//! Where nothing meets, frames are passed over many at a time: not a bit of them is another than one by one.
+//! While nothing touches, many frames are computed at a time: the bits are those of single frames.
 
 use std::sync::Arc;
 
@@ -17,8 +17,8 @@ use super::scene::options;
 
 const N: usize = 30_000;
 
-/// A hammer that flies to and fro between a plate and a tied mass so far below; all are struck besides. Heard: the plate,
-/// where the other two are, and the forces between them.
+/// A hammer flies to and fro between a plate and a tied mass that lies `below` it [m]; all three are struck. Outputs:
+/// the plate, the positions of the other two, and the contact forces.
 fn plan(below: f64) -> Arc<Plan> {
     let mut network = Network::new();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
@@ -68,7 +68,7 @@ fn plan(below: f64) -> Arc<Plan> {
     Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::Error(-60.0), None).unwrap())
 }
 
-/// What is heard in blocks of these sizes; what is told of gestures, and where all stands in the end.
+/// The outputs, in blocks of these sizes; then the reports of gestures and the final state.
 fn played(plan: &Arc<Plan>, blocks: &[usize]) -> (Vec<u64>, String) {
     let options = Options {
         ledger: false,
@@ -95,8 +95,8 @@ fn frames_that_are_passed_over_are_those_one_by_one() {
     }
 }
 
-/// A key that throws a hammer at two reeds, `gap` away from it where all rest: knocks of both touches, by events and
-/// particles, and strikes besides.
+/// A key throws a hammer at two reeds, `gap` away from it at rest. Its gestures are open and tracked, by events and by
+/// particles; the parts are also struck.
 fn keyed(gap: f64) -> Arc<Plan> {
     let mut network = Network::new();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());

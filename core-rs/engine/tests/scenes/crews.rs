@@ -1,5 +1,5 @@
-//! A gong large enough that threads go through it together, beside smaller parts that are shared out: whatever
-//! happens to it, their number changes no byte.
+//! Threads share a gong that is large enough, beside smaller parts that are distributed among them: whatever happens,
+//! the number of threads changes no byte.
 
 use std::sync::Arc;
 
@@ -14,12 +14,12 @@ use ergon_engine::units::Rate;
 
 const N: usize = 150;
 
-/// A version of the piece: the pitch of each gong.
+/// A version of the piece, with the pitch of each gong.
 fn piece(f: [f64; 2], method: Method) -> Arc<Plan> {
     struck(f, method, 0.02)
 }
 
-/// The same, struck by other impulses [N·s].
+/// The same with strikes of another impulse [N·s].
 fn struck([gong, bell]: [f64; 2], method: Method, impulse: f64) -> Arc<Plan> {
     let mut network = Network::new();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
@@ -53,7 +53,7 @@ fn by(threads: usize) -> Options {
     }
 }
 
-/// The same for 1, 2 and 3 threads, and something.
+/// The sound is the same for 1, 2 and 3 threads, and is not silence.
 fn same_for_all(sound: impl Fn(usize, &[usize]) -> Vec<u64>) {
     let alone = sound(1, &[2 * N]);
     assert!(alone.iter().rev().take(N).any(|bits| *bits != 0));
@@ -68,7 +68,7 @@ fn by_themselves_set_back_and_forked() {
         same_for_all(|threads, blocks| {
             let mut simulation = Simulation::planned(plan.clone(), by(threads)).unwrap();
             let mut all = play(&mut simulation, N, blocks);
-            // Another crew goes on from there.
+            // The fork has threads of its own.
             let (snapshot, mut fork) = (simulation.snapshot(), simulation.fork());
             let end = play(&mut simulation, N, &[N]);
             assert!(play(&mut fork, N, blocks) == end);
@@ -80,7 +80,7 @@ fn by_themselves_set_back_and_forked() {
     }
 }
 
-/// Taken over by a version where the gong is the same, then by one where it is another.
+/// The first takeover keeps the gong, the second replaces it.
 #[test]
 fn taken_over_and_damped() {
     for method in [Method::Ca, Method::Ca2p] {
@@ -102,7 +102,7 @@ fn taken_over_and_damped() {
     }
 }
 
-/// So hard that frames are computed finer.
+/// Strikes so hard that frames are computed in finer steps.
 #[test]
 fn struck_beyond_what_the_scheme_bears() {
     for method in [Method::Ca, Method::Ca2p] {

@@ -1,4 +1,4 @@
-//! Everything fades sooner, by as much as is asked for.
+//! Additional damping: everything decays faster, by the decay time that was set.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ fn plain() -> Options {
     }
 }
 
-/// T60 of what an output hears [s], from its level in two stretches of 50 ms.
+/// T60 of an output [s], from its level in two stretches of 50 ms.
 fn t60(simulation: &mut Simulation, output: usize, apart: f64) -> f64 {
     let first = level(simulation, output);
     simulation.skip(((apart - 0.05) * RATE) as u64).unwrap();
@@ -35,16 +35,16 @@ fn level(simulation: &mut Simulation, output: usize) -> f64 {
     10.0 * ergon_engine::maths::log10(own.map(|x| x * x).sum::<f64>())
 }
 
-/// Everything fades sooner by as much as is asked for, by whatever method it goes, at any frequency; until it is told
-/// otherwise, or another version takes over.
+/// The additional damping adds to the own damping, for each method and frequency, until it is changed or another
+/// version takes over.
 #[test]
 fn an_extra_viscosity_adds_up() {
     let damping = 0.8;
     let ln_1000 = 6.907_755_278_982_137;
-    // Damping by mass alone: every mode of these fades within the same time.
+    // Damping in proportion to mass: all modes of these bodies have the same decay time.
     let own = 2.0;
     let mut network = Network::new();
-    // The last lies where every eighth frame meets the same phase.
+    // The last pitch is 1/16 of the rate: every eighth frame has the same phase, up to its sign.
     let pitches = [220.0, 3_000.0, 2_756.25];
     for (i, f) in pitches.into_iter().enumerate() {
         network.part(&format!("bell{i}"), None);
@@ -128,7 +128,7 @@ fn an_extra_viscosity_adds_up() {
                 "{budget:?} {output}: {found} {own} after"
             );
         }
-        // What rang is 60 dB down soon after the time that was asked for.
+        // Everything that sounded is 60 dB down soon after the decay time that was set.
         let mut simulation = start.fork();
         simulation.damp(Some(3.0));
         let mut sound = vec![0.0; (3.5 * RATE) as usize * start.n_out()];

@@ -1,4 +1,4 @@
-//! A part that goes beyond all bounds: named and stopped, or put to silence while all others play.
+//! A part that diverges is named and stops the run, or is muted while all others play.
 
 use std::sync::Arc;
 
@@ -97,7 +97,7 @@ fn a_network_without_parts_still_names_its_module() {
     assert_eq!(simulation.skip(10).unwrap_err().module, "m");
 }
 
-/// The hand on a muted key lets go: while it plays, before it begins, after it has ended.
+/// The gestures of a muted key are dropped: while one plays, before it begins, after it has ended.
 #[test]
 fn a_muted_key_forgets_its_gestures() {
     for touch in [Touch::Open, Touch::Tracked] {
@@ -122,7 +122,7 @@ fn a_muted_key_forgets_its_gestures() {
     }
 }
 
-/// Strikes and drives go on in the timeline; on a muted part they do nothing.
+/// Strikes and drives of a muted part continue in the timeline, but have no effect.
 #[test]
 fn nothing_moves_a_muted_part() {
     let (mut network, mut timeline, mass) = scene();
@@ -156,7 +156,7 @@ fn nothing_moves_a_muted_part() {
     assert!(simulation.energy().unwrap().injected.is_finite());
 }
 
-/// A force is non-finite one frame before the position that it moves.
+/// A force may be non-finite one frame before the position that it moves.
 #[test]
 fn no_output_is_ever_non_finite() {
     let (mut network, timeline, mass) = scene();
@@ -197,7 +197,7 @@ fn a_snapshot_from_before_brings_the_part_back() {
     assert_eq!(play(&mut simulation, 2_000), first);
 }
 
-/// Its ground lies beyond all bounds: muting it must come to an end.
+/// Its ground lies beyond all bounds: muting the part must terminate all the same.
 #[test]
 fn a_part_far_away_can_be_muted() {
     let mut network = Network::new();
@@ -215,7 +215,7 @@ fn a_part_far_away_can_be_muted() {
     assert_eq!(simulation.muted(), [("far".to_owned(), 1)]);
 }
 
-/// An imposed point that leaves the stage goes alone: what it is tied to has not moved yet.
+/// Only the imposed point that leaves the bounds is muted: the mass tied to it has not moved yet.
 #[test]
 fn an_absurd_drive_mutes_its_own_part_first() {
     let (mut network, mut timeline, _) = scene();

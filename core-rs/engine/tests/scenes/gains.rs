@@ -1,4 +1,4 @@
-//! Contacts and meshes that give more energy than they took: named and stopped, or put to silence.
+//! Contacts and meshes that create energy are named, and stop the run or are muted.
 
 use std::sync::Arc;
 
@@ -20,8 +20,8 @@ const fn options(on_fault: OnFault) -> Options {
     }
 }
 
-/// A hammer that meets a cell by a contact of stiffness `k`, beside a bell; the part of the cell goes by `units: ca` where it
-/// has a rate.
+/// A hammer meets a cell through a contact of stiffness `k`, beside a bell; the cell's part has `units: ca` if a rate
+/// is given.
 fn hammered(k: f64, ca: Option<Rate>) -> Network {
     let mut network = Network::new();
     network.part("bell", None);
@@ -29,7 +29,7 @@ fn hammered(k: f64, ca: Option<Rate>) -> Network {
         f: 440.0,
         t60: Some(1.0),
     };
-    // Beside algorithmic energies the bell's own would hide all that is made.
+    // Beside algorithmic energies, the energy of a moving bell would hide the created energy: here the bell is at rest.
     let x0 = if ca.is_some() { 0.0 } else { 1e-3 };
     network.cel("m", 1e-2, tie, 0.0, x0, 0.0).unwrap();
     network.part("stiff", ca);
@@ -101,7 +101,7 @@ fn a_contact_that_is_slow_beside_its_steps_makes_nothing() {
     assert_eq!(simulation.gains(), []);
 }
 
-/// Energy that a contact made long ago is held against what was there then, not against what damping left of it.
+/// Energy that a contact created long ago is compared with the energy of that time, not with what damping has left.
 #[test]
 fn what_was_lost_since_makes_no_fault() {
     let mut network = Network::new();
@@ -111,7 +111,7 @@ fn what_was_lost_since_makes_no_fault() {
         f: 8_000.0,
         t60: Some(3e-3),
     };
-    // It meets the contact with 50 mJ and turns back there before the contact took anything.
+    // The mass meets the contact with 50 mJ, and turns back before the contact has taken up energy.
     let key = network.cel("m", 1e-4, tie, 0.0, 1e-3, 0.0).unwrap();
     network
         .but("c", wall, key, But::plain(1e5, 0.0, 7e-4))
@@ -128,7 +128,7 @@ fn what_was_lost_since_makes_no_fault() {
     );
 }
 
-/// Where the steps are the instrument, what they make is told and meant.
+/// If the steps define the instrument, created energy is reported but does not stop the run.
 #[test]
 fn under_units_ca_energy_is_told_of_and_kept() {
     let rate = Rate::new(HERTZ).ok();
@@ -139,7 +139,7 @@ fn under_units_ca_energy_is_told_of_and_kept() {
     assert!(simulation.muted().is_empty());
 }
 
-/// IEQ keeps an energy of its own, whatever the masses and springs have.
+/// For IEQ, the energy that counts is that of its own scheme, not that of the masses and springs.
 #[test]
 fn a_mesh_is_held_against_the_energy_of_its_laws() {
     let mut network = Network::new();

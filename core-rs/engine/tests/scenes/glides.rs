@@ -1,4 +1,5 @@
-//! Parameters that change while they are heard: nothing jumps, whatever computes the body before and after.
+//! Parameters that change while they are heard: the sound does not jump, whatever methods compute the body before and
+//! after.
 
 use std::sync::Arc;
 
@@ -11,7 +12,7 @@ use ergon_engine::units::Rate;
 use super::scene::options;
 
 const RATE: f64 = 44_100.0;
-/// The change comes here, and takes so long [frames].
+/// First frame of the change, and its duration [frames].
 const AT: u64 = 6_400;
 const OVER: u64 = 64;
 
@@ -47,7 +48,7 @@ fn listen_to_all(network: &mut Network) {
     }
 }
 
-/// One version up to the change, the other from it on: (n_frames · n_out).
+/// The old version up to frame `at`, the new one from then on: (n_frames · n_out).
 fn joined(old: &Arc<Plan>, new: &Arc<Plan>, at: u64, n_frames: u64) -> Vec<f64> {
     let mut old = Simulation::planned(old.clone(), plain()).unwrap();
     let n_out = old.n_out();
@@ -61,7 +62,7 @@ fn joined(old: &Arc<Plan>, new: &Arc<Plan>, at: u64, n_frames: u64) -> Vec<f64> 
     sound
 }
 
-/// The largest third difference of every output together over some frames.
+/// Largest third difference over some frames, of all outputs together.
 fn third(sound: &[f64], n_out: usize, frames: std::ops::Range<usize>) -> f64 {
     let x = |frame: usize, output: usize| sound[frame * n_out + output];
     let of =
@@ -70,7 +71,7 @@ fn third(sound: &[f64], n_out: usize, frames: std::ops::Range<usize>) -> f64 {
     all.map(|(n, o)| of(n, o)).fold(0.0, f64::max)
 }
 
-/// How much rougher the change is than what comes before and after it.
+/// Ratio of the largest third difference during the change to that before and after it.
 fn roughness(sound: &[f64], n_out: usize) -> f64 {
     let (at, over, long) = (AT as usize, OVER as usize, 1_500);
     let before = third(sound, n_out, at - long..at - 4);
@@ -82,7 +83,8 @@ fn plan(network: Network, timeline: &Timeline, budget: &Budget) -> Arc<Plan> {
     Arc::new(Plan::new(Arc::new(network), timeline, budget, None).unwrap())
 }
 
-/// A cell of 2 g at 220 Hz, K times 1.5: from a bank into an island where it glides, and back into a bank.
+/// A cell of 2 g at 220 Hz whose K grows by a factor of 1.5: from a bank into an island, in which it glides, and back
+/// into a bank.
 #[test]
 fn a_cell_glides_to_another_stiffness() {
     let omega = std::f64::consts::TAU * 220.0;
@@ -105,7 +107,7 @@ fn a_cell_glides_to_another_stiffness() {
     let glides = joined(&old, &gliding, AT, 12_800);
     assert!(roughness(&jumps, 1) > 4.0, "{}", roughness(&jumps, 1));
     assert!(roughness(&glides, 1) < 1.5, "{}", roughness(&glides, 1));
-    // Once it has glided it goes on as the new cell: also in a bank.
+    // After the glide it continues as the new cell, in a bank as well.
     let after = plan(new, &begin(), &budget);
     let mut simulation = Simulation::planned_from(gliding, plain(), AT).unwrap();
     let end = AT + OVER;
@@ -125,8 +127,8 @@ fn a_cell_glides_to_another_stiffness() {
     assert!(apart < 1e-12, "{apart}");
 }
 
-/// A spring between two stepped masses that are hit by turns: by a factor, and by two links one of which opens as the
-/// other closes; both are one glide.
+/// A spring between two stepped masses that are struck in turn. A factor on one link, and two links of which one opens
+/// as the other closes, give the same glide.
 #[test]
 fn a_spring_glides_to_another_stiffness() {
     let network = |springs: &[f64]| {
@@ -176,7 +178,7 @@ fn a_spring_glides_to_another_stiffness() {
     assert!(apart < 1e-12, "{apart}");
 }
 
-/// A string of `n` masses with a key at one of them, or without; its K in times of what it is, each mass heard.
+/// A string of `n` masses, with or without a key at one of them; `k` is a factor of its stiffness; each mass is heard.
 fn string_with(k: f64, n: usize, has_key: bool) -> Network {
     let mut network = Network::new();
     network.part("string", None);
@@ -216,7 +218,7 @@ fn struck(network: &Network) -> Timeline {
     timeline
 }
 
-/// A string of modes goes over into a stepped one whose pitch glides by 1 %.
+/// A string computed by modes becomes a stepped one, whose pitch glides by 1 %.
 #[test]
 fn a_string_glides_to_another_pitch() {
     let n = 12;
@@ -238,7 +240,7 @@ fn a_string_glides_to_another_pitch() {
     assert!(roughness(&sound, n) < 1.5, "{}", roughness(&sound, n));
 }
 
-/// Whatever computes a body before and after, all of its masses are where they were and come there by the same step.
+/// Whatever methods compute a body before and after, all its masses keep their positions and steps.
 #[test]
 fn a_body_goes_on_mass_by_mass() {
     mass_by_mass(false);
@@ -246,7 +248,7 @@ fn a_body_goes_on_mass_by_mass() {
 }
 
 fn mass_by_mass(has_key: bool) {
-    // So little that no ear or number notices, and enough to be another network.
+    // A change too small to be heard or measured, but enough to make another network.
     let (old, new) = (
         string_with(1.0, 12, has_key),
         string_with(1.0 + 1e-13, 12, has_key),
@@ -287,7 +289,7 @@ fn mass_by_mass(has_key: bool) {
                 apart(now.clone())
             );
             let next = (AT as usize + 1) * n..(AT as usize + 2) * n;
-            // One frame on, methods differ by what each makes of a frame.
+            // One frame later, the methods differ by their errors in one frame.
             assert!(
                 apart(next.clone()) < 2e-2,
                 "{has_key} {i} {j}: {}",
@@ -304,7 +306,7 @@ fn mass_by_mass(has_key: bool) {
     }
 }
 
-/// A slow key goes on too, to what a kick now and then leaves of it.
+/// A slow key continues as well, up to the difference that its kicks at each macrostep make.
 #[test]
 fn a_slow_body_goes_on() {
     let network = |k: f64| {
@@ -350,7 +352,7 @@ fn key() -> Timeline {
     timeline
 }
 
-/// A path through two points is a glide, to the last bit, and goes on where there are more.
+/// A path through two points is a glide, to the last bit; with more points it continues after the first.
 #[test]
 fn a_path_goes_on_where_a_glide_ends() {
     let ties = [
@@ -402,7 +404,7 @@ fn a_path_goes_on_where_a_glide_ends() {
     assert!(refused(&[(0.0, [1.0, 0.0, 0.0])]));
 }
 
-/// Two cells and what joins them: a spring and a contact, both with K and Z in times of what they are.
+/// Two cells, joined by a spring and a contact; the arguments are factors of K and Z.
 fn joined_cells(of_spring: [f64; 2], of_contact: [f64; 2]) -> Network {
     let mut network = Network::new();
     network.part("pair", None);
@@ -432,7 +434,7 @@ fn played(network: &Network, timeline: &Timeline, budget: &Budget, blocks: usize
     sound
 }
 
-/// Links that are led to other values from the beginning are links with these values, to the last bit.
+/// Links that are led to other values from the beginning equal links with these values, to the last bit.
 #[test]
 fn links_that_are_led_are_links_with_those_values() {
     let (spring, contact) = ([4.0, 0.5], [2.0, 4.0]);
@@ -451,7 +453,7 @@ fn links_that_are_led_are_links_with_those_values() {
     }
 }
 
-/// A string that is led to another pitch goes on there as the string of that pitch.
+/// A string that is led to another pitch continues as the string of that pitch.
 #[test]
 fn a_string_that_is_led_is_the_string_it_is_led_to() {
     let n = 12;
@@ -473,7 +475,7 @@ fn a_string_that_is_led_is_the_string_it_is_led_to() {
     assert!(apart.fold(0.0, f64::max) < 1e-9 * peak);
 }
 
-/// What no glide of links can be.
+/// Leads that cannot be applied to links are refused.
 #[test]
 fn leads_are_refused_that_mean_nothing() {
     let network = joined_cells([1.0; 2], [1.0; 2]);
@@ -490,7 +492,7 @@ fn leads_are_refused_that_mean_nothing() {
     let mut twice = begin();
     twice.lead(&network, (0, 1), &[(0.0, [1.0; 2])]).unwrap();
     assert!(twice.lead(&network, (0, 2), &[(0.0, [1.0; 2])]).is_err());
-    // So stiff at its end that CA would diverge.
+    // So stiff at the end of the lead that CA would diverge.
     let mut stiff = begin();
     stiff
         .lead(&network, (0, 1), &[(0.0, [1.0; 2]), (1.0, [1e6, 1.0])])

@@ -1,4 +1,4 @@
-//! Hands at the edges: gestures at and before 0, at one instant, on stops, beside their periods.
+//! Gestures in edge cases: at and before time 0, at one instant, against stops, near half a period of the key.
 
 use std::sync::Arc;
 
@@ -77,7 +77,7 @@ fn smooth(points: &[(f64, f64)]) -> Vec<(f64, f64, Approach)> {
     points.iter().map(|&(t, x)| (t, x, Path(Smooth))).collect()
 }
 
-/// At any rate a written point is met where it lies on a frame.
+/// At any rate, a written point that lies on a frame is met.
 #[test]
 fn points_are_met_at_every_rate() {
     for hertz in [8_000.0, 44_100.0, 192_000.0] {
@@ -100,7 +100,7 @@ fn points_are_met_at_every_rate() {
     }
 }
 
-/// A gesture that began before the piece is joined from rest, and met from there on.
+/// A gesture that began before the piece is joined from rest; all later points are met.
 #[test]
 fn a_gesture_from_before_the_piece_is_joined() {
     let mut keys = Keyboard::new(44_100.0);
@@ -109,7 +109,7 @@ fn a_gesture_from_before_the_piece_is_joined() {
     assert_eq!(x[0], 0.0);
     assert!((x[4410] - 5e-3).abs() < 1e-12);
     assert!(reports[0].first_point_missed);
-    // One that ended before the piece never sounds.
+    // A gesture that ended before the piece is silent.
     let mut keys = Keyboard::new(44_100.0);
     keys.play(&smooth(&[(-0.2, 2e-3), (-0.1, 5e-3)]), Manner::OPEN);
     let (x, reports) = keys.hear(0.1);
@@ -127,7 +127,7 @@ fn of_two_gestures_at_one_instant_the_later_written_plays() {
     assert_eq!(reports[0].n_ergons, 0);
 }
 
-/// One point, a gesture longer than the piece, none at all.
+/// A single point, a gesture longer than the piece, and no gesture.
 #[test]
 fn short_and_long_gestures_do_no_harm() {
     let mut keys = Keyboard::new(44_100.0);
@@ -139,7 +139,7 @@ fn short_and_long_gestures_do_no_harm() {
     assert!(keys.try_play(&[], Manner::OPEN).is_err());
 }
 
-/// Where a hold ends off the grid of frames, the throw still lands on its own frame.
+/// If a hold ends between two frames, the throw still lands on its own frame.
 #[test]
 fn a_throw_right_after_a_hold_lands() {
     for start in [0.05, 0.05 + 0.3 / 44_100.0, 0.05 + 0.7 / 44_100.0] {
@@ -164,7 +164,7 @@ fn a_throw_right_after_a_hold_lands() {
     }
 }
 
-/// At half its period a key comes back wherever it was thrown: no force can land it elsewhere.
+/// After half its period a key is at the same place whatever the throw: no impulse makes it land elsewhere.
 #[test]
 fn a_throw_that_cannot_land_is_not_made() {
     let mut keys = Keyboard::new(8_000.0);
@@ -248,7 +248,7 @@ fn points_that_are_none_are_refused() {
     );
 }
 
-/// The last grain is as long as what is left; the end is met all the same.
+/// The last grain is shortened to the time that is left; the end of the gesture is still met.
 #[test]
 fn a_grain_that_does_not_divide_the_gesture_ends_with_it() {
     for grain in [0.007, 0.03] {
@@ -267,7 +267,7 @@ fn a_grain_that_does_not_divide_the_gesture_ends_with_it() {
     }
 }
 
-/// Longer than a quarter period, but no flight is: the gesture is over sooner.
+/// A grain longer than a quarter period is allowed if the gesture ends sooner, because no flight is then that long.
 #[test]
 fn a_grain_is_held_against_the_flights_there_are() {
     let mut keys = Keyboard::new(44_100.0);
@@ -281,7 +281,7 @@ fn a_grain_is_held_against_the_flights_there_are() {
     assert!(keys.try_hear(0.1).is_err());
 }
 
-/// The free copy has no gates: it would be held by a link that the key does not feel.
+/// The free copy of the key has no gates: the inner link would hold the copy, but not the key.
 #[test]
 fn a_coupling_inside_a_key_is_refused() {
     let mut keys = Keyboard::new(44_100.0);
@@ -311,7 +311,7 @@ fn a_coupling_inside_a_key_is_refused() {
     );
 }
 
-/// A stop 10 mm away is no part of a key's own period, nor of a gesture laid over another.
+/// A stop 10 mm away does not change the period of the key, nor a gesture laid over another.
 #[test]
 fn an_open_stop_changes_nothing() {
     let but = But::plain(1e5, 0.0, 0.01);

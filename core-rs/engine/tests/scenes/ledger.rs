@@ -36,7 +36,7 @@ fn it_closes_for_every_kind_of_link() {
                     energy.residual.abs() <= 1e-12 * energy.flow,
                     "kind {kind}, gated {gated}, imposed {imposed}: {energy:?}"
                 );
-                // Without a gate, an exact contact makes nothing.
+                // Without a gate, an exact contact creates no energy.
                 if [4, 6].contains(&kind) && !gated {
                     assert!(energy.produced.abs() <= 1e-9 * energy.flow, "{energy:?}");
                 }

@@ -71,8 +71,8 @@ fn planned(network: &Arc<Network>, timeline: &Timeline, budget: &Budget) -> Simu
     Simulation::planned(Arc::new(plan), plain()).unwrap()
 }
 
-/// Played tick by tick as from a device, and rendered from what was recorded: the same samples and forces,
-/// for every size of blocks and every plan.
+/// A performance tick by tick, as from a device, and a render of its recording give the same samples and forces, for
+/// every block size and plan.
 #[test]
 fn a_recording_renders_to_what_was_played() {
     let network = Arc::new(scene(Side::Below));
@@ -111,12 +111,12 @@ fn a_recording_renders_to_what_was_played() {
     }
 }
 
-/// A key of one process beside a scene in another, a frame a tick: bit for bit the key in the scene.
+/// A key in one process and a scene in another, with ticks of one frame, give the bits of the key in the scene.
 #[test]
 fn a_key_apart_is_the_key_in_the_scene() {
     let network = Arc::new(scene(Side::Below));
     let push = 2.0;
-    // The whole, pushed by a constant force for as long as it takes to strike.
+    // The whole network; a constant force pushes the key until it strikes.
     let n_frames = 4_000;
     let mut one = Timeline::new(rate());
     one.drive(KEY, DriveKind::Force, Source::Constant(push), true)
@@ -148,7 +148,7 @@ fn a_key_apart_is_the_key_in_the_scene() {
     assert!(touched);
 }
 
-/// A force at n moves the key at n + 1, its reaction is there at n + 1, the struck mass moves at n + 2.
+/// A force at frame n moves the key at n + 1, its reaction acts at n + 1, and the struck mass moves at n + 2.
 #[test]
 fn structural_latency_is_one_sample() {
     let network = Arc::new(scene(Side::Below));
@@ -158,7 +158,7 @@ fn structural_latency_is_one_sample() {
     let mut x = vec![0.0; 1];
     scene.process(&mut x).unwrap();
     assert_eq!(scene.felt(0), 0.0);
-    // Frame 1: the hand is at 2 mm, a millimetre inside.
+    // Frame 1: the hand is at 2 mm, a millimetre into the contact.
     scene.hold(0, 2e-3, None);
     scene.process(&mut x).unwrap();
     assert!(scene.felt(0) < 0.0, "felt in the same frame");
@@ -168,7 +168,7 @@ fn structural_latency_is_one_sample() {
     );
 }
 
-/// Two hands and a spring between them, heard by nobody: each feels the other.
+/// Two hands joined by a spring that no output hears: each feels the other.
 #[test]
 fn hands_feel_each_other() {
     let mut network = Network::new();

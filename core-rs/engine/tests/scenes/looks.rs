@@ -1,4 +1,4 @@
-//! Every mass is seen, whatever computes it and whether anybody hears it; and looking changes no sample.
+//! Every mass is seen, whatever method computes it and whether or not an output hears it; looking changes no sample.
 
 use std::sync::Arc;
 
@@ -16,8 +16,8 @@ const N: usize = 4_410;
 /// A mass in algorithmic units [kg] → M.
 const M: f64 = RATE * RATE;
 
-/// Bells, a linear plate, a gong that stiffens, a body with a damper of its own and a hammer: one of each is heard, one is
-/// not. In discrete parts what a plan computes is what steps compute, but for rounding.
+/// Bells, a linear plate, a gong that stiffens, a body with a damper of its own and a hammer: one of each is heard, and
+/// one is not. For discrete parts, the plan gives the motion of the stepped network, up to rounding.
 fn scene(discrete: bool) -> (Arc<Network>, Timeline) {
     let rate = Rate::new(RATE).unwrap();
     let (part_rate, m) = if discrete {
@@ -137,7 +137,7 @@ fn sound(plan: &Arc<Plan>, threads: usize) -> Vec<u64> {
     out.iter().map(|x| x.to_bits()).collect()
 }
 
-/// Where all points are by what is seen of a simulation [m].
+/// Positions of all points from what was seen of a simulation [m].
 fn positions(look: &Look, tracks: &[f64]) -> Vec<f64> {
     let n = look.points.len();
     let mut x: Vec<f64> = (0..n).map(|i| tracks[i] + look.points[i].rest).collect();
@@ -235,7 +235,7 @@ fn what_is_free_goes_where_two_frames_say() {
                 free.push((track, own));
             }
         }
-        // Bodies that nothing touches: the hammers bounce for a while.
+        // Bodies without contacts: the hammers bounce for a while.
         for body in &look.bodies {
             let part = look.points[body.points[0]].part;
             if !network.parts()[part].name.starts_with("hammer") {
@@ -284,7 +284,7 @@ fn a_contact_tells_how_hard_it_pushed() {
     // The hammer comes from below at 1.5 m/s over 1 mm, and is pushed down.
     let first = told.iter().find(|touch| touch.0 == 0).unwrap();
     assert!((25..60).contains(&first.1), "{told:?}");
-    // m v √(k/m) at most, where the skin gives way less.
+    // At most m v √(k/m); less because the skin gives way.
     let most = 1.5 * (4e4_f64 * 5e-3).sqrt();
     assert!(
         first.2.abs() > 0.3 * most && first.2.abs() < 1.05 * most,

@@ -1,4 +1,4 @@
-//! Contacts between all pairs of points: the same as a link for each pair, whatever the lists of neighbours.
+//! Contacts between all pairs of points give the motion of one link for each pair, whatever the neighbour lists are.
 
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ pub(crate) const LINEAR: SpaceLaw = SpaceLaw::Contact {
     clamp: false,
 };
 
-/// Points at x0 with v0, axis by axis.
+/// Points with positions x0 and velocities v0, axis by axis.
 pub(crate) fn points(
     network: &mut Network,
     name: &str,
@@ -49,7 +49,7 @@ pub(crate) fn points(
     }
 }
 
-/// A group of points, some of which touch, thrown at random; with the chance that drew it.
+/// A group of points with random positions and velocities, some of which touch.
 pub(crate) fn crowd(
     network: &mut Network,
     name: &str,
@@ -83,7 +83,7 @@ fn meet(
     rub(network, groups, n_axes, (law, 0.0), numbers);
 }
 
-/// The same with friction.
+/// The contacts of [`meet`] with friction.
 pub(crate) fn rub(
     network: &mut Network,
     groups: [PointGroup; 2],
@@ -110,7 +110,8 @@ fn largest(x: &[f64]) -> f64 {
     x.iter().map(|x| x.abs()).fold(0.0, f64::max)
 }
 
-/// Motion of two groups whose points meet in all pairs (`is_listed`: by a link each) after so many frames.
+/// Motion of two groups whose points meet in all pairs, after a number of frames; `is_listed`: by one link for each
+/// pair.
 fn motion(seed: u64, n_axes: usize, is_listed: bool, n_frames: u64) -> Simulation {
     let mut network = Network::new();
     network.part("sand", None);
@@ -142,7 +143,7 @@ fn motion(seed: u64, n_axes: usize, is_listed: bool, n_frames: u64) -> Simulatio
 #[test]
 fn all_pairs_are_as_a_link_each() {
     for (seed, n_axes) in [(1, 2), (2, 3), (3, 2), (4, 3)] {
-        // Long enough that points have moved by several gaps; then rounding has grown.
+        // Long enough for points to move by several gaps; afterwards rounding errors have grown.
         let n_frames = 2_000;
         let own = motion(seed, n_axes, false, n_frames);
         let listed = motion(seed, n_axes, true, n_frames);
@@ -194,7 +195,7 @@ proptest! {
         }
     }
 
-    /// A list that was made elsewhere gives the same sums in the same order.
+    /// A neighbour list that was built at other positions gives the same sums in the same order.
     #[test]
     fn lists_of_neighbours_change_no_byte(
         seed in any::<u64>(),
@@ -226,7 +227,7 @@ proptest! {
         prop_assert!(begin == play(&mut other, n, &[33]));
         let snapshot = one.snapshot();
         let rest = play(&mut one, n, &[64]);
-        // The list of `other` is of other places.
+        // The neighbour list of `other` was built at other positions.
         let mut late = other;
         play(&mut late, 2 * n, &[500]);
         late.restore(&snapshot);
@@ -244,7 +245,7 @@ fn a_ball_leaves_a_plane_as_fast_as_it_came() {
     network.part("wall", None);
     let still = [0.0; 3];
     let wall = points(&mut network, "w", 3, &[0.0], [&[0.1, -0.2, 0.3], &still]);
-    // It begins where it touches.
+    // The ball starts where it touches the wall.
     let at = [0.1 + GAP * normal[0], 5.0, 0.3 + GAP * normal[2]];
     let speed = [-v * normal[0], 0.4, -v * normal[2]];
     let ball = points(&mut network, "m", 3, &[m], [&at, &speed]);
@@ -362,14 +363,14 @@ fn what_cannot_meet_is_refused() {
         numbers,
         "points of one group meet by their distance",
     );
-    // Twelve such contacts on a grain at once would diverge.
+    // Twelve such contacts at once on one grain would diverge.
     meet(&mut network, [own, own], 3, LINEAR, [5e5, 0.0, GAP]);
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
     let error = Simulation::new(Arc::new(network), &timeline, options(OnFault::Stop));
     assert!(error.unwrap_err().to_string().contains("sand."));
 }
 
-/// Contacts that are too stiff for their steps make energy, which stops a render.
+/// Contacts that are too stiff for their steps create energy, which stops a render.
 #[test]
 fn made_energy_is_told_of() {
     let mut network = Network::new();
@@ -395,7 +396,7 @@ fn made_energy_is_told_of() {
     assert!(error.contains("drum.meet0.0 created energy"), "{error}");
 }
 
-/// The crowd of [`motion`] alone, whose third coordinates may stand before the others.
+/// The crowd of [`motion`] by itself; `is_reversed`: its third coordinates come before the others.
 fn apart(is_reversed: bool) -> Vec<f64> {
     let (n, n_axes) = (20, 3);
     let mut alone = Network::new();

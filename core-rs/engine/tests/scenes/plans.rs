@@ -1,4 +1,4 @@
-//! A plan plays what the scene as written plays.
+//! A plan gives the motion of the scene as written.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ fn heard(mut simulation: Simulation, n_frames: usize) -> Vec<f64> {
     out
 }
 
-/// Cut into islands, every sum of forces is the same sum: the same bits, but for outputs that add up
+/// Within an island every sum of forces is the same sum, so the bits are the same, except for outputs that add up
 /// several islands.
 #[test]
 fn islands_play_what_the_whole_plays() {
@@ -42,7 +42,7 @@ fn peak(sound: &[f64]) -> f64 {
     sound.iter().fold(0.0, |peak, x| peak.max(x.abs()))
 }
 
-/// Twelve tied masses in a row, true at 44.1 kHz, bent and struck; heard at two points and all together.
+/// Twelve tied masses in a row, defined at 44.1 kHz, deflected and struck; heard at two points and all together.
 fn discrete() -> (Network, Timeline) {
     let rate = Rate::new(44_100.0).unwrap();
     let mut network = Network::new();
@@ -69,7 +69,7 @@ fn discrete() -> (Network, Timeline) {
     (network, timeline)
 }
 
-/// Where the discrete network is the truth, its modes are that network: to rounding, for seconds.
+/// A discrete network is exact by definition, and its modes equal it: up to rounding, for seconds.
 #[test]
 fn the_modes_of_a_discrete_body_are_the_body() {
     let (network, timeline) = discrete();
@@ -93,8 +93,8 @@ fn the_modes_of_a_discrete_body_are_the_body() {
     assert!(most <= 1e-10 * peak(&whole), "{most} of {}", peak(&whole));
 }
 
-/// The same body in the same scene as hands, contacts and couplings: modes pushed at their ports are the
-/// discrete network still, also where contacts open and close and strikes fall in between.
+/// The same body with hands, contacts and couplings: modes that are pushed at their ports still equal the discrete
+/// network, even if contacts open and close and strikes fall in between.
 #[test]
 fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
     for contact in [Contact::Plain, Contact::Exact] {
@@ -156,7 +156,7 @@ fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
         let mut simulation = Simulation::planned(plan, options).unwrap();
         let mut planned = vec![0.0; whole.len()];
         let n_out = simulation.n_out();
-        // In blocks of any size, and back again from a moment remembered.
+        // In blocks of any size, and again from a snapshot.
         let mut at = 0;
         for block in [1, 63, 64, 65, 997, 12_345] {
             let end = at + block * n_out;
@@ -174,7 +174,7 @@ fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
                 sound.iter().skip(output).step_by(n_out).copied().collect()
             };
             let (whole, planned) = (of(&whole), of(&planned));
-            // Later the smallest difference has grown: a ball between two walls.
+            // Later, the smallest difference has grown: a ball between two walls amplifies it.
             let (whole, planned) = (&whole[..1_000], &planned[..1_000]);
             let most = whole
                 .iter()

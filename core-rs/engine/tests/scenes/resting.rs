@@ -1,7 +1,7 @@
-//! What nothing moves is not computed, and not a bit is another than if it were: of what is heard, of what can be asked
-//! at any frame, and of what a render stores.
+//! Islands at rest are not computed, and no bit changes: of outputs, of everything that can be read at any frame, and
+//! of stored states.
 //!
-//! The reference is the same simulation whose contacts somebody begins to watch every few frames: that wakes every island.
+//! The reference is the same simulation with [`Simulation::watch`] called every few frames: that wakes every island.
 
 use std::sync::Arc;
 
@@ -19,10 +19,10 @@ use super::blocks::play;
 use super::scene::options;
 
 const RATE: f64 = 44_100.0;
-/// How long scenes are heard [frames], and the frame at which all that is written begins.
+/// Length of the scenes [frames], and the frame of the first event.
 const N: usize = 40_000;
 const BEGINS: u64 = 88 * 256;
-/// A point that is struck while it plays.
+/// Number of the point that is struck live.
 const GONG: u32 = 3;
 
 fn seconds(frame: f64) -> f64 {
@@ -34,8 +34,9 @@ fn term(first: usize, len: usize) -> Vec<Term> {
     vec![Term::Position { first, len, weight }]
 }
 
-/// A key that strikes a linear plate, a gong that stiffens, two chains that are coupled for a time, a lever that goes once in
-/// ten frames with a bell on it, a mass that stands beside 0, and a rail that presses on a stop all the time.
+/// A key that strikes a linear plate, a gong that stiffens, two chains that are coupled for a time, a lever that is
+/// computed once in ten frames with a bell on it, a mass that rests away from 0, and a rail that always presses on a
+/// stop.
 fn network() -> Arc<Network> {
     let mut network = Network::new();
     let tie = |k, z| Tie::Physical { k, z };
@@ -100,14 +101,14 @@ fn network() -> Arc<Network> {
     Arc::new(network)
 }
 
-/// The first MAT whose name begins so.
+/// The first MAT whose name begins with `name`.
 fn mat(network: &Network, name: &str) -> usize {
     let mut mats = 0..network.n_mat();
     mats.find(|&mat| network.mat_name(mat).starts_with(name))
         .unwrap()
 }
 
-/// What happens: at first on the border of a block, beside it and between frames; then all over again.
+/// The events: at the border of a block, next to it, and between frames.
 fn timeline(network: &Network) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     let at = |name: &str| mat(network, name);
@@ -173,7 +174,7 @@ fn plain() -> Options {
     }
 }
 
-/// Play on as [`play`] does, with no island at rest for long enough to be passed over.
+/// Continue as [`play`] does, and keep every island awake.
 fn awake(simulation: &mut Simulation, n_frames: usize) -> Vec<u64> {
     let before = simulation.steps_at_rest();
     let mut sound = Vec::new();
@@ -185,7 +186,7 @@ fn awake(simulation: &mut Simulation, n_frames: usize) -> Vec<u64> {
     sound
 }
 
-/// All that a simulation can be asked, as bits.
+/// Everything that can be read from a simulation, as bits.
 fn seen(simulation: &Simulation) -> String {
     format!(
         "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
@@ -200,7 +201,7 @@ fn seen(simulation: &Simulation) -> String {
     )
 }
 
-/// The states that a render stores; what recalls them goes on from them.
+/// The states that a render stores; islands continue from them.
 fn stored(simulation: &mut Simulation) -> Vec<Vec<u8>> {
     let islands = simulation.storable();
     let states = islands.iter().map(|island| simulation.recorded(island).1);
@@ -237,7 +238,7 @@ fn simulations(network: &Arc<Network>, timeline: &Timeline) -> Vec<(String, Simu
 fn what_rests_is_passed_over_and_not_a_bit_is_another() {
     let network = network();
     let timeline = timeline(&network);
-    // Frames at which both are asked: in no order with anything, while all rests and later.
+    // Frames at which both are compared, unrelated to any period: while everything is at rest, and later.
     let looks = [
         300,
         1_111,
@@ -266,7 +267,7 @@ fn what_rests_is_passed_over_and_not_a_bit_is_another() {
     }
 }
 
-/// At the border of a block, beside it, and in the middle of one.
+/// Strikes at the border of a block, next to it, and in the middle of one.
 #[test]
 fn a_live_strike_wakes_what_it_strikes_in_its_frame() {
     let network = network();
@@ -292,7 +293,7 @@ fn a_live_strike_wakes_what_it_strikes_in_its_frame() {
             let sound = play(&mut rested, 3_000, &[128]);
             assert!(sound == awake(&mut reference, 3_000), "{budget:?} {frame}");
             assert_eq!(seen(&rested), seen(&reference));
-            // It moves in the frame after, and nothing else wakes.
+            // It moves in the next frame, and nothing else wakes.
             let n_out = rested.n_out();
             let moved = sound.chunks(n_out).position(|row| row[1] != sound[1]);
             assert!(moved.is_some_and(|at| at < 40), "{moved:?}");
@@ -302,7 +303,7 @@ fn a_live_strike_wakes_what_it_strikes_in_its_frame() {
     }
 }
 
-/// What friction has stopped rests again where it stopped, and is struck anew.
+/// A mass that friction has stopped rests where it stopped, until it is struck again.
 #[test]
 fn what_has_stopped_rests_again() {
     let mut network = Network::new();
@@ -323,7 +324,7 @@ fn what_has_stopped_rests_again() {
     }
     let mut rested = Simulation::new(network, &timeline, options(OnFault::Stop)).unwrap();
     let mut reference = rested.fork();
-    // It slides for 0.2 s, and is looked at within as long again.
+    // It slides for 0.2 s; the next test for rest comes within as long again.
     let passed = [
         (1, 20_000, 30_000),
         (3, 120_000, 132_300),
@@ -338,7 +339,7 @@ fn what_has_stopped_rests_again() {
     }
 }
 
-/// A window that opens on a scene at rest sees what presses there, frame by frame.
+/// If watching begins while the scene is at rest, pressing contacts are seen frame by frame.
 #[test]
 fn a_look_sees_what_presses_at_rest() {
     let network = network();
@@ -361,7 +362,7 @@ fn a_look_sees_what_presses_at_rest() {
     }
 }
 
-/// A version that takes over while all rests, and another in the middle of what follows.
+/// One version takes over while everything is at rest, another one in the middle of what follows.
 #[test]
 fn a_version_takes_over_from_one_at_rest() {
     let network = network();

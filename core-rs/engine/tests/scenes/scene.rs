@@ -1,4 +1,4 @@
-//! Small scenes drawn by chance: every kind of link, gesture, strike, coupling and drive.
+//! Small random scenes: every kind of link, gesture, strike, coupling and drive.
 
 use std::sync::Arc;
 
@@ -14,10 +14,10 @@ use ergon_engine::simulation::{OnFault, Options, Simulation};
 use ergon_engine::timeline::{DriveKind, Rain, Source, Timeline};
 use ergon_engine::units::Rate;
 
-/// How long a scene is heard [s].
+/// Length of a scene [s].
 pub(crate) const LENGTH: f64 = 0.2;
 
-/// Every kind of link that joins two MATs here.
+/// Number of kinds of links that join two MATs.
 pub(crate) const LINKS: usize = 9;
 
 pub(crate) struct Scene {
@@ -186,7 +186,7 @@ impl Scene {
         .unwrap()
     }
 
-    /// A point on a take's path, tied to a MAT by a soft spring, and a weight on that MAT.
+    /// A point on the path of a take, tied to a MAT by a soft spring; also a constant force on that MAT.
     pub(crate) fn moved_point(&mut self, mat: usize) {
         let point = self.network.mas("point", 1.0, 0.0, 0.0).unwrap();
         self.network.impose(point);
@@ -203,7 +203,7 @@ impl Scene {
             .unwrap();
     }
 
-    /// A key, plain or with a second mass and a stop inside, that meets the first bell.
+    /// A key that meets the first bell, plain or with a second mass and a stop inside.
     fn key(&mut self) -> usize {
         self.network.part("key", None);
         let tie = Tie::Tuned {
@@ -269,7 +269,7 @@ impl Scene {
             t.push(t[t.len() - 1] + self.draw(4e-3, 4e-2));
             let (last, next) = (x[x.len() - 1], self.draw(-3e-3, 3e-3));
             let (kind, at) = match self.pick(5) {
-                // Before the piece there is no frame in which to throw.
+                // There is no frame before the piece, so the first points cannot be reached by a throw.
                 0 if t[t.len() - 1] > 1e-3 => (Approach::Throw, next),
                 1 => (Approach::Path(Curve::Line), next),
                 2 => (Approach::Path(Curve::Hold), last),

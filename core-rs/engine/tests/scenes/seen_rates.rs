@@ -1,4 +1,4 @@
-//! What is only seen goes once in so many frames: as a score at that rate, whatever plays it.
+//! Parts that are only seen are computed once in several frames, as a score at that lower rate would be.
 
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ fn bell() -> Network {
     network
 }
 
-/// A bell that is heard, and a pendulum that meets a ball: nobody hears them.
+/// A bell that is heard, and a pendulum that meets a ball; `is_heard`: whether an output hears these two.
 fn network(is_heard: bool) -> Arc<Network> {
     let mut network = bell();
     network.part("swing", None);
@@ -65,7 +65,7 @@ fn network(is_heard: bool) -> Arc<Network> {
 fn at(rate: f64, network: &Network) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(rate).unwrap());
     timeline.strike(network, 0, 0.01, 1e-3, 0).unwrap();
-    // The bob, along z, between two steps.
+    // The bob of the pendulum, along z, between two steps.
     timeline.strike(network, 6, 0.051_3, 2e-3, 0).unwrap();
     timeline
 }
@@ -91,7 +91,7 @@ fn playing(plan: &Arc<Plan>, threads: usize) -> Simulation {
     Simulation::planned(plan.clone(), Options { threads, ..plain() }).unwrap()
 }
 
-/// Where the pendulum and the ball are, as bits.
+/// Positions of the pendulum and the ball, as bits.
 fn swing(simulation: &Simulation) -> Vec<u64> {
     let x = simulation.positions();
     x[4..].iter().map(|x| x.to_bits()).collect()
@@ -141,7 +141,7 @@ fn between_its_steps_it_is_seen_on_a_straight_line() {
             }
         }
     }
-    // A step is told as that of a frame.
+    // A step is given as the step of one frame.
     let next = simulation.positions();
     for mat in 4..network.n_mat() {
         let own = (next[mat] - before[mat]) / f64::from(EVERY);
@@ -150,7 +150,7 @@ fn between_its_steps_it_is_seen_on_a_straight_line() {
     }
 }
 
-/// All that is heard and seen of it, in blocks of so many frames.
+/// Everything that is heard and seen, in blocks of this size.
 fn all(plan: &Arc<Plan>, threads: usize, block: usize) -> (Vec<u64>, Vec<Vec<u64>>) {
     let mut simulation = playing(plan, threads);
     let (mut heard, mut seen) = (Vec::new(), Vec::new());
@@ -210,7 +210,7 @@ fn its_cost_is_that_of_its_frames_and_its_error_is_told() {
             (all - last.0).abs() < 1e-12 * all,
             "{every}: {all} of {last:?}"
         );
-        // What a pilot says is what a run of the same beginning shows: an error of order 2, or 1 where contacts close.
+        // The pilot finds the error of a run of the same beginning: of order 2, or of order 1 when contacts close.
         let error = row.error.unwrap();
         assert!(error.db > last.1 && error.db < -20.0, "{every}: {error:?}");
         assert!(error.over >= 0.3);
@@ -238,7 +238,7 @@ fn a_version_goes_on_where_it_was_at_any_frame() {
         let mut next = taken_over_by(&plan(&quiet, &timeline, EVERY, &budget));
         next.skip(N - from).unwrap();
         assert_eq!(swing(&next), swing(&whole));
-        // Where it is heard from then on, it goes on at every frame.
+        // If an output hears it from then on, it continues at every frame.
         let heard = network(true);
         let plan = plan(&heard, &timeline, EVERY, &budget);
         assert!(plan.seen().is_empty());
@@ -248,7 +248,7 @@ fn a_version_goes_on_where_it_was_at_any_frame() {
         let (x, y) = (before.positions(), next.positions());
         let (dx, dy) = (before.steps(), next.steps());
         for mat in 4..quiet.n_mat() {
-            // It is at most a step of its own further.
+            // The difference is at most one of its own steps.
             let most = f64::from(EVERY) * dx[mat].abs() + 1e-12;
             assert!((x[mat] - y[mat]).abs() <= most, "{from} {mat}");
             assert!((dx[mat] - dy[mat]).abs() <= 1e-12 + 1e-9 * dx[mat].abs());
@@ -284,7 +284,7 @@ fn what_no_slow_step_bears_goes_as_often_as_it_needs() {
         paces.push((row.every, row.oversampling));
         assert_eq!(row.stays.is_some(), row.every == 1, "{row:?}");
     }
-    // λh² is at most 4.
+    // Stability: λh² is at most 4.
     let steps =
         |(every, oversampling): (u32, u32)| RATE * f64::from(oversampling) / f64::from(every);
     for (pace, k) in paces.iter().zip([4e2, 4e5, 7e7]) {

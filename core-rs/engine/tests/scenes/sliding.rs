@@ -1,4 +1,4 @@
-//! Dry friction across a contact, beside what a block on a slope does; attraction between all pairs.
+//! Dry friction across a contact, against the formulas of a block on a slope; attraction between all pairs.
 
 use std::sync::Arc;
 
@@ -17,7 +17,8 @@ const M: f64 = 5e-3;
 const K: f64 = 2e4;
 const STILL: [f64; 3] = [0.0; 3];
 
-/// A block on a slope that rises along the first axis, where it lies without friction; thrown by `v0`.
+/// A block with the speed `v0` on a slope that rises along the first axis, at the depth at which the contact carries
+/// it.
 fn block(angle: f64, friction: f64, v0: [f64; 3]) -> Simulation {
     let normal = [-sin(angle), 0.0, cos(angle)];
     let mut network = Network::new();
@@ -35,7 +36,7 @@ fn block(angle: f64, friction: f64, v0: [f64; 3]) -> Simulation {
         friction,
         ..PairLaw::smooth(Measure::Plane(normal), LINEAR)
     };
-    // Damped as a spring of K with M is once and for all.
+    // Critical damping of a spring of K with M.
     let z = 2.0 * (K * M).sqrt();
     network
         .pairwise("lies", [slope, block], 3, own, [K, z, GAP])
@@ -45,7 +46,7 @@ fn block(angle: f64, friction: f64, v0: [f64; 3]) -> Simulation {
     start(network)
 }
 
-/// How far the block is uphill [m], sideways, and its speed uphill [m/s].
+/// Position of the block uphill [m] and sideways [m], and its speed uphill [m/s].
 fn uphill(simulation: &Simulation, angle: f64) -> [f64; 3] {
     let (x, d) = (simulation.positions(), simulation.steps());
     let along = |x: &[f64]| x[3] * cos(angle) + x[5] * sin(angle);
@@ -55,7 +56,7 @@ fn uphill(simulation: &Simulation, angle: f64) -> [f64; 3] {
 #[test]
 fn a_block_that_friction_holds_stays_where_its_spring_holds_it() {
     for angle in [0.1, 0.4, 0.7] {
-        // Enough for the damper too, which pushes while the spring gets longer.
+        // Enough friction to hold against the damper too, which pushes while the spring gets longer.
         let friction = 1.3 * sin(angle) / cos(angle);
         let mut simulation = block(angle, friction, STILL);
         simulation.skip(44_100).unwrap();
@@ -80,7 +81,7 @@ fn a_block_that_friction_does_not_hold_slides_as_coulomb_says() {
         let slope = sin(angle) - friction * cos(angle);
         let [at, _, speed] = uphill(&simulation, angle);
         let expected = -0.5 * G * slope * seconds * seconds;
-        // Friction is whole once its spring is stretched, after a micrometre.
+        // Friction reaches its full level once its spring is stretched, after a micrometre.
         assert!((at / expected - 1.0).abs() < 2e-3, "{at} is not {expected}");
         assert!((speed / (-G * slope * seconds) - 1.0).abs() < 2e-3);
     }
@@ -112,7 +113,7 @@ fn a_thrown_block_slides_straight_and_stops_where_its_energy_ends() {
     assert!(energy.residual.abs() < 1e-12 * energy.flow);
 }
 
-/// A version that another scene takes over from in the middle: what touching points remember goes on.
+/// Another version takes over while the block sticks: contacts keep their memory.
 #[test]
 fn nothing_slips_where_a_version_takes_over() {
     let scene = |has_bell: bool| {
@@ -162,7 +163,7 @@ fn nothing_slips_where_a_version_takes_over() {
     assert!(after == unchanged);
 }
 
-/// One group that is searched, and each pair by itself.
+/// One group with neighbour search, against one link for each pair.
 #[test]
 fn friction_of_all_pairs_is_that_of_each() {
     let motion = |is_listed: bool, n_axes: usize| {

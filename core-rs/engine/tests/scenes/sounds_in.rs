@@ -1,5 +1,5 @@
-//! Inputs of a sound card, and those that are told: what is played is what a file of it makes of the piece, and both are the
-//! formulas'.
+//! Inputs of a sound card, and inputs that are told values: playing gives the samples that a render from a recorded
+//! file gives, and both follow the formulas.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ fn plain() -> Options {
     }
 }
 
-/// A free mass, a point whose position is imposed, and a chain that hangs on it and is heard.
+/// A free mass, a point whose position is imposed, and a chain that hangs on this point and is heard.
 fn network() -> Network {
     let mut network = Network::new();
     network.part("free", None);
@@ -59,7 +59,7 @@ fn network() -> Network {
     network
 }
 
-/// Two channels that are loud enough for the clamp   (N, 2)
+/// Two channels of noise, loud enough for the clamp   (N, 2)
 fn noise() -> Vec<f32> {
     let mut x = 7_u32;
     let mut next = || {
@@ -74,7 +74,7 @@ fn channel(frames: &[f32], channel: usize) -> Vec<f64> {
     samples.collect()
 }
 
-/// The network under what was recorded, or may be played.
+/// The network with inputs: recorded samples, or live.
 fn timeline(recorded: Option<&[f32]>) -> (Arc<Network>, Timeline) {
     let network = Arc::new(network());
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
@@ -95,7 +95,7 @@ fn simulation(recorded: Option<&[f32]>) -> Simulation {
     Simulation::new(network, &timeline, plain()).unwrap()
 }
 
-/// Play frames in blocks of so many   (n_frames, 3)
+/// Play frames in blocks of this size   (n_frames, 3)
 fn played(simulation: &mut Simulation, frames: &[f32], block: usize) -> Vec<f64> {
     let mut sound = Vec::new();
     for frames in frames.chunks(2 * block) {
@@ -128,10 +128,10 @@ fn what_is_played_is_what_a_recording_of_it_makes() {
             "{block}"
         );
     }
-    // What a file says is not heard where somebody plays.
+    // The samples of the file are not heard while live samples are given.
     let silence = vec![0.5; 2 * N];
     assert!(played(&mut simulation(Some(&silence)), &noise, 64) == file);
-    // A plan is another way to compute, and the same for both.
+    // With a plan, played and rendered samples are equal as well.
     let planned = |recorded| {
         let (network, timeline) = timeline(recorded);
         let plan = Plan::new(network, &timeline, &Budget::default(), None).unwrap();
@@ -141,7 +141,8 @@ fn what_is_played_is_what_a_recording_of_it_makes() {
     assert!(played(&mut planned(None), &noise, 64) == file);
 }
 
-/// x[n+1] = 2x[n] − x[n−1] + F[n]/(M·rate²) with the force of an analogue Butterworth by the bilinear transform.
+/// x[n+1] = 2x[n] − x[n−1] + F[n]/(M·rate²); F is the output of an analogue Butterworth filter by the bilinear
+/// transform.
 #[test]
 fn a_force_is_filtered_scaled_and_clamped() {
     let noise = noise();
@@ -196,11 +197,12 @@ fn a_version_goes_on_where_the_input_of_another_stands() {
     assert!(sound == whole);
 }
 
-/// Where a mesh is stepped finer a position goes evenly and a force holds: the run is near that of whole frames.
+/// If a mesh is stepped finer, an input position is interpolated linearly and an input force is held: the result is
+/// near that of whole frames.
 #[test]
 fn finer_steps_hear_the_same_input() {
     let mut noise = noise();
-    // Low enough for whole frames to follow.
+    // Frequencies low enough for steps of a whole frame.
     let mut low = [0.0_f32; 2];
     for frame in noise.chunks_mut(2) {
         for (x, low) in frame.iter_mut().zip(&mut low) {
@@ -275,7 +277,7 @@ fn what_no_input_can_have_is_refused() {
     );
 }
 
-/// An input that is told by its number.
+/// Settings of an input that is told its value, by number.
 fn told(number: u64, glide: f64) -> SoundInSettings {
     SoundInSettings {
         source: InputSource::Told { number, glide },
@@ -285,7 +287,7 @@ fn told(number: u64, glide: f64) -> SoundInSettings {
     }
 }
 
-/// What is told when: frame, number, value.
+/// Values told: frame, number, value.
 const TOLD: [(usize, u64, f64); 6] = [
     (500, 8, 0.5),
     (700, 8, -0.75),
@@ -311,7 +313,7 @@ fn told_timeline() -> (Arc<Network>, Timeline) {
     (network, timeline)
 }
 
-/// Frames from that of the simulation to `stop`, in blocks of at most so many   (n_frames, 3)
+/// Outputs up to frame `stop`, in blocks of at most `block` frames   (n_frames, 3)
 fn as_told(simulation: &mut Simulation, stop: usize, block: usize) -> Vec<f64> {
     let mut sound = Vec::new();
     while (simulation.frame() as usize) < stop {
@@ -328,7 +330,7 @@ fn as_told(simulation: &mut Simulation, stop: usize, block: usize) -> Vec<f64> {
     sound
 }
 
-/// The value of an input at each frame [m or N], by walking from value to value.
+/// The expected value of an input at each frame [m or N], computed frame by frame.
 fn walked(number: u64, glide: f64) -> Vec<f64> {
     let (mut now, mut goal, mut left) = (BEFORE[0], None, 0.0);
     let values = (0..N).map(|n| {
@@ -353,7 +355,8 @@ fn walked(number: u64, glide: f64) -> Vec<f64> {
     values.collect()
 }
 
-/// A file until the first value; then each value is reached evenly, and held. No more than the clamp acts.
+/// The file is heard up to the first value; then each value is reached on a straight line and held. The clamp still
+/// acts.
 #[test]
 fn what_is_told_is_reached_and_held() {
     let simulation = || {
@@ -382,7 +385,7 @@ fn what_is_told_is_reached_and_held() {
     assert!(own.n_channels_in() == 0);
 }
 
-/// Another version goes on by the ways of the one before, at any frame of them, with a plan and without one.
+/// Another version continues the way to the values told, at any frame of it, with and without a plan.
 #[test]
 fn a_version_goes_on_by_what_was_told() {
     let plan = |planned: bool| {

@@ -1,4 +1,4 @@
-//! Points in space: closed forms, and what is refused.
+//! Points in space: comparison with closed forms, and inputs that are refused.
 
 use std::sync::Arc;
 
@@ -63,7 +63,7 @@ pub(crate) fn norm(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Momentum and angular momentum, in kg·m a frame: that of points of mass m whose coordinates follow one another.
+/// Momentum and angular momentum [kg·m a frame] of points of these masses; the coordinates of a point are adjacent.
 pub(crate) fn momenta(simulation: &Simulation, masses: &[f64]) -> [[f64; 3]; 2] {
     let (x, d) = (simulation.positions(), simulation.steps());
     let mut sums = [[0.0; 3]; 2];
@@ -93,7 +93,7 @@ fn a_thrown_point_flies_its_parabola() {
     network
         .weigh(ball.first + 2..ball.first + 3, -9.81)
         .unwrap();
-    // What is added later has no weight.
+    // Gravity does not act on a point that is added later.
     let later = point(&mut network, "later", 0.1, [0.0; 3], [0.0; 3]);
     let simulation = run(network, RATE, 22_050);
     let t = 0.5;
@@ -104,7 +104,7 @@ fn a_thrown_point_flies_its_parabola() {
     assert_eq!(&simulation.positions()[later.first..], [0.0; 3]);
 }
 
-/// A spring without length pulls along each axis as if there were no other: an ellipse around its fixed end.
+/// A spring without length pulls along each axis independently: an ellipse around its fixed end.
 #[test]
 fn a_spring_without_length_turns_its_end_on_an_ellipse() {
     let (k, m) = (40.0_f64, 0.01_f64);
@@ -128,11 +128,11 @@ fn a_spring_without_length_turns_its_end_on_an_ellipse() {
         norm(&apart)
     };
     let (coarse, fine) = (error(4_000.0), error(8_000.0));
-    // The second order: half the step, a quarter of the error.
+    // Order 2: half the step, a quarter of the error.
     assert!((3.8..4.2).contains(&(coarse / fine)), "{coarse} {fine}");
 }
 
-/// A row of springs under tension T: across it swings by T, along it by K.
+/// A row of springs under tension T: transverse modes depend on T, longitudinal ones on K.
 #[test]
 fn a_stretched_row_has_the_modes_of_the_lattice() {
     let (n, k, m, spacing, rest) = (5, 2_000.0, 1e-3, 0.02, 0.015);
@@ -146,7 +146,7 @@ fn a_stretched_row_has_the_modes_of_the_lattice() {
         let shape = |i: usize| sin(mode * std::f64::consts::PI * i as f64 / (n + 1) as f64);
         for i in 0..n + 2 {
             x0[i] = spacing * i as f64;
-            // Small enough that the tension stays, and large enough for its digits.
+            // Small enough for a constant tension, and large enough for the digits.
             v0[axis * (n + 2) + i] = 1e-4 * shape(i);
         }
         let points = SpacePoints {
@@ -183,7 +183,7 @@ fn a_collision_keeps_momenta_and_energy() {
     let masses = [0.05, 0.02];
     let mut network = Network::new();
     network.part("balls", None);
-    // Not head-on: they turn about each other.
+    // Not head-on: they rotate about each other.
     let a = point(&mut network, "a", masses[0], [0.0; 3], [2.0, 0.1, -0.3]);
     let b = point(
         &mut network,
@@ -210,7 +210,7 @@ fn a_collision_keeps_momenta_and_energy() {
     let energy = simulation.energy().unwrap();
     assert!(energy.residual.abs() < 1e-11 * energy.flow, "{energy:?}");
     assert!(energy.produced.abs() < 1e-3 * energy.start, "{energy:?}");
-    // They met: the first is slower, and what it lost the other has.
+    // After the collision the first is slower, and its loss in momentum is the gain of the second.
     let speed = |at: usize| norm(&simulation.steps()[at..at + 3]) * RATE;
     assert!(
         speed(a.first) < 1.6 && speed(b.first) > 1.5,
@@ -258,7 +258,7 @@ fn what_cannot_be_is_refused() {
         [1.0, 0.0, 0.1],
         "rope.s: the exponent of a contact must be from 1 to 8",
     );
-    // As stiff as it is along its line, its steps would diverge.
+    // With its stiffness along its line, the steps would diverge.
     link(&mut network, (a, b), spring, [5e6, 0.0, 0.1]);
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
     let error = Simulation::new(Arc::new(network), &timeline, options(OnFault::Stop));
@@ -266,7 +266,7 @@ fn what_cannot_be_is_refused() {
     assert!(said.contains("rope."), "{said}");
 }
 
-/// A row at its own length: its springs have no force but that of rounding, which is no energy that somebody made.
+/// A row at its rest length: its spring forces are rounding errors, which do not count as created energy.
 #[test]
 fn a_row_at_rest_makes_no_energy() {
     let mut network = Network::new();
@@ -294,7 +294,8 @@ fn a_row_at_rest_makes_no_energy() {
     assert!(simulation.gains().is_empty(), "{:?}", simulation.gains());
 }
 
-/// Springs in one pass, springs that never yield, which go in a pass for each operation, and springs one by one.
+/// Three paths of computation: all springs in one pass; springs with an infinite yield force, computed operation by
+/// operation; and springs one by one.
 #[test]
 fn runs_of_springs_have_the_bits_of_single_ones() {
     const N: usize = 131;
@@ -303,7 +304,7 @@ fn runs_of_springs_have_the_bits_of_single_ones() {
         breaks: f64::INFINITY,
     };
     for n_axes in [2, 3] {
-        // Ends that overlap, that do not, and that go backwards; no point is pulled by more than two springs.
+        // Ends that overlap, ends that do not, and ends in reverse order; at most two springs pull on a point.
         for (a, b, n) in [
             (0, 1, 100),
             (0, 40, 40),

@@ -1,4 +1,4 @@
-//! Laws of distances in space.
+//! Laws that depend on distances in space.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use ergon_engine::simulation::{OnFault, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
-/// A law that is endless where d is 0, and one that takes energy.
+/// A law that is infinite at d = 0, and one that dissipates.
 #[test]
 fn laws_of_distances_keep_momenta_and_ledger() {
     let law = |law: &str, damping: Option<&str>| {
@@ -63,7 +63,7 @@ fn laws_of_distances_keep_momenta_and_ledger() {
     assert!(energy.produced.abs() < 0.01 * energy.flow, "{energy:?}");
 }
 
-/// Where it begins a law is as stiff as its slope along its line, and as f/ℓ across it.
+/// At its initial length a law is as stiff as its slope along its line, and as f/ℓ across it.
 #[test]
 fn a_law_too_stiff_where_it_begins_is_refused() {
     let scene = |expression: &str| {
@@ -80,7 +80,7 @@ fn a_law_too_stiff_where_it_begins_is_refused() {
         let timeline = Timeline::new(Rate::new(RATE).unwrap());
         Simulation::new(Arc::new(network), &timeline, options(OnFault::Stop)).is_ok()
     };
-    // 4M/T² over the two ends is 3.9 MN/m.
+    // The limit for both ends, 4M/T² over 2, is 3.9 MN/m.
     let (near, beyond) = (1e-3 * RATE * RATE * 1.9, 1e-3 * RATE * RATE * 2.1);
     for is_across in [false, true] {
         let law = |k: f64| match is_across {

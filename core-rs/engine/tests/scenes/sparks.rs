@@ -1,4 +1,4 @@
-//! Ergons of written gestures as they are seen, beside those that struck; and watching them changes no sample.
+//! Sparks of written gestures, compared with the ergons that struck; watching changes no sample.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -17,9 +17,9 @@ use super::scene::Scene;
 const RATE: f64 = 44_100.0;
 /// Mass of the key [kg].
 const KEY: f64 = 0.08;
-/// Frames from one look to the next.
+/// Number of frames between two looks.
 const LOOK: usize = 735;
-/// Ergons of a stream that are so near each other are seen as one [s].
+/// Ergons of a stream that are at most this far apart are seen as one [s].
 const TOGETHER: f64 = 1e-3;
 
 const RECORDED: Options = Options {
@@ -67,7 +67,7 @@ fn simulation(network: Network, timeline: &Timeline) -> Simulation {
     Simulation::planned(Arc::new(plan), RECORDED).unwrap()
 }
 
-/// Of each look the ergons that struck, and what is seen of them.
+/// For each look: the ergons that struck, and the sparks that are seen.
 fn looks(simulation: &mut Simulation, n: usize, frames: usize) -> Vec<(Vec<Record>, Vec<Record>)> {
     let look = simulation.looked_at();
     simulation.watch();
@@ -80,8 +80,9 @@ fn looks(simulation: &mut Simulation, n: usize, frames: usize) -> Vec<(Vec<Recor
     (0..n).map(|_| one(simulation, &look)).collect()
 }
 
-/// The ergons of a stream by their signs and by the gaps between them: impulse, mean instant and speed of each run. Of an
-/// ergon p that is 1e-4 times as heavy as what stands still the speed is p (1 + 1e-4)/(2e-4 M).
+/// Expected sparks of a stream: for each run of ergons of one sign without a gap, the impulse and the mean instant and
+/// speed. A particle that is 1e-4 times as heavy as the key gives the impulse p to a key at rest if its speed is p (1 +
+/// 1e-4)/(2e-4 M).
 fn gathered(struck: &[Record]) -> Vec<[f64; 3]> {
     let mut all = Vec::new();
     for sign in [1.0, -1.0] {
@@ -130,7 +131,7 @@ fn a_stream_is_seen_as_one_ergon_of_each_sign_a_look() {
             }
             n += seen.len();
         }
-        // It pushes up, down, and up again; twice as long on the way down.
+        // The hand pushes up, down, and up again; the downward part is twice as long.
         assert!((8..20).contains(&n), "{n}");
     }
 }
@@ -201,7 +202,7 @@ fn more_than_can_be_told_is_gathered_by_sign() {
     assert!(seen.iter().all(|ergon| (0.01..0.13).contains(&ergon.time)));
 }
 
-/// Of every MAT and sign, the impulse of all ergons.
+/// Sum of the impulses for each MAT and sign.
 fn impulses<'a>(all: impl Iterator<Item = &'a Record>) -> HashMap<(u32, bool), f64> {
     let mut sums = HashMap::new();
     for ergon in all.filter(|ergon| ergon.impulse != 0.0) {
@@ -222,7 +223,7 @@ fn no_impulse_of_a_gesture_is_lost_whatever_the_scene() {
             written.iter().map(|ergon| ergon.mat).collect()
         };
         let all = looks(&mut own, 7, frames / 7);
-        // What a strike or an ergon of the score meets is no key here.
+        // MATs that strikes or ergons of the score hit are not keys here.
         let gestures = all.iter().flat_map(|look| &look.0);
         let struck = impulses(gestures.filter(|ergon| !written.contains(&ergon.mat)));
         let seen = impulses(all.iter().flat_map(|look| &look.1));

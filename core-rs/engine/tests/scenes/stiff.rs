@@ -1,4 +1,4 @@
-//! Links that stiffen until the scheme would diverge: frames are computed finer, and the scene plays on.
+//! Links that stiffen until the scheme would diverge: frames are computed in finer steps, and the scene plays on.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
 const HERTZ: f64 = 44_100.0;
-/// A twentieth of a second.
+/// Frames of a twentieth of a second.
 const N: usize = 2_205;
 
 fn plain() -> Options {
@@ -24,7 +24,7 @@ fn plain() -> Options {
     }
 }
 
-/// Without the guard.
+/// Options without the guard.
 fn bare() -> Options {
     Options {
         unchecked: true,
@@ -51,7 +51,7 @@ fn gong(t60: Option<f64>) -> Network {
     network
 }
 
-/// A string of masses whose links follow a law; it is heard at its third.
+/// A string of masses whose links follow a law; the output is its third mass.
 fn string(law: &LawText<'_>) -> Network {
     let mut network = Network::new();
     network.part("gong", None);
@@ -70,7 +70,7 @@ fn string(law: &LawText<'_>) -> Network {
     network
 }
 
-/// A strike at 10 ms on MAT 5 [N·s], times as much a frame.
+/// A strike on MAT 5 at 10 ms [N·s]; `times`: factor of the rate.
 fn struck(network: &Network, impulse: f64, times: f64) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(HERTZ * times).unwrap());
     timeline.open();
@@ -98,7 +98,7 @@ fn hardest(network: &Arc<Network>) -> f64 {
     high
 }
 
-/// What is heard of the gong over a time, at a rate `times` as high.
+/// The output over N frames, computed at a rate `times` as high.
 fn heard(network: &Arc<Network>, impulse: f64, times: usize) -> Vec<f64> {
     let timeline = struck(network, impulse, times as f64);
     let mut simulation = Simulation::new(network.clone(), &timeline, plain()).unwrap();
@@ -108,7 +108,7 @@ fn heard(network: &Arc<Network>, impulse: f64, times: usize) -> Vec<f64> {
     out.chunks(n_out * times).map(|frame| frame[0]).collect()
 }
 
-/// Of the first frames: the error in dB of the truth, and how much louder it is [dB].
+/// Over the first `n` frames: the error relative to the truth [dB], and the difference of levels [dB].
 fn errors(own: &[f64], truth: &[f64], n: usize) -> [f64; 2] {
     let power = |all: &mut dyn Iterator<Item = f64>| all.map(|x| x * x).sum::<f64>();
     let all = || own[..n].iter().zip(&truth[..n]);
@@ -125,8 +125,8 @@ fn quintic() -> LawText<'static> {
     }
 }
 
-/// Ten frames after the strike. Where it is so hard that all frames are computed in eight, they are CA's at eight times
-/// the rate, to rounding. What comes later does not repeat at any rate: only how loud it is.
+/// The error is taken over ten frames after the strike. If all of these are computed in eight steps, they equal CA at
+/// eight times the rate, up to rounding. Later motion is chaotic at any rate: only its level is compared.
 #[test]
 fn a_scene_that_would_diverge_plays_on() {
     let strikes = [1.0, 2.0, 4.0, 8.0, 16.0];
@@ -145,7 +145,7 @@ fn a_scene_that_would_diverge_plays_on() {
     }
 }
 
-/// Eight are not enough for everything: then it is a fault as ever.
+/// Not every strike can be computed in eight steps a frame: a harder one still ends in a fault.
 #[test]
 fn harder_still_is_a_fault() {
     let network = Arc::new(gong(Some(1.0)));
@@ -159,7 +159,7 @@ fn harder_still_is_a_fault() {
     assert_eq!(muted.muted().len(), 1);
 }
 
-/// A law that cannot stiffen beyond what eight steps bear diverges by no strike.
+/// A law whose stiffness stays within the limit of eight steps never diverges.
 #[test]
 fn lines_through_points_bear_anything() {
     let points = [(-1e-2, -9.8e4), (-2e-4, -4.0), (2e-4, 4.0), (1e-2, 9.8e4)];
@@ -176,7 +176,7 @@ fn lines_through_points_bear_anything() {
     }
 }
 
-/// The ledger closes through it, and what is stored and was lost is no more than was put in.
+/// The ledger closes while frames are computed finer, and the energy stored and lost does not exceed the energy put in.
 #[test]
 fn it_makes_no_energy() {
     let network = Arc::new(gong(Some(1.0)));
@@ -195,7 +195,7 @@ fn it_makes_no_energy() {
     }
 }
 
-/// Where links never stiffen so much, the guard changes nothing; where they do, only their island.
+/// If links do not stiffen so much, the guard changes no byte; if they do, it changes only their island.
 #[test]
 fn what_does_not_stiffen_keeps_its_bytes() {
     for network in [gong(Some(1.0)), string(&quintic())] {
@@ -218,7 +218,7 @@ fn what_does_not_stiffen_keeps_its_bytes() {
     }
 }
 
-/// A bell of 9 kHz that hangs on a string which is struck too hard: it has its own poles in finer frames, too.
+/// A bell of 9 kHz on a string that is struck too hard: its poles are also exact in finer steps.
 #[test]
 fn a_cell_beside_keeps_its_pitch() {
     let mut network = string(&quintic());
@@ -244,7 +244,7 @@ fn a_cell_beside_keeps_its_pitch() {
     assert!(error < -38.0, "{error}"); // out of tune it would be near 0
 }
 
-/// In the middle of frames that are computed finer.
+/// Snapshots, forks and blocks in the middle of frames that are computed finer.
 #[test]
 fn it_goes_on_through_everything() {
     let network = Arc::new(gong(Some(1.0)));
@@ -264,7 +264,7 @@ fn it_goes_on_through_everything() {
         whole.restore(&snapshot);
         assert!(play(&mut whole, N, &[300]) == after, "{method:?}");
         assert_eq!(whole.finer(), told);
-        // Another version takes over what is the same in it.
+        // Another version takes over the parts that are the same.
         let mut old = begin();
         assert!(play(&mut old, 480, &[37]) == before);
         let mut new = Simulation::planned_from(plan.clone(), plain(), 480).unwrap();
@@ -275,7 +275,7 @@ fn it_goes_on_through_everything() {
     }
 }
 
-/// Another gong takes over in the middle of it, and is damped: it plays on from there.
+/// Another gong takes over while frames are computed finer, and is damped: it plays on from that state.
 #[test]
 fn another_takes_over() {
     let network = Arc::new(gong(Some(1.0)));

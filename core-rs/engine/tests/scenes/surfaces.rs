@@ -1,4 +1,4 @@
-//! Points that touch a surface of triangles: the ledger closes, momentum stays, and nothing gets out.
+//! Points inside a surface of triangles: the ledger closes, momentum is conserved, and no point gets out.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use ergon_engine::chance::Chance;
 use ergon_engine::network::{Facets, Measure, Network, PairLaw, PointGroup, SpaceLaw};
 use proptest::prelude::*;
 
-/// A box around 0, `half` a side wide: twelve triangles.
+/// A cube around 0 with sides of 2·`half`: twelve triangles.
 fn cube(half: f64, reach: f64) -> Facets {
     let corner = |i: usize, axis: usize| if i >> axis & 1 == 1 { half } else { -half };
     let corners: Vec<[f64; 3]> = (0..8)
@@ -28,7 +28,7 @@ fn cube(half: f64, reach: f64) -> Facets {
 
 const HALF: f64 = 0.03;
 
-/// Points in a box that may move, of mass `shell` [kg]; with gravity where it is fixed.
+/// Points inside a box; `shell`: mass of the box [kg], 0 if it is fixed.
 fn shaken(seed: u64, shell: f64, law: SpaceLaw, friction: f64) -> (Network, Vec<f64>) {
     let mut network = Network::new();
     network.part("box", None);
@@ -47,7 +47,7 @@ fn shaken(seed: u64, shell: f64, law: SpaceLaw, friction: f64) -> (Network, Vec<
         [500.0, 0.03, GAP],
     );
     let reach = 0.5 * GAP;
-    // Points that begin in each other's place are fast: K is such that 0.1 J does not pass.
+    // Points that overlap at the start become fast: K is large enough to hold back 0.1 J.
     let stiff = if law == HERTZ { 2e5 } else { 8_000.0 };
     let what = PairLaw {
         friction,
@@ -81,7 +81,7 @@ proptest! {
         prop_assert!(x[3..3 + 3 * n].iter().all(|x| x.abs() < HALF));
     }
 
-    /// A box that is free takes what the points give it.
+    /// A free box takes up the momentum of the points.
     #[test]
     fn momentum_stays(seed in any::<u64>(), friction in prop_oneof![Just(0.0), 0.1..0.9_f64]) {
         let (network, masses) = shaken(seed, 0.05, LINEAR, friction);

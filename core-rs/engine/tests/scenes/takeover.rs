@@ -1,4 +1,4 @@
-//! A simulation takes over from another in the middle of everything.
+//! One simulation takes over from another in the middle of a scene.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -55,13 +55,13 @@ fn chain(network: &mut Network, name: &str, n: usize, law: Option<&Arc<Law>>) ->
     first
 }
 
-/// A real hand's key that strikes a string, to which a slow lever with gestures is coupled for a time; a body by
-/// itself, a bank of cells, a net that hardens.
+/// The key of a real hand that strikes a string, to which a slow lever with gestures is coupled for a time; a separate
+/// body, a bank of cells, and a net that hardens.
 fn network() -> Network {
     network_with(false)
 }
 
-/// The same, and before all of it another instrument.
+/// The same; `is_more`: with another instrument before it.
 fn network_with(is_more: bool) -> Network {
     let mut network = Network::new();
     let tie = |k, z| Tie::Physical { k, z };
@@ -150,7 +150,7 @@ fn lean(start: f64, x: f64, touch: Touch, layer: bool) -> Gesture {
     Gesture::written(0, &written, manner).unwrap()
 }
 
-/// What is common to all versions.
+/// The events that all versions have.
 fn begin(network: &Network) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     timeline.open();
@@ -161,7 +161,7 @@ fn begin(network: &Network) -> Timeline {
     timeline
 }
 
-/// Everything that happens; after `until` [s] otherwise.
+/// All events; those after `until` [s] differ.
 fn timeline(network: &Network, until: f64) -> Timeline {
     let mut timeline = begin(network);
     let other = |t: f64| if t < until { 1.0 } else { -0.7 };
@@ -196,13 +196,13 @@ fn timeline(network: &Network, until: f64) -> Timeline {
     timeline
 }
 
-/// Where the real hand is at a tick [m].
+/// Position of the real hand at a tick [m].
 fn hand(tick: u64) -> f64 {
     let t = tick as f64 * f64::from(TICK) / RATE;
     2e-3 * ergon_engine::maths::sin(60.0 * t)
 }
 
-/// Go on to a frame, in blocks, the hand playing.
+/// Play up to a frame, in blocks, with the hand.
 fn play(simulation: &mut Simulation, until: u64, block: usize, out: &mut Vec<u64>) {
     let n_out = simulation.n_out();
     while simulation.frame() < until {
@@ -218,7 +218,7 @@ fn play(simulation: &mut Simulation, until: u64, block: usize, out: &mut Vec<u64
     }
 }
 
-/// All that a simulation can be asked, as bits.
+/// Everything that can be read from a simulation, as bits.
 fn seen(simulation: &Simulation) -> String {
     format!(
         "{:?} {:?} {:?} {:?} {:?} {:?}",
@@ -231,7 +231,7 @@ fn seen(simulation: &Simulation) -> String {
     )
 }
 
-/// Versions one after the other: each from its frame on.
+/// Plays versions one after the other, each from its frame on.
 fn versions(
     plans: &[(Arc<Plan>, u64)],
     until: u64,
@@ -301,8 +301,8 @@ fn a_version_that_is_the_same_changes_no_bit() {
     }
 }
 
-/// A version that is another from `until` on: up to there no bit changes, and after it what plays is what a score
-/// written whole would have given, for what was running had come to its end.
+/// A version that differs only after `until`: no bit before that changes, and takeovers before it give the samples of
+/// the new version played from the start.
 #[test]
 fn a_version_that_differs_later_is_heard_later() {
     let network = Arc::new(network());
@@ -331,7 +331,7 @@ fn a_version_that_differs_later_is_heard_later() {
     }
 }
 
-/// The plan of a session is the same whatever is written, and whatever plan it is made like.
+/// The plan of a session does not depend on the events written, nor on the plan that it is made like.
 #[test]
 fn a_session_is_planned_for_what_may_come() {
     let network = Arc::new(network());
@@ -366,7 +366,8 @@ fn a_session_is_planned_for_what_may_come() {
     let sound = |plan| versions(&[(plan, 0)], LENGTH, plain(), 440);
     let heard = sound(whole.clone());
     assert_eq!(sound(like), heard);
-    // Nothing of the first has begun yet, and all of it is another's: to the last bit, with threads too.
+    // No event of the first version has begun yet: after the takeover, the samples are those of the other, to the last
+    // bit, with threads too.
     let plans = [(Arc::new(other), 0), (whole, 150)];
     let options = Options {
         threads: 3,
@@ -375,7 +376,8 @@ fn a_session_is_planned_for_what_may_come() {
     assert_eq!(versions(&plans, LENGTH, options, 4_400), heard);
 }
 
-/// Another instrument comes and goes: what it does not touch goes on to the last bit, whatever its place is now.
+/// Another instrument is added and removed: everything that it does not touch keeps its bits, whatever its new indices
+/// are.
 #[test]
 fn what_is_added_changes_no_bit_of_the_others() {
     let (network, more) = (Arc::new(network()), Arc::new(network_with(true)));
@@ -389,13 +391,13 @@ fn what_is_added_changes_no_bit_of_the_others() {
         let (come, gone) = (4_433, 8_811);
         let plans = [(plan.clone(), 0), (with, come), (plan, gone)];
         let joined = versions(&plans, LENGTH, plain(), 64).0;
-        // While it is there it is the first of six outputs, else there are five.
+        // While the instrument is there, its output is the first of six; otherwise there are five.
         let (before, rest) = joined.split_at(come as usize * 5);
         let (between, after) = rest.split_at((gone - come) as usize * 6);
         let between = between.chunks(6).flat_map(|frame| &frame[1..]);
         let joined: Vec<u64> = before.iter().chain(between).chain(after).copied().collect();
         for (at, (a, b)) in whole.iter().zip(&joined).enumerate() {
-            // Where an output sums several units, their order is that of their costs.
+            // An output that sums several units adds them in the order of their costs, which may change.
             let is_sum = [2, 4].contains(&(at % 5));
             let apart = (f64::from_bits(*a) - f64::from_bits(*b)).abs();
             assert!(
@@ -407,8 +409,8 @@ fn what_is_added_changes_no_bit_of_the_others() {
     }
 }
 
-/// A running gesture that the new version does not have ends where it is: the key goes on by itself, and the next
-/// gesture joins it there.
+/// A running gesture that the new version does not have ends at once: the key moves freely, and the next gesture joins
+/// it there.
 #[test]
 fn a_gesture_that_is_gone_ends_there() {
     let mut network = Network::new();
@@ -448,17 +450,19 @@ fn a_gesture_that_is_gone_ends_there() {
         64,
     );
     let x: Vec<f64> = versions.0.iter().map(|x| f64::from_bits(*x)).collect();
-    // Up to the throw: a gesture's own acceleration, 4 mm in 40 ms, and nothing that jumps.
+    // Up to the throw, the acceleration is that of the gesture, 4 mm in 40 ms: nothing jumps.
     let bend = |n: usize| (x[n + 1] - 2.0 * x[n] + x[n - 1]).abs() * RATE * RATE;
     let worst = (1..(0.239 * RATE) as usize).map(bend).fold(0.0, f64::max);
     assert!(worst < 40.0, "{worst} m/s²");
-    // Free, it swings at its own frequency from where it was let go; led, it is where it is asked.
+    // The free key swings at its own frequency from its position at the takeover; a led key is where the gesture asks
+    // for it.
     let at = |t: f64| x[(t * RATE).round() as usize];
     assert!(at(0.05) > at(from) && at(0.1) < -5e-4, "it swings back");
     assert!((at(0.24) - 2e-3).abs() < 1e-6, "{}", at(0.24));
 }
 
-/// Another network: what has the same name goes on from where it is, in a bank or stepped, and what is new begins.
+/// Another network: masses of the same name keep their motion, in a bank or stepped; new ones begin at their initial
+/// state.
 #[test]
 fn masses_go_on_by_name() {
     let version = |k: f64, coupled: bool, more: bool| {
@@ -527,7 +531,7 @@ fn many_random_scenes_go_on() {
     go_on(4..100);
 }
 
-/// Every kind of link, gesture, strike, coupling and drive, with the ledger kept and not.
+/// Takeovers in random scenes, with and without the ledger.
 fn go_on(seeds: Range<u64>) {
     for seed in seeds {
         let scene = Scene::random(seed);
@@ -565,7 +569,7 @@ fn go_on(seeds: Range<u64>) {
     }
 }
 
-/// A part that has fallen silent stays so in a version that does not touch it, and all others play on.
+/// A muted part stays muted in a version that does not change it, and all others play on.
 #[test]
 fn a_muted_part_stays_mute() {
     let version = |struck: &[f64]| {
@@ -578,7 +582,7 @@ fn a_muted_part_stays_mute() {
         let bell = network.cel("m", 1e-2, tie, 0.0, 1e-3, 0.0).unwrap();
         network.part("sick", None);
         let mass = network.mas("m", 1.0, 0.0, 1e5).unwrap();
-        // What is out of all bounds at 0.1 s hangs on the bell by almost nothing.
+        // The mass that passes all bounds at 0.1 s hangs on the bell by a negligible spring.
         network.spring("l", bell, mass, 1e-9, 0.0, 0.0).unwrap();
         for (name, first) in [("bell", bell), ("sick", mass)] {
             let term = Term::Position {

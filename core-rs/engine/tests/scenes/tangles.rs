@@ -1,4 +1,5 @@
-//! Points tied to each other, to a bell and to the ground: what no step, plan or view from elsewhere may change.
+//! Points tied to each other, to a bell and to the ground: results that must not depend on blocks, plans or the
+//! reference frame.
 
 use std::sync::Arc;
 
@@ -14,7 +15,7 @@ use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 use proptest::prelude::*;
 
-/// Some points, tied to each other by springs and contacts, to a bell by a spring along one axis, and to the ground.
+/// Points tied to each other by springs and contacts, to a bell by a spring along one axis, and to the ground.
 fn tangle(seed: u64) -> (Network, Timeline, Vec<f64>) {
     let mut chance = Chance::new(i128::from(seed), "space", "tangle", 0, 0);
     let mut draw = |low: f64, high: f64| chance.uniform(low, high);
@@ -118,7 +119,7 @@ proptest! {
     }
 }
 
-/// Four points, tied to each other alone, seen from elsewhere: turned, and drifting [m/s].
+/// Four points tied only to each other, in another reference frame: rotated, and drifting [m/s].
 fn free(turned: impl Fn([f64; 3]) -> [f64; 3], drift: [f64; 3]) -> (Network, [f64; 4]) {
     let mut network = Network::new();
     network.part("free", None);
@@ -151,7 +152,7 @@ fn free(turned: impl Fn([f64; 3]) -> [f64; 3], drift: [f64; 3]) -> (Network, [f6
     (network, masses)
 }
 
-/// Without what is outside, nothing pushes the whole and nothing turns it.
+/// Without links to anything else, momentum and angular momentum are conserved.
 #[test]
 fn a_free_tangle_keeps_its_momenta() {
     let (network, masses) = free(|x| x, [0.0; 3]);
@@ -169,10 +170,10 @@ fn a_free_tangle_keeps_its_momenta() {
     }
 }
 
-/// Whoever looks from elsewhere, or rides along, sees the same motion, but for rounding.
+/// In a rotated or moving reference frame the motion is the same, up to rounding.
 #[test]
 fn a_free_tangle_moves_alike_from_everywhere() {
-    // Turned about (1, 2, 2)/3 by 1 rad (Rodrigues).
+    // Rotation about (1, 2, 2)/3 by 1 rad (Rodrigues).
     let (c, s, k) = (cos(1.0), sin(1.0), [1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0]);
     let turned = |x: [f64; 3]| -> [f64; 3] {
         let (across, along) = (cross(k, x), k[0] * x[0] + k[1] * x[1] + k[2] * x[2]);

@@ -12,7 +12,7 @@ use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
-/// A point that is pulled away at a constant speed, from a fixed one: force of the link, frame by frame.
+/// A point moves away from a fixed one at a constant speed; returns the force of the link, frame by frame.
 fn pulled(law: SpaceLaw, far: f64) -> (Simulation, Vec<f64>) {
     let (k, rest) = (1_000.0, 0.1);
     let mut network = Network::new();
@@ -38,7 +38,7 @@ fn pulled(law: SpaceLaw, far: f64) -> (Simulation, Vec<f64>) {
 #[test]
 fn a_wire_yields_and_breaks() {
     let endless = f64::INFINITY;
-    // It grows by 20 mm a second: at 1 N/mm its force is 20 N at the end, if nothing yields.
+    // The link grows by 20 mm in a second: at 1 N/mm the final force is 20 N, if nothing yields.
     let (_, force) = pulled(SpaceLaw::Spring, 0.02);
     assert!((force[44_099] - 20.0).abs() < 1e-2);
     let (yields, breaks) = (5.0, endless);
@@ -55,12 +55,12 @@ fn a_wire_yields_and_breaks() {
     assert!((broken as f64 / RATE - 0.4).abs() < 1e-3, "{broken}");
     assert!((force[broken - 1] - 8.0).abs() < 1e-3);
     let energy = simulation.energy().unwrap();
-    // ½·8 N·8 mm are gone with it.
+    // The energy of the broken link, ½·8 N·8 mm, is lost.
     assert!((energy.lost - 0.032).abs() < 1e-4, "{energy:?}");
     assert!(energy.residual.abs() < 1e-11 * energy.flow, "{energy:?}");
 }
 
-/// A row that is thrown apart, so that some of its links break; each is heard. With more: a weight hangs on it.
+/// A row that is thrown apart, so that some of its links break; each mass is heard. `is_more`: a weight hangs on it.
 fn torn_row(is_more: bool) -> Network {
     let law = SpaceLaw::Yielding {
         yields: 0.8,
@@ -115,7 +115,8 @@ fn torn_row(is_more: bool) -> Network {
     network
 }
 
-/// A net that is thrown against its own threads: the ledger closes, broken links never pull, and what is broken stays so.
+/// A net that is stretched by its own motion until it tears: the ledger closes, and broken links stay broken and never
+/// pull.
 #[test]
 fn a_net_tears_and_its_ledger_closes() {
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
@@ -129,7 +130,7 @@ fn a_net_tears_and_its_ledger_closes() {
     let still = |frame: usize| forces(frame).iter().filter(|&&bits| bits << 1 == 0).count();
     assert!(still(n - 1) >= 1 && still(n - 1) < 7, "{}", still(n - 1));
     assert_eq!(still(n - 1), still(n - 5_000));
-    // A snapshot knows what is broken.
+    // A snapshot contains which links are broken.
     let mut other = start(torn_row(false), &timeline);
     play(&mut other, n / 2, &[100]);
     let snapshot = other.snapshot();
@@ -139,7 +140,7 @@ fn a_net_tears_and_its_ledger_closes() {
     assert!(rest == play(&mut simulation, n / 2, &[9]));
 }
 
-/// What is torn stays torn where an edit changes the rest.
+/// Links that are torn stay torn when an edit changes the rest.
 #[test]
 fn an_edit_mends_nothing() {
     let timeline = Timeline::new(Rate::new(RATE).unwrap());

@@ -1,5 +1,5 @@
-//! A body with symmetries has several modes of each frequency: of those only as many are computed as it is moved at
-//! points, and it plays the same.
+//! A body with symmetries has several modes of each frequency. Only as many of them are computed as there are points
+//! that move it, and the sound is the same.
 
 use std::sync::Arc;
 
@@ -22,8 +22,8 @@ enum By {
     Hammer,
 }
 
-/// A square plate moved off its axes, heard at two points. Of what is `open` nothing is known, so that no mode is turned
-/// and none left out.
+/// A square plate, moved off its axes and heard at two points. If `is_open`, further strikes may come at any point, so
+/// no mode is turned and none is left out.
 fn plan(by: By, is_open: bool) -> Arc<Plan> {
     let mut network = Network::new();
     network.part("plate", None);
@@ -80,7 +80,8 @@ fn heard(simulation: &mut Simulation, n_frames: usize) -> Vec<f64> {
 }
 
 impl By {
-    /// How far two ways of computing it may be apart: what lies below the budget, and how finely a contact is computed.
+    /// Largest difference between the two ways of computing: from what the budget neglects, and from the resolution of
+    /// contacts.
     fn apart(self) -> f64 {
         match self {
             Self::Strikes => 1e-5,
@@ -98,7 +99,7 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
 
 #[test]
 fn one_mode_of_a_frequency_for_each_point_that_moves_it() {
-    // Of 121 frequencies (i, j) and (j, i) are one, but where i = j: 66.
+    // (i, j) and (j, i) have the same frequency: the 121 modes have 66 frequencies.
     let pairs = SIDE * (SIDE + 1) / 2;
     for (by, most) in [(By::Strikes, SIDE * SIDE), (By::Hammer, pairs)] {
         let (closed, open) = (plan(by, false), plan(by, true));
@@ -117,7 +118,7 @@ fn one_mode_of_a_frequency_for_each_point_that_moves_it() {
     }
 }
 
-/// What was turned is seen mass by mass as it stands: another version goes on from there.
+/// Another version takes over from turned modes mass by mass.
 #[test]
 fn another_version_goes_on_from_turned_modes() {
     for by in [By::Strikes, By::Hammer] {

@@ -1,4 +1,4 @@
-//! From what was asked to an output that is there; and what there is to be asked.
+//! Opens the output that a `Spec` names, and lists the available outputs.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use super::{AudioError, file, jack, null, pulse, system};
 
 const HAS_SYSTEM: bool = cfg!(any(target_os = "macos", windows));
 
-/// Open what `spec` names; for `auto`, the first that is there. Returns what was found, too.
+/// Opens the output that `spec` names; for `auto`, the first one available. Also returns the spec of the output found.
 pub(super) fn connect(
     spec: &Spec,
     rate: u32,
@@ -42,7 +42,7 @@ fn first(
         Backend::System,
         Backend::Null,
     ];
-    // A system without it is not to be told so each time.
+    // Where there is no system backend, its absence is not worth a remark.
     backends.retain(|backend| HAS_SYSTEM || *backend != Backend::System);
     for backend in backends {
         let found = Spec {
@@ -63,7 +63,7 @@ fn first(
     })
 }
 
-/// What there is: for each backend what it would play on, or why it cannot be had. Starts no server.
+/// For each backend what it would play on, or why it is not available. Starts no server.
 #[must_use]
 pub fn survey() -> Vec<(String, Result<String, String>)> {
     let told = |found: Result<String, AudioError>| found.map_err(|error| error.to_string());

@@ -1,4 +1,4 @@
-//! A WAVE file, written as fast as the frames come or by the clock; it appears under its name when it is whole.
+//! A WAVE file, written as fast as the frames come or by the clock; it gets its final name when it is complete.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -15,9 +15,10 @@ use crate::realtime;
 const BLOCK: u32 = 1024;
 const NAP: Duration = Duration::from_micros(200);
 
-/// A new file; the frames wait under another name beside it until it is closed.
+/// A new file; until it is closed it has a temporary name in the same folder.
 ///
-/// `clock`: as a card would take them, so many at a time.
+/// `clock`: if given, frames are taken by the clock, as a card would take them, in blocks of this size (`None`: the
+/// default).
 pub(super) fn open(
     path: &Path,
     rate: u32,
@@ -56,12 +57,12 @@ pub(super) struct Recording {
     rate: u32,
     channels: usize,
     frames: u64,
-    /// Frames that the header in the file tells of.
+    /// Frames that the header in the file declares.
     told: u64,
 }
 
 impl Recording {
-    /// A new file, under another name until it is whole.
+    /// A new file, with a temporary name until it is complete.
     pub(super) fn create(path: &Path, rate: u32, channels: usize) -> Result<Self, AudioError> {
         let failed = |error| AudioError::File {
             path: path.to_owned(),
@@ -94,7 +95,7 @@ impl Recording {
     fn run(&mut self, drain: &mut Drain, stop: &AtomicBool) -> io::Result<()> {
         let mut out = vec![0.0; BLOCK as usize * self.channels];
         loop {
-            // In this order: what was pushed before the end was asked for is written.
+            // `stop` is read first, so that everything pushed before it was set is written.
             let last = stop.load(Ordering::Acquire);
             match drain.take(&mut out) {
                 0 if last => return Ok(()),
@@ -124,7 +125,8 @@ impl Recording {
             self.to.write_all(&sample.to_le_bytes())?;
         }
         self.frames += frames as u64;
-        // A performance that is killed leaves a file that can be read up to its last seconds.
+        // Update the header from time to time, so that the file of a killed performance can be read up to its last
+        // seconds.
         if self.frames - self.told > 5 * u64::from(self.rate) {
             self.tell()?;
         }
@@ -140,14 +142,14 @@ impl Recording {
         Ok(())
     }
 
-    /// Give the whole file its name.
+    /// Finish the file and give it its final name.
     pub(super) fn end(&mut self) -> io::Result<()> {
         self.tell()?;
         self.to.get_ref().sync_all()?;
         std::fs::rename(&self.unfinished, &self.path)
     }
 
-    /// Why it could not be written.
+    /// A sentence on why the file could not be written.
     pub(super) fn told(&self, error: &io::Error) -> String {
         let (path, unfinished) = (self.path.display(), self.unfinished.display());
         format!("{path} could not be written ({error}); the unfinished file is {unfinished}")

@@ -1,6 +1,6 @@
-//! An input that is heard: from a card to the physics by the ring that outputs use, the other way round.
+//! A sound input: from a card to the physics through the same ring as for outputs, in the other direction.
 //!
-//! The card's callback pushes, the physics takes; neither waits. What is missing is silence, and is counted.
+//! The card's callback pushes and the physics takes; neither waits. Missing frames are replaced by silence and counted.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -14,33 +14,35 @@ use super::source::{OpenedInput, Source};
 use super::spec::{Backend, Spec};
 use super::{AudioError, jack, pulse, rate, ring};
 
-/// How often the supervisor looks.
+/// Time between two checks by the supervisor.
 const LOOK: Duration = Duration::from_millis(50);
-/// How long a server that died is left alone between two looks for it.
+/// Time between two attempts to find a server that died.
 const RETRY: Duration = Duration::from_secs(1);
-/// More than so many times what the ring is to hold is thrown away: the input would be heard ever later.
+/// If more than this many times the wanted frames wait in the ring, the excess is thrown away: otherwise the input
+/// would be heard later and later.
 const MOST: usize = 4;
 
-/// What an input says of itself.
+/// Properties of an input.
 #[derive(Clone, Debug)]
 pub struct InputInfo {
     /// `jack` or `pulse`.
     pub backend: String,
-    /// What it hears.
+    /// The source.
     pub device: String,
     /// Rate of the card [Hz].
     pub rate: u32,
     /// Channels of a frame.
     pub channels: usize,
-    /// Frames that the card gives at a time.
+    /// Frames that the card gives per block.
     pub block: u32,
-    /// From the microphone to the physics [s]: what the server tells, what waits in the ring, and the conversion.
+    /// Latency from the microphone to the physics [s]: that of the server, the frames that wait in the ring, and the
+    /// conversion.
     pub latency_s: f64,
-    /// All this in words.
+    /// All of the above in words.
     pub sentence: String,
 }
 
-/// An input, heard until it is closed or dropped.
+/// An open input, until it is dropped.
 pub struct Input {
     state: Arc<InputState>,
     supervisor: Option<JoinHandle<()>>,
@@ -55,17 +57,17 @@ struct InputState {
     report: Mutex<(InputInfo, Vec<Event>)>,
 }
 
-/// The end of an input on the physics thread: it neither allocates nor waits.
+/// The end of an input on the physics thread; it neither allocates nor waits.
 pub struct Intake {
     drain: Drain,
-    /// Frames that wait before it begins, and begins again.
+    /// Frames that wait in the ring before sound begins, and begins again after an underrun.
     target: usize,
-    /// What waits before the first frame is old, and nobody misses it.
+    /// Whether `hear` was called. Frames that came before are old: they are dropped and not counted.
     has_begun: bool,
 }
 
 impl Intake {
-    /// The end of a ring that holds `target` frames before it begins, at `rate` [Hz].
+    /// The end of a ring that holds `target` frames before sound begins, at `rate` [Hz].
     #[must_use]
     pub fn new(mut drain: Drain, target: usize, rate: u32) -> Self {
         drain.set_rate(rate);
@@ -78,7 +80,7 @@ impl Intake {
         }
     }
 
-    /// Fill interleaved frames. What is missing is silence, reached and left by ramps of 2 ms, and counted.
+    /// Fill interleaved frames. Missing frames become silence, with ramps of 2 ms before and after it, and are counted.
     pub fn hear(&mut self, out: &mut [f32]) {
         if !std::mem::replace(&mut self.has_begun, true) {
             self.drain.catch_up(0);
@@ -99,10 +101,10 @@ impl Intake {
     }
 }
 
-/// Hear `channels` of what `spec` names, at `rate` [Hz], for a physics that takes `wanted` frames at once.
+/// Open `channels` of the input that `spec` names, at `rate` [Hz], for a physics that takes `wanted` frames at once.
 ///
 /// # Errors
-/// A sentence on why the input cannot be had; nothing was started then.
+/// A sentence on why the input cannot be opened; nothing was started then.
 pub fn listen(
     spec: &Spec,
     rate: u32,
@@ -193,19 +195,19 @@ fn sentence(info: &InputInfo, rate: u32) -> String {
 }
 
 impl Input {
-    /// What it is.
+    /// Properties of the input.
     #[must_use]
     pub fn info(&self) -> InputInfo {
         self.state.report().0.clone()
     }
 
-    /// What happened since it was opened.
+    /// Events since the input was opened.
     #[must_use]
     pub fn events(&self) -> Vec<Event> {
         self.state.report().1.clone()
     }
 
-    /// Counts: `underruns` and `missing` of silence put in, `discarded` of frames that came too many.
+    /// Counts: `underruns` and `missing` for silence put in, `discarded` for frames in excess.
     #[must_use]
     pub fn shared(&self) -> &Arc<Shared> {
         &self.state.shared
@@ -236,7 +238,7 @@ impl InputState {
         self.report().1.push(event);
     }
 
-    /// Keep it heard until it is stopped.
+    /// Keep the input open until it is stopped.
     fn supervise(&self, source: Box<dyn Source>, converter: Option<rate::Converter>) {
         let mut source = Some(source);
         let mut feed = None;
@@ -275,7 +277,7 @@ impl InputState {
         drop(converter.map(rate::Converter::stop));
     }
 
-    /// The input again, at the rate that it had; else the feed.
+    /// Open the input again, at the rate that it had; otherwise return the feed.
     fn again(&self, feed: Feed) -> Result<Box<dyn Source>, Option<Box<Feed>>> {
         let rate = self.report().0.rate;
         match connect(&self.spec, self.channels, &self.shared) {

@@ -1,4 +1,4 @@
-//! JACK, and PipeWire where it stands in for it: a client named `ergon` with ports `out_1` to `out_n`.
+//! JACK, or PipeWire in its place: a client named `ergon` with ports `out_1` to `out_n`.
 
 mod api;
 mod capture;
@@ -20,12 +20,12 @@ use super::spec::Spec;
 pub use self::capture::Capture;
 pub(super) use self::input::open as open_input;
 
-/// Frames that are sorted into the ports at a time.
+/// Frames that are copied to the ports at a time.
 const SLICE: usize = 256;
-/// While the server runs as fast as it is fed, its callback waits for the physics; no longer than this.
+/// Longest wait of the callback for the physics while the server runs as fast as its clients (freewheel).
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// A client of the server that runs; starts none.
+/// Opens a client of the running server; starts no server.
 pub(super) fn open(
     spec: &Spec,
     channels: usize,
@@ -84,7 +84,7 @@ fn start(
     Ok(Box::new(playing))
 }
 
-/// The ports of a direction that ours are connected to, in their order.
+/// The ports in a direction that our ports are connected to, in their order.
 fn targets(client: &Client, device: Option<&str>, direction: c_ulong) -> Vec<String> {
     let unwanted = std::env::var_os("JACK_NO_AUTOCONNECT").is_some_and(|value| !value.is_empty());
     match device {
@@ -95,7 +95,7 @@ fn targets(client: &Client, device: Option<&str>, direction: c_ulong) -> Vec<Str
     }
 }
 
-/// What runs in the server's thread.
+/// The process callback, which runs in the server's thread.
 struct JackCallback {
     drain: Drain,
     ports: Box<[Port]>,
@@ -143,7 +143,7 @@ impl Playback {
         for (port, target) in self.ports.iter().zip(&targets) {
             client.connect(&client.port_name(*port), target);
         }
-        // One channel is heard from both of two loudspeakers.
+        // A single channel is connected to the first two loudspeakers.
         if let ([port], [_, other]) = (self.ports.as_slice(), targets.as_slice()) {
             client.connect(&client.port_name(*port), other);
         }
@@ -172,7 +172,7 @@ impl Sink for Playback {
     }
 }
 
-/// What the server that runs would play on.
+/// What the running server would play on.
 pub(super) fn survey() -> Result<String, AudioError> {
     let client = Client::open(c"ergon_survey", Arc::<Shared>::default())?;
     let (rate, block) = (client.rate(), client.block());

@@ -1,4 +1,4 @@
-//! Where the system's own sound is not used.
+//! Stand-in for the system backend where it is not built.
 
 use super::sink::Opened;
 use super::{AudioError, Spec};

@@ -1,4 +1,4 @@
-//! Nowhere: by the clock, as a card would take the frames, or as fast as they come.
+//! Outputs without sound: they take frames by the clock, as a card would, or as fast as they come.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use super::sink::{Opened, PRIORITY, Sink, ThreadSink};
 use crate::realtime;
 
 pub(super) const BLOCK: u32 = 256;
-/// Later than this the clock is set anew: a suspended machine does not catch up by playing faster.
+/// If the clock is later than this, it is reset: after a suspend the machine must not catch up by playing faster.
 const LOST: Duration = Duration::from_millis(200);
 const NAP: Duration = Duration::from_micros(200);
 
@@ -35,7 +35,7 @@ pub(super) fn open(rate: u32, block: Option<u32>) -> Opened {
     }
 }
 
-/// What takes frames at once.
+/// An output that takes frames at once.
 pub(super) fn fast(rate: u32, block: Option<u32>) -> Opened {
     let block = block.unwrap_or(BLOCK);
     Opened {
@@ -61,7 +61,7 @@ pub(super) fn fast(rate: u32, block: Option<u32>) -> Opened {
     }
 }
 
-/// Take frames as a card would, and have something done with each block.
+/// Take frames by the clock, as a card would, and call `with` for each block.
 pub(super) fn by_the_clock<E>(
     drain: &mut Drain,
     stop: &AtomicBool,
@@ -85,7 +85,7 @@ pub(super) fn by_the_clock<E>(
     Ok(())
 }
 
-/// How long frames last.
+/// Duration of `frames` at `rate` [Hz].
 fn lasting(frames: u64, rate: u32) -> Duration {
     let (frames, rate) = (u128::from(frames), u128::from(rate.max(1)));
     Duration::from_nanos(u64::try_from(frames * 1_000_000_000 / rate).unwrap_or(u64::MAX))
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn hours_of_blocks_do_not_drift() {
-        // 256 frames at 44.1 kHz are no whole number of nanoseconds.
+        // 256 frames at 44.1 kHz are not a whole number of nanoseconds.
         assert_eq!(
             lasting(44_100 * 3600 * 10, 44_100),
             Duration::from_secs(36_000)

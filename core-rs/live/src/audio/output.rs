@@ -1,4 +1,4 @@
-//! An output that plays: what it says of itself, and the supervisor that finds a server again when it died.
+//! A playing output: its properties, and the supervisor that reconnects to a server that died.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,54 +11,54 @@ use super::sink::{Opened, Sink, StartFailure};
 use super::spec::{Backend, Spec};
 use super::{AudioError, connect, null, rate};
 
-/// How often the supervisor looks.
+/// Time between two checks by the supervisor.
 const LOOK: Duration = Duration::from_millis(50);
-/// A server that died is looked for after the first, and at most after the second, of these times.
+/// Waits before the first attempt to find a server that died, and longest wait between two attempts.
 const RETRY: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(2));
 
-/// What an output says of itself.
+/// Properties of an output.
 #[derive(Clone, Debug)]
 pub struct Info {
     /// `jack`, `pulse`, `system`, `file` or `null`.
     pub backend: String,
-    /// What it plays on.
+    /// The device that it plays on.
     pub device: String,
     /// Rate of the card [Hz].
     pub rate: u32,
-    /// Rate of the score [Hz]; where the two differ, the sound is converted.
+    /// Rate of the score [Hz]; if it differs from the card's, the sound is converted.
     pub score_rate: u32,
     /// Channels of a frame.
     pub channels: usize,
-    /// Frames that the card asks at a time.
+    /// Frames that the card asks for per block.
     pub block: u32,
-    /// From being taken out of the ring to being heard, as far as the server tells [s].
+    /// Latency from the ring to the ear, as far as the server reports it [s].
     pub latency_s: f64,
-    /// Whether a clock takes the frames. If not, feed them as fast as they can be made.
+    /// Whether a clock takes the frames. If not, they can be fed as fast as they are computed.
     pub paced: bool,
     /// SCHED_FIFO priority of the card's thread; `None`: scheduled like any other.
     pub priority: Option<i32>,
-    /// All this in words.
+    /// All of the above in words.
     pub sentence: String,
 }
 
-/// When frames go to the card, as it says.
+/// Timing of the frames that go to the card.
 #[derive(Clone, Copy, Debug)]
 pub struct Sounding {
-    /// How long ago the first frame went [s], by what the last block tells.
+    /// How long ago frame 0 went to the card [s], calculated from the last block.
     pub since: f64,
-    /// From there to being heard [s].
+    /// From the card to the ear [s].
     pub latency: f64,
-    /// How often the ring went empty.
+    /// Number of underruns.
     pub gaps: u64,
     /// Whether a card takes the frames.
     pub is_alive: bool,
 }
 
-/// Tells any thread how the sound goes.
+/// Reports the timing of the sound to any thread.
 pub struct News(Arc<OutputState>);
 
 impl News {
-    /// When frames go to the card; `None` before the first, and where no clock takes them.
+    /// Timing of the frames; `None` before the first block, and for outputs without a clock.
     #[must_use]
     pub fn sounding(&self) -> Option<Sounding> {
         let (rate, is_paced) = {
@@ -77,18 +77,18 @@ impl News {
     }
 }
 
-/// Something that happened to the sound.
+/// An event of the sound output or input.
 #[derive(Clone, Debug)]
 pub struct Event {
-    /// Since the output was opened [s].
+    /// Time since the output or input was opened [s].
     pub at: f64,
-    /// Frames of the score that had gone to the card.
+    /// Frames that had been played by then.
     pub frame: u64,
-    /// What it was.
+    /// What happened.
     pub sentence: String,
 }
 
-/// An output that plays what is fed, until it is closed or dropped.
+/// An open output that plays what is fed, until it is closed or dropped.
 pub struct Output {
     state: Arc<OutputState>,
     supervisor: Option<JoinHandle<Option<String>>>,
@@ -110,11 +110,11 @@ struct Report {
     events: Vec<Event>,
 }
 
-/// Play on `spec` what comes through `drain`: frames of `channels` at `rate` Hz.
+/// Open the output `spec` for the frames that come through `drain`: `channels` at `rate` [Hz].
 ///
 /// # Errors
 ///
-/// A sentence on why the output cannot be had; nothing was started then.
+/// A sentence on why the output cannot be opened; nothing was started then.
 pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Output, AudioError> {
     if !(1..=CHANNELS_MAX).contains(&channels) || channels != drain.channels() {
         return Err(AudioError::Channels {
@@ -125,7 +125,7 @@ pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Out
     let shared = drain.shared().clone();
     let (opened, found) = connect::connect(spec, rate, channels, &shared)?;
     let state = OutputState {
-        // A server that dies is looked for again: the one that `auto` found, not whatever is there by then.
+        // If the server dies, the supervisor looks for the backend that `auto` found, not for any other.
         spec: found,
         score_rate: rate,
         channels,
@@ -153,7 +153,7 @@ pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Out
 }
 
 impl Output {
-    /// What it is, as it is now.
+    /// Properties of the output now.
     #[must_use]
     pub fn info(&self) -> Info {
         let report = self.state.report();
@@ -163,13 +163,13 @@ impl Output {
         info
     }
 
-    /// What tells another thread how the sound goes.
+    /// A handle that reports the timing of the sound to another thread.
     #[must_use]
     pub fn news(&self) -> News {
         News(self.state.clone())
     }
 
-    /// What happened since it was opened.
+    /// Events since the output was opened.
     #[must_use]
     pub fn events(&self) -> Vec<Event> {
         self.state.report().events.clone()
@@ -181,7 +181,7 @@ impl Output {
         &self.state.shared
     }
 
-    /// Wait until the feed is closed and all of it was heard; false when `limit` came first.
+    /// Wait until the feed is closed and all of it was heard; false if `limit` passes first.
     #[must_use]
     pub fn wait(&self, limit: Duration) -> bool {
         let until = Instant::now() + limit;
@@ -193,18 +193,18 @@ impl Output {
         }
         let info = self.info();
         if info.paced {
-            // Out of the ring is not yet out of the card.
+            // Frames that left the ring are still on their way through the card.
             let block = f64::from(info.block) / f64::from(info.rate);
             std::thread::sleep(Duration::from_secs_f64(info.latency_s + block));
         }
         true
     }
 
-    /// Stop; a file is finished and gets its name.
+    /// Stop; a file is finished and gets its final name.
     ///
     /// # Errors
     ///
-    /// What went wrong on the way: a file that could not be written.
+    /// An error during playback or writing, e.g. a file that could not be written.
     pub fn close(&mut self) -> Result<(), AudioError> {
         let Some(supervisor) = self.supervisor.take() else {
             return Ok(());
@@ -223,7 +223,7 @@ impl Output {
 
 impl Drop for Output {
     fn drop(&mut self) {
-        // Who wants to know calls `close`.
+        // Errors are dropped here; call `close` to get them.
         let _ = self.close();
     }
 }
@@ -294,7 +294,7 @@ impl OutputState {
         report.info.block = block;
     }
 
-    /// Keep it playing until it is stopped; returns what went wrong with what it wrote.
+    /// Keep the output playing until it is stopped; returns the last error, if any.
     fn supervise(&self, mut line: Line) -> Option<String> {
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(LOOK);
@@ -331,7 +331,7 @@ impl OutputState {
         line.stop().1
     }
 
-    /// Take the frames by the clock until the server is back; `None`: stopped before.
+    /// Take the frames by the silent clock until the server is back; `None` if the output was stopped first.
     fn in_silence(&self, drain: Drain, comes_back: bool) -> Option<Line> {
         let mut line =
             Line::start(null::open(self.score_rate, None), self.score_rate, drain).ok()?;
@@ -371,7 +371,7 @@ impl OutputState {
     }
 }
 
-/// The way from the ring to the card.
+/// The path from the ring to the card.
 struct Line {
     sink: Box<dyn Sink>,
     converter: Option<rate::Converter>,

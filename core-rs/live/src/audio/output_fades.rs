@@ -1,20 +1,21 @@
-//! The three ramps that hide trouble: out of what was heard last, into what comes next, and to silence.
+//! Three ramps against clicks: down from the last sample at a gap, up into the sound after it, and down to silence in a
+//! panic.
 
 const FADE: f64 = 0.002; // s
 const HUSH: f64 = 0.005; // s
 
-/// Ramps over frames of one stream; at rest it changes no bit.
+/// Ramps over the frames of one stream; between ramps samples pass unchanged, bit for bit.
 pub(super) struct OutputFades {
     channels: usize,
     fade: u32,
     hush: u32,
-    /// How far what comes has risen, 0 to `fade`.
+    /// How far the incoming sound has risen, 0 to `fade`.
     rise: u32,
-    /// What is left of the fall of `held`, `fade` to 0.
+    /// What is left of the fall from `held`, `fade` to 0.
     fall: u32,
     held: Box<[f32]>,
     last: Box<[f32]>,
-    /// What is left of the way to silence, while silence is asked for.
+    /// What is left of the fall to silence [frames], while silence is requested.
     hushing: Option<u32>,
 }
 
@@ -40,19 +41,19 @@ impl OutputFades {
         (self.rise, self.fall) = (self.fade, 0);
     }
 
-    /// What sounded is over, unforeseen: it falls from its last value, and what comes next will rise.
+    /// Begin a gap: the sound falls from its last value, and the next frames will rise.
     pub(super) fn break_off(&mut self) {
         self.held.copy_from_slice(&self.last);
         (self.rise, self.fall) = (0, self.fade);
     }
 
-    /// What comes next rises from silence.
+    /// Let the next frames rise from silence.
     pub(super) fn begin_anew(&mut self) {
         (self.rise, self.fall) = (0, 0);
         self.last.fill(0.0);
     }
 
-    /// Frames that came.
+    /// Shape frames of sound.
     pub(super) fn sounding(&mut self, frames: &mut [f32]) {
         for frame in frames.chunks_exact_mut(self.channels) {
             if self.rise == self.fade && self.fall == 0 {
@@ -70,7 +71,7 @@ impl OutputFades {
         }
     }
 
-    /// Frames that did not come: what is left of the fall, then silence.
+    /// Fill frames of a gap: what is left of the fall, then silence.
     pub(super) fn silent(&mut self, frames: &mut [f32]) {
         for frame in frames.chunks_exact_mut(self.channels) {
             self.fall = self.fall.saturating_sub(1);
@@ -88,27 +89,27 @@ impl OutputFades {
         of as f32 / self.fade as f32
     }
 
-    /// Silence was asked for; returns whether it is reached.
+    /// Request silence; returns whether it is reached.
     pub(super) fn ask_hush(&mut self) -> bool {
         *self.hushing.get_or_insert(self.hush) == 0
     }
 
-    /// Silence is asked for where it is silent already.
+    /// Request silence when the output is silent already.
     pub(super) fn hush_now(&mut self) {
         self.hushing = Some(0);
     }
 
-    /// Whether silence was asked for and is not reached.
+    /// Whether silence is requested but not reached.
     pub(super) fn is_falling_silent(&self) -> bool {
         self.hushing.is_some_and(|left| left > 0)
     }
 
-    /// Silence is no longer asked for; returns whether it was.
+    /// Withdraw the request for silence; returns whether there was one.
     pub(super) fn end_hush(&mut self) -> bool {
         self.hushing.take().is_some()
     }
 
-    /// The way to silence, over frames that are shaped already.
+    /// Apply the fall to silence to frames that the other ramps have shaped.
     pub(super) fn hushed(&mut self, frames: &mut [f32]) {
         let Some(left) = &mut self.hushing else {
             return;

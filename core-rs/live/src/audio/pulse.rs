@@ -1,4 +1,4 @@
-//! PulseAudio, and PipeWire where it stands in for it, by their protocol: a stream named `ergon`.
+//! PulseAudio, or PipeWire in its place, by the PulseAudio protocol: a stream named `ergon`.
 
 #[cfg(unix)]
 mod record;

@@ -1,4 +1,5 @@
-//! From the score's rate to the card's, in a thread between two rings: a card's callback never resamples.
+//! Conversion between the rates of the score and the card, in a thread between two rings: a card's callback never
+//! resamples.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -11,17 +12,19 @@ use super::ring::{self, Drain, Feed};
 use super::sink::{PRIORITY, Sink, StartFailure, ThreadSink};
 use crate::realtime;
 
-/// Frames that are converted at once: the longer, the nearer the filter goes to half the rate, and the later.
+/// Frames that are converted at once. More frames: the filter's cutoff is nearer to half the rate, and the latency is
+/// longer.
 const CHUNK: usize = 512;
 const NAP: Duration = Duration::from_micros(200);
 
-/// The thread, and how late it makes the sound [frames of the card].
+/// The converter's thread, and its latency [frames at the output rate].
 pub(super) struct Converter {
     pump: ThreadSink,
     pub(super) latency: usize,
 }
 
-/// Put a converter before a card at rate `to` that asks `block` frames at a time; returns the drain for the card.
+/// Put a converter from rate `from` to rate `to` behind the ring `inner`, for a reader that takes `block` frames at a
+/// time; returns the drain for that reader.
 pub(super) fn between(
     mut inner: Drain,
     from: u32,
@@ -53,7 +56,7 @@ impl Converter {
         self.pump.alive()
     }
 
-    /// The drain at the score's rate again.
+    /// Stop, and return the inner drain.
     pub(super) fn stop(self) -> Option<Drain> {
         let (mut drain, _) = Box::new(self.pump).stop();
         if let Some(drain) = &mut drain {
@@ -101,7 +104,7 @@ impl Filter {
     fn run(mut self, inner: &mut Drain, mut feed: Feed, stop: &AtomicBool) -> Result<(), String> {
         let channels = self.channels;
         let (mut came, mut went) = (0_u64, 0_u64);
-        let mut skipped = 0; // frames of the filter's own delay: the first to come are none of the score's
+        let mut skipped = 0; // frames of the filter's own delay, which come before the first frame of the input
         let mut held = 0;
         while !stop.load(Ordering::Acquire) {
             let wanted = self.fft.input_frames_next();
@@ -138,7 +141,7 @@ impl Filter {
         Ok(())
     }
 
-    /// Convert the first `held` frames of the input, and silence for what is missing of it.
+    /// Convert the first `held` frames of the input; the rest of the input counts as silence.
     fn convert(&mut self, held: usize) -> Result<usize, String> {
         let channels = self.channels;
         let input = InterleavedSlice::new(&self.input, channels, self.input.len() / channels);
@@ -161,7 +164,7 @@ mod tests {
     use ergon_engine::maths::sin;
     use std::f64::consts::TAU;
 
-    /// A second of sines at `from` as it comes out at `to`, two channels.
+    /// One second of a sine at `from` [Hz], converted to `to` [Hz], two channels.
     fn converted(from: u32, to: u32, pitch: f64) -> Vec<f32> {
         let (mut feed, drain) = ring::ring(2, 4096);
         let (converter, mut outer) = between(drain, from, to, 256)
@@ -198,7 +201,7 @@ mod tests {
             for pitch in [440.0, 10_000.0] {
                 let got = converted(from, to, pitch);
                 assert_eq!(got.len(), 2 * to as usize, "{from} to {to}");
-                // Where it begins and ends, the filter sees the silence beside it.
+                // Near the beginning and the end, the filter also covers the silence outside.
                 for n in 1000..to as usize - 1000 {
                     let x = sin(TAU * pitch * n as f64 / f64::from(to)) as f32;
                     let (left, right) = (got[2 * n], got[2 * n + 1]);

@@ -1,6 +1,6 @@
 //! The ring between the physics and the sound card: `Feed` stays with the physics, `Drain` goes to the card.
 //!
-//! Neither allocates, locks or panics while it plays. Untroubled, samples pass unchanged.
+//! Neither allocates, locks or panics while it plays. Outside gaps and panics, samples pass unchanged.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -11,11 +11,11 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::output_fades::OutputFades;
 use super::shared::Shared;
 
-/// What a frame may hold at most.
+/// Most channels of a frame.
 pub const CHANNELS_MAX: usize = 64;
 const NAP: Duration = Duration::from_micros(100);
 
-/// The physics' side: whole interleaved frames go in.
+/// The physics' side: it takes whole interleaved frames.
 pub struct Feed {
     samples: Producer<f32>,
     channels: usize,
@@ -32,18 +32,18 @@ pub struct Drain {
     shared: Arc<Shared>,
     phase: Phase,
     fades: OutputFades,
-    /// A panic was announced, whose end is still to be.
+    /// The edge that begins the silence of a panic was reported, and the edge that ends it was not yet.
     hushed: bool,
-    /// Frames that waited when a panic ended: they pass unheard.
+    /// Frames that waited when a panic ended: they are dropped.
     stale: usize,
-    /// Whether the loudspeakers are behind this one; a rate converter's inner drain tells nothing.
+    /// Whether this drain feeds the loudspeakers; the inner drain of a rate converter reports nothing.
     outermost: bool,
     given: FrameCounts,
-    /// Of the frames that are handed out [Hz].
+    /// Rate of the frames that are handed out [Hz].
     rate: u32,
 }
 
-/// Of one ring.
+/// State shared by both ends of one ring.
 struct Gate {
     closed: AtomicBool,
     prefill: AtomicUsize,
@@ -51,14 +51,14 @@ struct Gate {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Phase {
-    /// Nothing came yet, or all was thrown away: silence that nobody misses.
+    /// No frame came yet, or all were dropped: silence that does not count as missing.
     Waiting,
     Playing,
-    /// The ring went empty while it played: silent until it holds what it is to hold.
+    /// The ring went empty while it played: silent until it holds the prefill again.
     Starved,
 }
 
-/// Frames given to the card, counted in frames of the score.
+/// Frames that were given to the card, and the rates to count them in frames of the score.
 #[derive(Clone, Copy)]
 struct FrameCounts {
     before: u64,
@@ -67,8 +67,8 @@ struct FrameCounts {
     card_rate: u64,
 }
 
-/// A ring of `capacity` frames of `channels`. The card begins, and begins again after an underrun, when it is half
-/// full (`Feed::set_prefill` says otherwise) or closed.
+/// A ring of `capacity` frames of `channels`. The card begins, and begins again after an underrun, once the ring is
+/// half full (or as full as `Feed::set_prefill` says), or closed.
 ///
 /// # Panics
 ///
@@ -78,7 +78,7 @@ pub fn ring(channels: usize, capacity: usize) -> (Feed, Drain) {
     joined(channels, capacity, Arc::new(Shared::default()))
 }
 
-/// A ring whose news go to `shared`.
+/// A ring that reports to `shared`.
 pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (Feed, Drain) {
     assert!(
         (1..=CHANNELS_MAX).contains(&channels),
@@ -119,7 +119,7 @@ pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (
 }
 
 impl FrameCounts {
-    /// All of them, in frames of the score.
+    /// Total number in frames of the score.
     fn score(self) -> u64 {
         self.before + self.frames * self.score_rate / self.card_rate
     }
@@ -150,7 +150,7 @@ impl Feed {
         self.capacity - self.room()
     }
 
-    /// Give interleaved frames; returns how many were taken, whole ones only.
+    /// Push interleaved frames; returns how many were taken, whole frames only.
     pub fn push(&mut self, frames: &[f32]) -> usize {
         let taken = self.room().min(frames.len() / self.channels);
         let samples = frames.get(..taken * self.channels).unwrap_or(&[]);
@@ -159,7 +159,7 @@ impl Feed {
             .map_or(0, |()| taken)
     }
 
-    /// Give frames of which those without room are lost, and counted once anything was taken.
+    /// Push frames; those without room are dropped, and counted if any frame was played before.
     pub(super) fn offer(&mut self, frames: &[f32]) {
         let lost = frames.len() / self.channels - self.push(frames);
         if self.shared.played() > 0 {
@@ -167,18 +167,18 @@ impl Feed {
         }
     }
 
-    /// How many frames wait before the card begins, and begins again after an underrun.
+    /// Number of frames that must wait before the card begins, and begins again after an underrun.
     pub fn set_prefill(&self, frames: usize) {
         let frames = frames.min(self.capacity);
         self.gate.prefill.store(frames, Ordering::Relaxed);
     }
 
-    /// Nothing more will come: what is in the ring is played, and that is the end. Dropping does the same.
+    /// Mark the end: the card plays what is in the ring, then stops. Dropping does the same.
     pub fn close(&self) {
         self.gate.closed.store(true, Ordering::Release);
     }
 
-    /// What both sides know.
+    /// The state that both sides share.
     #[must_use]
     pub fn shared(&self) -> &Arc<Shared> {
         &self.shared
@@ -198,25 +198,25 @@ impl Drain {
         self.channels
     }
 
-    /// What both sides know.
+    /// The state that both sides share.
     #[must_use]
     pub fn shared(&self) -> &Arc<Shared> {
         &self.shared
     }
 
-    /// The rate of the frames that are handed out [Hz]: ramps are times.
+    /// Set the rate of the frames that are handed out [Hz]; it gives the ramps their duration.
     pub(super) fn set_rate(&mut self, rate: u32) {
         self.fades.set_rate(rate);
         self.rate = rate.max(1);
     }
 
-    /// This one stands before another ring: it tells nothing of its own.
+    /// Say whether this drain feeds the loudspeakers; if not, it stands before another ring and reports nothing.
     pub(super) fn set_outermost(&mut self, outermost: bool) {
         self.outermost = outermost;
         self.count_from(self.shared.played(), 1, 1);
     }
 
-    /// Frames handed out from now on are at `card_rate`, of a score at `score_rate` that was heard up to `before`.
+    /// Count frames from now on as `card_rate`, of a score at `score_rate` of which `before` frames were played.
     pub(super) fn count_from(&mut self, before: u64, score_rate: u32, card_rate: u32) {
         self.given = FrameCounts {
             before,
@@ -226,7 +226,7 @@ impl Drain {
         };
     }
 
-    /// The card behind it changed: what comes next rises from silence, if anything was heard before.
+    /// The card behind this drain changed: the next frames rise from silence, if anything was heard before.
     pub(super) fn changed_card(&mut self) {
         if self.phase != Phase::Waiting {
             self.phase = Phase::Starved;
@@ -240,22 +240,23 @@ impl Drain {
         self.samples.slots() / self.channels
     }
 
-    /// Whether the feed was closed and all of it was handed out.
+    /// Whether the feed was closed and all frames were handed out.
     #[must_use]
     pub fn ended(&self) -> bool {
-        // In this order: what was pushed before closing is seen by then.
+        // `closed` is read first, so that everything pushed before closing is counted.
         self.gate.closed.load(Ordering::Acquire) && self.waiting() == 0
     }
 
-    /// Fill interleaved frames, for the card's callback. Silence where nothing came yet; an underrun falls to
-    /// silence within 2 ms and is counted; after the end, silence.
+    /// Fill interleaved frames, for the card's callback. Silence before the first frames and after the end; at an
+    /// underrun the sound falls to silence within 2 ms, and the underrun is counted.
     pub fn fill(&mut self, out: &mut [f32]) {
         let whole = out.len() - out.len() % self.channels;
         let (out, rest) = out.split_at_mut(whole);
         rest.fill(0.0);
         let panicked = self.panicked();
         if panicked && self.fades.ask_hush() {
-            // At the pace of what would be heard: the sound before and after lies where it was computed to be.
+            // Frames are dropped at the pace at which they would be heard, so that the sound before and after keeps its
+            // time.
             self.throw_away(out.len() / self.channels);
             out.fill(0.0);
             return;
@@ -290,14 +291,14 @@ impl Drain {
         self.fades.hushed(out);
     }
 
-    /// Leave what waits unheard but for the last `keep` frames; what follows rises from silence.
+    /// Drop what waits except for the last `keep` frames; the next frames rise from silence.
     pub(super) fn catch_up(&mut self, keep: usize) {
         let waiting = self.waiting();
         self.throw_away(waiting.saturating_sub(keep));
         self.fades.begin_anew();
     }
 
-    /// Hand out what waits, at most `out`, for a taker without a clock; returns the frames.
+    /// Hand out the frames that wait, at most `out`, to a reader without a clock; returns their number.
     pub fn take(&mut self, out: &mut [f32]) -> usize {
         if self.panicked() && self.fades.ask_hush() {
             let thrown = self.throw_away(out.len() / self.channels);
@@ -315,7 +316,7 @@ impl Drain {
         frames
     }
 
-    /// Wait until `frames` wait or will never come. Only for a callback that runs as fast as it is fed.
+    /// Wait until `frames` wait or no more can come. Only for a callback of a freewheeling server.
     pub(super) fn wait_for(&self, frames: usize, limit: Duration) {
         let until = Instant::now() + limit;
         let frames = frames.min(self.samples.buffer().capacity() / self.channels);
@@ -329,7 +330,7 @@ impl Drain {
         }
     }
 
-    /// Whether silence is asked for, or was, and is still to be reached.
+    /// Whether silence is requested, or a fall to silence is not finished.
     fn panicked(&mut self) -> bool {
         if self.shared.panicked() || self.fades.is_falling_silent() {
             if std::mem::take(&mut self.stale) > 0 {
@@ -341,7 +342,7 @@ impl Drain {
             return true;
         }
         if self.fades.end_hush() {
-            // What was computed meanwhile is old by now.
+            // Frames that were computed during the panic are out of date.
             self.stale = self.waiting();
             self.fades.begin_anew();
         }
@@ -349,7 +350,7 @@ impl Drain {
         false
     }
 
-    /// At most so many of the frames that are old since a panic, left unheard.
+    /// Drop at most `most` of the frames that a panic left out of date; returns how many.
     fn pass_stale(&mut self, most: usize) -> usize {
         if self.stale == 0 {
             return 0;
@@ -407,7 +408,7 @@ impl Drain {
         }
     }
 
-    /// Leave so many frames unheard, or all there are once nothing more comes; returns how many.
+    /// Drop at most `most` frames, or all if the ring is closed; returns how many, at most `most`.
     fn throw_away(&mut self, most: usize) -> usize {
         let closed = self.gate.closed.load(Ordering::Acquire);
         let waiting = self.waiting();

@@ -1,4 +1,4 @@
-//! What the physics, the card and the player know of each other while it plays: atomics only.
+//! State that the physics, the card and the player share during playback: atomics only.
 
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicI64, AtomicU32, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -7,24 +7,24 @@ use crate::stop;
 
 /// No frame has gone to the card yet.
 const NEVER: i64 = i64::MIN;
-/// Edges of silence that are kept until somebody asks.
+/// Number of edges of silence that are kept.
 const EDGES: usize = 256;
 
-/// Where a panic's silence begins or ends.
+/// An edge of a panic's silence: its beginning or its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Edge {
-    /// Of the score: where the sound begins to fall, or to rise again.
+    /// Frame of the score at which the sound begins to fall, or to rise again.
     pub frame: u64,
     /// Whether silence begins there.
     pub silent: bool,
 }
 
-/// News of one performance's sound. Every method may be called from any thread, the callback's too.
+/// State of the sound of one performance. Every method may be called from any thread, also from the callback.
 pub struct Shared {
     began: Instant,
-    /// When frame 0 went to the card, or would have, by what its last block tells [ns since `began`].
+    /// When frame 0 went to the card, or would have gone, calculated from the last block [ns since `began`].
     zero: AtomicI64,
-    /// Frames of the score that a panic threw away, before or behind a converter.
+    /// Frames of the score that were thrown away, before or behind a converter.
     skipped: AtomicU64,
     panic: AtomicBool,
     alive: AtomicBool,
@@ -82,25 +82,25 @@ macro_rules! count {
 }
 
 impl Shared {
-    /// Silence within 5 ms, in the callback itself, and no sound until `release`; meanwhile frames leave the ring unheard,
-    /// as fast as they would be heard.
+    /// Silence within 5 ms, in the callback itself, and no sound until `release`; meanwhile frames are dropped from the
+    /// ring as fast as they would be heard.
     pub fn panic(&self) {
         self.panic.store(true, Ordering::Release);
     }
 
-    /// Sound again, faded in, from what is pushed from now on: what waits in the ring passes unheard.
+    /// Sound again, faded in, from what is pushed from now on: the frames that wait in the ring are dropped.
     pub fn release(&self) {
         self.panic.store(false, Ordering::Release);
     }
 
-    /// Whether silence was asked for.
+    /// Whether silence is requested.
     #[must_use]
     pub fn panicked(&self) -> bool {
         self.panic.load(Ordering::Acquire) || stop::is_over()
     }
 
-    /// Whether a card (or a file, or the silent clock that was asked for) takes the frames. False before `open`,
-    /// after the end, and while a server that died is being looked for.
+    /// Whether a card (or a file, or the silent clock that was asked for) takes the frames. False before `open`, after
+    /// the end, and while the supervisor looks for a server that died.
     #[must_use]
     pub fn alive(&self) -> bool {
         self.alive.load(Ordering::Acquire)
@@ -110,7 +110,7 @@ impl Shared {
         self.alive.store(alive, Ordering::Release);
     }
 
-    /// Whether the server runs as fast as it is fed (JACK's freewheel): then feed without a clock.
+    /// Whether the server runs as fast as its clients (JACK's freewheel): then frames can be fed without a clock.
     #[must_use]
     pub fn freewheeling(&self) -> bool {
         self.freewheel.load(Ordering::Acquire)
@@ -120,7 +120,7 @@ impl Shared {
         self.freewheel.store(on, Ordering::Release);
     }
 
-    /// The feed was closed and its last frame went to the card.
+    /// Whether the feed was closed and its last frame went to the card.
     #[must_use]
     pub fn finished(&self) -> bool {
         self.finished.load(Ordering::Acquire)
@@ -131,7 +131,7 @@ impl Shared {
     }
 
     count! {
-        /// How often the ring went empty while it should have sounded.
+        /// Number of times that the ring went empty while it should have sounded.
         underruns, add_underruns
     }
     count! {
@@ -139,11 +139,11 @@ impl Shared {
         missing, add_missing
     }
     count! {
-        /// Frames thrown away by a panic.
+        /// Frames thrown away: by a panic, and of an input those in excess.
         discarded, add_discarded
     }
     count! {
-        /// Late cycles that the server told of. PipeWire's JACK tells of none.
+        /// Late cycles that the server, the card or the silent clock reported. PipeWire's JACK reports none.
         xruns, add_xruns
     }
 
@@ -157,8 +157,8 @@ impl Shared {
         self.played.store(frames, Ordering::Release);
     }
 
-    /// How long ago frame 0 of the ring went to the card, by what its last block tells: frame n went n frames later.
-    /// Silence that an underrun put in moves it. `None` before the first block.
+    /// How long ago frame 0 of the ring went to the card, calculated from the last block: frame n goes n frames later.
+    /// Silence of an underrun shifts it. `None` before the first block.
     #[must_use]
     pub fn sounding(&self) -> Option<Duration> {
         let zero = self.zero.load(Ordering::Acquire);
@@ -167,7 +167,7 @@ impl Shared {
             .then(|| Duration::from_nanos(now.saturating_sub(zero).max(0).unsigned_abs()))
     }
 
-    /// A block that begins with frame `n`, at `rate` [Hz], goes to the card now.
+    /// Report that a block that begins with frame `n`, at `rate` [Hz], goes to the card now.
     pub(super) fn begins(&self, n: u64, rate: f64) {
         let n = n + self.skipped.load(Ordering::Relaxed);
         let before = (n as f64 / rate * 1e9) as i64;
@@ -200,7 +200,7 @@ impl Shared {
             .collect()
     }
 
-    /// Only the drain before the loudspeakers tells edges.
+    /// Add an edge. Only the drain that feeds the loudspeakers calls this, so there is one writer.
     pub(super) fn add_edge(&self, frame: u64, silent: bool) {
         let n = self.n_edges.load(Ordering::Relaxed);
         let edge = frame << 1 | u64::from(silent);
@@ -208,7 +208,7 @@ impl Shared {
         self.n_edges.store(n + 1, Ordering::Release);
     }
 
-    /// SCHED_FIFO priority that the card's thread really runs at; `None`: scheduled like any other.
+    /// SCHED_FIFO priority that the card's thread actually has; `None`: no real-time priority.
     #[must_use]
     pub fn priority(&self) -> Option<i32> {
         Some(self.priority.load(Ordering::Relaxed)).filter(|priority| *priority > 0)
@@ -219,8 +219,8 @@ impl Shared {
             .store(priority.unwrap_or(0), Ordering::Relaxed);
     }
 
-    /// (frames that the card asks at a time, frames from being taken out of the ring to being heard as far as the
-    /// server tells), in frames of the card.
+    /// (frames that the card asks for per block, frames from the ring to the ear as far as the server reports them), in
+    /// frames of the card.
     #[must_use]
     pub fn timing(&self) -> (u32, u32) {
         let block = self.block.load(Ordering::Relaxed);

@@ -1,4 +1,5 @@
-//! What all outputs have in common: opened, started with a drain, stopped; and the thread that some of them are.
+//! What all outputs have in common: they are opened, started with a drain, and stopped; and the thread that some of
+//! them run.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,34 +9,34 @@ use std::thread::JoinHandle;
 use super::AudioError;
 use super::ring::Drain;
 
-/// Priority of a thread that hands frames to a server: like JACK's own clients, below the physics.
+/// Priority of a thread that passes frames to a server: that of JACK's own clients, below the physics thread.
 pub(super) const PRIORITY: i32 = 65;
 
-/// An output that is there, before anything plays.
+/// An output that is opened but does not play yet.
 pub(super) struct Opened {
     pub(super) backend: &'static str,
     pub(super) device: String,
     /// Its own rate [Hz].
     pub(super) rate: u32,
     pub(super) block: u32,
-    /// Whether it takes frames by a clock.
+    /// Whether a clock takes the frames.
     pub(super) paced: bool,
-    /// Sentences to say.
+    /// Remarks for the user, as sentences.
     pub(super) remarks: Vec<String>,
     pub(super) start: Start,
 }
 
 pub(super) type Start = Box<dyn FnOnce(Drain) -> Result<Box<dyn Sink>, StartFailure> + Send>;
 
-/// What did not start, and the drain back.
+/// The error of an output that did not start, with the drain if it comes back.
 pub(super) type StartFailure = (Option<Box<Drain>>, AudioError);
 
 /// An output that plays.
 pub(super) trait Sink: Send {
-    /// Whether it still takes frames; keeps what it tells of itself fresh. Called a few times a second.
+    /// Whether it still takes frames; also updates its timing. Called a few times a second.
     fn alive(&mut self) -> bool;
 
-    /// Stop, and give the drain back; the sentence says what went wrong, if something did.
+    /// Stop and give the drain back; the sentence says what went wrong, if anything.
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>);
 }
 
@@ -56,7 +57,7 @@ impl ThreadSink {
         let (to, from) = mpsc::sync_channel::<Drain>(1);
         let told = stop.clone();
         let main = move || {
-            // The sender is dropped only after sending: if it is not, no thread runs.
+            // The sender is dropped only after it has sent the drain; if the spawn fails, this closure does not run.
             let mut drain = from.recv().expect("the drain was sent");
             let trouble = body(&mut drain, &told).err();
             (drain, trouble)

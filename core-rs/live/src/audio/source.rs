@@ -1,9 +1,9 @@
-//! What all inputs have in common: opened, started with a feed, stopped.
+//! What all inputs have in common: they are opened, started with a feed, and stopped.
 
 use super::AudioError;
 use super::ring::Feed;
 
-/// An input that is there, before anything is heard.
+/// An input that is opened but does not record yet.
 pub(super) struct OpenedInput {
     pub(super) backend: &'static str,
     pub(super) device: String,
@@ -15,15 +15,15 @@ pub(super) struct OpenedInput {
 
 pub(super) type Start = Box<dyn FnOnce(Feed) -> Result<Box<dyn Source>, InputFailure> + Send>;
 
-/// What did not start, and the feed back.
+/// The error of an input that did not start, with the feed if it comes back.
 pub(super) type InputFailure = (Option<Box<Feed>>, AudioError);
 
-/// An input that is heard.
+/// A running input.
 pub(super) trait Source: Send {
     /// Whether frames still come. Called a few times a second.
     fn alive(&mut self) -> bool;
 
-    /// Frames from the microphone to the ring, as far as the server tells.
+    /// Frames from the microphone to the ring, as far as the server reports them.
     fn latency(&self) -> u32;
 
     /// Stop, and give the feed back.

@@ -1,4 +1,4 @@
-//! What `--audio` says: where the sound goes.
+//! The argument of `--audio`: the sound output.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -6,28 +6,28 @@ use std::str::FromStr;
 
 use super::AudioError;
 
-/// Where the sound goes.
+/// A sound backend.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Backend {
     /// JACK if a server runs, else PulseAudio or PipeWire, else the silent clock.
     Auto,
-    /// A JACK server (PipeWire's counts).
+    /// A JACK server, or PipeWire in its place.
     Jack,
-    /// A PulseAudio server (PipeWire's counts).
+    /// A PulseAudio server, or PipeWire in its place.
     Pulse,
-    /// The system's own sound (macOS, Windows).
+    /// The sound system of macOS or Windows.
     System,
     /// A WAVE file, as fast as the frames come.
     File(PathBuf),
     /// A WAVE file by the clock, as a card would take the frames.
     Clock(PathBuf),
-    /// Nowhere, by the clock.
+    /// No sound, by the clock.
     Null,
-    /// Nowhere, as fast as the frames come.
+    /// No sound, as fast as the frames come.
     Fast,
 }
 
-/// A backend and what is asked of it.
+/// A backend and its options.
 ///
 /// ```
 /// use ergon_live::audio::Spec;
@@ -39,22 +39,23 @@ pub enum Backend {
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Spec {
-    /// Where to.
+    /// The backend.
     pub backend: Backend,
-    /// Pulse: the sink's name. JACK: a pattern of the names of the ports to connect to, or `none`.
+    /// Pulse: the name of the sink. JACK: a pattern for the names of the ports to connect to, or `none`. System: the
+    /// name of the device.
     pub device: Option<String>,
-    /// Frames at a time, where the server lets us say.
+    /// Frames per block, if the backend can set it.
     pub block: Option<u32>,
-    /// Number of channels to play, when it is not the score's.
+    /// Number of channels to play, if it differs from the score's.
     pub channels: Option<usize>,
 }
 
-/// How the text is written.
+/// Syntax of the text.
 pub const USAGE: &str = "auto, jack[:PORTS], pulse[:SINK], system[:DEVICE] (macOS, Windows), file:PATH, clock:PATH (a file, in real time), \
      null or null:fast; then ,block=FRAMES and ,channels=N where wanted";
 
 impl Spec {
-    /// A backend with nothing asked of it.
+    /// A backend without options.
     #[must_use]
     pub fn plain(backend: Backend) -> Self {
         Self {
@@ -72,7 +73,7 @@ impl FromStr for Spec {
     fn from_str(text: &str) -> Result<Self, AudioError> {
         let mut spec = Self::plain(Backend::Auto);
         let mut head = text.trim();
-        // A path may hold commas: only what is an option is taken off its end.
+        // A path may contain commas: only known options are split off at its end.
         while let Some((before, option)) = head.rsplit_once(',') {
             let Some((name, value)) = option.split_once('=') else {
                 break;

@@ -1,7 +1,7 @@
-//! The system's own sound, on macOS and Windows.
+//! The sound system of macOS and Windows.
 //!
-//! Type-checked for both and tried on neither: the machines that test this program run Linux, where JACK and
-//! PulseAudio are spoken directly and this file is left out.
+//! Type-checked for both systems, but never run on either: the machines that test this program run Linux, where JACK
+//! and PulseAudio are used directly and this file is not built.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,7 +23,7 @@ fn missing(why: impl ToString) -> AudioError {
     }
 }
 
-/// The device that is named, or the default one.
+/// Opens the named device, or the default one.
 pub(super) fn open(spec: &Spec, rate: u32, channels: usize) -> Result<Opened, AudioError> {
     let device = find(spec.device.as_deref())?;
     let rate = playable(&device, rate, channels)?;
@@ -57,7 +57,7 @@ fn find(name: Option<&str>) -> Result<Device, AudioError> {
         .ok_or_else(|| missing(format!("no sound device {name}")))
 }
 
-/// The rate itself where the device can play it in float samples, else the device's own.
+/// `rate` if the device can play it with float samples, else the device's own rate.
 fn playable(device: &Device, rate: u32, channels: usize) -> Result<u32, AudioError> {
     let mut configs = device
         .supported_output_configs()
@@ -108,7 +108,7 @@ fn start(
     }
 }
 
-/// The drain in the callback; it comes back when the callback is dropped.
+/// The drain in the callback; it is sent back when the callback is dropped.
 struct LentDrain(Option<(Drain, mpsc::SyncSender<Drain>)>);
 
 impl LentDrain {

@@ -1,4 +1,4 @@
-//! What is computed for the loudspeakers, written to a WAVE file beside them, whatever the back end is.
+//! Recording of sound to a WAVE file during a performance, whatever the backend is.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -11,22 +11,22 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::AudioError;
 use super::file::Recording;
 
-/// A disk that does not answer for so long costs frames [s].
+/// Capacity of the ring [s]: if the disk stalls for longer, frames are lost.
 const ROOM: usize = 8;
 const NAP: Duration = Duration::from_millis(5);
 const NOT_BEGUN: u64 = u64::MAX;
 
-/// What both ends of a tap know.
+/// State shared by both ends of a tap.
 #[derive(Debug)]
 struct Shared {
     /// The first frame of the file.
     first: AtomicU64,
-    /// Frames that found no room: there is silence in the file instead.
+    /// Frames that found no room; the file has silence in their place.
     missing: AtomicU64,
     /// Frames in the file.
     written: AtomicU64,
     ended: AtomicBool,
-    /// Nobody pushes any more.
+    /// No more frames will be pushed.
     closing: AtomicBool,
     error: Mutex<Option<String>>,
 }
@@ -37,31 +37,31 @@ impl Shared {
     }
 }
 
-/// The end of a tap on the physics thread: it neither allocates nor waits. Dropped, it ends the file.
+/// The end of a tap on the physics thread; it neither allocates nor waits. Dropping it ends the file.
 #[derive(Debug)]
 pub(crate) struct Tap {
     to: Producer<f32>,
     shared: Arc<Shared>,
     channels: usize,
-    /// Samples of silence that stand for frames without room.
+    /// Samples of silence still to be written in place of frames that found no room.
     owed: usize,
 }
 
-/// The end of a tap for all others.
+/// The end of a tap for other threads.
 #[derive(Debug)]
 pub struct TapHandle {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// How a tap goes.
+/// State of a tap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TapStatus {
     /// The first frame of the file; `None`: not begun.
     pub first: Option<u64>,
     /// Frames in the file so far.
     pub frames: u64,
-    /// Frames of them that the disk was too slow for: silence.
+    /// Silent frames among them, because the disk was too slow.
     pub missing: u64,
     /// Whether the file is closed.
     pub ended: bool,
@@ -72,7 +72,7 @@ pub struct TapStatus {
 /// Open a tap into a new file.
 ///
 /// # Errors
-/// [`AudioError::File`] where the file exists or cannot be made.
+/// [`AudioError::File`] if the file exists or cannot be created.
 pub(crate) fn open(
     path: &Path,
     rate: u32,
@@ -102,7 +102,7 @@ pub(crate) fn open(
             if let Err(error) = run.and_then(|()| recording.end()) {
                 *own.error.lock().unwrap_or_else(PoisonError::into_inner) =
                     Some(recording.told(&error));
-                // The physics thread frees nothing: its end goes first.
+                // Keep the ring alive until the tap is dropped: the physics thread must not free memory.
                 while !own.is_over(&from) {
                     std::thread::sleep(NAP);
                 }
@@ -124,7 +124,7 @@ fn pump(
     shared: &Shared,
 ) -> std::io::Result<()> {
     loop {
-        // In this order: what was pushed before the end is written.
+        // The end is read first, so that everything pushed before it is written.
         let last = shared.is_over(from);
         let n = from.slots() / channels * channels;
         if n == 0 {
@@ -148,7 +148,7 @@ fn pump(
 }
 
 impl Tap {
-    /// Write frames, of which the first is frame `at` of what is heard; in silence zeros.
+    /// Write frames, the first of which is frame `at` of the performance; zeros if `is_silent`.
     pub(crate) fn push(&mut self, at: u64, samples: &[f32], is_silent: bool) {
         if samples.is_empty() {
             return;
@@ -171,7 +171,7 @@ impl Tap {
 }
 
 impl TapHandle {
-    /// How it goes now.
+    /// The state now.
     pub fn status(&self) -> TapStatus {
         let shared = &self.shared;
         let first = shared.first.load(Ordering::Acquire);
@@ -190,7 +190,7 @@ impl TapHandle {
 }
 
 impl Drop for TapHandle {
-    /// The physics thread has ended before: what it pushed is written.
+    /// Waits until the file is closed. The physics thread has ended before, so everything it pushed is written.
     fn drop(&mut self) {
         self.shared.closing.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {

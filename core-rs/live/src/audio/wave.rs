@@ -1,15 +1,15 @@
-//! The header of a WAVE file of float samples: RIFF with the place of `ds64` kept, RF64 where the sizes need 64 bits
-//! (EBU Tech 3306).
+//! Header of a WAVE file of float samples: RIFF with a placeholder for `ds64`, or RF64 if the sizes need 64 bits (EBU
+//! Tech 3306).
 //!
-//! `exchange/wave_header.py` writes the headers of renders, of all formats, and reads them. This one has the same layout;
-//! it is here because a performance records sound without Python.
+//! `exchange/wave_header.py` reads and writes the headers of renders in all formats. This header has the same layout;
+//! it is written here because a performance records sound without Python.
 
 const RIFF_LIMIT: u64 = u32::MAX as u64;
 const DS64: usize = 28;
 const BEXT: usize = 602;
 const GUID_TAIL: [u8; 14] = [0, 0, 0, 0, 0x10, 0, 0x80, 0, 0, 0xAA, 0, 0x38, 0x9B, 0x71];
 
-/// Everything before the samples of a file of `frames`.
+/// The bytes before the samples of a file of `frames`.
 pub(super) fn header(rate: u32, channels: usize, frames: u64) -> Vec<u8> {
     header_above(rate, channels, frames, RIFF_LIMIT)
 }
@@ -74,7 +74,7 @@ fn format(rate: u32, channels: usize, frame_bytes: u32) -> Vec<u8> {
     fmt
 }
 
-/// Broadcast data: whose it is, never when.
+/// Broadcast data: the originator, and a fixed date, so that equal sounds give equal files.
 fn bext() -> Vec<u8> {
     let mut bext = vec![0; BEXT];
     bext[256..261].copy_from_slice(b"ergon");

@@ -1,7 +1,8 @@
-//! What one device is beside what its kind promises: found once, kept as plain data, applied on every exchange.
+//! Calibration: how one device differs from the specification of its kind. It is measured once, kept as plain data, and
+//! applied to every exchange.
 //!
-//! The classic accident is a motor wired the other way round: every force then pushes further what it should bring
-//! back. So before a device plays first, [`direction`] asks it.
+//! A common fault is a motor with reversed polarity: every force then pushes the key further away. Therefore
+//! [`direction`] is measured before a device plays for the first time.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -9,23 +10,23 @@ use std::time::{Duration, Instant};
 use super::{Device, Gone, LastResort, MAX_AXES, Sample, Spec, Stats};
 use crate::safety::{Guarded, Limits, SafeForce};
 
-/// One axis as it is.
+/// The calibration of one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
-    /// 1 where a positive force moves it towards positive positions as the device gives them; -1 where not.
+    /// 1 if a positive force moves the axis towards positive positions as the device reports them; -1 if not.
     pub sign: f64,
-    /// The position, as the device gives it, that is to be 0.
+    /// The reported position that is mapped to 0.
     pub offset: f64,
-    /// From the device's metres to true ones; below zero the axis is turned round.
+    /// Factor from reported to true metres; negative if the axis is reversed.
     pub gain: f64,
-    /// Least and greatest position, true [m or rad].
+    /// Least and greatest true position [m or rad].
     pub range: [f64; 2],
     /// Greatest force [N or N·m].
     pub force_max: f64,
 }
 
 impl Axis {
-    /// An axis that is what the device says.
+    /// An axis without corrections.
     pub fn plain(spec: &Spec) -> Self {
         Self {
             sign: 1.0,
@@ -36,7 +37,8 @@ impl Axis {
         }
     }
 
-    /// With its ends where the device gives `ends`, truly `apart` from each other, and its zero in the middle.
+    /// The axis with its ends at the reported positions `ends`, `apart` [m] from each other, and its zero in the
+    /// middle.
     #[must_use]
     pub fn between(self, ends: [f64; 2], apart: f64) -> Self {
         Self {
@@ -52,7 +54,7 @@ impl Axis {
     }
 }
 
-/// A device whose axes are as they were found.
+/// A device with calibrated axes.
 pub struct Calibrated<D> {
     device: D,
     axes: Vec<Axis>,
@@ -61,7 +63,7 @@ pub struct Calibrated<D> {
 }
 
 impl<D: Device> Calibrated<D> {
-    /// Apply what was found; axes that are missing are plain.
+    /// Apply `axes`; axes beyond them are not corrected.
     pub fn new(device: D, mut axes: Vec<Axis>) -> Self {
         let mut spec = device.spec().clone();
         axes.resize(spec.dof.min(MAX_AXES), Axis::plain(&spec));
@@ -82,7 +84,7 @@ impl<D: Device> Calibrated<D> {
     }
 }
 
-/// The device, with what is known of some of its axes by their numbers.
+/// The device, with the calibrations of some of its axes, each with the number of the axis.
 pub fn applied(device: Box<dyn Device>, known: &[(usize, Axis)]) -> Box<dyn Device> {
     if known.is_empty() {
         return device;
@@ -144,19 +146,20 @@ impl<D: Device> Device for Calibrated<D> {
     }
 }
 
-/// A small push to one side and to the other, growing from nothing: friction is met gently.
+/// A small push to one side and to the other. The force grows from zero, so that static friction is overcome gently.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pulse {
-    /// How strong at its end [N or N·m].
+    /// Force at the end of the push [N or N·m].
     pub force: f64,
-    /// How long at most, and how long it rests afterwards at least [s].
+    /// Greatest length of the push, and least length of the rest after it [s].
     pub length: f64,
-    /// It ends as soon as the axis has moved so far [m or rad].
+    /// The push ends as soon as the axis has moved this far [m or rad].
     pub enough: f64,
 }
 
 impl Pulse {
-    /// A fifth of the force for an eighth of a second, or over ten steps of the sensor.
+    /// A fifth of the greatest force for at most an eighth of a second, until the axis has moved by ten steps of the
+    /// sensor or a hundredth of its range, whichever is longer.
     pub fn of(spec: &Spec) -> Self {
         let range = spec.pos_range[1] - spec.pos_range[0];
         Self {
@@ -167,15 +170,15 @@ impl Pulse {
     }
 }
 
-/// A direction that could not be found.
+/// Why a direction could not be found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsure {
-    /// It did not move.
+    /// The axis did not move.
     #[error(
         "the axis did not move: check the power of its motor, and touch the key without holding it"
     )]
     Still,
-    /// It went the same way both times.
+    /// The axis moved the same way both times.
     #[error("the axis moved the same way for both directions of the force: do not hold the key")]
     OneWay,
     /// The device went away.
@@ -183,11 +186,11 @@ pub enum Unsure {
     Gone(#[from] Gone),
 }
 
-/// Which way an axis goes when it is pushed: 1 or -1, for [`Axis::sign`]. Exchanges every `period` [s]; once `stop` is
-/// set, the device counts as closed.
+/// The direction in which a positive force moves an axis: 1 or -1, for [`Axis::sign`]. Exchanges every `period` [s];
+/// once `stop` is set, the device counts as closed.
 ///
 /// # Errors
-/// [`Unsure`] where it does not move both ways.
+/// [`Unsure`] if the axis does not move both ways.
 pub fn direction<D: Device>(
     device: &mut D,
     axis: usize,
@@ -226,7 +229,7 @@ pub fn direction<D: Device>(
     Ok(there.signum())
 }
 
-/// Least and greatest position of every axis while a player moves it, without any force, for so long [s].
+/// Least and greatest position of every axis during `length` [s], while a player moves it and no force acts.
 ///
 /// # Errors
 /// [`Gone`] when the device goes away.
@@ -248,7 +251,7 @@ pub fn ends<D: Device>(
     Ok(ends)
 }
 
-/// Exchanges at even times.
+/// Exchanges with the device at regular times.
 struct Pace<'a, D: Device> {
     guarded: Guarded<D>,
     period: f64,
@@ -281,14 +284,14 @@ impl<'a, D: Device> Pace<'a, D> {
         self.guarded.send(&forces)?;
         self.next += Duration::from_secs_f64(self.period);
         self.guarded.receive(&mut self.sample, self.next)?;
-        // A device in the host's own time answers at once and needs no waiting.
+        // A device in lockstep answers at once and needs no waiting.
         if !self.guarded.in_lockstep() {
             crate::realtime::sleep_until(self.next);
         }
         Ok(())
     }
 
-    /// Without force until it moves no more, for `length` [s] at least and a few times that at most.
+    /// Send no force until the axis stands still, for at least `length` [s] and at most eight times that.
     fn at_rest(&mut self, axis: usize, length: f64) -> Result<(), Gone> {
         let still = self.guarded.spec().pos_lsb.max(1e-6);
         for _ in 0..8 {

@@ -1,4 +1,4 @@
-//! Keys in this process: a device without a wire, always in lockstep.
+//! Emulated keys in this process: a device without a wire, always in lockstep.
 
 use std::time::{Duration, Instant};
 
@@ -7,12 +7,12 @@ use crate::device::MAX_AXES;
 use crate::emulate::{Firmware, Hand, Key, Keys, Options};
 use crate::safety::SafeForce;
 
-/// A tick of 44 samples at 44.1 kHz.
+/// Rate of a tick of 44 samples at 44.1 kHz [Hz].
 const RATE: f64 = 44_100.0 / 44.0;
 /// Greatest force [N].
 const FORCE_MAX: f64 = 20.0;
 
-/// Keys that are stepped once for every force sent.
+/// Keys that advance by one step for every force sent.
 pub struct Emulated {
     keys: Keys,
     spec: Spec,
@@ -67,11 +67,10 @@ impl Emulated {
     }
 }
 
-/// The driver of an emulated board whose wire does not leave this process, in lockstep. After `options.seconds` the board
-/// is gone.
+/// The driver of a board that is emulated inside this process, in lockstep. After `options.seconds` the board is gone.
 ///
 /// # Errors
-/// [`DeviceError`] where the board cannot be, or has no such wire.
+/// [`DeviceError`] if the options are impossible, or if this kind cannot be emulated inside the process.
 pub fn open_board(options: &Options) -> Result<Box<dyn Device>, DeviceError> {
     let kind = Kind::from(options.board.protocol);
     let url = Url::in_process(kind);
@@ -86,10 +85,10 @@ pub fn open_board(options: &Options) -> Result<Box<dyn Device>, DeviceError> {
     super::open_in_process(kind, Box::new(board), true)
 }
 
-/// A board, and what it has answered.
+/// An emulated board, and its replies that were not read yet.
 struct BoardHere {
     firmware: Firmware,
-    /// How long it is there.
+    /// Number of periods after which the board is gone.
     periods: Option<u64>,
     replies: Vec<u8>,
 }
@@ -150,7 +149,7 @@ impl Device for Emulated {
         true
     }
 
-    /// Nothing pushes while nothing is sent.
+    /// The keys advance only when a force is sent, so there is no force to end.
     fn zero(&mut self) {}
 
     fn stats(&self) -> Stats {

@@ -1,35 +1,36 @@
-//! The end of a performance, as a device sees it that waits for a reply.
+//! End of a performance, for a device that waits for a reply.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often a wait that may last looks whether it is over.
+/// Time between two checks for the end during a long wait.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Ends the waits of a device for replies: in lockstep one may last for minutes, and so may the first reply.
+/// Ends the waits of a device for replies: in lockstep a wait may last for minutes, and so may the wait for the first
+/// reply.
 #[derive(Clone, Debug, Default)]
 pub struct Ending(Arc<AtomicBool>);
 
 impl Ending {
-    /// No reply is waited for any more.
+    /// End all waits for replies.
     pub fn end(&self) {
         self.0.store(true, Ordering::Release);
     }
 
-    /// Whether no reply is waited for any more.
+    /// Whether waits for replies were ended.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.0.load(Ordering::Acquire)
     }
 
-    /// Whether a reply is waited for until this instant, and no longer.
+    /// Whether a wait for a reply until `until` goes on.
     pub(super) fn still_waits(&self, until: Instant) -> bool {
         !self.is_over() && Instant::now() < until
     }
 }
 
-/// Until when a read may block in a wait until this instant.
+/// Time until which a read may block, in a wait until `until`.
 pub(super) fn next_look(until: Instant) -> Instant {
     until.min(Instant::now() + LOOK)
 }

@@ -11,7 +11,7 @@ use super::{
 use crate::safety::SafeForce;
 use crate::wire::{Inbox, firefader as wire};
 
-/// Only boards with an FTDI chip listen to it.
+/// Only boards with an FTDI chip use the baud rate.
 const BAUD: u32 = 57_600;
 
 pub(super) struct FireFader {
@@ -21,27 +21,28 @@ pub(super) struct FireFader {
     ending: Ending,
     inbox: Inbox<64>,
     last: Option<wire::Reply>,
-    /// Replies that are still to come, and when the latest request was sent.
+    /// Number of replies still to come, and when the latest request was sent.
     waiting: u32,
     sent_at: Instant,
     seq: u32,
     stats: Stats,
-    /// The first position is still to be taken.
+    /// The first position was not handed out by `receive` yet.
     new: bool,
 }
 
-/// What is known of the board; its mass and friction are for metrology to find.
+/// The published data of the board; its mass and friction must be measured (metrology).
 fn spec() -> Spec {
     Spec {
         dof: 2,
         unit: Unit::Metre,
         pos_lsb: wire::POS_LSB,
         pos_range: [-128.0 * wire::POS_LSB, 126.0 * wire::POS_LSB],
-        // No figure is published for hours; at two thirds the coil has less than half its heat.
+        // No figure for continuous force is published; at two thirds of the peak the coil produces less than half the
+        // heat.
         force_max_continuous: wire::FORCE_MAX * 2.0 / 3.0,
         force_max_peak: wire::FORCE_MAX,
         force_lsb: wire::FORCE_LSB,
-        // From 500 Hz to 1.2 kHz, by the board: measured, never assumed.
+        // From 500 Hz to 1.2 kHz, depending on the board: measured, not assumed.
         rate_nominal: None,
         loop_delay_s: Some(3.5e-3),
         inertia: None,
@@ -61,7 +62,7 @@ impl FireFader {
         Self::over(Port::serial(url, baud)?, url, ending)
     }
 
-    /// The device at the other end of a port.
+    /// The driver on an open port.
     pub(super) fn over(port: Port, url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
         let mut this = Self {
             port,
@@ -83,10 +84,12 @@ impl FireFader {
         Ok(this)
     }
 
-    /// Opening the port restarts some boards, so ask until one answers; leave no reply behind.
+    /// Send requests until the board answers, because opening the port restarts some boards; then read all outstanding
+    /// replies.
     fn greet(&mut self) -> Result<(), Gone> {
         let patience = Instant::now() + FIRST_REPLY;
-        // In lockstep every packet is a period: one is enough, however late its reply.
+        // In lockstep every packet advances the device by one period, so it is sent only once, even if the reply is
+        // late.
         let again = if self.lockstep {
             FIRST_REPLY
         } else {
@@ -112,7 +115,7 @@ impl FireFader {
         Ok(())
     }
 
-    /// Take all replies that are there, or the first that comes until the deadline.
+    /// Read all replies that are there, or wait for the first one until the deadline.
     fn take(&mut self, deadline: Instant) -> Result<bool, Gone> {
         let (mut bytes, mut fresh) = ([0; 64], false);
         loop {
@@ -146,7 +149,7 @@ impl Device for FireFader {
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
         let of = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
         if self.waiting > 1 {
-            // The firmware answers only the newest of what it finds.
+            // The firmware answers only the newest of the requests that it finds.
             self.stats.lost += u64::from(self.waiting - 1);
             self.waiting = 1;
         }
@@ -179,12 +182,12 @@ impl Device for FireFader {
             for axis in 0..2 {
                 into.position[axis] = reply.metres(axis);
                 into.touch[axis] = reply.cap[axis] > wire::CAP_TOUCHED;
-                // The firmware's own gate cannot be seen; a finger within the range is what opens it.
+                // The firmware's own gate is not reported; a finger on the key, within the range, opens it.
                 let within = (5..251).contains(&reply.position[axis]);
                 into.force_enabled[axis] = into.touch[axis] && within;
             }
         }
-        (into.hot, into.let_go) = (false, false); // it does not say
+        (into.hot, into.let_go) = (false, false); // the board does not report these
         into.seq = self.seq;
         Ok(into.fresh)
     }

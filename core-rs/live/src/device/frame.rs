@@ -1,4 +1,4 @@
-//! The open frame (docs/open-frame.md) on a serial port or in datagrams.
+//! The open frame (docs/open-frame.md) on a serial port or by UDP.
 
 use std::time::{Duration, Instant};
 
@@ -13,16 +13,16 @@ use crate::safety::contract::{Drift, Sent};
 use crate::wire::Inbox;
 use crate::wire::frame::{self as wire, flag, status};
 
-/// The longest that a reply is waited for in lockstep [s].
+/// Longest wait for a reply in lockstep [s].
 const LONGEST_PATIENCE: f64 = 3600.0;
-/// USB boards ignore it.
+/// Boards on USB ignore the baud rate.
 const BAUD: u32 = 1_000_000;
 
 pub(super) struct Frame {
     port: Port,
     spec: Spec,
     lockstep: bool,
-    /// How long a reply is waited for in lockstep.
+    /// Longest wait for a reply in lockstep.
     patience: Duration,
     ending: Ending,
     wide: bool,
@@ -33,13 +33,13 @@ pub(super) struct Frame {
     latest: u16,
     drift: Drift,
     stats: Stats,
-    /// A reply since the last `receive` said so; not only the newest.
+    /// Whether any reply since the last `receive`, not only the newest, said that the board let go.
     let_go: bool,
-    /// The first position is still to be taken.
+    /// The first position was not handed out by `receive` yet.
     new: bool,
 }
 
-/// What a device says of itself.
+/// The specification that a device reports; `None` if its numbers are impossible.
 fn spec(who: &wire::DeviceInfo) -> Option<Spec> {
     let [continuous, peak, pos_lsb, low, high, rate, inertia, damping] = who.numbers.map(f64::from);
     let known = |number: f64| (number.is_finite() && number > 0.0).then_some(number);
@@ -75,7 +75,7 @@ impl Frame {
         Self::over(port, url, ending)
     }
 
-    /// The device at the other end of a port.
+    /// The driver on an open port.
     pub(super) fn over(mut port: Port, url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
         let who = ask(&mut port, first_reply(url)?, ending).map_err(|gone| url.closed(gone))?;
         let who = who.ok_or_else(|| url.no_answer("device of the open frame"))?;
@@ -109,7 +109,7 @@ impl Frame {
             let_go: false,
             new: true,
         };
-        // Where it is before the first force: X(0).
+        // Read the position before the first force is sent: X(0).
         let patience = Instant::now() + first_reply(url)?;
         while this.last.is_none() && ending.still_waits(patience) {
             this.put([0.0; MAX_AXES], flag::ASK)
@@ -142,13 +142,13 @@ impl Frame {
         (bytes, len)
     }
 
-    /// Take all replies that are there, or the first that comes until the deadline. Numbers out of order are passed
-    /// over: a datagram may overtake another.
+    /// Read all replies that are there, or wait for the first one until the deadline. Replies out of order are skipped:
+    /// a datagram may overtake another.
     fn take(&mut self, deadline: Instant) -> Result<bool, Gone> {
         let (mut bytes, mut fresh) = ([0; 512], false);
         loop {
             if self.port.was_refused() && self.lockstep {
-                return Err(Gone::Silent); // in lockstep nobody is late: nobody is there
+                return Err(Gone::Silent); // in lockstep a refused datagram means that the device is gone
             }
             let until = if fresh { Instant::now() } else { deadline };
             let n = self.port.read(&mut bytes, until)?;
@@ -191,7 +191,7 @@ impl Frame {
     }
 }
 
-/// How long a reply is waited for in lockstep.
+/// Longest wait for a reply in lockstep.
 fn patience(url: &Url) -> Result<Duration, DeviceError> {
     let patience = url.number("patience", LOCKSTEP_PATIENCE.as_secs_f64())?;
     Ok(Duration::from_secs_f64(
@@ -199,7 +199,7 @@ fn patience(url: &Url) -> Result<Duration, DeviceError> {
     ))
 }
 
-/// How long the first reply is waited for.
+/// Longest wait for the first reply.
 fn first_reply(url: &Url) -> Result<Duration, DeviceError> {
     let own = if url.lockstep {
         patience(url)?
@@ -209,7 +209,7 @@ fn first_reply(url: &Url) -> Result<Duration, DeviceError> {
     Ok(own.max(FIRST_REPLY))
 }
 
-/// Ask who is there until somebody says so.
+/// Ask for the device's information until it answers; `None` if it does not.
 fn ask(
     port: &mut Port,
     patience: Duration,
@@ -302,7 +302,7 @@ impl Device for Frame {
     }
 
     fn last_resort(&self) -> Option<LastResort> {
-        // Narrow, for then it is short; a device takes either.
+        // Not wide, because that is shorter; a device accepts both.
         let request = wire::Request {
             n: self.spec.dof,
             ..wire::Request::default()

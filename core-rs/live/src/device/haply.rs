@@ -1,8 +1,8 @@
 //! Haply's Inverse Service: one device of three axes behind a WebSocket.
 //!
-//! The service keeps no watch of its own that is documented, so a force would stand when its host falls silent, is
-//! stopped or killed. The connection is therefore held by a guardian, a process of its own, which takes the force
-//! back; the host gives it orders and gets the positions back, in messages of one length.
+//! The service has no documented watchdog, so a force would persist if its host fell silent, was stopped or was killed.
+//! The connection is therefore held by a guardian, a separate process that sets the force to zero in these cases. The
+//! host sends orders to the guardian and gets the positions back, in messages of fixed length.
 
 pub mod guardian;
 mod line;
@@ -24,29 +24,29 @@ pub(crate) use line::ForceCommand;
 use line::{GuardianReply, Line, put_text, take_text};
 pub(crate) use rules::{Action, Rules};
 
-/// How long a guardian may take to start, on a busy machine.
+/// Longest time for a guardian to start, on a busy machine.
 const START: Duration = Duration::from_secs(10);
 
 pub(super) struct Haply {
     spec: Spec,
     lockstep: bool,
     ending: Ending,
-    // Closed before the guardian's end is waited for.
+    // Declared before the guardian, so that it is closed before the wait for the guardian's end.
     line: Line,
     _guardian: start::Started,
     sent: Sent,
-    /// Numbers of the latest order and of the latest that was answered.
+    /// Numbers of the latest order and of the latest order that was answered.
     latest: u16,
     answered: u16,
     position: [f64; 3],
     let_go: bool,
     gone: Option<Gone>,
-    /// The first position is still to be taken.
+    /// The first position was not handed out by `receive` yet.
     new: bool,
     stats: Stats,
 }
 
-/// Of an Inverse3, as a community driver lists it; its mass and friction are for metrology to find.
+/// Data of an Inverse3, as a community driver lists them; its mass and friction must be measured (metrology).
 pub(crate) fn spec() -> Spec {
     Spec {
         dof: 3,
@@ -123,7 +123,7 @@ impl Haply {
         }
     }
 
-    /// Take all answers that are there, or the first that comes until the deadline.
+    /// Read all replies that are there, or wait for the first one until the deadline.
     fn take(&mut self, deadline: Instant) -> Result<bool, Gone> {
         loop {
             let Self {
@@ -191,7 +191,7 @@ impl Device for Haply {
         into.position[..3].copy_from_slice(&self.position);
         into.touch = [true; MAX_AXES];
         into.force_enabled = [!self.let_go; MAX_AXES];
-        (into.hot, into.let_go) = (false, self.let_go); // the service does not say whether it is hot
+        (into.hot, into.let_go) = (false, self.let_go); // the service does not report whether it is hot
         into.seq = u32::from(self.answered);
         into.behind = self.latest.wrapping_sub(self.answered);
         Ok(into.fresh)
@@ -212,7 +212,7 @@ impl Device for Haply {
     #[cfg(unix)]
     fn last_resort(&self) -> Option<LastResort> {
         use std::os::fd::AsRawFd;
-        // A number that no order has soon: a late answer to it is none.
+        // A number that no order has soon, so that a late reply to it is not taken for the reply to an order.
         let order = ForceCommand {
             number: self.latest.wrapping_add(u16::MAX / 2),
             ..ForceCommand::default()

@@ -1,7 +1,7 @@
-//! One program of this machine at a time has a device: a lock on a file that is called after its address.
+//! Only one program of this machine at a time can have a device: a lock on a file that is named after the address.
 //!
-//! Serial ports have such a lock themselves. A datagram may be sent by anybody, so a board in datagrams has its file in
-//! the user's run-time folder. The system lets go of the lock when the program ends, however it ends.
+//! Serial ports have such a lock themselves. Any program may send datagrams, so a board on UDP has a lock file in the
+//! user's run-time folder. The system releases the lock when the program ends, however it ends.
 
 use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Read, Write};
@@ -9,17 +9,18 @@ use std::net::SocketAddr;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-/// A device that this program has; it is another's once this is dropped.
+/// A device that this program has locked, until this is dropped.
 #[derive(Debug)]
 pub(super) struct DeviceLock {
     _locked: Option<File>,
 }
 
 impl DeviceLock {
-    /// Take the board at an address. Where there is no folder for the file, nothing is known of others, and it is taken.
+    /// Lock the board at an address. If there is no folder for the file, there is no check for other programs, and the
+    /// call succeeds.
     ///
     /// # Errors
-    /// Who has it.
+    /// A sentence on who has the board.
     pub(super) fn take(address: SocketAddr) -> Result<Self, String> {
         let folder = folder();
         match &folder {
@@ -57,7 +58,7 @@ impl DeviceLock {
     }
 }
 
-/// Why a board cannot be taken: who holds the lock, which writes its process number into the file.
+/// Why a board cannot be locked: the holder of the lock writes its process number into the file.
 fn lock(file: &File) -> String {
     let mut who = String::new();
     let _ = file.take(64).read_to_string(&mut who);
@@ -72,7 +73,7 @@ fn lock(file: &File) -> String {
     }
 }
 
-/// The user's run-time folder, made if it is missing; `None`: there is none that is the user's own.
+/// The user's run-time folder, created if it is missing; `None` if no folder belongs to this user alone.
 fn folder() -> Option<PathBuf> {
     // SAFETY: geteuid has no arguments and cannot fail.
     let user = unsafe { libc::geteuid() };
@@ -86,7 +87,7 @@ fn folder() -> Option<PathBuf> {
     }
 }
 
-/// Whether a path is a folder of this user, and no link: anybody may make one of that name in /tmp.
+/// Whether a path is a folder of this user, and not a link: any user can create a file of that name in /tmp.
 fn is_own_folder(path: &Path, user: u32) -> bool {
     std::fs::symlink_metadata(path).is_ok_and(|found| found.is_dir() && found.uid() == user)
 }

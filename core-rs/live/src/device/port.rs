@@ -5,14 +5,14 @@ use std::time::{Duration, Instant};
 
 use super::{DeviceError, Gone, Url};
 
-/// Where packets go.
+/// The connection to a device.
 pub(super) enum Port {
     /// A serial line: bytes, in pieces of any size.
     #[cfg(unix)]
     Serial(std::os::fd::OwnedFd),
     #[cfg(not(unix))]
     Serial(Box<dyn serialport::SerialPort>),
-    /// Datagrams from and to one address, which no other program of this machine sends to.
+    /// Datagrams from and to one address; no other program of this machine sends to it.
     #[cfg(unix)]
     Udp(
         UdpSocket,
@@ -25,12 +25,12 @@ pub(super) enum Port {
     InProcess(Box<dyn InProcess>),
 }
 
-/// Whether a datagram found nobody at its address, or one that was empty said so.
+/// Whether a datagram was refused because nobody listens at its address, or the device left with an empty datagram.
 #[derive(Default)]
 pub(super) struct Refused(bool);
 
 impl Refused {
-    /// Note the error, if it says so; it is none then.
+    /// Note the error if it is a refusal; other errors are returned.
     fn note(&mut self, error: std::io::Error) -> std::io::Result<()> {
         if error.kind() == std::io::ErrorKind::ConnectionRefused {
             self.0 = true;
@@ -40,15 +40,15 @@ impl Refused {
     }
 }
 
-/// The other end of a wire that does not leave this process.
+/// An emulated board inside this process.
 pub(crate) trait InProcess: Send {
-    /// A packet goes to the board.
+    /// Send a packet to the board.
     ///
     /// # Errors
     /// [`Gone`] when there is no board.
     fn write(&mut self, packet: &[u8]) -> Result<(), Gone>;
 
-    /// Take what has come from the board, without waiting; returns how many bytes.
+    /// Read what the board has sent, without waiting; returns the number of bytes.
     ///
     /// # Errors
     /// [`Gone`] when there is no board.
@@ -74,7 +74,7 @@ impl Port {
         }
     }
 
-    /// One other end; nobody else is heard.
+    /// A socket connected to one address; datagrams from other addresses are ignored.
     pub(super) fn udp(url: &Url) -> Result<Self, DeviceError> {
         let closed = |error: std::io::Error| url.closed(error);
         let mut found = url.target.to_socket_addrs().map_err(closed)?;
@@ -103,7 +103,7 @@ impl Port {
         Ok(Self::Udp(socket, owned, Refused::default()))
     }
 
-    /// Send a packet; one that finds no room is dropped, as on any wire.
+    /// Send a packet; it is dropped if there is no room.
     pub(super) fn write(&mut self, packet: &[u8]) -> Result<(), Gone> {
         match self {
             #[cfg(unix)]
@@ -118,11 +118,11 @@ impl Port {
         }
     }
 
-    /// Read what is there, waiting until `deadline` for something; returns how many bytes.
+    /// Read what is there, waiting for something until `deadline`; returns the number of bytes.
     pub(super) fn read(&mut self, into: &mut [u8], deadline: Instant) -> Result<usize, Gone> {
         loop {
             let got = match self {
-                // Nothing comes while this waits.
+                // The board only answers packets, so waiting would not help.
                 Self::InProcess(board) => return board.read(into),
                 #[cfg(unix)]
                 Self::Serial(fd) => unix::read(fd, into)?,
@@ -131,7 +131,7 @@ impl Port {
                 Self::Udp(socket, _, refused) => {
                     let known = refused.0;
                     let got = socket.recv(into);
-                    refused.0 |= matches!(got, Ok(0)); // an empty datagram: it leaves
+                    refused.0 |= matches!(got, Ok(0)); // an empty datagram: the device leaves
                     let got = got.or_else(|error| refused.note(error).map(|()| 0));
                     if refused.0 && !known {
                         return Ok(0);
@@ -147,7 +147,7 @@ impl Port {
         }
     }
 
-    /// Whether nobody was at the address of a datagram since this was asked last.
+    /// Whether a datagram was refused since the last call.
     pub(super) fn was_refused(&mut self) -> bool {
         match self {
             Self::Udp(_, _, refused) => std::mem::take(&mut refused.0),
@@ -187,7 +187,7 @@ impl Port {
 fn gone(error: &std::io::Error) -> Option<Gone> {
     use std::io::ErrorKind::{ConnectionRefused, Interrupted, TimedOut, WouldBlock};
     match error.kind() {
-        // Nobody listens at a datagram's address: a device that is silent, and may come back.
+        // Nobody listens at the address: the device is silent, and may come back.
         WouldBlock | TimedOut | Interrupted | ConnectionRefused => None,
         _ => Some(error.raw_os_error().map_or(Gone::Closed, Gone::System)),
     }
@@ -209,24 +209,25 @@ pub(super) mod unix {
 
     use super::Gone;
 
-    /// Never block in a read, and have an FTDI chip hand on every byte at once: by itself it waits 16 ms.
+    /// Make reads non-blocking, and let an FTDI chip pass every byte on at once: by default it waits 16 ms.
     pub(super) fn prepare(fd: &OwnedFd) {
         // SAFETY: the descriptor is open; no pointers are passed.
         unsafe {
             let flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
             libc::fcntl(fd.as_raw_fd(), libc::F_SETFL, flags | libc::O_NONBLOCK);
-            // The lock on the file keeps others out and ends with us; this would outlive us on a pty.
+            // The file lock keeps other programs out and ends with this process; exclusive mode would outlive it on a
+            // pty.
             libc::ioctl(fd.as_raw_fd(), libc::TIOCNXCL);
         }
         #[cfg(target_os = "linux")]
         low_latency(fd);
     }
 
-    /// Ports that know no such thing (CDC-ACM, pty) refuse, and are right to.
+    /// Ports without this setting (CDC-ACM, pty) refuse it, which does no harm.
     #[cfg(target_os = "linux")]
     fn low_latency(fd: &OwnedFd) {
         const ASYNC_LOW_LATENCY: i32 = 1 << 13;
-        /// linux/serial.h
+        /// `serial_struct` of linux/serial.h.
         #[repr(C)]
         struct SerialStruct {
             before: [i32; 4],
@@ -261,7 +262,7 @@ pub(super) mod unix {
     fn failed() -> Result<(), Gone> {
         match Error::last_os_error().raw_os_error() {
             Some(libc::EAGAIN | libc::EINTR) => Ok(()),
-            // What a port that was pulled out, or a pty whose program ended, gives.
+            // The errors of a port that was pulled out, or of a pty whose program has ended.
             Some(libc::EIO | libc::ENXIO | libc::ENODEV) => Err(Gone::Closed),
             number => Err(Gone::System(number.unwrap_or(0))),
         }
@@ -276,7 +277,7 @@ pub(super) mod unix {
         Ok(())
     }
 
-    /// Wait for something to read in one of these; what was found in each.
+    /// Wait until one of these can be read; returns the events of each.
     pub(in crate::device) fn poll<const N: usize>(fds: [i32; N], left: Duration) -> [i16; N] {
         let mut polls = fds.map(|fd| libc::pollfd {
             fd,

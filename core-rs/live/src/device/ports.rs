@@ -1,4 +1,4 @@
-//! Serial ports of this machine, by what the system knows of them; none is opened.
+//! Serial ports of this machine, as the system lists them; none is opened.
 
 use serialport::SerialPortType;
 
@@ -7,27 +7,27 @@ use serialport::SerialPortType;
 pub struct SerialPort {
     /// Its path or name.
     pub path: String,
-    /// What is plugged in there, if it came by USB.
+    /// The USB device behind the port, if there is one.
     pub usb: Option<Usb>,
 }
 
-/// What a USB device says of itself.
+/// What a USB device reports about itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Usb {
     /// Number of the vendor.
     pub vendor: u16,
-    /// The vendor's number of the product.
+    /// Number of the product, given by the vendor.
     pub product: u16,
-    /// In words; empty where it says nothing.
+    /// Name of the product; empty if it reports none.
     pub name: String,
-    /// Its serial number; empty where it has none.
+    /// Its serial number; empty if it has none.
     pub serial: String,
 }
 
-/// All serial ports, by their paths. A system that cannot say has none.
+/// All serial ports, sorted by path; empty if the system cannot list them.
 #[must_use]
 pub fn serial_ports() -> Vec<SerialPort> {
-    // The list is made from here, and the crate takes it for granted.
+    // The crate reads this folder and relies on it.
     if cfg!(target_os = "linux") && !std::path::Path::new("/sys/class/tty").is_dir() {
         return Vec::new();
     }
@@ -43,8 +43,8 @@ pub fn serial_ports() -> Vec<SerialPort> {
     ports
 }
 
-/// What a board is called wherever it is plugged in: `usb:VENDOR:PRODUCT:SERIAL`. `None` where the port's device has no
-/// serial number, or where two that are plugged in say the same of themselves.
+/// A name of the board on a port that does not depend on the port: `usb:VENDOR:PRODUCT:SERIAL`. `None` if the device
+/// has no serial number, or if two connected devices report the same identity.
 #[must_use]
 pub fn identity(path: &str) -> Option<String> {
     // A name in /dev/serial/by-id is a link to the port.

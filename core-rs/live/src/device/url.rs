@@ -1,4 +1,4 @@
-//! How a device is written: `kind:where?option&option=value#axis`.
+//! The URL of a device: `kind:where?option&option=value#axis`.
 
 use std::fmt;
 
@@ -12,9 +12,9 @@ pub enum Kind {
     FireFader,
     /// The open frame (docs/open-frame.md) on a serial port.
     Frame,
-    /// The open frame in datagrams.
+    /// The open frame by UDP.
     FrameUdp,
-    /// Haply's Inverse Service, a WebSocket.
+    /// Haply's Inverse Service, by WebSocket.
     Haply,
     /// An emulated device in this process.
     Emul,
@@ -30,7 +30,7 @@ impl Kind {
         ("emul", Self::Emul),
     ];
 
-    /// Its name, with which a URL begins.
+    /// The name with which a URL of this kind begins.
     pub(crate) fn name(self) -> &'static str {
         let known = Self::NAMED.iter().find(|(_, kind)| *kind == self);
         known.expect("every kind has a name").0
@@ -43,7 +43,7 @@ impl Kind {
         format!("{} and {last}", others.join(", "))
     }
 
-    /// Whether its address is that of a serial port, whose board may have a serial number.
+    /// Whether the target is a serial port, whose board may have a serial number.
     pub(crate) fn is_serial(self) -> bool {
         match self {
             Self::FireFader | Self::Frame => true,
@@ -52,7 +52,7 @@ impl Kind {
     }
 }
 
-/// By which driver an emulated board is played.
+/// The driver for an emulated board.
 impl From<Protocol> for Kind {
     fn from(protocol: Protocol) -> Self {
         match protocol {
@@ -63,7 +63,7 @@ impl From<Protocol> for Kind {
     }
 }
 
-/// Options, and whether each takes a value.
+/// Options without a value, and options with one.
 const FLAGS: [&str; 2] = ["lockstep", "wide"];
 const VALUES: [&str; 8] = [
     "id",
@@ -76,30 +76,30 @@ const VALUES: [&str; 8] = [
     "patience",
 ];
 
-/// A device as it is written.
+/// The URL of a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Url {
     /// The protocol.
     pub kind: Kind,
-    /// A path, an address or nothing.
+    /// A path or an address; empty for `emul`.
     pub target: String,
-    /// Whether every reply is waited for.
+    /// Whether the host waits for every reply.
     pub lockstep: bool,
-    /// Whether forces and positions travel whole.
+    /// Whether forces and positions are sent as f64 instead of integers.
     pub wide: bool,
-    /// The axis that is meant, where the device has several.
+    /// The axis that is meant, if the device has several.
     pub axis: Option<usize>,
     values: Vec<(String, String)>,
     text: String,
 }
 
-/// What is wrong with a device as it is written.
+/// What is wrong with a URL.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UrlError {
     /// No such protocol.
     #[error("'{0}' is not a kind of device; the kinds are {names}", names = Kind::names())]
     Kind(String),
-    /// A protocol that is known to exist, and not spoken here.
+    /// A protocol that is known but not supported.
     #[error(
         "'{0}' is not supported yet: the host would have to compute its kinematics, and no such device was there to test"
     )]
@@ -107,7 +107,7 @@ pub enum UrlError {
     /// Something is missing or not understood.
     #[error("'{text}': {what}")]
     Bad {
-        /// As written.
+        /// The text.
         text: String,
         /// What is wrong.
         what: String,
@@ -115,7 +115,7 @@ pub enum UrlError {
 }
 
 impl Url {
-    /// Read a device as it is written.
+    /// Parse a URL.
     ///
     /// ```
     /// use ergon_live::device::Url;
@@ -187,7 +187,7 @@ impl Url {
         Ok(url)
     }
 
-    /// A device of a kind whose other end is in this process.
+    /// The URL of a device of a kind that is emulated inside this process.
     pub(super) fn in_process(kind: Kind) -> Self {
         Self {
             kind,
@@ -200,13 +200,13 @@ impl Url {
         }
     }
 
-    /// An option's text.
+    /// The text of an option.
     pub(crate) fn text(&self, key: &str) -> Option<&str> {
         let found = self.values.iter().find(|(known, _)| known == key);
         found.map(|(_, value)| value.as_str())
     }
 
-    /// An option's number.
+    /// The number of an option.
     pub(crate) fn number(&self, key: &str, default: f64) -> Result<f64, DeviceError> {
         let Some(text) = self.text(key) else {
             return Ok(default);
@@ -237,7 +237,7 @@ impl Url {
     }
 }
 
-/// Whether a target is `HOST:PORT`; no serial port is called so.
+/// Whether a target is `HOST:PORT`, which no serial port is called.
 fn is_network_address(target: &str) -> bool {
     let is_port = |text: &str| text.parse::<u16>().is_ok();
     target

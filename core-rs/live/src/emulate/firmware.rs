@@ -1,4 +1,4 @@
-//! What a board's program does with its packets, period by period; it knows no clock but the one it is told.
+//! The program of a board: what it does with packets, period by period. It uses only the times that the caller passes.
 
 use std::f64::consts::TAU;
 use std::time::Duration;
@@ -11,10 +11,10 @@ use crate::wire::MAX_AXES;
 use crate::wire::frame::{self, flag, status};
 use crate::wire::{Inbox, firefader, haply};
 
-/// What the board speaks.
+/// The protocol of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
-    /// Two faders, bytes.
+    /// Two faders; single bytes.
     FireFader,
     /// The open frame.
     Frame,
@@ -28,54 +28,54 @@ impl Protocol {
     pub(crate) const ALL: &[Self] = &[Self::FireFader, Self::Frame, Self::Haply];
 }
 
-/// The emulated Haply device's name.
+/// The id of the emulated Haply device.
 pub(crate) const HAPLY_ID: &str = "EMUL";
-/// The finger that FireFader's sensor sees.
+/// The sensor value of FireFader while a finger touches it.
 const FINGER: u8 = 100;
 
-/// How the board is built.
+/// Properties of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Board {
-    /// What it speaks.
+    /// Its protocol.
     pub protocol: Protocol,
-    /// Whether a packet is a period; else its time is the wall's.
+    /// Whether every packet is one period; otherwise periods follow wall time.
     pub lockstep: bool,
-    /// No force without a finger.
+    /// Whether there is force only while a finger touches the key.
     pub touch_gate: bool,
     /// Greatest force of its motors [N].
     pub force_max: f64,
-    /// Step of its position sensor [m]; 0: none but the wire's.
+    /// Step of its position sensor [m]; 0: only that of the wire.
     pub resolution: f64,
     /// Standard deviation of the sensor's noise [m].
     pub noise: f64,
     /// Seed of the noise.
     pub seed: u64,
-    /// Step of the motors' forces [N]; 0: none but the wire's.
+    /// Step of the motors' forces [N]; 0: only that of the wire.
     pub force_step: f64,
-    /// Silence of the host after which it lets go (by the wall only).
+    /// Silence of the host after which the board lets go (wall time only).
     pub watchdog: Duration,
-    /// What the keys are known to have: mass [kg] and damping [N·s/m].
+    /// Mass [kg] and damping [N·s/m] that the board reports for its keys.
     pub known: [f64; 2],
-    /// Where keys end [m].
+    /// Ends of the keys [m].
     pub range: [f64; 2],
 }
 
-/// A board that runs.
+/// A running board.
 pub struct Firmware {
     board: Board,
     keys: Keys,
     inbox: Inbox<512>,
     force: [f64; MAX_AXES],
-    /// What the sensors add in this period [m].
+    /// The sensors' noise in this period [m].
     noise: [f64; MAX_AXES],
     chance: Chance,
-    /// FireFader's gate: how long a finger has been there.
+    /// FireFader's gate: a low-pass filter of the presence of a finger, over packets.
     gate: [f64; MAX_AXES],
     heard: Option<Duration>,
     let_go: bool,
     held: bool,
     packets: u64,
-    /// Periods of the wall that are over.
+    /// Periods of wall time that have passed.
     wall: u64,
 }
 
@@ -100,7 +100,7 @@ impl Firmware {
         firmware
     }
 
-    /// One period of the keys, and what the sensors read after it.
+    /// Advance the keys by one period, and draw the noise of the sensors after it.
     fn step(&mut self) {
         self.keys.step(&self.force);
         self.draw_noise();
@@ -111,7 +111,7 @@ impl Firmware {
             return;
         }
         for noise in &mut self.noise[..self.keys.n()] {
-            // Box and Muller: a radius and an angle make a normal deviate.
+            // Box-Muller transform: a radius and an angle give a normal deviate.
             let radius = maths::sqrt(2.0 * self.chance.exponential(1.0));
             let angle = self.chance.uniform(0.0, TAU);
             *noise = self.board.noise * radius * maths::cos(angle);
@@ -123,19 +123,19 @@ impl Firmware {
         &self.keys
     }
 
-    /// Packets so far.
+    /// Number of packets of forces so far.
     pub fn packets(&self) -> u64 {
         self.packets
     }
 
-    /// Go on to a moment, by the wall; says whether it has just let go.
+    /// Advance to a time on the wall clock; returns whether the board has just let go.
     pub fn run_to(&mut self, now: Duration) -> bool {
         if self.board.lockstep {
             return false;
         }
         let rate = self.keys.rate().hertz();
         let due = (now.as_secs_f64() * rate) as u64;
-        // A machine that slept for more than a second does not catch up.
+        // At most one second is caught up, so that a machine that slept does not.
         let missed = due.saturating_sub(self.wall).min(rate as u64);
         for _ in 0..missed {
             self.step();
@@ -152,12 +152,12 @@ impl Firmware {
         lets_go
     }
 
-    /// When the next period by the wall begins [s].
+    /// Time at which the next period of wall time begins [s].
     pub(super) fn next(&self) -> f64 {
         (self.wall + 1) as f64 * self.keys.rate().step()
     }
 
-    /// Whether a host's forces act: until it lets go, or is silent for too long.
+    /// Whether the forces of a host act: true until the host lets go or is silent for too long.
     pub fn is_held(&self) -> bool {
         self.held
     }
@@ -167,7 +167,7 @@ impl Firmware {
         &self.force
     }
 
-    /// Take bytes from the host; `reply` gets the answers. A text protocol's messages come whole.
+    /// Take bytes from the host; `reply` gets the answers. In a text protocol the bytes are one whole message.
     pub fn hear(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         match self.board.protocol {
             Protocol::FireFader => self.hear_firefader(bytes, now, reply),
@@ -182,7 +182,7 @@ impl Firmware {
         }
     }
 
-    /// What the service says to a newcomer.
+    /// The first message of the Haply service to a new host.
     pub(super) fn greeting(&self) -> Option<String> {
         (self.board.protocol == Protocol::Haply).then(|| self.haply_state())
     }
@@ -193,7 +193,8 @@ impl Firmware {
         haply::state(HAPLY_ID, position, force, self.board.lockstep)
     }
 
-    /// New forces; in lockstep the period they act in. `enabled`: the host wants motors to push.
+    /// Set new forces; in lockstep also advance by the period in which they act. `enabled`: the host enables the
+    /// motors.
     fn push(&mut self, force: impl Iterator<Item = f64>, enabled: bool, now: Duration) {
         self.packets += 1;
         self.heard = Some(now);
@@ -214,7 +215,7 @@ impl Firmware {
         }
     }
 
-    /// Whether the gate sees a finger: at once, or by FireFader's filter over its packets.
+    /// Whether the gate detects a finger: at once, or by FireFader's filter over packets.
     fn finger(&mut self, axis: usize) -> bool {
         let touched = self.keys.touched(axis);
         if self.board.protocol != Protocol::FireFader {
@@ -226,7 +227,7 @@ impl Firmware {
         self.gate[axis] >= 20.0
     }
 
-    /// Positions as the sensor has them [m].
+    /// Positions as the sensors read them [m].
     fn positions(&self) -> [f64; MAX_AXES] {
         let step = self.board.resolution;
         let mut read = *self.keys.positions();
@@ -243,7 +244,7 @@ impl Firmware {
         let mut packets = Vec::new();
         self.inbox
             .feed(bytes, firefader::parse_request, |force| packets.push(force));
-        // By the wall the program takes the newest of what it finds, and answers once.
+        // In wall time the firmware handles only the newest of the packets that it finds, and answers once.
         let old = if self.board.lockstep {
             0
         } else {
@@ -298,7 +299,7 @@ impl Firmware {
         let t_us = if self.board.lockstep {
             self.keys.t_us()
         } else {
-            // When the positions were read: forces act from there on.
+            // The time at which the positions were read; forces act from then on.
             (self.wall as f64 * self.keys.rate().step() * 1e6) as u64 as u32
         };
         frame::Reply {

@@ -1,4 +1,4 @@
-//! What is on a key.
+//! Hands on emulated keys.
 
 use ergon_engine::units::Rate;
 
@@ -8,15 +8,15 @@ pub enum Hand {
     /// Nobody touches it.
     #[default]
     Free,
-    /// A finger lies on it and pushes nothing.
+    /// A finger rests on it and exerts no force.
     Resting,
-    /// A hand goes a written path, and pulls the key to it by its own spring and damper.
+    /// A hand follows a written path and pulls the key along by its own spring and damper.
     Going {
-        /// Where it is at every period [m]; after the last it lets go.
+        /// Position of the hand at every period [m]; after the last one it lets go.
         path: Vec<f64>,
-        /// Its spring [N/m].
+        /// Spring of the hand [N/m].
         stiffness: f64,
-        /// Its damper [N·s/m].
+        /// Damper of the hand [N·s/m].
         damping: f64,
     },
 }
@@ -31,7 +31,8 @@ impl Hand {
         }
     }
 
-    /// The force on a key at `x` that moved `d` in the last period [N]; none: no force, not a force of zero.
+    /// The force on a key at `x` that moved by `d` in the last period [N]; `None` if no hand pulls, which is not a
+    /// force of zero.
     pub(super) fn pull(&self, period: u64, x: f64, d: f64, rate: Rate) -> Option<f64> {
         let Self::Going {
             path,

@@ -1,4 +1,5 @@
-//! Keys: masses tied to the ground by a spring and a damper, one step a period; or whatever a key's model has.
+//! Keys: masses tied to the ground by a spring and a damper, one step a period; or keys that move by a model or by the
+//! network of a score.
 
 use std::ops::RangeInclusive;
 
@@ -11,7 +12,7 @@ use super::EmulateError;
 use super::hand::Hand;
 use crate::wire::MAX_AXES;
 
-/// What a key is made of.
+/// The constants of a key.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Key {
     /// Moving mass [kg].
@@ -20,12 +21,12 @@ pub struct Key {
     pub stiffness: f64,
     /// Damper to the ground [N·s/m].
     pub damping: f64,
-    /// Where it ends on either side [m].
+    /// Its two ends [m].
     pub range: [f64; 2],
 }
 
 impl Default for Key {
-    /// A light fader: friction and no spring.
+    /// A light fader: damping and no spring.
     fn default() -> Self {
         Self {
             mass: 0.05,
@@ -59,23 +60,23 @@ pub struct Keys {
     x: [f64; MAX_AXES],
     d: [f64; MAX_AXES],
     hands: Vec<Hand>,
-    /// How each key goes where it is no CEL.
+    /// The motion of each key, if the keys are not CELs.
     movers: Vec<Mover>,
     periods: u64,
     hash: u64,
 }
 
-/// A key in motion that is no CEL.
+/// The motion of a key that is not a CEL.
 #[derive(Clone, Debug)]
 enum Mover {
-    /// As its model says.
+    /// By a key model.
     Model(Box<Motion>),
-    /// As the key of a score.
+    /// By the network of a score.
     Network(Box<EmulatedKey>),
 }
 
 impl Mover {
-    /// Where one period under the motor's force and a hand's pull takes it [m].
+    /// Advance by one period under the motor's force and a hand's pull; returns the new position [m].
     fn step(&mut self, force: f64, pull: f64, range: RangeInclusive<f64>) -> f64 {
         let to = match self {
             Self::Model(motion) => {
@@ -100,10 +101,10 @@ impl Mover {
 }
 
 impl Keys {
-    /// `n` like keys, stepped `rate` times a second; hands that are missing are free fingers.
+    /// `n` equal keys, stepped `rate` times a second; keys beyond the end of `hands` are free.
     ///
     /// # Errors
-    /// Where no such key or rate can be.
+    /// If the key or the rate is impossible.
     pub fn new(n: usize, key: Key, rate: f64, mut hands: Vec<Hand>) -> Result<Self, EmulateError> {
         let refused = |why| Err(EmulateError::Refused(why));
         if n == 0 || n > MAX_AXES {
@@ -141,10 +142,10 @@ impl Keys {
         })
     }
 
-    /// The same keys, each moving as a model says, from its start on.
+    /// The same keys, each moving by a model, from its start on.
     ///
     /// # Errors
-    /// Where such a key cannot be computed at this rate.
+    /// If the key cannot be computed at this rate.
     pub fn with_model(mut self, model: &KeyModel) -> Result<Self, EmulateError> {
         let motion = Motion::new(model, self.rate.hertz(), None)?;
         self.x[..self.n].fill(motion.position());
@@ -152,17 +153,17 @@ impl Keys {
         Ok(self)
     }
 
-    /// The same keys, each moving as a key of a score does at the rate of the periods.
+    /// The same keys, each moving like a key of a score, at the rate of the periods.
     pub fn with_network(mut self, key: EmulatedKey) -> Self {
         self.x[..self.n].fill(key.position());
         self.movers = vec![Mover::Network(Box::new(key)); self.n];
         self
     }
 
-    /// One period under forces [N]   (n)
+    /// Advance by one period under forces [N]   (n)
     ///
-    /// By the operations, in the order, of a MAT in the engine: without a hand and a model a key is where that CEL would
-    /// be, to the last bit.
+    /// The operations and their order are those of a MAT in the engine: without a hand, a model and a network, a key
+    /// moves like that CEL, to the last bit.
     pub fn step(&mut self, force: &[f64; MAX_AXES]) {
         if self.movers.is_empty() {
             self.step_cells(force);
@@ -203,12 +204,12 @@ impl Keys {
         }
     }
 
-    /// How many keys.
+    /// Number of keys.
     pub fn n(&self) -> usize {
         self.n
     }
 
-    /// Where they are [m]   (16, those there are first)
+    /// Their positions [m]   (16, those of the keys first)
     pub fn positions(&self) -> &[f64; MAX_AXES] {
         &self.x
     }
@@ -218,12 +219,12 @@ impl Keys {
         self.hands[axis].touches(self.periods)
     }
 
-    /// Periods so far.
+    /// Number of periods so far.
     pub fn periods(&self) -> u64 {
         self.periods
     }
 
-    /// Periods in a second.
+    /// Rate of the periods.
     pub fn rate(&self) -> Rate {
         self.rate
     }
@@ -233,7 +234,7 @@ impl Keys {
         (self.periods as f64 * self.rate.step() * 1e6) as u64 as u32
     }
 
-    /// Hash of all positions so far (FNV-1a): the same path, the same number.
+    /// Hash of all positions so far (FNV-1a): equal paths have equal hashes.
     pub fn hash(&self) -> u64 {
         self.hash
     }

@@ -1,4 +1,4 @@
-//! Where an emulated device is heard: a pseudo-terminal, datagrams or a WebSocket, never beyond this machine.
+//! The transports of an emulated device: a pseudo-terminal, UDP or a WebSocket, always local to this machine.
 
 #[cfg(unix)]
 mod terminal;
@@ -12,21 +12,21 @@ use tungstenite::{Message, WebSocket};
 
 use crate::wire::haply;
 
-/// The way in.
+/// The transport by which a host reaches the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transport {
-    /// A pseudo-terminal: what a serial port looks like.
+    /// A pseudo-terminal, which a host opens like a serial port.
     Terminal,
-    /// Datagrams at a port of 127.0.0.1; 0: any free one.
+    /// UDP at a port of 127.0.0.1; 0: any free port.
     Udp(u16),
-    /// A WebSocket there.
+    /// A WebSocket at a port of 127.0.0.1; 0: any free port.
     WebSocket(u16),
 }
 
-/// What a host does on the line.
+/// An event on the line.
 pub(super) enum LineEvent {
     Nothing,
-    /// So many bytes.
+    /// This many bytes came.
     Bytes(usize),
     /// A host has connected.
     Connected,
@@ -65,7 +65,7 @@ impl Line {
         })
     }
 
-    /// What a host is told to open.
+    /// The address that a host opens.
     pub(super) fn address(&self) -> io::Result<String> {
         Ok(match self {
             #[cfg(unix)]
@@ -75,7 +75,7 @@ impl Line {
         })
     }
 
-    /// Wait at most so long for something.
+    /// Wait for an event, for at most `wait`.
     pub(super) fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
         match self {
             #[cfg(unix)]
@@ -85,14 +85,14 @@ impl Line {
         }
     }
 
-    /// The host has let go: whoever asks next is the host.
+    /// The host has let go: the next sender becomes the host.
     pub(super) fn free(&mut self) {
         if let Self::Udp(line) = self {
             line.host = None;
         }
     }
 
-    /// Answer; a host that has gone meanwhile misses it.
+    /// Send a reply; it is lost if the host has gone.
     pub(super) fn write(&mut self, bytes: &[u8]) {
         match self {
             #[cfg(unix)]
@@ -112,18 +112,18 @@ impl Line {
     }
 }
 
-/// A host that has been silent for so long may be replaced by another: in lockstep no watchdog says so.
+/// A host that was silent for this long may be replaced by another one: in lockstep there is no watchdog.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 pub(super) struct Datagrams {
     socket: UdpSocket,
-    /// Whose forces act, and when it asked last; nobody else is heard or answered.
+    /// The host whose forces act, and the time of its last datagram; other senders are ignored.
     host: Option<(SocketAddr, Instant)>,
 }
 
 impl Datagrams {
     fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
-        // A timeout of zero would be none.
+        // A timeout of zero is not allowed.
         self.socket
             .set_read_timeout(Some(wait.max(Duration::from_micros(1))))?;
         let (n, from) = match self.socket.recv_from(into) {
@@ -185,7 +185,7 @@ impl Sockets {
         let config = WebSocketConfig::default()
             .max_message_size(Some(haply::LONGEST))
             .max_frame_size(Some(haply::LONGEST));
-        // Whoever does not speak the protocol is let go.
+        // A peer that does not complete the handshake is disconnected.
         let Ok(socket) = tungstenite::accept_with_config(stream, Some(config)) else {
             return Ok(LineEvent::Nothing);
         };

@@ -1,4 +1,4 @@
-//! An emulated device at work, until its time is over.
+//! Serving an emulated device until its time is over.
 
 use std::time::{Duration, Instant};
 
@@ -11,41 +11,41 @@ use super::firmware::{Board, Firmware};
 use super::line::{Line, LineEvent, Transport};
 use super::{EmulateError, Hand, Key, Keys};
 
-/// How often the caller is asked whether to go on.
+/// Time between two calls of `keep`.
 const ASK: Duration = Duration::from_millis(50);
-/// Longest message that is read.
+/// Longest message that is read [bytes].
 const LONGEST: usize = 64 * 1024;
 
-/// A device to emulate.
+/// Description of a device to emulate.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// How it is built.
+    /// Its board.
     pub board: Board,
-    /// How it is reached.
+    /// Its transport.
     pub transport: Transport,
-    /// How many keys.
+    /// Number of keys.
     pub axes: usize,
-    /// What a key is made of.
+    /// The constants of its keys.
     pub key: Key,
-    /// How it moves, where that is not a CEL of these numbers.
+    /// The model by which the keys move, if they are not CELs.
     pub model: Option<KeyModel>,
-    /// The key of a score, by whose network it moves instead, and the MAT that takes the forces.
+    /// The network by which the keys move instead, as the key of a score, and the MAT that takes the forces.
     pub network: Option<(Network, usize)>,
-    /// Periods in a second [Hz].
+    /// Rate of the periods [Hz].
     pub rate: f64,
-    /// What is on the keys; the missing are free.
+    /// Hands on the keys; keys beyond the end are free.
     pub hands: Vec<Hand>,
-    /// How long; in lockstep by the keys' own time, else by the wall [s].
+    /// Duration [s]: in lockstep in the keys' own time, else in wall time.
     pub seconds: Option<f64>,
-    /// Whether it is over when the host has gone.
+    /// Whether it ends when the host has gone.
     pub once: bool,
 }
 
 impl Options {
-    /// The board that they describe, which begins to run.
+    /// A running board with these options.
     ///
     /// # Errors
-    /// [`EmulateError`] where the keys cannot be.
+    /// [`EmulateError`] if the keys are impossible.
     pub fn firmware(&self) -> Result<Firmware, EmulateError> {
         let mut keys = Keys::new(self.axes, self.key, self.rate, self.hands.clone())?;
         if let Some(model) = &self.model {
@@ -59,32 +59,32 @@ impl Options {
     }
 }
 
-/// What happens meanwhile.
+/// What happens while the device is served.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// A host can open this.
+    /// A host can open this address.
     Ready(String),
-    /// The host was silent; no more force.
+    /// The host was silent for too long; the force is zero.
     LetGo,
     /// The host has hung up.
     HostGone,
 }
 
-/// What has happened.
+/// The result of serving a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outcome {
-    /// Periods of the keys.
+    /// Number of periods of the keys.
     pub periods: u64,
-    /// Packets of forces.
+    /// Number of packets of forces.
     pub packets: u64,
     /// Hash of all positions.
     pub hash: u64,
 }
 
-/// Serve until `seconds` are over, `keep` (asked every 50 ms) says no, or the host has gone and `once` is set.
+/// Serve until `seconds` are over, `keep` (called every 50 ms) returns false, or the host has gone and `once` is set.
 ///
 /// # Errors
-/// [`EmulateError`] where the device cannot be, or there is no port.
+/// [`EmulateError`] if the device is impossible, or no port could be opened.
 pub fn serve(
     options: Options,
     tell: &mut dyn FnMut(Event),

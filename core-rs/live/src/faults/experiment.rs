@@ -1,4 +1,4 @@
-//! One fault on one device: a hand holds a key, a piece guides it, the fault begins, the motor is watched.
+//! One fault on one device: a hand holds a key, a piece guides it, the fault begins, and the motor is watched.
 
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -12,30 +12,30 @@ use crate::emulate::{Board, Firmware, Hand, Key, Keys, Protocol};
 use crate::safety::{Guarded, Limits};
 use crate::wire::firefader;
 
-/// Periods of a board in a second.
+/// Rate of the board [Hz].
 const RATE: f64 = 8000.0;
-/// When the fault begins: forces have risen, and the piece pulls its hardest.
+/// Beginning of the fault: forces have risen, and the piece pulls hardest.
 const ONSET: Duration = Duration::from_millis(3250);
 /// How long the motor is watched from then on.
 const LOOK: Duration = Duration::from_secs(2);
 /// How long the piece asks for 1e300 N.
 const HUGE_LASTS: Duration = Duration::from_millis(500);
-/// The board's own watchdog.
+/// Time of the board's own watchdog.
 const WATCHDOG: Duration = Duration::from_millis(50);
-/// A time that is never over: Haply's service is not known to have a watchdog, so none is emulated.
+/// A watchdog time that never passes: Haply's service is not known to have a watchdog, so none is emulated.
 const NEVER: Duration = Duration::from_secs(3600);
 /// The hand that holds the key [N/m, N·s/m].
 const HAND: [f64; 2] = [400.0, 4.0];
-/// The piece leads the key so far to and fro, once a second [m].
+/// Amplitude with which the piece leads the key to and fro, once a second [m].
 const SWING: f64 = 6e-3;
 
-/// What a piece asks for.
+/// The force that a piece asks for.
 #[derive(Clone, Copy)]
 pub(super) enum Ask {
     /// A spring that holds the key at 0 [N/m].
     #[cfg(test)]
     Wall(f64),
-    /// A spring towards a point that goes to and fro.
+    /// A spring towards a point that moves to and fro.
     Guide,
     Force(f64),
 }
@@ -93,13 +93,13 @@ impl Host {
     }
 }
 
-/// To and fro between 1 and -1 once a second, by two parabolas.
+/// A wave between 1 and -1 with a period of a second, made of two parabolas.
 fn wave(seconds: f64) -> f64 {
     let phase = 2.0 * (seconds - seconds.floor()) - 1.0;
     -4.0 * phase * (1.0 - phase.abs())
 }
 
-/// Make a fault on a device, and measure.
+/// Make a fault on a device, and measure its effect.
 pub(super) fn measured(fault: Fault, emulator: Emulator) -> Result<Measurement, DeviceError> {
     let found = |outcome, greatest, rise| Measurement {
         fault,
@@ -143,9 +143,9 @@ pub(super) fn measured(fault: Fault, emulator: Emulator) -> Result<Measurement, 
         _ => Outcome::Persists,
     };
     let part = match fault {
-        // The direction is found by a fifth of the force at most.
+        // The direction is tested with at most a fifth of the greatest force.
         Fault::Uncalibrated => 0.2,
-        // Its first packet is zero.
+        // The first packet after the stall is zero.
         Fault::HostResumed => 0.0,
         _ => 1.0,
     };
@@ -157,7 +157,7 @@ pub(super) fn measured(fault: Fault, emulator: Emulator) -> Result<Measurement, 
     ))
 }
 
-/// Plays until the fault begins, and watches; returns when it began.
+/// Play until the fault begins, then watch; returns when it began.
 fn performed(fault: Fault, device: Defective, shared: &Shared) -> Duration {
     let mut host = Host::new(device, shared.clone());
     let _ = host.run(ONSET);
@@ -185,7 +185,7 @@ fn performed(fault: Fault, device: Defective, shared: &Shared) -> Duration {
             let since = shared.world().now();
             shared.world().begin_record();
             let _ = host.tick();
-            // Until the packet after it.
+            // Until just before the next packet.
             shared.world().advance(PERIOD);
             return since;
         }
@@ -203,14 +203,14 @@ fn performed(fault: Fault, device: Defective, shared: &Shared) -> Duration {
         Fault::Uncalibrated | Fault::OpenedTwice => unreachable!("made without a performance"),
     }
     if host.run(LOOK).is_err() {
-        // The device is lost: it is let go of, as a performance does.
+        // The device is lost and dropped, as in a performance.
         drop(host);
         shared.world().advance(LOOK);
     }
     since
 }
 
-/// The piece asks for more than any motor gives, then for nothing; returns when it asked for nothing.
+/// The piece asks for more than any motor gives, then for nothing; returns the time of the latter.
 fn let_go_of_a_huge_force(mut host: Host) -> Duration {
     host.ask = Ask::Force(1e300);
     let _ = host.run(HUGE_LASTS);
@@ -220,8 +220,7 @@ fn let_go_of_a_huge_force(mut host: Host) -> Duration {
     since
 }
 
-/// The direction of the motor is found out before the first note, by a hand that lets the key go; returns when that
-/// began.
+/// Test the direction of the motor before the first note, under a hand on the key; returns the beginning of the test.
 fn tried_out(mut device: Defective, shared: &Shared) -> Duration {
     device.defect.wrong_way = true;
     device.ticks = Some(shared.clone());
@@ -235,12 +234,12 @@ fn tried_out(mut device: Defective, shared: &Shared) -> Duration {
     since
 }
 
-/// A device of a kind with a hand on its first axis, opened by its own driver.
+/// A device with a hand on its first axis, opened by its own driver.
 fn opened(emulator: Emulator) -> Result<(Defective, Shared), DeviceError> {
     held(emulator, hands)
 }
 
-/// The same with other hands on its axes.
+/// A device with these hands on its axes, opened by its own driver.
 pub(super) fn held(
     emulator: Emulator,
     hands: impl Fn(usize) -> Vec<Hand>,
@@ -288,7 +287,7 @@ pub(super) fn held(
     Ok((Defective::new(device, None), shared))
 }
 
-/// A hand holds the first key at 0 by its own spring; the others rest.
+/// Hands of which the first holds its key at 0 with a spring and damper; the others rest.
 fn hands(axes: usize) -> Vec<Hand> {
     let [stiffness, damping] = HAND;
     let mut hands = vec![Hand::Resting; axes];

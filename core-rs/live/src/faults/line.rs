@@ -1,4 +1,4 @@
-//! What the host holds: the driver of a device whose wire ends in a [`World`].
+//! The host's side: the driver of a device whose wire ends in a [`World`].
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -8,7 +8,7 @@ use crate::device::haply::{self, ForceCommand};
 use crate::device::{Device, Gone, InProcess, MAX_AXES, Sample, Spec};
 use crate::safety::SafeForce;
 
-/// The world, reached by the host and by the wire of its driver.
+/// The world, shared by the host and the wire of its driver.
 #[derive(Clone)]
 pub(super) struct Shared(Arc<Mutex<World>>);
 
@@ -32,12 +32,12 @@ impl InProcess for Shared {
     }
 }
 
-/// What is wrong with the device itself.
+/// Defects of the device itself.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Defect {
     pub(super) wrong_way: bool,
     pub(super) frozen: bool,
-    /// No position arrives.
+    /// No position arrives at the host.
     pub(super) blind: bool,
 }
 
@@ -45,9 +45,9 @@ pub(super) struct Defect {
 pub(super) struct Defective {
     pub(super) device: Box<dyn Device>,
     pub(super) defect: Defect,
-    /// The device is in this process, and its motor gives what it is sent.
+    /// Set for a device in this process: its motor gives the force that is sent.
     pub(super) direct: Option<Shared>,
-    /// Every force sent is a tick of the host: for what is found out before a performance, which paces itself.
+    /// Set for a test before a performance, which paces itself: every force sent is a tick of the host.
     pub(super) ticks: Option<Shared>,
     frozen_at: Option<[f64; MAX_AXES]>,
 }
@@ -108,7 +108,7 @@ impl Device for Defective {
     }
 }
 
-/// Haply's host side without its socket: orders go to the guardian of a world, states come back.
+/// Haply's host side without its socket: orders go to the guardian of a world, and states come back.
 pub(super) struct HaplyHost {
     shared: Shared,
     spec: Spec,

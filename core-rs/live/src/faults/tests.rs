@@ -16,8 +16,8 @@ fn the_same_figures_come_out_again() {
     assert_eq!(measure().unwrap(), measure().unwrap());
 }
 
-/// The most work that a spring of so many N/m, which is relaxed at first, ever has done on a hand by then [J], while
-/// packets are late by up to 5 ms and a fifth of them is lost, each way.
+/// The greatest work [J] that a spring of `stiffness` [N/m], relaxed at first, has done on a hand within `seconds`.
+/// Packets are late by up to 5 ms and a fifth of them is lost, each way.
 fn work(stiffness: f64, hand: [f64; 2], seconds: u64) -> f64 {
     const RATE: f64 = 8000.0;
     let swing = |period: u64| {
@@ -46,12 +46,12 @@ fn work(stiffness: f64, hand: [f64; 2], seconds: u64) -> f64 {
     most
 }
 
-/// Hands that move 5 mm to and fro twice a second: firm, soft, and hardly there [N/m, N·s/m].
+/// Hands that move 5 mm to and fro twice a second: firm, soft, and very weak [N/m, N·s/m].
 const HANDS: [[f64; 2]; 3] = [[400.0, 4.0], [100.0, 1.0], [10.0, 0.1]];
 const SPRINGS: [f64; 6] = [50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0];
 
-/// The stage allows 1 J at once and 0.5 W for long; it foresees delays of four ticks, and here they are of ten. So a
-/// quarter more is seen, and no more than that.
+/// The stage allows 1 J at once and 0.5 W for long. It expects delays of up to four ticks more than the device reports,
+/// and here they reach ten, so up to a quarter more work is accepted.
 #[test]
 fn work_through_jitter_and_loss_stays_near_the_allowance() {
     for hand in HANDS {

@@ -1,4 +1,4 @@
-//! A board, the guardian where there is one, and the bytes between them and the host, at times that they are told.
+//! A board, the guardian if there is one, and the bytes between them and the host, in virtual time.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -9,12 +9,12 @@ use crate::device::haply::{Action, ForceCommand, Rules};
 use crate::emulate::Firmware;
 use crate::wire::{frame, haply};
 
-/// How finely the board's time goes.
+/// Step of the board's time.
 const STEP: Duration = Duration::from_micros(125);
-/// A number that the host's own requests are far from.
+/// A request number far from those of the host.
 const STRANGE: u16 = 40_000;
 
-/// What is wrong with the line or the board.
+/// Faults of the line or the board.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Trouble {
     pub(super) unplugged: bool,
@@ -22,28 +22,28 @@ pub(super) struct Trouble {
     pub(super) replies_random: bool,
     pub(super) requests_random: bool,
     pub(super) board_stalled: bool,
-    /// Another program asks where the axes are, once in every tick of the host.
+    /// Another program asks for the positions, once in every tick of the host.
     pub(super) another_program: bool,
-    /// Every packet is late by up to so many steps of the board's time, each way.
+    /// Greatest lateness of a packet, each way [steps of the board's time].
     pub(super) jitter: u64,
-    /// So many of a hundred packets are lost, each way.
+    /// Percentage of packets that are lost, each way.
     pub(super) lost: u64,
 }
 
 /// Haply's guardian: its rules, without its process and its sockets.
 pub(super) struct Guardian {
     rules: Rules,
-    /// Number of the command that was answered, position [m], whether the guardian let go.
+    /// Number of the answered command, position [m], whether the guardian let go.
     newest: Option<(u16, [f64; 3], bool)>,
     gone: Option<Gone>,
 }
 
-/// What the motor of the first axis did.
+/// The record of the motor of the first axis.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Motor {
-    /// Now [N].
+    /// Force now [N].
     pub(super) force: f64,
-    /// When it first was zero, and when it was last not, since the record began.
+    /// Since the record began: when the force first was zero, and when it was last not zero.
     pub(super) first_zero: Option<Duration>,
     pub(super) last_push: Option<Duration>,
     /// Greatest force [N], and fastest growth [N in a tick of the host].
@@ -51,26 +51,26 @@ pub(super) struct Motor {
     pub(super) rise: f64,
 }
 
-/// All that is not the host.
+/// Everything outside the host.
 pub(super) struct World {
-    /// [ns]
+    /// Virtual time [ns].
     clock: Arc<AtomicU64>,
-    /// The instant that stands for the beginning of time, for rules that are told instants.
+    /// The instant that corresponds to time 0, for rules that need instants.
     epoch: Instant,
-    /// None: the device is a key in the host's process.
+    /// `None`: the device is a key in the host's process.
     firmware: Option<Firmware>,
     guardian: Option<Guardian>,
     to_host: Vec<u8>,
     /// Packets that a stalled board has not read.
     unread: Vec<Vec<u8>>,
-    /// Packets under way, and when they arrive: requests, and replies.
+    /// Requests and replies under way, each with its time of arrival.
     requests: Vec<(Duration, Vec<u8>)>,
     replies: Vec<(Duration, Vec<u8>)>,
-    /// Work that the motor of the first axis has done on its key, and the most it ever was [J].
+    /// Work that the motor of the first axis has done on its key, and its greatest value so far [J].
     pub(super) work: [f64; 2],
     pub(super) trouble: Trouble,
     pub(super) motor: Motor,
-    /// The force at the tick before [N].
+    /// The force at the previous tick [N].
     before: f64,
     random: u64,
     strangers: u16,
@@ -109,7 +109,7 @@ impl World {
         Duration::from_nanos(self.clock.load(Ordering::Relaxed))
     }
 
-    /// Time goes on; the host does nothing meanwhile.
+    /// Advance the time, while the host does nothing.
     pub(super) fn advance(&mut self, time: Duration) {
         if self.trouble.another_program {
             self.stranger();
@@ -144,7 +144,7 @@ impl World {
         self.before = self.motor.force;
     }
 
-    /// The record of the motor begins anew.
+    /// Restart the record of the motor.
     pub(super) fn begin_record(&mut self) {
         self.motor = Motor {
             force: self.motor.force,
@@ -152,7 +152,7 @@ impl World {
         };
     }
 
-    /// What the motor gives in the step that begins now.
+    /// Record the motor's force in the step that begins now.
     fn record(&mut self) {
         if let Some(firmware) = &self.firmware {
             self.motor.force = firmware.forces()[0];
@@ -167,7 +167,7 @@ impl World {
         }
     }
 
-    /// A packet of the host, or of its guardian, arrives at the board.
+    /// Deliver a packet of the host, or of its guardian, to the board.
     pub(super) fn write(&mut self, packet: &[u8]) -> Result<(), Gone> {
         if self.trouble.unplugged {
             return Err(Gone::Closed);
@@ -223,7 +223,7 @@ impl World {
         }
     }
 
-    /// The host takes what has come.
+    /// Read the bytes that have arrived at the host.
     pub(super) fn read(&mut self, into: &mut [u8]) -> Result<usize, Gone> {
         if self.trouble.unplugged {
             return Err(Gone::Closed);
@@ -234,7 +234,7 @@ impl World {
         Ok(n)
     }
 
-    /// The host orders a force of its guardian.
+    /// Pass a force command of the host to its guardian.
     pub(super) fn order(&mut self, command: ForceCommand) {
         let at = self.epoch + self.now();
         if let Some(guardian) = &mut self.guardian {
@@ -243,7 +243,7 @@ impl World {
         self.guard();
     }
 
-    /// The newest state that the guardian has told, once; whether it has lost the service.
+    /// The newest state from the guardian, once; an error if the guardian has lost the service.
     pub(super) fn state(&mut self) -> Result<Option<(u16, [f64; 3], bool)>, Gone> {
         let Some(guardian) = &mut self.guardian else {
             return Ok(None);
@@ -254,7 +254,7 @@ impl World {
         }
     }
 
-    /// The guardian does what is due.
+    /// Perform the due actions of the guardian.
     fn guard(&mut self) {
         let at = self.epoch + self.now();
         while let Some(guardian) = &mut self.guardian {
@@ -272,7 +272,7 @@ impl World {
         }
     }
 
-    /// Another program asks where the axes are.
+    /// Send the request of another program.
     fn stranger(&mut self) {
         self.strangers = self.strangers.wrapping_add(1);
         let request = frame::Request {
@@ -286,7 +286,7 @@ impl World {
         self.hear(&bytes[..len]);
     }
 
-    /// When a packet that is sent now arrives, unless it is lost.
+    /// The time at which a packet that is sent now arrives; `None` if it is lost.
     fn arrival(&mut self) -> Option<Duration> {
         let is_lost = self.random() % 100 < self.trouble.lost;
         let late = self.random() % (self.trouble.jitter + 1);
@@ -297,7 +297,7 @@ impl World {
         (0..n).map(|_| self.random() as u8).collect()
     }
 
-    /// A number by xorshift64 (Marsaglia, 2003).
+    /// A random number by xorshift64 (Marsaglia, 2003).
     fn random(&mut self) -> u64 {
         self.random ^= self.random << 13;
         self.random ^= self.random >> 7;
@@ -306,7 +306,7 @@ impl World {
     }
 }
 
-/// Take what has arrived by now, in the order of arrival.
+/// Remove the packets that have arrived by `now`, in the order of arrival.
 fn arrived(under_way: &mut Vec<(Duration, Vec<u8>)>, now: Duration) -> Vec<(Duration, Vec<u8>)> {
     let mut found: Vec<_> = under_way.extract_if(.., |(at, _)| *at <= now).collect();
     found.sort_by_key(|(at, _)| *at);

@@ -21,13 +21,13 @@ enum Fault {
     Silent,
 }
 
-/// A key in this process that has a fault from a tick on.
+/// An emulated key that has a fault from a tick on.
 struct Faulty {
     keys: Emulated,
     fault: Fault,
     at: u64,
     ticks: u64,
-    /// Bits of the last force of the first axis.
+    /// The last force of the first axis, as bits.
     last: Arc<AtomicU64>,
 }
 
@@ -175,7 +175,7 @@ fn a_hand_that_asks_for_the_end_gets_it_at_once() {
     assert_eq!(last.load(Ordering::Relaxed), 0);
 }
 
-/// A steady push takes a key without a spring nowhere near an end: the brake takes over, and the guide has it back.
+/// A steady push does not take a key without a spring to an end: the brake takes over, then the guide returns the key.
 #[test]
 fn the_brake_keeps_the_key_from_its_ends() {
     let mut forces = vec![1.5; 4000];

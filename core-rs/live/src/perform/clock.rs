@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use crate::realtime::sleep_until;
 
-/// Largest relative change of the length of a tick, which neither hand nor ear notices.
+/// Largest relative change of the length of a tick; neither hand nor ear notices it.
 const MOST: f64 = 5e-3;
 /// Proportional and integral gain for the relative error of the ring's level; the loop settles within seconds.
 const GAINS: (f64, f64) = (4e-3, 4e-4);
@@ -18,11 +18,11 @@ const LOOK: f64 = 0.25;
 pub(super) struct Clock {
     /// Length of a tick [s].
     period: f64,
-    /// Level of the ring [frames].
+    /// Wanted level of the ring [frames].
     target: f64,
     /// Whether keys pace the ticks; otherwise the ring does.
     keys: bool,
-    /// Whether the output has a clock, as a card has and a file has not.
+    /// Whether the output has a clock: a card has one, a file has none.
     steered: bool,
     due: Option<Instant>,
     integral: f64,
@@ -59,7 +59,7 @@ impl Clock {
         self.period
     }
 
-    /// Wait for the next tick; `filled`: frames in the ring, whose card is taking them if `playing`.
+    /// Wait for the next tick; `filled`: frames in the ring; `playing`: whether the card is taking them.
     pub(super) fn tick(&mut self, filled: usize, playing: bool) -> Beat {
         if !self.keys {
             return Beat::default();
@@ -75,13 +75,13 @@ impl Clock {
         Beat { late, lost }
     }
 
-    /// Relative change of the next tick's length: longer where the ring is above its level.
+    /// Relative change of the next tick's length: longer if the ring is above its wanted level.
     fn steer(&mut self, filled: usize, playing: bool) -> f64 {
         if !self.steered {
             return 0.0;
         }
         if !playing {
-            // Until the card takes frames the ring only fills.
+            // Until the card takes frames the ring only fills: ticks are as short as allowed.
             return -MOST;
         }
         let error = ((filled as f64 - self.target) / self.target).clamp(-1.0, 1.0);
@@ -100,7 +100,7 @@ impl Clock {
 mod tests {
     use super::*;
 
-    /// The clock follows a card whose clock is wrong by one part in a thousand.
+    /// The clock follows a card whose clock is wrong by up to three parts in a thousand.
     #[test]
     fn the_ring_settles_at_its_target_whatever_the_card_does() {
         for drift in [-2e-3, 0.0, 1e-3, 3e-3] {
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn a_late_tick_is_told_and_a_lost_one_sets_the_clock_anew() {
-        // Ticks so long that no stall of a busy machine matters.
+        // Ticks this long hide any stall of a busy machine.
         const PERIOD: f64 = 0.5;
         let mut clock = Clock::new(PERIOD, 64, true, true);
         let passed = |clock: &mut Clock, ticks: f64| {

@@ -18,9 +18,10 @@ pub(super) struct SharedFlags {
     pub(super) release: AtomicBool,
     /// Whether the last frame was computed.
     pub(super) done: AtomicBool,
-    /// What ends the waits for each device.
+    /// Ends the waits for each device.
     endings: Vec<Ending>,
-    /// What the system granted the physics thread: bit 0 memory locked, bit 2 set, from bit 8 on priority + 1; 0: not known.
+    /// What the system granted the physics thread: bit 0: memory is locked; bit 2: the value is set; from bit 8 on:
+    /// priority + 1. 0: not known.
     granted: AtomicU64,
 }
 
@@ -76,13 +77,13 @@ impl Control {
     /// End the performance: zero force at once, silence within 5 ms.
     pub fn stop(&self) {
         self.flags.stop.store(true, Ordering::Release);
-        // In lockstep a device that is away would be waited for as long as its address says.
+        // Otherwise a lockstep device that does not answer would be waited for as long as its address allows.
         self.flags.endings.iter().for_each(Ending::end);
         self.sound.panic();
     }
 }
 
-/// Sets the flag `done` when it is dropped, also where the physics thread panics.
+/// Sets the flag `done` when it is dropped, also if the physics thread panics.
 pub(super) struct MarkDone(pub(super) Arc<SharedFlags>);
 
 impl Drop for MarkDone {

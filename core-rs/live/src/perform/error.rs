@@ -16,7 +16,7 @@ pub enum PlayError {
     /// A device.
     #[error(transparent)]
     Device(#[from] DeviceError),
-    /// The recording.
+    /// The recording of the hands.
     #[error("the recording cannot be written: {0}")]
     Recording(#[from] RecordingError),
     /// A frozen part.
@@ -27,7 +27,7 @@ pub enum PlayError {
         /// The error of reading it.
         error: std::io::Error,
     },
-    /// The system refused a thread.
+    /// The system could not start a thread.
     #[error("the system refused a thread for the physics: {0}")]
     Thread(#[source] std::io::Error),
     /// The physics thread panicked; forces are zero and the sound is silent.
@@ -57,7 +57,7 @@ pub enum ChangeError {
     /// Its frame is not the first of a tick.
     #[error("frame {0} is not the first of a tick: ticks have {1} frames")]
     Frame(u64, usize),
-    /// Its simulation is at another frame.
+    /// Its simulation is not at the frame of the change.
     #[error("the simulation starts at frame {0}, and the change is at frame {1}")]
     Begins(u64, u64),
     /// Its outputs differ, and frozen parts fill outputs by their indices.
@@ -66,7 +66,7 @@ pub enum ChangeError {
     /// Its number of channels differs.
     #[error("the number of channels cannot change: the sound card was opened with {0}")]
     Channels(usize),
-    /// Too many changes wait.
+    /// Too many commands wait for the physics thread.
     #[error("too many commands wait for the physics thread; try again")]
     Busy,
 }

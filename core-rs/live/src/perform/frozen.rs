@@ -1,6 +1,6 @@
-//! Frozen parts: outputs that were computed before and come from files, beside those that are simulated.
+//! Frozen parts: outputs that were computed before; they are read from files and join those that are simulated.
 //!
-//! A plain thread reads ahead into a ring; the physics thread takes the frames that it needs and never waits.
+//! An ordinary thread reads ahead into a ring; the physics thread takes the frames that it needs and never waits.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -15,13 +15,13 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 /// Number of frames read at once.
 const BLOCK: u64 = 4_096;
-/// Number of frames read ahead, 1.5 s at 44.1 kHz; the ring is locked memory.
+/// Number of frames read ahead, 1.5 s at 44.1 kHz. The ring is in locked memory, so `RING_MAX` limits it too.
 const AHEAD: usize = 1 << 16;
 const RING_MAX: usize = (64 << 20) / size_of::<f64>();
 /// Time between two checks of the reader for room.
 const NAP: Duration = Duration::from_millis(10);
 
-/// A file of outputs that were computed before, from the first frame of the piece on.
+/// A file of outputs that were computed before, beginning with the first frame of the piece.
 #[derive(Clone, Debug)]
 pub struct Stem {
     /// The file, with frames of little-endian doubles.
@@ -30,11 +30,11 @@ pub struct Stem {
     pub offset: u64,
     /// Number of frames.
     pub n_frames: u64,
-    /// The outputs of the simulation that it replaces.
+    /// The outputs of the simulation that the file replaces.
     pub outputs: Vec<usize>,
 }
 
-/// The end of the ring that the physics thread reads.
+/// The consumer side of the ring, for the physics thread.
 pub(super) struct Frozen {
     ring: Consumer<f64>,
     outputs: Vec<usize>,
@@ -42,13 +42,13 @@ pub(super) struct Frozen {
     next: u64,
 }
 
-/// The thread that reads, which ends when this is dropped.
+/// The reading thread, which ends when this is dropped.
 pub(super) struct Reader {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// Open stems at a frame of the piece and read ahead; the file that cannot be read is told with its error.
+/// Open stems at a frame of the piece and read ahead. An error comes with the file that cannot be read.
 pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (PathBuf, io::Error)> {
     let outputs: Vec<usize> = stems.iter().flat_map(|stem| stem.outputs.clone()).collect();
     let width = outputs.len().max(1);
@@ -79,7 +79,7 @@ pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (Pa
     let thread = std::thread::Builder::new()
         .name("ergon frozen".into())
         .spawn(move || {
-            // Frames that cannot be read are missing when they are due: they are silent, and counted.
+            // Frames that cannot be read are silent when they are due, and counted as missed.
             while !asked.load(Ordering::Acquire) && matches!(files.fill(), Ok(true)) {
                 std::thread::sleep(NAP);
             }
@@ -97,7 +97,7 @@ pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (Pa
     ))
 }
 
-/// The files, and the end of the ring that the reader fills.
+/// The files, and the producer side of the ring.
 struct Files {
     /// (path, file, number of outputs in a frame).
     files: Vec<(PathBuf, BufReader<File>, usize)>,
@@ -136,7 +136,7 @@ impl Files {
             }
             match self.to_ring.write_chunk_uninit(self.frames.len()) {
                 Ok(chunk) => chunk.fill_from_iter(self.frames.iter().copied()),
-                Err(ChunkError::TooFewSlots(_)) => return Ok(true), // never: it was looked at
+                Err(ChunkError::TooFewSlots(_)) => return Ok(true), // never: room was checked
             };
             self.left -= n as u64;
         }
@@ -154,14 +154,14 @@ impl Drop for Reader {
 }
 
 impl Frozen {
-    /// Whether `n` frames from frame `at` on have been read, or never will be.
+    /// Whether `n` frames from frame `at` on are in the ring, or the reader has ended.
     pub(super) fn is_ready(&self, at: u64, n: usize) -> bool {
         let behind = at.saturating_sub(self.next) as usize;
         self.ring.slots() >= (behind + n) * self.outputs.len() || self.ring.is_abandoned()
     }
 
     /// Write the frozen outputs from frame `at` on into `frames` (n_frames, n_out). Frames that were not read in time
-    /// are left unchanged, and their number is returned.
+    /// are left unchanged; return their number.
     pub(super) fn join(&mut self, frames: &mut [f64], n_out: usize, at: u64) -> u64 {
         let width = self.outputs.len();
         let wanted = frames.len() / n_out.max(1);

@@ -5,37 +5,38 @@ use crate::safety::unit;
 /// Time of a fade of the guidance, and of its crossfade to another path [s].
 const FADE: f64 = 0.2;
 
-/// Spring and damper between a hand and the position of the key in its part.
+/// A spring and a damper between a hand and the position of the key in its part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Guidance {
-    /// [N/m]
+    /// Stiffness [N/m].
     pub k: f64,
-    /// [N·s/m]
+    /// Viscosity [N·s/m].
     pub z: f64,
     /// Whether it starts at zero and follows [`GuidanceStep`]s; otherwise it acts fully all the time.
     pub loose: bool,
 }
 
-/// Factors of a [`Guidance`], 0 to 1.
+/// Factors of the two constants of a [`Guidance`], 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GuidanceShare {
-    /// Of its stiffness.
+    /// Factor of its stiffness.
     pub k: f64,
-    /// Of its viscosity.
+    /// Factor of its viscosity.
     pub z: f64,
 }
 
-/// The factors of a loose [`Guidance`] from a tick on.
+/// The factors of a loose [`Guidance`] from one tick on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GuidanceStep {
-    /// In ticks after the change that brings it; once that is made, in ticks of the performance.
+    /// In ticks after the change that brings the step; once the change is made, in ticks of the performance.
     pub at: u64,
-    /// The factors that it fades to.
+    /// The factors that the guidance fades to.
     pub share: GuidanceShare,
 }
 
 impl Guidance {
-    /// The corners of the range of its factors: a force limit that holds at each of them is taken to hold between them.
+    /// The corners of the range of its factors: a force limit that holds at each of them is assumed to hold between
+    /// them.
     pub(super) fn shares(this: Option<Self>) -> &'static [GuidanceShare] {
         const NONE: GuidanceShare = GuidanceShare { k: 0.0, z: 0.0 };
         const STIFF: GuidanceShare = GuidanceShare { k: 1.0, z: 0.0 };
@@ -84,7 +85,7 @@ impl GuidanceShare {
     }
 }
 
-/// A guidance while it plays.
+/// The state of a guidance while it plays.
 #[derive(Clone, Debug)]
 pub(super) struct GuidanceState {
     guidance: Option<Guidance>,
@@ -92,10 +93,10 @@ pub(super) struct GuidanceState {
     share: GuidanceShare,
     from: GuidanceShare,
     to: GuidanceShare,
-    /// Distance from the path of the part [m] at the beginning of the crossfade, and now.
+    /// Distance from the path of the part [m]: at the beginning of the crossfade, and now.
     offset: f64,
     left: f64,
-    /// Progress of the fade, 0 to 1, and what a tick adds to it.
+    /// Progress of the fade, 0 to 1, and its increment in a tick.
     done: f64,
     by: f64,
     /// All steps; index of the next one.
@@ -104,7 +105,7 @@ pub(super) struct GuidanceState {
 }
 
 impl GuidanceState {
-    /// In ticks of `period` [s].
+    /// A state in ticks of `period` [s].
     pub(super) fn new(guidance: Option<Guidance>, period: f64) -> Self {
         let share = match guidance {
             Some(Guidance { loose: false, .. }) => GuidanceShare::ALL,
@@ -124,12 +125,12 @@ impl GuidanceState {
         }
     }
 
-    /// Whether it follows steps.
+    /// Whether the guidance follows steps.
     pub(super) fn is_loose(&self) -> bool {
         self.guidance.is_some_and(|guidance| guidance.loose)
     }
 
-    /// Start new `steps`, whose ticks count from `tick`.
+    /// Start the new `steps`, whose ticks count from `tick`.
     pub(super) fn begin(&mut self, tick: u64) {
         for step in &mut self.steps {
             step.at = step.at.saturating_add(tick);
@@ -137,7 +138,7 @@ impl GuidanceState {
         self.next = 0;
     }
 
-    /// Crossfade from a path that was at `before` to one that is at `now` [m].
+    /// Crossfade from a path that was at `before` to a path that is at `now` [m].
     pub(super) fn change(&mut self, before: f64, now: f64) {
         let is_free = self.share == GuidanceShare::default();
         let left = if is_free {
@@ -175,7 +176,7 @@ impl GuidanceState {
         }
     }
 
-    /// The force [N] on a hand at `x` [m] moving at `v` [m/s], whose part is at `part` [m].
+    /// The force [N] on a hand at `x` [m] that moves at `v` [m/s], while its part is at `part` [m].
     pub(super) fn force(&self, part: f64, x: f64, v: f64) -> f64 {
         let Some(guidance) = self.guidance else {
             return 0.0;
@@ -185,7 +186,8 @@ impl GuidanceState {
     }
 }
 
-/// From 0 to 1 with no jump of velocity or acceleration at either end: the quintic whose first two derivatives are zero there.
+/// A quintic step from 0 to 1: its first and second derivatives are zero at both ends, so velocity and acceleration do
+/// not jump.
 pub(super) fn smooth(t: f64) -> f64 {
     t * t * t * (10.0 + t * (6.0 * t - 15.0))
 }
@@ -233,7 +235,7 @@ mod tests {
         for tick in 50..2_000 {
             guidance.tick(tick);
             let force = guidance.force(hand.stands_at(tick), 0.0, 0.0);
-            // The steepest of a smooth way of 200 ticks.
+            // The steepest slope of a smooth fade over 200 ticks.
             assert!(f64::abs(force - last) < 0.25 * 1.9 / 200.0, "tick {tick}");
             if !(150..1_250).contains(&tick) {
                 assert_eq!(force, 0.0, "tick {tick}");

@@ -1,4 +1,4 @@
-//! A hand while it plays: of a person or its stand-in, and the transition from one to the other.
+//! A hand while it plays, moved by a person or by its stand-in, and the transition between them.
 
 use super::guidance::{Guidance, smooth};
 use super::hand_limit::MeasuredKey;
@@ -7,7 +7,7 @@ use super::hand_limit::MeasuredKey;
 const STEP: f64 = 5e-5;
 /// Least and greatest number of ticks of a transition.
 const TICKS: (f64, f64) = (20.0, 4_000.0);
-/// Greatest slope of the smooth transition from 0 to 1 over a length of 1.
+/// Greatest slope of `smooth`, the transition from 0 to 1 over a length of 1.
 const STEEPEST: f64 = 1.875;
 
 /// A hand of the piece.
@@ -21,21 +21,22 @@ pub struct Hand {
     pub reach: f64,
     /// The guidance of the hand.
     pub guidance: Option<Guidance>,
-    /// Force of the piece against the key [N/m] in each tick after it was 1 m away for one tick, (n_ticks,); empty: not
-    /// computed.
+    /// Force of the piece against the key [N/m] in each tick after the key was displaced by 1 m for one tick,
+    /// (n_ticks,); empty: not computed.
     pub response: Vec<f64>,
-    /// What is known of the key by a calibration.
+    /// The measured key, if there is a calibration.
     pub measured: Option<MeasuredKey>,
 }
 
-/// Who moves a key, and the rest of the transition from who moved it before.
+/// Who moves a key, and the state of the transition from the mover before.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Mover {
-    /// Whether a person does.
+    /// Whether a person moves the key; otherwise its stand-in does.
     pub(super) real: bool,
     /// Position of the key [m].
     pub(super) x: f64,
-    /// Distance at the beginning of a transition [m] that takes `ticks`, of which `done` have passed.
+    /// Distance between both movers at the beginning of a transition [m]; the ticks that the transition takes, and
+    /// those done.
     offset: f64,
     ticks: f64,
     done: f64,
@@ -59,7 +60,7 @@ impl Mover {
         self.done = 0.0;
     }
 
-    /// Position of the key in this tick, where its mover is at `x`.
+    /// Position of the key in this tick, if its mover is at `x`.
     pub(super) fn follow(&mut self, x: f64) -> f64 {
         self.x = if self.done < self.ticks {
             self.done += 1.0;
@@ -70,7 +71,7 @@ impl Mover {
         self.x
     }
 
-    /// Progress of the transition, 0 to 1: the share of the force that a person feels.
+    /// Progress of the transition, 0 to 1; a person feels this share of the force.
     pub(super) fn share(&self) -> f64 {
         if self.done < self.ticks {
             smooth(self.done / self.ticks)

@@ -4,12 +4,12 @@ use super::{Guidance, Hand, Keyboard};
 use crate::safety::margin::Answer;
 use crate::safety::stiffness;
 
-/// Mass [kg] and damping [N·s/m] of a device that does not tell its own: light, with little friction.
+/// Mass [kg] and damping [N·s/m] assumed for a device that does not report them: light, with little friction.
 const DEFAULT_KEY: (f64, f64) = (0.05, 0.3);
-/// A piece is not played where a hand may get less than this part of its force.
+/// Smallest share of its force that a hand may get: a piece that needs a smaller one is not played.
 pub const SCALE_MIN: f64 = 0.02;
 
-/// How much of the piece's force a hand may get.
+/// The share of the piece's force that a hand may get.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandLimit {
     /// Which hand.
@@ -22,18 +22,18 @@ pub struct HandLimit {
     pub limit: f64,
 }
 
-/// A key as a calibration says it.
+/// A key as measured by a calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredKey {
-    /// Moving mass, without what swings on it [kg].
+    /// Moving mass [kg], without parts that swing on it.
     pub mass: f64,
     /// Its own damping [N·s/m].
     pub damping: f64,
-    /// From the tick of a force to the force [s], where it was measured.
+    /// Delay from the tick of a force to the force [s], if it was measured.
     pub delay: Option<f64>,
 }
 
-/// The key under a real hand: numbers of its device, and the hand's guidance.
+/// The key under a real hand: the parameters of its device, and the hand's guidance.
 #[derive(Clone, Copy, Debug)]
 pub struct HandKey {
     /// Which hand.
@@ -43,7 +43,7 @@ pub struct HandKey {
 }
 
 impl HandKey {
-    /// One for each hand on a keyboard.
+    /// The keys of all hands on a keyboard.
     pub(super) fn all(board: &Keyboard, hands: &[Hand]) -> Vec<Self> {
         let of = |&(_, hand): &(usize, usize)| Self {
             hand,
@@ -74,13 +74,13 @@ impl HandKey {
     }
 }
 
-/// A delay of so much less than a whole number of ticks more is that number: a measured one is known so well.
+/// Tolerance of a measured delay [ticks]: a delay that exceeds a whole number of ticks by less counts as that number.
 const DELAY_DEVIATION: f64 = 0.05;
 
 /// The key of a device without hand or piece, in ticks of `period` [s].
 ///
-/// Of what its device tells and what was `measured` that counts by which less is stable: a file does not make a key safer
-/// than its device says.
+/// If both the device and `measured` give a value, the less stable one counts (smaller mass and damping, longer delay):
+/// a calibration cannot make a key look safer than its device reports.
 pub(super) fn key(
     spec: &crate::device::Spec,
     measured: Option<MeasuredKey>,

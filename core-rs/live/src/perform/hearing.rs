@@ -1,4 +1,5 @@
-//! Inputs of a sound card in a performance: opened beforehand, taken tick by tick, and kept in a file if that is wanted.
+//! Inputs of a sound card in a performance: opened beforehand, read tick by tick, and written to a file if one is asked
+//! for.
 
 use std::path::PathBuf;
 
@@ -7,39 +8,39 @@ use ergon_engine::simulation::Simulation;
 use super::PlayError;
 use crate::audio::{self, AudioError, Backend, Info, Input, Intake, Spec, Tap, TapHandle};
 
-/// Where a performance hears, if its piece has inputs.
+/// Where the inputs of a piece come from.
 #[derive(Clone, Debug, Default)]
 pub struct InputConfig {
-    /// From where; `None`: nowhere, what the piece itself has for its inputs is heard.
+    /// The source; `None`: each input plays what the piece itself has for it.
     pub from: Option<Spec>,
-    /// A new WAVE file of what is heard.
+    /// The path of a new WAVE file for the input.
     pub record: Option<PathBuf>,
 }
 
-/// What a performance knows of its input.
+/// The input of a performance, as other threads see it.
 #[derive(Default)]
 pub struct Heard {
     /// The input, if there is one.
     pub input: Option<Input>,
-    /// It, or why there is none, as a sentence; empty where the piece has no inputs.
+    /// A sentence about the input, or why there is none; empty if the piece has no inputs.
     pub sentence: String,
-    /// The file of what is heard.
+    /// The file that the input is written to.
     pub recorded: Option<TapHandle>,
 }
 
 /// The input on the physics thread.
 pub(super) struct Hearing {
     intake: Intake,
-    /// A tick of it   (tick_frames, n_channels)
+    /// The samples of a tick   (tick_frames, n_channels)
     samples: Vec<f32>,
     tap: Option<Tap>,
-    /// Frames of sound that are enough ahead: what comes in is to be heard soon.
+    /// Level of the ring [frames] at which ticks wait: a fuller ring would delay the input.
     enough: usize,
 }
 
 /// Open the input of a piece that has inputs, for an output whose ring holds `ahead` frames.
 ///
-/// An input that is only looked for (`auto`) may be missing; one that is named may not.
+/// With the backend `auto` a missing input is no error; with a named backend it is.
 pub(super) fn open(
     config: &InputConfig,
     simulation: &Simulation,
@@ -109,13 +110,13 @@ pub(super) fn open(
 }
 
 impl Hearing {
-    /// Whether `filled` frames of sound are enough ahead.
+    /// Whether `filled` frames in the ring are enough.
     pub(super) fn is_enough(&self, filled: usize) -> bool {
         filled >= self.enough
     }
 
-    /// Hand what was heard to the frames of a tick, which begins at `frame`; silence until the card `is_playing`, for the
-    /// frames before are computed in one go.
+    /// Pass the input of a tick, which begins at `frame`, to the simulation. Until the card `is_playing` the input is
+    /// silence, because the frames before are computed without waiting.
     pub(super) fn tick(
         &mut self,
         simulation: &mut Simulation,
@@ -136,7 +137,7 @@ impl Hearing {
         }
     }
 
-    /// An input that is fed by hand.
+    /// An input that a test feeds.
     #[cfg(test)]
     pub(super) fn by_hand(intake: Intake, tick_frames: usize, tap: Tap) -> Self {
         let samples = vec![0.0; tick_frames * intake.channels()];

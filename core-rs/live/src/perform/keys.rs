@@ -1,4 +1,4 @@
-//! A keyboard: a guarded device whose axes are hands of the piece, and the thread that opens it again when it is lost.
+//! A keyboard: a guarded device whose axes are hands of the piece, and the thread that reopens a lost device.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -16,9 +16,10 @@ use crate::safety::{Guarded, Limits, Trip, stiffness};
 /// Time between two attempts to open a lost device.
 const RETRY: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(50);
-/// Time without a position after which a device counts as lost, though its port may be open: datagrams never close [s].
+/// Time without a position after which a device counts as lost [s]. Its port may still be open: a datagram socket never
+/// closes.
 const SILENT: f64 = 0.25;
-/// Tolerance of positions beyond the range, as a part of the range: sensors and stops are not exact.
+/// Tolerance of positions beyond the range, as a part of the range: sensors and end stops are not exact.
 const OVER: f64 = 0.5;
 /// Longest wait for the newest position, as a part of a tick.
 const WAIT: f64 = 0.3;
@@ -27,18 +28,18 @@ const WAIT: f64 = 0.3;
 pub struct Keyboard {
     guarded: Box<Guarded>,
     known: DeviceConfig,
-    /// Device axis and hand of the piece.
+    /// Pairs of device axis and hand of the piece.
     axes: Vec<(usize, usize)>,
 }
 
-/// How to open a device, and to open it again.
+/// How to open a device, the first time and again.
 #[derive(Clone, Debug)]
 pub struct DeviceConfig {
     /// The address of the device.
     pub url: Url,
-    /// Calibrations of axes, by their numbers.
+    /// Calibrations of axes, each with the number of its axis.
     pub calibration: Vec<(usize, Axis)>,
-    /// Greatest force [N], if less than that of the device.
+    /// Greatest force [N], if less than the device's own limit.
     pub most: Option<f64>,
     /// Length of a tick [s].
     pub period: f64,
@@ -47,7 +48,7 @@ pub struct DeviceConfig {
 }
 
 impl DeviceConfig {
-    /// A name of the board that does not depend on its port, if one is certain.
+    /// An identifier of the board that does not depend on its port, if there is one.
     fn identity(&self) -> Option<String> {
         let kind = self.url.kind;
         kind.is_serial()
@@ -69,14 +70,14 @@ pub struct Slot {
     wait: Duration,
     /// Range of plausible positions [m].
     range: [f64; 2],
-    /// Number of ticks without a new position, and the number from which on the device counts as lost.
+    /// Number of ticks without a new position, and the number above which the device counts as lost.
     silent: u32,
     patience: u32,
-    /// Interruptions of devices that were lost, which the counts go on from.
+    /// Counts of interruptions on devices of this slot that were lost; new counts are added to them.
     earlier: [u64; 2],
 }
 
-/// The thread that may wait: it opens the device again and frees lost ones.
+/// The thread that is allowed to wait: it opens the device again and frees lost ones.
 pub(super) struct Reconnector {
     thread: Option<JoinHandle<()>>,
     ending: Ending,
@@ -99,7 +100,7 @@ impl Keyboard {
         Ok(Self::around(device, known, axes))
     }
 
-    /// A keyboard of an open device; when it is lost, it is opened again as `known` says.
+    /// A keyboard of an open device; if the device is lost, it is opened again as `known` says.
     pub(super) fn around(
         device: Box<dyn Device>,
         known: DeviceConfig,
@@ -112,7 +113,7 @@ impl Keyboard {
         }
     }
 
-    /// What ends the waits for the device.
+    /// The handle that ends the waits for the device.
     pub(super) fn ending(&self) -> Ending {
         self.known.ending.clone()
     }
@@ -138,7 +139,7 @@ impl Keyboard {
         commands: Arc<Mutex<Producer<Command>>>,
     ) -> (Slot, Reconnector) {
         let (gone, ending) = (Arc::default(), self.known.ending.clone());
-        // A device may be lost while an earlier one is still to be freed.
+        // Room for devices that are lost while an earlier one is still to be freed.
         let (grave, graves) = RingBuffer::new(4);
         let [low, high] = self.guarded.spec().pos_range;
         let over = OVER * (high - low).abs();
@@ -219,7 +220,7 @@ impl Slot {
             .and_then(|guarded| guarded.tripped(axis))
     }
 
-    /// How often the board reported that it let go, and how often the host was stopped.
+    /// How often the board reported that it let go, and how often forces ended because the host was stopped.
     pub(super) fn interruptions(&self) -> [u64; 2] {
         let [let_go, stalls] = self.earlier;
         self.guarded.as_ref().map_or(self.earlier, |guarded| {
@@ -254,7 +255,7 @@ impl Slot {
         }
     }
 
-    /// Send the forces; false where the device has just been lost.
+    /// Send the forces; false if the device has just been lost.
     pub(super) fn send(&mut self) -> bool {
         let Some(guarded) = &mut self.guarded else {
             return true;
@@ -273,7 +274,7 @@ impl Slot {
         Instant::now() + self.wait
     }
 
-    /// Receive positions; false where the device has just been lost.
+    /// Receive positions; false if the device has just been lost.
     pub(super) fn look(&mut self, deadline: Instant) -> bool {
         self.sample.fresh = false;
         let Some(guarded) = &mut self.guarded else {
@@ -283,7 +284,7 @@ impl Slot {
         self.sample.fresh = matches!(done, Ok(true));
         let [low, high] = self.range;
         for position in &mut self.sample.position {
-            // A position that is impossible for the key is not used.
+            // Positions that the key cannot have are clamped.
             *position = position.clamp(low, high);
         }
         self.silent = if self.sample.fresh {
@@ -301,7 +302,7 @@ impl Slot {
         (self.sample.fresh, self.sample.t_dev_us) = (false, None);
         self.earlier = self.interruptions();
         if let Some(dead) = self.guarded.take() {
-            // Freed by the reconnector: closing a port may take long.
+            // The reconnector frees it, because closing a port may take long.
             if let Err(rtrb::PushError::Full(dead)) = self.grave.push(dead) {
                 std::mem::forget(dead);
             }
@@ -338,7 +339,8 @@ impl ReconnectLoop {
         while !self.known.ending.is_over() {
             std::thread::park_timeout(LOOK);
             let is_gone = self.gone.load(Ordering::Acquire);
-            // A lost device sends its last zeros and closes its port before the port is opened again.
+            // The lost device is dropped here, before its port is opened again: it sends its last zeros and closes the
+            // port.
             while let Ok(dead) = self.graves.pop() {
                 memory = Some(dead.memory());
             }
@@ -346,14 +348,14 @@ impl ReconnectLoop {
                 continue;
             }
             next = Instant::now() + RETRY;
-            // Another board at the same port has another motor, whose direction is unknown.
+            // Another board at the same port may have another motor, whose direction is unknown.
             if self.identity.is_some() && self.known.identity() != self.identity {
                 continue;
             }
             let Ok(device) = self.known.open() else {
                 continue;
             };
-            // Another device may have this name: the force scales were computed for the first one.
+            // The name may belong to another device, but the force scales were computed for the first one.
             let n = device.spec().dof;
             if self.axes.iter().any(|(axis, _)| *axis >= n) {
                 continue;
@@ -378,7 +380,7 @@ impl Drop for Reconnector {
         self.ending.end();
         if let Some(thread) = self.thread.take() {
             thread.thread().unpark();
-            // A panic there has freed its device.
+            // If the thread panicked, its device has been freed.
             let _ = thread.join();
         }
     }

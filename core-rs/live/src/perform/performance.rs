@@ -1,4 +1,4 @@
-//! The handle of a piece that is being played: what other threads ask of the physics thread.
+//! The handle of a performance, through which other threads send requests to the physics thread.
 
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -20,14 +20,14 @@ use crate::realtime::{self, Granted};
 use crate::recording::RecorderHandle;
 use crate::safety;
 
-/// What happened to the sound, and how much of it the output and the input have told.
+/// All events of the sound so far, and how many of them came from the output and from the input.
 #[derive(Default)]
 pub(super) struct SoundEvents {
     all: Vec<audio::Event>,
     told: [usize; 2],
 }
 
-/// A piece that is being played. Dropped, it stops.
+/// A piece that is being played; it stops when this is dropped.
 pub struct Performance {
     pub(super) flags: Arc<SharedFlags>,
     pub(super) thread: Option<JoinHandle<Player>>,
@@ -51,27 +51,27 @@ pub struct Performance {
     pub(super) channels: usize,
     /// Channels of the mixer.
     pub(super) mixed_channels: usize,
-    /// Number of outputs, where frozen parts fill some of them.
+    /// Number of outputs, if frozen parts fill some of them.
     pub(super) frozen_outputs: Option<usize>,
-    /// Frames a second [Hz], and the first that is played.
+    /// Frame rate [Hz], and the first frame that is played.
     pub(super) rate: f64,
     pub(super) start: u64,
-    /// Whether windows may be opened on it.
+    /// Whether windows may be opened on the performance.
     pub(super) is_seen: bool,
 }
 
 impl Performance {
-    /// Begin.
+    /// Start a performance.
     ///
     /// # Errors
-    /// [`PlayError`] says what is missing; nothing sounds then, and no force was sent.
+    /// [`PlayError`] says what is missing; in this case nothing sounds and no force was sent.
     pub fn start(
         stage: Stage,
         boards: Vec<Keyboard>,
         config: PlaybackConfig,
     ) -> Result<Self, PlayError> {
         let (mut this, mut player) = Self::prepare(stage, boards, config)?;
-        // Without a hand too: what sounds ends by a signal as soon.
+        // Also without a hand: a signal must end the sound at once.
         safety::watch_ends();
         let flags = this.flags.clone();
         let thread = std::thread::Builder::new()
@@ -81,7 +81,7 @@ impl Performance {
                 safety::leave_signals();
                 flags.set_granted(realtime::ask(realtime::PHYSICS));
                 player.run();
-                // Given back to be freed where time does not count.
+                // The player is returned, so that it is freed outside the physics thread.
                 player
             })
             .map_err(PlayError::Thread)?;
@@ -89,22 +89,22 @@ impl Performance {
         Ok(this)
     }
 
-    /// How it goes now.
+    /// The latest status.
     pub fn status(&mut self) -> Status {
         *self.status.read()
     }
 
-    /// The next thing that happened.
+    /// The next event.
     pub fn event(&mut self) -> Option<Event> {
         self.events.pop().ok()
     }
 
-    /// How much of the piece's force each real hand may get.
+    /// The share of the piece's force that each real hand may get.
     pub fn hand_limits(&self) -> &[HandLimit] {
         &self.hand_limits
     }
 
-    /// The key under a hand, to compute limits of another piece; `None`: the hand is not real.
+    /// The key under a hand, to compute limits of another piece; `None` if no device plays the hand.
     pub fn hand_key(&self, hand: usize) -> Option<HandKey> {
         self.hand_keys.iter().find(|own| own.hand == hand).copied()
     }
@@ -114,17 +114,17 @@ impl Performance {
         self.channels
     }
 
-    /// When its frames are heard, for [`Showing::show`](super::Showing::show).
+    /// The instants at which its frames are heard, for [`Showing::show`](super::Showing::show).
     pub fn ear(&self) -> Ear {
         Ear::new(self.output.news(), self.rate, self.start)
     }
 
-    /// The output that it plays on.
+    /// The sound output.
     pub fn output(&self) -> &Output {
         &self.output
     }
 
-    /// What happened to the output and to the input so far.
+    /// All events of the output and the input so far.
     pub fn sound_events(&mut self) -> &[audio::Event] {
         let input = self.heard.input.as_ref().map(audio::Input::events);
         let SoundEvents { all, told } = &mut self.sound_events;
@@ -137,7 +137,7 @@ impl Performance {
         all
     }
 
-    /// The input that it hears, if it has one.
+    /// The input of the performance, if it has one.
     pub fn heard(&self) -> &Heard {
         &self.heard
     }
@@ -147,7 +147,7 @@ impl Performance {
         self.flags.granted()
     }
 
-    /// What stops it from any thread.
+    /// A handle that stops the performance from any thread.
     pub fn control(&self) -> Control {
         Control::new(self.flags.clone(), self.output.shared().clone())
     }
@@ -162,20 +162,20 @@ impl Performance {
         self.control().release();
     }
 
-    /// Go to another gain over 20 ms, from the next tick on; false where too much is asked at once.
+    /// Glide to another gain over 20 ms, from the next tick on; false if too many commands wait.
     pub fn gain(&self, gain: f64) -> bool {
         self.command(Command::Gain(gain))
     }
 
-    /// Another gain of one of the mixer's groups of routes, as [`Performance::gain`].
+    /// Glide to another gain of one of the mixer's groups of routes, as [`Performance::gain`] does.
     pub fn part_gain(&self, group: usize, gain: f64) -> bool {
         self.command(Command::Part(group, gain))
     }
 
-    /// Write what is computed for the loudspeakers to a new file, from the next tick on.
+    /// Write the sound that is computed for the loudspeakers to a new file, from the next tick on.
     ///
     /// # Errors
-    /// [`AudioError`] where one is being written, or the file cannot be made.
+    /// [`AudioError`] if a file is being written already, or cannot be created.
     pub fn record_audio(&mut self, path: &Path) -> Result<(), AudioError> {
         if self.tap.as_ref().is_some_and(|tap| !tap.status().ended) {
             return Err(AudioError::Broken(
@@ -193,24 +193,24 @@ impl Performance {
         Ok(())
     }
 
-    /// End the file of [`Performance::record_audio`]; false where too much is asked at once.
+    /// End the file of [`Performance::record_audio`]; false if too many commands wait.
     pub fn end_audio(&self) -> bool {
         self.command(Command::Tap(None))
     }
 
-    /// How the file of [`Performance::record_audio`] goes; `None`: there was none.
+    /// The status of the file of [`Performance::record_audio`]; `None` if there was none.
     pub fn audio_recorded(&self) -> Option<TapStatus> {
         self.tap.as_ref().map(TapHandle::status)
     }
 
-    /// Strike a point of the simulation that plays, at the first frame of the next tick; a ticket, which
-    /// [`EventKind::Acted`](super::EventKind::Acted) or [`EventKind::Missed`](super::EventKind::Missed) tells. `None`
-    /// where too much is asked at once.
+    /// Strike a point of the playing simulation at the first frame of the next tick. Return a ticket, which
+    /// [`EventKind::Acted`](super::EventKind::Acted) or [`EventKind::Missed`](super::EventKind::Missed) reports; `None`
+    /// if too many commands wait.
     pub fn strike(&mut self, point: u32, impulse: f64) -> Option<u64> {
         self.act(Act::Strike(point, impulse))
     }
 
-    /// Let an input that is told go to a value, full scale 1, as [`Performance::strike`].
+    /// Set an input of the simulation to a value, full scale 1; ticket and time as in [`Performance::strike`].
     pub fn tell(&mut self, number: u64, value: f64) -> Option<u64> {
         self.act(Act::Tell(number, value))
     }
@@ -221,10 +221,11 @@ impl Performance {
         self.command(Command::Act(ticket, act)).then_some(ticket)
     }
 
-    /// Change something at a frame that begins a tick; returns a ticket, which [`EventKind::Changed`] or [`EventKind::Late`] tells.
+    /// Schedule a change at a frame that begins a tick. Return a ticket, which [`EventKind::Changed`] or
+    /// [`EventKind::Late`] reports.
     ///
     /// # Errors
-    /// [`ChangeError`]: nothing was asked for then.
+    /// [`ChangeError`]: nothing was scheduled.
     pub fn change(&mut self, at: u64, mut change: Change) -> Result<u64, ChangeError> {
         self.free();
         if !at.is_multiple_of(self.tick_frames as u64) {
@@ -268,14 +269,14 @@ impl Performance {
         }
     }
 
-    /// Look through a window from now on, or as soon as the simulation plays that it is of; false where too much is asked at
-    /// once. One that waits gives way to the next.
+    /// Open a window, now or as soon as its simulation plays; false if too many commands wait. A window that still
+    /// waits is replaced.
     pub fn open(&mut self, window: Window) -> bool {
         self.free();
         self.command(Command::Window(Box::new(window)))
     }
 
-    /// Free what was replaced before.
+    /// Free boxes that the physics thread sent back.
     fn free(&mut self) {
         while self.garbage.pop().is_ok() {}
     }
@@ -295,25 +296,25 @@ impl Performance {
         self.flags.done.load(Ordering::Acquire)
     }
 
-    /// Why the recording cannot be written at present, such as a full disk; its rows wait meanwhile, for some seconds. Or
-    /// how much of it was lost, for the disk did not answer for longer.
+    /// Why the recording cannot be written at present, such as a full disk (rows wait in memory for some seconds), or
+    /// how many rows were lost because the disk did not answer for longer.
     pub fn recording_trouble(&self) -> Option<String> {
         let status = self.recorder.as_ref()?.status();
         let lost = || (status.dropped > 0).then(|| format!("{} rows lost", status.dropped));
         status.trouble.clone().or_else(lost)
     }
 
-    /// Wait until everything was heard, and put everything away; the events that are left.
+    /// Wait until everything was heard, close all files and devices, and return the remaining events.
     ///
     /// # Errors
-    /// What went wrong with a file that was written.
+    /// The error of the physics thread, of the output, or of a file that was written.
     pub fn close(mut self, patience: Duration) -> Result<Vec<Event>, PlayError> {
         self.end(patience)?;
         Ok(std::iter::from_fn(|| self.event()).collect())
     }
 
     fn end(&mut self, patience: Duration) -> Result<(), PlayError> {
-        // Keys first: their last zeros go out when the physics thread gives them back.
+        // Devices first: they send their last zeros when the physics thread returns them.
         let played = self.thread.take().map_or(Ok(()), |thread| {
             thread.join().map(drop).map_err(|_| PlayError::Failed)
         });

@@ -1,7 +1,7 @@
 //! What the physics thread does in a tick. Nothing here allocates, locks or fails.
 //!
-//! `hands` exchanges forces and positions, `sound` computes and delivers the frames, `telling` reports, `change` puts
-//! another version in place.
+//! `exchange` exchanges forces and positions with the keys, `sound` computes and delivers the frames, `telling`
+//! reports, `change` puts another version in place.
 
 pub(super) mod change;
 mod exchange;
@@ -30,14 +30,14 @@ use crate::recording::{self, RowSink};
 use crate::safety;
 use change::{SCHEDULED_MAX, ScheduledChange};
 
-/// A tick is late when it begins so much of its length after it was due.
+/// A tick is late if it begins more than this part of its length after it was due.
 const LATE: f64 = 0.5;
-/// Strikes and values of inputs in one tick.
+/// Greatest number of strikes and values of inputs in one tick.
 const ACTS_MAX: usize = 256;
-/// Without keys on a clock, ticks wait at most so long for room in the ring: the card may be gone for good.
+/// If no keys pace the ticks: longest wait for room in the ring, because the card may be gone for good.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Ends of everything that is shared with other threads.
+/// The physics thread's ends of everything that it shares with other threads.
 pub(super) struct Connections {
     pub(super) flags: Arc<SharedFlags>,
     pub(super) commands: Consumer<Command>,
@@ -51,7 +51,7 @@ pub(super) struct Connections {
     pub(super) garbage: Producer<Garbage>,
 }
 
-/// All that plays.
+/// The whole state of the physics thread.
 pub(super) struct Player {
     pub(super) stage: Stage,
     pub(super) gain: Glide,
@@ -59,16 +59,16 @@ pub(super) struct Player {
     pub(super) connections: Connections,
     /// Changes that are not due yet, by rising frame.
     #[allow(clippy::vec_box)]
-    // each goes back in the box that it came in: to open it would free that
+    // each change returns in its own box: unboxing would free memory here
     pub(super) waiting: Vec<Box<ScheduledChange>>,
     /// Writes what is heard into a file.
     tap: Option<Tap>,
-    /// What pages see, and what they will see once its simulation plays.
+    /// The window that pages look through, and the next one, which waits until its simulation plays.
     window: Option<Box<Window>>,
     next_window: Option<Box<Window>>,
-    /// What a window is to tell of strikes.
+    /// Strikes to be reported in the next picture.
     struck: Strikes,
-    /// What acts in this tick, with its ticket.
+    /// Acts of this tick, with their tickets.
     acts: Vec<(u64, Act)>,
     clock: Clock,
     pub(super) movers: Vec<Mover>,
@@ -87,18 +87,18 @@ pub(super) struct Player {
     pub(super) outputs: Vec<f64>,
     /// Channels of a tick                       (tick_frames, n_channels)
     mixed: Vec<f64>,
-    /// What is heard of them, where a fold makes others of them   (tick_frames, n_heard)
+    /// Heard channels of a tick, if there is a fold   (tick_frames, n_heard)
     folded: Vec<f64>,
     single: Vec<f32>,
-    /// Frames of the limiter's delay that are still to be skipped.
+    /// Frames of the limiter's delay that are still to be skipped at the beginning.
     ahead: usize,
-    /// Frames that fold and limiter still hold after the last frame of the piece.
+    /// Frames that the fold and the limiter still hold after the last frame of the piece.
     tail: usize,
     pub(super) tick: u64,
     pub(super) frame: u64,
     status: Status,
     panicked: bool,
-    /// Whether a clock sets the pace: the card's, or the keys'.
+    /// Whether a clock sets the pace: that of the card, or that of the keys.
     paced: bool,
     /// Whether the keys' positions in this tick have been received.
     has_positions: bool,
@@ -218,7 +218,7 @@ impl Player {
             self.record();
             self.look();
         } else {
-            // The last frames of fold and limiter are heard; no hand moves anything any more.
+            // The last frames of fold and limiter are heard; the hands are stopped.
             self.slots.iter_mut().for_each(|slot| slot.stop(true));
             self.step(0);
         }
@@ -235,8 +235,8 @@ impl Player {
         true
     }
 
-    /// Where an input is heard and no key paces the ticks, the ring keeps its level and is not filled: what comes in is
-    /// heard sooner.
+    /// If there is an input and no key paces the ticks, wait until the ring falls to its level: a fuller ring would
+    /// delay the input.
     fn wait_for_input(&self) {
         let Some(hearing) = &self.connections.hearing else {
             return;
@@ -302,7 +302,7 @@ impl Player {
         }
     }
 
-    /// Leave a picture for pages.
+    /// Publish a picture for pages.
     fn look(&mut self) {
         let simulation = &mut self.stage.simulation;
         if (self.next_window.as_ref()).is_some_and(|next| next.is_of(simulation)) {
@@ -317,7 +317,8 @@ impl Player {
         }
     }
 
-    /// Strike what plays from this frame on, the simulation that took over at it if one did, and tell its inputs values.
+    /// Perform the acts of this tick: strike points of the simulation and set its inputs. A simulation that took over
+    /// at this frame already receives them.
     fn act(&mut self) {
         for at in 0..self.acts.len() {
             let (ticket, act) = self.acts[at];

@@ -17,15 +17,14 @@ use super::{
 use crate::audio::{self, AudioError};
 use crate::recording::Recorder;
 
-/// Frames that the ring holds ahead of the card: two of its blocks, and enough for a machine that is no
-/// real-time machine.
+/// Default number of frames that the ring holds ahead of the card, enough for a machine without real-time scheduling.
 const AHEAD: usize = 1_024;
-/// Things that may happen before anybody asks what did.
+/// Greatest number of events that wait to be read.
 const EVENTS: usize = 4_096;
 const COMMANDS: usize = 256;
 
 impl Performance {
-    /// Open the output and the recording, and make the player, without the thread that runs it.
+    /// Open the output and the recording, and make the player, but not the thread that runs it.
     pub(super) fn prepare(
         mut stage: Stage,
         boards: Vec<Keyboard>,
@@ -88,7 +87,7 @@ impl Performance {
             stage.tick_frames,
             ahead,
         )?;
-        // Last of all: what cannot begin leaves no file.
+        // The recording is opened last: a performance that cannot begin leaves no file.
         let (sink, recorder) = match &config.record {
             Some((path, header)) => {
                 let (sink, handle) = Recorder::start(path, header)?;

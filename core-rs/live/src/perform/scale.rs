@@ -1,5 +1,5 @@
-//! The factor of the piece's force on a hand, tick by tick: lowered before a stiffer piece acts, raised after its end.
-//! What it may be is decided by `prepare` at the start, and in a session by `live/force_bounds.py`.
+//! The factor of the piece's force on a hand, tick by tick: it is lowered before a stiffer piece acts, and raised after
+//! that piece ends. `prepare` sets its bound at the start, `live/force_bounds.py` its bounds in a session.
 
 use crate::safety::unit;
 
@@ -11,7 +11,8 @@ const RISE: f64 = 0.2;
 /// A bound of the scale from a tick on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
-    /// Its tick, counted from the change that brings it; once that is made, from the start of the performance.
+    /// Its tick, counted from the change that brings the bound; once the change is made, from the start of the
+    /// performance.
     pub at: u64,
     /// Greatest factor of the force from there on, 0 to 1.
     pub scale: f64,
@@ -26,7 +27,7 @@ pub(super) struct Scale {
     /// Bounds by rising ticks of the performance, and the index of the next one.
     pub(super) bounds: Vec<Bound>,
     next: usize,
-    /// Number of ticks of a fall, and rise in one tick.
+    /// Number of ticks of a fall, and increment of a rise in one tick.
     fall: u64,
     by: f64,
 }
@@ -45,7 +46,7 @@ impl Scale {
         }
     }
 
-    /// Begin with other bounds, whose ticks count from `tick`.
+    /// Start the new `bounds`, whose ticks count from `tick`.
     pub(super) fn begin(&mut self, tick: u64) {
         for bound in &mut self.bounds {
             bound.at = bound.at.saturating_add(tick);
@@ -55,7 +56,7 @@ impl Scale {
 
     /// The scale in this tick; `waiting`: bounds of changes that wait, by ticks of the performance.
     pub(super) fn tick(&mut self, tick: u64, waiting: impl Iterator<Item = Bound>) -> f64 {
-        // The scale rises to what the previous tick allowed, because the force of that tick is sent now.
+        // The scale rises to the goal of the previous tick, because the force of that tick is sent now.
         let goal = self.goal;
         while let Some(bound) = self.bounds.get(self.next).filter(|bound| bound.at <= tick) {
             self.goal = unit(bound.scale);
@@ -90,7 +91,7 @@ mod tests {
         Bound { at, scale }
     }
 
-    /// A change that waits is looked ahead to: no jump, and all of the fall is done when it begins.
+    /// The scale falls ahead of a change that waits: without a jump, and completely by the tick of the change.
     #[test]
     fn a_scale_falls_before_a_stiffer_scene_acts() {
         let mut scale = Scale::new(1.0, PERIOD);
@@ -105,7 +106,7 @@ mod tests {
         assert!((last - 0.2).abs() < 1e-12, "{last}");
     }
 
-    /// One that comes late falls in the ticks that are left, and one that comes at its tick at once.
+    /// A bound that arrives late takes effect over the remaining ticks; one that arrives at its tick acts at once.
     #[test]
     fn a_late_bound_holds_from_its_tick_on() {
         for left in [0, 1, 5] {
@@ -121,7 +122,7 @@ mod tests {
         assert_eq!(scale.tick(7, std::iter::empty()), 0.1);
     }
 
-    /// It rises when the glide to a softer piece is over, and not before; a change that waits meanwhile holds it down.
+    /// The scale rises only after the glide to a softer piece is over; a change that waits meanwhile holds it down.
     #[test]
     fn a_scale_rises_once_the_stiff_scene_is_gone() {
         let mut scale = Scale::new(0.2, PERIOD);

@@ -21,7 +21,7 @@ pub struct Status {
     pub latest: Duration,
     /// How often the clock was reset because it was too late.
     pub lost: u64,
-    /// Number of frames that found no room in the ring.
+    /// Number of frames that were dropped because the ring was full.
     pub dropped: u64,
     /// Number of frames of frozen parts that were not read in time.
     pub missed: u64,
@@ -31,7 +31,7 @@ pub struct Status {
     pub busiest: f64,
     /// Number of frames in the ring.
     pub filled: usize,
-    /// Peak of each channel, which decays by half in 0.3 s.
+    /// Peak of each channel, which decays with a time constant of 0.3 s.
     pub peaks: [f32; CHANNELS_MAX],
     /// State of each hand.
     pub hands: [HandStatus; HANDS_MAX],
@@ -73,19 +73,19 @@ pub struct HandStatus {
     pub sent: f64,
     /// Factor of the piece's force, 0 to 1.
     pub scale: f64,
-    /// Whether a person moves the key, and not the stand-in.
+    /// Whether a person moves the key; otherwise its stand-in does.
     pub real: bool,
     /// Whether a finger touches the key.
     pub touch: bool,
     /// Whether the motor is enabled.
     pub enabled: bool,
-    /// Whether its forces are held at zero after a trip.
+    /// Whether the forces of the axis are held at zero after a trip.
     pub tripped: bool,
     /// Whether the board reports that the motor is too hot.
     pub hot: bool,
-    /// How often the board reported that it let go.
+    /// How often the board reported that it let go of the motors.
     pub let_go: u64,
-    /// How often its force ended because the host was stopped.
+    /// How often forces ended because the host was stopped.
     pub stalls: u64,
 }
 
@@ -105,11 +105,11 @@ pub enum EventKind {
     Gone(usize),
     /// A keyboard has returned; its hands take over at the next bar.
     Back(usize),
-    /// A person has taken over from a hand's stand-in.
+    /// A person has taken over a hand from its stand-in.
     TookOver(usize),
     /// The clock was reset after this lateness.
     Lost(Duration),
-    /// The forces of a hand tripped, and why.
+    /// The axis of a hand has tripped; the reason.
     Tripped(usize, Trip),
     /// A part became non-finite and is muted.
     Muted,
@@ -117,11 +117,13 @@ pub enum EventKind {
     Finer,
     /// A change was made; its ticket.
     Changed(u64),
-    /// A change was not made, because its frame had passed or another simulation than its `old` was playing; its ticket.
+    /// A change was not made, because its frame had passed, too many changes waited, or it does not fit the playing
+    /// simulation; its ticket.
     Late(u64),
-    /// A strike, or a value of an input, acted at this frame; the ticket.
+    /// A strike, or a value of an input, acted at this frame; its ticket.
     Acted(u64),
-    /// It did not, because what plays lacks the point or the input, or too many came in one tick; the ticket.
+    /// A strike, or a value of an input, did not act, because the simulation lacks the point or the input, or too many
+    /// came in one tick; its ticket.
     Missed(u64),
     /// The last frame was computed.
     Ended,

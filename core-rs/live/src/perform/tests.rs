@@ -1,4 +1,5 @@
-//! Ticks by hand: nothing is allocated in them, whatever happens meanwhile. What all of these tests share.
+//! Performances whose ticks are run one by one: no tick allocates, whatever happens meanwhile. This module has what
+//! these tests share.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -25,10 +26,10 @@ const RATE: f64 = 44_100.0;
 const EVERY: usize = 44;
 const TICKS: u64 = 6_000;
 const KEY: &str = "emul:?mass=0.05&damping=1";
-/// How long a test waits before it gives up: nothing is judged by it, for the machine may be busy.
+/// How long a test waits before it gives up. No result depends on it, because the machine may be busy.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Sound goes to `audio`; nothing is heard, and nothing is recorded.
+/// A configuration in which sound goes to `audio`; there is no input and no recording.
 fn config(audio: &str) -> PlaybackConfig {
     PlaybackConfig {
         audio: audio.parse().unwrap(),
@@ -70,7 +71,7 @@ fn keyboard(hand: usize, left: u32) -> Keyboard {
     Keyboard::around(brief, known, vec![(0, hand)])
 }
 
-/// Two keys and a mass between them that swings and is heard.
+/// Two keys, and between them a mass that swings and is heard.
 fn network() -> Network {
     let mut network = Network::new();
     network.part("keys", None);
@@ -90,7 +91,7 @@ fn network() -> Network {
     network
 }
 
-/// Both keys held, the mass struck at some instants [s].
+/// A simulation in which both keys are held and the mass is struck at these instants [s].
 fn simulation(struck: &[f64], from: u64) -> Simulation {
     let network = Arc::new(network());
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());

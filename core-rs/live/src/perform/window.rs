@@ -1,8 +1,9 @@
 //! What pages see of a performance while it plays.
 //!
-//! Once a video frame the physics thread copies what moves into a picture (`Window`). A plain thread makes chunks of it and gives them
-//! to the server of the pages (`Showing`), with the instant at which they are heard (`Ear`). The physics thread waits for nobody: while a
-//! picture has not been fetched the next is not made, but counted, and contacts and levels go on into the one after.
+//! Once per video frame the physics thread copies the moving points into a picture (`Window`). An ordinary thread makes
+//! chunks of the picture and gives them to the server of the pages (`Showing`), with the instant at which its frame is
+//! heard (`Ear`). The physics thread never waits: while a picture has not been fetched, the next one is skipped and
+//! counted, and its contacts and levels are added to the one after.
 
 mod ear;
 mod showing;
@@ -19,10 +20,11 @@ pub use ear::Ear;
 pub(super) use showing::Relay;
 pub use showing::Showing;
 
-/// Strikes by hand and by MIDI that a picture tells; of more at once the first are heard and not seen.
+/// Greatest number of strikes by hand and by MIDI in a picture; if there are more, the earliest are heard but not
+/// shown.
 const STRIKES_MAX: usize = 256;
 
-/// A strike that nobody knew beforehand.
+/// A live strike, which is not written in the score.
 #[derive(Clone, Copy, Default)]
 struct Strike {
     frame: u64,
@@ -31,7 +33,8 @@ struct Strike {
     impulse: f64,
 }
 
-/// Strikes that no picture has told yet. They outlast a window: those since its last picture are in the first of the next one.
+/// Strikes that no picture has contained yet. They outlast a window: strikes since its last picture are in the first
+/// picture of the next window.
 pub(super) struct Strikes(Vec<Strike>);
 
 impl Strikes {
@@ -39,7 +42,7 @@ impl Strikes {
         Self(Vec::with_capacity(STRIKES_MAX))
     }
 
-    /// Add one that was done at a frame.
+    /// Add a strike that was made at `frame`.
     pub(super) fn add(&mut self, frame: u64, point: u32, impulse: f64) {
         if self.0.len() == STRIKES_MAX {
             self.0.remove(0);
@@ -52,26 +55,26 @@ impl Strikes {
     }
 }
 
-/// What the physics thread leaves for pages.
+/// What the physics thread copies for pages.
 #[derive(Clone)]
 struct Picture {
     glance: Glance,
-    /// Since the picture before: the first `n_strikes` of them   (STRIKES_MAX)
+    /// Strikes since the previous picture: the first `n_strikes` entries are valid   (STRIKES_MAX)
     strikes: Vec<Strike>,
     n_strikes: usize,
-    /// Of each loudspeaker, sum of the squares of `heard` frames.
+    /// Sum of the squares of `heard` frames, for each loudspeaker.
     squares: Vec<f64>,
     heard: u64,
-    /// Frames that had found no room in the ring by then.
+    /// Number of frames that had been dropped by then, because the ring was full.
     dropped: u64,
 }
 
-/// The end of the physics thread.
+/// The physics thread's end of a window.
 pub struct Window {
     look: Look,
-    /// Pictures a frame.
+    /// Pictures per audio frame.
     pace: f64,
-    /// Number of the last video frame that was looked at.
+    /// Number of the last video frame for which a picture was due.
     last: Option<u64>,
     squares: Vec<f64>,
     heard: u64,
@@ -79,17 +82,18 @@ pub struct Window {
     skipped: Arc<AtomicU64>,
 }
 
-/// The other end: what makes chunks of pictures.
+/// The other end of a window, which makes chunks of pictures.
 pub struct Scene {
     recorder: Recorder,
     pictures: Output<Picture>,
     skipped: Arc<AtomicU64>,
 }
 
-/// The two ends of a window on a simulation, as [`Recorder::new`] takes it. Outside real time: both hold room for all pictures.
+/// The two ends of a window on a simulation; `look` and `setup` are those of [`Recorder::new`]. To be called outside
+/// real time, because it allocates room for all pictures.
 ///
 /// # Errors
-/// A sentence where there is too much to be seen.
+/// A sentence if there is too much to show.
 pub fn window(
     simulation: &Simulation,
     look: Look,
@@ -123,7 +127,8 @@ pub fn window(
 }
 
 impl Window {
-    /// Take what loudspeakers sound of a tick, or what they would without a panic   (n_frames · n_speakers)
+    /// Add the levels of a tick's loudspeaker channels; `is_heard` is false during a panic, which counts as silence
+    /// (n_frames · n_speakers)
     pub(super) fn hear(&mut self, mixed: &[f64], is_heard: bool) {
         if is_heard {
             self.heard += add_squares(&mut self.squares, mixed);
@@ -132,13 +137,13 @@ impl Window {
         }
     }
 
-    /// Whether it is a window on this simulation.
+    /// Whether this is a window on `simulation`.
     pub(super) fn is_of(&self, simulation: &Simulation) -> bool {
         self.look.is_of(simulation)
     }
 
-    /// Look where a video frame has begun since the last time, and take the strikes. Of another simulation than its own it shows
-    /// nothing.
+    /// Publish a picture, with the strikes, if a new video frame has begun since the last call. Do nothing for a
+    /// simulation that is not its own.
     pub(super) fn look(
         &mut self,
         simulation: &mut Simulation,
@@ -168,12 +173,12 @@ impl Window {
 }
 
 impl Scene {
-    /// Whether the other end is gone, and nothing is left to be fetched.
+    /// Whether the other end was dropped, and no picture is left to be fetched.
     fn is_over(&self) -> bool {
         Arc::strong_count(&self.skipped) == 1 && !self.pictures.updated()
     }
 
-    /// Pictures that were not made.
+    /// Number of pictures that were skipped.
     fn skipped(&self) -> u64 {
         self.skipped.load(Ordering::Relaxed)
     }

@@ -4,16 +4,16 @@ use std::io::{self, Read};
 
 /// length u32, kind u8, crc32 u32.
 pub(super) const FRAME: usize = 9;
-/// Most bytes of a payload.
+/// Greatest size of a payload [bytes].
 pub(super) const MAX_PAYLOAD: usize = 1 << 20;
 
-/// What a payload is. Other numbers are of later versions and are passed over.
+/// Kinds of payload. Other numbers are of later versions and are skipped.
 pub(super) const HEADER: u8 = 1;
 pub(super) const ROWS: u8 = 2;
 pub(super) const EVENTS: u8 = 3;
 pub(super) const END: u8 = 4;
 
-/// CRC-32 (the one of zlib) over length, kind and payload: a run of zeros, as a power cut leaves, is no chunk.
+/// CRC-32 (that of zlib) over length, kind and payload. It rejects a run of zeros, which a power cut may leave.
 fn checksum(length: u32, kind: u8, payload: &[u8]) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     hasher.update(&length.to_le_bytes());
@@ -32,14 +32,14 @@ pub(super) fn append(to: &mut Vec<u8>, kind: u8, payload: &[u8]) {
     to.extend_from_slice(payload);
 }
 
-/// What stands where a chunk should begin.
+/// The state of the bytes where a chunk should begin.
 #[derive(Debug, PartialEq)]
 pub(super) enum ChunkState {
     /// A whole chunk of this kind; its payload is in the buffer.
     Whole(u8),
-    /// Bytes that are no whole chunk; where the next one would begin is known.
+    /// Bytes that are not a valid chunk; the next chunk begins after them.
     Damaged,
-    /// A length that the file does not have: where the next chunk begins is not known.
+    /// A length beyond the end of the file, or above [`MAX_PAYLOAD`]: where the next chunk begins is unknown.
     Cut,
 }
 

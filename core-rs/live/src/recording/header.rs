@@ -1,4 +1,4 @@
-//! What a recording is of.
+//! The header of a recording: rate, axes and description.
 
 use std::collections::HashSet;
 
@@ -7,20 +7,20 @@ use super::chunk::MAX_PAYLOAD;
 
 const MAX_AXES: usize = 64;
 const MAX_NAME: usize = 200;
-/// The rest of a header chunk is room enough for the axes' names.
+/// Greatest size of the description; the rest of a header chunk is enough for the axes' names.
 const MAX_ABOUT: usize = MAX_PAYLOAD / 2;
 const MAX_RATE: f64 = 2e6;
 
 /// One degree of freedom of a device, played by one hand.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Axis {
-    /// Who plays.
+    /// Name of the player.
     pub player: String,
     /// The key of the score that the hand is on; may be empty.
     pub key: String,
 }
 
-/// What the rows are.
+/// The header, which says how to interpret the rows.
 ///
 /// ```
 /// use ergon_live::recording::{Axis, Header};
@@ -34,16 +34,16 @@ pub struct Axis {
 pub struct Header {
     /// Audio rate [Hz].
     pub rate: f64,
-    /// Audio frames a tick: row k was consumed at sample k·frames.
+    /// Audio frames per tick: tick k begins with audio frame k·frames.
     pub frames: u32,
-    /// One to 64.
+    /// 1 to 64 axes.
     pub axes: Vec<Axis>,
-    /// What else is known, as JSON, by whoever records: score, devices, calibration, the day.
+    /// Further information as JSON, by the recording program: score, devices, calibration, date.
     pub about: String,
 }
 
 impl Header {
-    /// Refuses what no recording is of.
+    /// Check that all values are possible.
     pub fn check(&self) -> Result<(), RecordingError> {
         let long = |axis: &Axis| axis.player.len().max(axis.key.len()) > MAX_NAME;
         let wrong = if !(self.rate > 0.0 && self.rate <= MAX_RATE) {
@@ -62,13 +62,13 @@ impl Header {
         Err(RecordingError::Header(wrong))
     }
 
-    /// Rows a second [Hz].
+    /// Rows per second [Hz].
     pub fn tick_rate(&self) -> f64 {
         self.rate / f64::from(self.frames)
     }
 
-    /// For each axis a name that no other has: its player's, with the key's where a player has several, or numbers
-    /// from 1.
+    /// A distinct name for each axis: that of its player, followed by the key's if the player has several axes; or
+    /// numbers from 1.
     pub fn names(&self) -> Vec<String> {
         let several = |player: &str| self.axes.iter().filter(|a| a.player == player).count() > 1;
         let names: Vec<String> = self
@@ -100,7 +100,7 @@ impl Header {
         to
     }
 
-    /// The header of a payload; `None` where it is none that could have been written.
+    /// The header of a payload; `None` if it is not a valid header.
     pub(super) fn decode(payload: &[u8]) -> Option<Self> {
         let (rate, rest) = payload.split_first_chunk::<8>()?;
         let (frames, rest) = rest.split_first_chunk::<4>()?;

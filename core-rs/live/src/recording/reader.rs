@@ -1,4 +1,4 @@
-//! Reading what is whole of a recording, and saying what is not.
+//! Reads the intact parts of a recording, and reports the damaged ones.
 
 use std::fs::{self, File};
 use std::io::{BufReader, Read, Write};
@@ -9,31 +9,31 @@ use super::chunk::{self, ChunkState};
 use super::row::{self, Sample};
 use super::{Header, MAGIC, MAX_EVENTS, MAX_SAMPLES, RecordingError, VERSION};
 
-/// Payload of a chunk that is written in one go: damage to one costs little.
+/// Payload of a chunk of rows that is written at once: small, so that damage to one chunk costs little.
 const PIECE: usize = 1 << 16;
 const EVENT: usize = 8 + 4;
 
 /// Rows and events in memory; columns are (n_ticks × n_axes), row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    /// What the rows are.
+    /// The header, which says how to interpret the rows.
     pub header: Header,
-    /// Rising; tick k begins with audio frame k·`header.frames`. (n_ticks,)
+    /// Rising ticks; tick k begins with audio frame k·`header.frames`. (n_ticks,)
     pub ticks: Vec<u64>,
     /// Every axis at every tick. (n_ticks × n_axes)
     pub samples: Vec<Sample>,
-    /// What else the physics consumed, and when: tick, JSON line.
+    /// Other events: tick, JSON line.
     pub events: Vec<(u64, String)>,
-    /// Rows and events that did not fit on their way to the file.
+    /// Number of rows and events that were dropped while recording.
     pub dropped: u64,
-    /// Bytes that are no whole chunk.
+    /// Number of bytes that are not in a valid chunk.
     pub lost_bytes: u64,
-    /// The recorder came to its end; without it, it was killed or is still at work.
+    /// Whether the recorder ended normally; otherwise it was killed or is still at work.
     pub finished: bool,
 }
 
 impl Recording {
-    /// Rows made elsewhere; refuses what contradicts itself.
+    /// A recording of rows made elsewhere; checks that they are consistent.
     pub fn new(
         header: Header,
         ticks: Vec<u64>,
@@ -77,12 +77,12 @@ impl Recording {
         }
     }
 
-    /// Nothing of the file is lost.
+    /// Whether all bytes of the file could be read.
     pub fn whole(&self) -> bool {
         self.lost_bytes == 0
     }
 
-    /// From the first tick to the end of the last [s].
+    /// Time from the first tick to the end of the last one [s].
     pub fn duration(&self) -> f64 {
         let ends = self.ticks.first().zip(self.ticks.last());
         ends.map_or(0.0, |(first, last)| {
@@ -90,7 +90,7 @@ impl Recording {
         })
     }
 
-    /// What is wrong with the file, and what is left, in a sentence; `None` where it is as it was recorded.
+    /// A sentence about the damage and what is left; `None` if the file is intact and finished.
     pub fn damage(&self) -> Option<String> {
         let left = self.duration();
         if self.lost_bytes > 0 {
@@ -108,8 +108,8 @@ impl Recording {
         }
     }
 
-    /// Positions [m] at every tick from the first to the last, (n × n_axes): what the physics consumes when it
-    /// plays the recording back. A tick that is missing holds the one before, as a late device is held.
+    /// Positions [m] at every tick from the first to the last, (n × n_axes), as the physics consumes them when the
+    /// recording is played back. A missing tick holds the previous position, as for a late device.
     pub fn held(&self) -> Result<Vec<f64>, RecordingError> {
         let (Some(&first), Some(&last)) = (self.ticks.first(), self.ticks.last()) else {
             return Ok(Vec::new());
@@ -129,7 +129,7 @@ impl Recording {
         Ok(held)
     }
 
-    /// Write it anew, whole and finished.
+    /// Write the recording as a whole, finished file.
     pub fn write(&self, to: &mut impl Write) -> Result<(), RecordingError> {
         let mut bytes = start(&self.header);
         let n_axes = self.header.axes.len();
@@ -166,7 +166,7 @@ impl Recording {
     }
 }
 
-/// Everything before the first row.
+/// The bytes before the first row.
 pub(super) fn start(header: &Header) -> Vec<u8> {
     let mut bytes = MAGIC.to_vec();
     bytes.extend_from_slice(&VERSION.to_le_bytes());
@@ -174,10 +174,10 @@ pub(super) fn start(header: &Header) -> Vec<u8> {
     bytes
 }
 
-/// Read the rows and events of `ticks`, counted from the first row; without it all of them. Memory is bounded,
-/// whatever the file says.
+/// Read the rows and events of `ticks`, counted from the first row, or all of them. Memory is bounded, whatever the
+/// file contains.
 pub fn read(path: &Path, ticks: Option<Range<u64>>) -> Result<Recording, RecordingError> {
-    // Looked at before it is opened: a named pipe would wait for a writer.
+    // Checked before opening, because opening a named pipe would wait for a writer.
     if !fs::metadata(path)?.is_file() {
         return Err(RecordingError::NotOne);
     }
@@ -186,7 +186,7 @@ pub fn read(path: &Path, ticks: Option<Range<u64>>) -> Result<Recording, Recordi
     decode(&mut BufReader::new(file), length, ticks)
 }
 
-/// The recording in `length` bytes.
+/// Decode the recording in `length` bytes.
 pub(crate) fn decode(
     from: &mut impl Read,
     length: u64,
@@ -235,7 +235,7 @@ pub(crate) fn decode(
     Ok(collected.recording)
 }
 
-/// What was read so far.
+/// The parts that were read so far.
 struct Collected {
     recording: Recording,
     ticks: Option<Range<u64>>,
@@ -255,7 +255,7 @@ impl Collected {
         }
     }
 
-    /// Keep a payload; false where it contradicts itself or what came before.
+    /// Take a payload; false if it is invalid or does not follow what came before.
     fn take(&mut self, kind: u8, payload: &[u8]) -> Result<bool, RecordingError> {
         match kind {
             _ if self.recording.finished => Ok(false), // nothing follows the end
@@ -267,11 +267,11 @@ impl Collected {
                 self.recording.finished = true;
                 true
             })),
-            _ => Ok(true), // of a later version that says more
+            _ => Ok(true), // a kind of a later version
         }
     }
 
-    /// Whether a tick lies in what is wanted; what came before the first row belongs to it.
+    /// Whether a tick is in the wanted range; events before the first row count as part of its tick.
     fn wanted(&self, tick: u64) -> bool {
         let from_first = tick.saturating_sub(self.first.unwrap_or(tick));
         self.ticks
@@ -324,7 +324,7 @@ impl Collected {
     }
 }
 
-/// The events of a payload; `None` where it holds anything else.
+/// The events of a payload; `None` if it holds anything else.
 fn events(mut rest: &[u8]) -> Option<Vec<(u64, &str)>> {
     let mut events = Vec::new();
     while !rest.is_empty() {

@@ -1,14 +1,14 @@
-//! One tick of the physics, packed: its index, then each axis.
+//! A row: one tick of the physics, packed as its index and then each axis.
 
 /// Bits of [`Sample::flags`].
 pub mod flag {
-    /// The position came from the device since the tick before; without it an older one was held.
+    /// The position came from the device since the previous tick; otherwise an older position was held.
     pub const FRESH: u8 = 1;
-    /// A hand touched.
+    /// A hand touched the key.
     pub const TOUCH: u8 = 2;
     /// The device let force through.
     pub const FORCE_ENABLED: u8 = 4;
-    /// Nobody's hand: the stand-in played.
+    /// The stand-in played, not a person.
     pub const STAND_IN: u8 = 8;
     /// The safety limiter had tripped.
     pub const TRIPPED: u8 = 16;
@@ -21,11 +21,11 @@ pub struct Sample {
     pub position: f64,
     /// Force that the key felt [N].
     pub force: f64,
-    /// Force sent to the device, after safety [N]; wires carry no more than single precision.
+    /// Force sent to the device, after the safety stages [N]; no wire carries more than single precision.
     pub sent: f32,
     /// Bits of [`flag`].
     pub flags: u8,
-    /// The device's own clock, as it sends it; wraps round.
+    /// The device's own clock, as it was sent; it wraps.
     pub clock: u32,
 }
 

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use super::reader::decode;
 use super::*;
 
-/// A folder of a test's own, gone when it ends.
+/// A folder for one test, removed when it ends.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -45,7 +45,7 @@ fn header(n_axes: usize) -> Header {
     }
 }
 
-/// Numbers that differ in every field, tick and axis.
+/// A sample whose numbers differ in every field, tick and axis.
 fn sample(tick: u64, axis: usize) -> Sample {
     let x = tick as f64 + 0.1 * axis as f64;
     Sample {
@@ -228,7 +228,7 @@ fn only_files_are_read() {
     assert!(matches!(refused, Err(RecordingError::NotOne)));
 }
 
-/// Recordings of some axes, with gaps, in chunks of their own.
+/// Recordings of some axes, with gaps, divided into chunks.
 fn recordings() -> impl Strategy<Value = (Vec<Vec<u64>>, usize)> {
     let steps = prop::collection::vec(prop::collection::vec(1_u64..4, 1..20), 1..6);
     (steps, 1_usize..4).prop_map(|(steps, n_axes)| {
@@ -244,7 +244,7 @@ fn recordings() -> impl Strategy<Value = (Vec<Vec<u64>>, usize)> {
     })
 }
 
-/// The file, and where each chunk of rows ends.
+/// The bytes of the file, and the offsets at which chunks of rows end.
 fn laid_out(chunks: &[Vec<u64>], n_axes: usize) -> (Vec<u8>, Vec<usize>) {
     let mut bytes = reader::start(&header(n_axes));
     let mut ends = Vec::new();
@@ -290,7 +290,7 @@ proptest! {
         let which = (chunks.len() as f64 * which) as usize;
         let begin = if which == 0 { start } else { ends[which - 1] };
         let payload = ends[which] - begin - chunk::FRAME;
-        // Behind the length: kind, checksum, payload.
+        // Damage after the length: in kind, checksum or payload.
         let at = begin + 4 + ((payload + 5) as f64 * at) as usize;
         bytes[at] ^= bits;
         let found = reread(&bytes).unwrap();
@@ -315,7 +315,7 @@ proptest! {
                 _ => drop(bytes.splice(at..at, vec![byte; n])),
             }
         }
-        // What is whole is what was played, never something else.
+        // Rows that are read equal the rows that were recorded.
         if let Ok(found) = reread(&bytes) {
             let n_axes = found.header.axes.len();
             let played = chunks.concat();

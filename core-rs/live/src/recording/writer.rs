@@ -1,4 +1,4 @@
-//! Recording: the real-time thread puts rows into a ring, a plain thread appends them to the file.
+//! Writes recordings: the real-time thread puts rows into a ring, an ordinary thread appends them to the file.
 
 use std::fmt;
 use std::fs::{self, File, OpenOptions};
@@ -15,14 +15,14 @@ use super::reader::start;
 use super::row::{self, Sample};
 use super::{Header, RecordingError, chunk};
 
-/// How often rows go to the operating system: half of what a killed process may lose is left for a late thread.
+/// Time between two writes to the operating system, well below the half second that a killed process may lose.
 const APPEND: Duration = Duration::from_millis(200);
-/// How often the operating system is told to bring them to the disk.
+/// Time between two requests to the operating system to write to the disk.
 const SYNC: Duration = Duration::from_secs(1);
-/// What the ring holds while the disk does not answer [s].
+/// Time for which the ring holds rows while the disk does not answer [s].
 const PATIENCE: f64 = 8.0;
 const MIN_ROWS: f64 = 256.0;
-/// Rings are memory that stays locked.
+/// Greatest size of the ring [bytes], because it is locked memory.
 const MAX_RING: usize = 64 << 20;
 const EVENT_RING: usize = 256 << 10;
 /// Longest line of an event [bytes].
@@ -33,10 +33,10 @@ const EVENT_HEAD: usize = 8 + 4;
 pub struct Recorder;
 
 impl Recorder {
-    /// Begin a recording at `path`, where no file may be, and a thread that writes it.
+    /// Begin a recording at `path`, which must not exist yet, and start the thread that writes it.
     ///
-    /// The file has its name from the start: what has been played must survive whatever ends the program. Call it
-    /// from an ordinary thread, whose priority the one that writes inherits.
+    /// The file has its final name from the start: what has been played must survive any end of the program. Call this
+    /// from an ordinary thread, because the writing thread inherits its priority.
     pub fn start(
         path: &Path,
         header: &Header,
@@ -46,7 +46,7 @@ impl Recorder {
         let mut file = options.append(true).create_new(true).open(path)?;
         let bytes = start(header);
         if let Err(error) = file.write_all(&bytes).and_then(|()| file.sync_all()) {
-            fs::remove_file(path).ok(); // nobody takes what holds nothing for a recording
+            fs::remove_file(path).ok(); // so that no empty file is taken for a recording
             return Err(error.into());
         }
         sync_folder(path);
@@ -61,7 +61,7 @@ impl Recorder {
     }
 }
 
-/// Both ends of the rings: what fills them, and what empties them into a file that has `good` bytes.
+/// Both ends of the rings: the sink that fills them, and the writer that empties them into a file of `good` bytes.
 fn ends(header: &Header, file: File, good: u64) -> (RowSink, Writer) {
     let n_axes = header.axes.len();
     let row = row::size(n_axes);
@@ -91,8 +91,8 @@ fn ends(header: &Header, file: File, good: u64) -> (RowSink, Writer) {
     (sink, writer)
 }
 
-/// The new name is in the folder, and the folder is on the disk; where that cannot be had the file is there all the
-/// same, unless the power fails within seconds.
+/// Write the folder's entry for the new file to the disk. If that fails, only a power cut within seconds loses the
+/// file.
 fn sync_folder(path: &Path) {
     let folder = path
         .parent()
@@ -107,7 +107,7 @@ struct Shared {
     rows: AtomicU64,
     dropped: AtomicU64,
     stop: AtomicBool,
-    /// Between the writer and whoever asks; the sink never takes it.
+    /// Shared by the writer and the handle; the sink never locks it.
     trouble: Mutex<Option<String>>,
 }
 
@@ -117,9 +117,9 @@ impl Shared {
     }
 }
 
-/// The real-time thread's end: nothing here waits, allocates or fails; what finds no room is counted.
+/// The real-time thread's end of a recording: nothing here waits, allocates or fails; rows without room are counted.
 ///
-/// Dropping it frees memory: hand it back to another thread for that.
+/// Dropping it frees memory, so give it back to another thread for that.
 pub struct RowSink {
     rows: Producer<u8>,
     events: Producer<u8>,
@@ -130,8 +130,8 @@ pub struct RowSink {
 }
 
 impl RowSink {
-    /// Put a tick into the recording, (n_axes,); false where there is no room, another number of axes, or a tick
-    /// that does not follow the last one.
+    /// Record a tick, (n_axes,); false if there is no room, if the number of axes differs, or if the tick does not
+    /// follow the last one.
     pub fn row(&mut self, tick: u64, samples: &[Sample]) -> bool {
         let follows = self.last.is_none_or(|last| tick > last);
         if !follows || samples.len() != self.n_axes {
@@ -145,8 +145,7 @@ impl RowSink {
         self.kept(room)
     }
 
-    /// Put what the physics consumed at a tick besides positions, as a JSON line of at most 1 KiB, such as
-    /// `format_args!(r#"{{"late":{n}}}"#)`.
+    /// Record another event of a tick as a JSON line of at most 1 KiB, such as `format_args!(r#"{{"late":{n}}}"#)`.
     pub fn event(&mut self, tick: u64, line: fmt::Arguments<'_>) -> bool {
         let mut buffer = [0; EVENT_HEAD + MAX_LINE];
         let (head, body) = buffer.split_at_mut(EVENT_HEAD);
@@ -165,7 +164,7 @@ impl RowSink {
         self.rows.slots() >= self.row.len()
     }
 
-    /// Rows and events that found no room.
+    /// Rows and events that were dropped, mostly for lack of room.
     pub fn dropped(&self) -> u64 {
         self.shared.dropped.load(Ordering::Relaxed)
     }
@@ -178,25 +177,25 @@ impl RowSink {
     }
 }
 
-/// How a recording goes.
+/// The status of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Status {
-    /// Rows that the operating system has.
+    /// Rows that were given to the operating system.
     pub rows: u64,
-    /// Rows and events that found no room.
+    /// Rows and events that were dropped, mostly for lack of room.
     pub dropped: u64,
     /// Why nothing can be written at present; rows wait meanwhile, for some seconds.
     pub trouble: Option<String>,
 }
 
-/// Whoever asked for the recording holds this end.
+/// The handle of a recording, for the thread that started it.
 pub struct RecorderHandle {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<io::Result<()>>>,
 }
 
 impl RecorderHandle {
-    /// How it goes.
+    /// The present status.
     pub fn status(&self) -> Status {
         let trouble = self.shared.trouble.lock();
         Status {
@@ -206,8 +205,8 @@ impl RecorderHandle {
         }
     }
 
-    /// Write what is in the ring and the end, wait for the disk, and say what came of it. What the sink is given
-    /// afterwards is lost.
+    /// Write the rest of the rings and the end chunk, wait for the disk, and return the final status. Anything given to
+    /// the sink afterwards is lost.
     pub fn stop(mut self) -> Result<Status, RecordingError> {
         self.join()?;
         Ok(self.status())
@@ -232,13 +231,13 @@ impl Drop for RecorderHandle {
 
 struct Writer {
     file: File,
-    /// Bytes of whole chunks.
+    /// Length of the file up to its last whole chunk [bytes].
     good: u64,
     rows: Consumer<u8>,
     row: usize,
     events: Consumer<u8>,
     payload: Vec<u8>,
-    /// Chunks that the file does not have yet.
+    /// Chunks that are not in the file yet.
     pending: Vec<u8>,
     pending_rows: u64,
     shared: Arc<Shared>,
@@ -248,7 +247,7 @@ impl Writer {
     fn run(mut self) -> io::Result<()> {
         let mut synced = Instant::now();
         loop {
-            // Asked before the rings are emptied: nothing comes after it.
+            // Read before the rings are emptied, so that nothing follows the last append.
             let last = self.shared.stop.load(Ordering::Acquire) || self.rows.is_abandoned();
             let mut done = self.append_all(last);
             if synced.elapsed() >= SYNC || last {
@@ -264,7 +263,7 @@ impl Writer {
         }
     }
 
-    /// Append what is in the rings, and the end where it is the `last` time.
+    /// Append the contents of the rings, and the end chunk if it is the `last` time.
     fn append_all(&mut self, last: bool) -> io::Result<()> {
         self.append()?;
         while self.rows.slots() >= self.row || self.events.slots() > 0 {
@@ -279,7 +278,7 @@ impl Writer {
         Ok(())
     }
 
-    /// A chunk of rows and one of events out of the rings.
+    /// Move the rows and the events of the rings into one chunk each.
     fn gather(&mut self) {
         let most = chunk::MAX_PAYLOAD / self.row * self.row;
         let rows = self.rows.slots() / self.row * self.row;
@@ -287,14 +286,14 @@ impl Writer {
             chunk::append(&mut self.pending, chunk::ROWS, &self.payload);
             self.pending_rows = (self.payload.len() / self.row) as u64;
         }
-        // An event enters its ring in one go, so what is there ends where one ends; and all of it fits.
+        // An event enters its ring at once, so the ring always holds whole events; all of them fit in a payload.
         let events = self.events.slots();
         if drain(&mut self.events, events, &mut self.payload) {
             chunk::append(&mut self.pending, chunk::EVENTS, &self.payload);
         }
     }
 
-    /// What is pending goes to the file. Where that fails (a full disk) the file keeps its whole chunks, and the
+    /// Append the pending chunks to the file. If that fails (a full disk), the file keeps its whole chunks, and the
     /// next call tries again.
     fn append(&mut self) -> io::Result<()> {
         if self.pending.is_empty() {
@@ -314,7 +313,7 @@ impl Writer {
     }
 }
 
-/// Move `n` bytes into `to`; false where there are none.
+/// Move `n` bytes into `to`; false if `n` is 0 or there are fewer.
 fn drain(from: &mut Consumer<u8>, n: usize, to: &mut Vec<u8>) -> bool {
     to.clear();
     let Ok(chunk) = from.read_chunk(n) else {
@@ -335,7 +334,7 @@ mod tests {
     use super::super::reader::decode;
     use super::*;
 
-    /// A header, the beginning of its file, and the name of a file that is there.
+    /// A header, the beginning of its file, and the path of an existing file.
     fn file(name: &str) -> (Header, Vec<u8>, std::path::PathBuf) {
         let header = Header {
             rate: 1e3,
@@ -383,7 +382,7 @@ mod tests {
         assert!(!sink.row(5, &one), "a tick comes once");
         assert!(!sink.row(6, &one.repeat(2)), "every axis has its place");
         assert!(!sink.event(6, format_args!("{:2000}", 1)), "a long line");
-        // Nothing empties the ring meanwhile.
+        // Nothing empties the ring in this test.
         let room = (header.rate * PATIENCE) as u64;
         for tick in 0..room + 2 {
             assert_eq!(sink.row(10 + tick, &one), tick < room - 1, "{tick}");

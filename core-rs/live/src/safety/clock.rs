@@ -1,18 +1,18 @@
-//! The time by which the stages judge ages.
+//! The clock by which the stages judge ages.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// A device in lockstep waits for its host, so its time is counted in ticks and every run repeats. Any other device
-/// goes on while the host is stopped, so its time is read from a clock.
+/// A device in lockstep waits for its host: its time is counted in ticks, and every run is repeatable. Any other device
+/// keeps running while the host is stopped: its time is read from a clock.
 #[derive(Debug)]
 pub(super) enum Clock {
-    /// So many periods were sent.
+    /// Number of periods for which forces were sent.
     Ticks { period: Duration, ticks: u32 },
     /// The wall clock.
     Wall,
-    /// A clock that is set from elsewhere [ns]: virtual time.
+    /// A clock that is set from outside [ns]: virtual time.
     Set(Arc<AtomicU64>),
 }
 
@@ -28,7 +28,7 @@ impl Clock {
         }
     }
 
-    /// A force is about to be sent.
+    /// Count a tick, when a force is about to be sent.
     pub(super) fn tick(&mut self) {
         if let Self::Ticks { ticks, .. } = self {
             *ticks = ticks.saturating_add(1);
@@ -45,7 +45,8 @@ impl Clock {
     }
 }
 
-/// Time since boot, the time that the machine was suspended included: std's `Instant` leaves that out on Linux and macOS.
+/// Time since boot, including the time for which the machine was suspended: std's `Instant` leaves that out on Linux
+/// and macOS.
 #[cfg(unix)]
 pub(super) fn wall() -> Duration {
     #[cfg(any(target_os = "linux", target_os = "android"))]

@@ -1,8 +1,8 @@
 //! The contract between `safety` and the drivers of devices: forces go out, positions come back.
 //!
-//! Every protocol is request and reply: a packet of forces is answered by where the axes are. So one trait serves all
-//! of them. Units are SI and a positive force moves towards positive positions. A driver takes a [`SafeForce`], which
-//! `safety` alone can make; this is why the contract stands here.
+//! Every protocol is request and reply: a packet of forces is answered with the positions of the axes. So one trait
+//! serves all of them. Units are SI, and a positive force moves towards positive positions. A driver takes a
+//! [`SafeForce`], which only `safety` can make; this is why the contract is in this module.
 
 mod stats;
 
@@ -14,7 +14,7 @@ use std::time::Instant;
 use super::force::SafeForce;
 use crate::wire::MAX_AXES;
 
-/// What an axis's position is measured in; its force is N or N·m.
+/// Unit of an axis's position; its force is in N or N·m.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     /// [m]
@@ -23,85 +23,85 @@ pub enum Unit {
     Radian,
 }
 
-/// What a device is, in SI units; all its axes are alike.
+/// The properties of a device, in SI units; all its axes are alike.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spec {
     /// Number of axes.
     pub dof: usize,
-    /// What positions are measured in.
+    /// Unit of positions.
     pub unit: Unit,
     /// Step of the position sensor.
     pub pos_lsb: f64,
     /// Least and greatest position.
     pub pos_range: [f64; 2],
-    /// Force that it bears for hours.
+    /// Force that the motor bears continuously.
     pub force_max_continuous: f64,
     /// Greatest force.
     pub force_max_peak: f64,
     /// Step of the force.
     pub force_lsb: f64,
-    /// Exchanges a second, where it promises any [Hz].
+    /// Exchanges per second [Hz], if the device promises a rate.
     pub rate_nominal: Option<f64>,
-    /// From a force sent to the position that shows it, beside the tick [s].
+    /// Delay from a force sent to the position that shows its effect, in addition to the tick [s].
     pub loop_delay_s: Option<f64>,
     /// Moving mass [kg].
     pub inertia: Option<f64>,
-    /// Its own friction [N·s/m].
+    /// Damping of the key itself [N·s/m].
     pub damping: Option<f64>,
-    /// No force without a finger on it.
+    /// Whether the device gives no force without a finger on the key.
     pub touch_gated: bool,
-    /// Whether every packet is answered, so that its time can be the host's.
+    /// Whether every packet is answered, so that the device can run in lockstep with the host.
     pub can_lockstep: bool,
-    /// Whether forces and positions can travel whole (f64).
+    /// Whether forces and positions can be sent in full precision (f64).
     pub can_wide: bool,
 }
 
-/// Where the axes are.
+/// The state of all axes in one reply.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
     /// [m] or [rad]
     pub position: [f64; MAX_AXES],
-    /// Whether a finger is on it; true for devices that cannot know.
+    /// Whether a finger is on the axis; true for devices that cannot know.
     pub touch: [bool; MAX_AXES],
-    /// Whether the device lets forces through.
+    /// Whether the device lets forces through to the motor.
     pub force_enabled: [bool; MAX_AXES],
-    /// Whether the device says that its motors are too hot.
+    /// Whether the device reports that its motors are too hot.
     pub hot: bool,
-    /// Whether the device says that it had heard nothing for too long and had set its forces to zero.
+    /// Whether the device reports that it had received nothing for too long and had set its forces to zero.
     pub let_go: bool,
-    /// Counts replies, or echoes the request where the protocol can.
+    /// Number of the reply, or of its request if the protocol echoes it.
     pub seq: u32,
-    /// Requests that were sent after the one that this answers.
+    /// Number of requests that were sent after the one that this answers.
     pub behind: u16,
-    /// The device's own clock [µs], wrapping.
+    /// The device's own clock [µs]; it wraps.
     pub t_dev_us: Option<u32>,
-    /// Whether this came with the latest `receive`.
+    /// Whether this sample came with the latest `receive`.
     pub fresh: bool,
 }
 
-/// The device no longer answers to its name.
+/// Why a device can no longer be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Gone {
-    /// The port or socket was closed under us.
+    /// The port or socket was closed by the other side.
     #[error("the device was unplugged, or its program ended")]
     Closed,
     /// In lockstep a reply did not come.
     #[error("the device no longer answers")]
     Silent,
-    /// It answers requests that are not ours.
+    /// The device answers requests of another program.
     #[error("another program sends forces to the device")]
     Shared,
-    /// The system refused; its error number.
+    /// The system reported this error number.
     #[error("the port failed (error {0})")]
     System(i32),
 }
 
 /// A device. `send` and `receive` neither allocate nor lock.
 pub trait Device: Send {
-    /// What it is.
+    /// The properties of the device.
     fn spec(&self) -> &Spec;
 
-    /// Least and greatest position of an axis, where it is known closer than [`Spec::pos_range`].
+    /// Least and greatest position of an axis, if they are known better than by [`Spec::pos_range`].
     fn range(&self, _axis: usize) -> [f64; 2] {
         self.spec().pos_range
     }
@@ -109,42 +109,42 @@ pub trait Device: Send {
     /// Send a force for every axis.
     ///
     /// # Errors
-    /// [`Gone`] when there is nobody to send it to.
+    /// [`Gone`] if the device cannot receive it.
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone>;
 
-    /// The forces as the wire carries them: those of the packet that [`Device::send`] makes [N] or [N·m].
+    /// The forces as rounded by the packet that [`Device::send`] makes [N] or [N·m].
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
         let mut carried = [0.0; MAX_AXES];
         carried[..force.newtons().len()].copy_from_slice(force.newtons());
         carried
     }
 
-    /// Take the newest reply; says whether there was a new one. Waits for one until `deadline` (a past one: not at
-    /// all); in lockstep for the reply to what was sent last, whatever the deadline. The first time, before anything
-    /// is sent, it gives where the axes are by themselves.
+    /// Take the newest reply; returns whether there was a new one. Waits for a reply until `deadline` (if it has
+    /// passed: not at all); in lockstep waits for the reply to the latest request, whatever the deadline. The first
+    /// call, before anything is sent, gives the positions of the axes without a request.
     ///
     /// # Errors
-    /// [`Gone`] when no reply will come any more.
+    /// [`Gone`] if no reply will come any more.
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone>;
 
-    /// Whether every reply is waited for: the device's time is then the host's.
+    /// Whether the driver waits for every reply, so that the device's time is the host's.
     fn in_lockstep(&self) -> bool;
 
-    /// Send zero forces; never fails, for there is nothing left to do if it does.
+    /// Send zero forces; never fails, because nothing could be done about a failure.
     fn zero(&mut self);
 
-    /// What the wire did so far.
+    /// Statistics of the wire so far.
     fn stats(&self) -> Stats {
         Stats::default()
     }
 
-    /// How a signal handler or a dying process can still send zero forces.
+    /// The packet with which a signal handler or a dying process can still send zero forces.
     fn last_resort(&self) -> Option<LastResort> {
         None
     }
 }
 
-/// What holds a device is one.
+/// Implements `Device` for types that hold a device.
 macro_rules! devices {
     ($($holder:ty $(, $d:ident)?;)*) => {$(
         impl$(<$d: Device + ?Sized>)? Device for $holder {
@@ -184,14 +184,14 @@ devices! {
     &mut D, D;
 }
 
-/// A packet of zero forces and the file descriptor it goes to.
+/// A packet of zero forces, and the file descriptor to write it to.
 #[derive(Clone, Copy, Debug)]
 pub struct LastResort {
-    /// Open as long as the device is.
+    /// File descriptor, open as long as the device is.
     pub fd: i32,
     /// The packet.
     pub bytes: [u8; 64],
-    /// How many of the bytes.
+    /// Length of the packet in `bytes`.
     pub len: usize,
 }
 

@@ -1,42 +1,43 @@
 //! How often each stage acted.
 
-/// Ticks times axes in which a stage changed a force, by stage.
+/// Counts of what the stages did. Unless a field says otherwise, a count grows for every tick and axis in which a stage
+/// changed a force.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Ticks passed.
+    /// Ticks in which forces passed the stages.
     pub ticks: u64,
-    /// Asked forces that were no numbers.
+    /// Asked forces that are not finite.
     pub not_finite: u64,
-    /// Greater than the player or the device allows.
+    /// Forces greater than the player or the device allows.
     pub clamped: u64,
-    /// Greater than the device bears for long.
+    /// Forces greater than a hot motor may give.
     pub hot: u64,
-    /// Growing or falling too fast.
+    /// Forces that grew or fell too fast.
     pub slewed: u64,
-    /// Less than asked, at the start.
+    /// Forces reduced during the rise at the start.
     pub ramped: u64,
-    /// Zero while tripped or fading in after it.
+    /// Forces reduced by a trip: zero while it lasts, then fading in.
     pub tripped: u64,
-    /// Zero because position or force was too old, or fading in after it.
+    /// Forces reduced because the position or the force was too old: zero, then fading in.
     pub stale: u64,
-    /// Less than asked because more work would be done on a hand than may be.
+    /// Forces reduced because they would do too much work on a hand.
     pub energy: u64,
-    /// Scaled because the coupling would have been too stiff.
+    /// Forces scaled because the coupling would have been too stiff.
     pub stiff: u64,
-    /// Zero by the player's wish.
+    /// Forces set to zero because the player stopped them.
     pub stopped: u64,
-    /// How often an axis tripped by a force or a position that is no number.
+    /// How often an axis tripped because a force or a position is not finite.
     pub trips_not_finite: u64,
-    /// How often one tripped by its speed.
+    /// How often an axis tripped because of its speed.
     pub trips_speed: u64,
     /// How often the host had been stopped.
     pub stalls: u64,
-    /// How often the device said that it had let go.
+    /// How often the device reported that it had let go.
     pub let_go: u64,
 }
 
 impl Counts {
-    /// Name and count of every stage.
+    /// Name and value of every count.
     pub fn named(&self) -> [(&'static str, u64); 15] {
         [
             ("ticks", self.ticks),

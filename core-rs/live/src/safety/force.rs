@@ -2,7 +2,7 @@
 
 use crate::wire::MAX_AXES;
 
-/// Forces that may be sent to a device: zero, or made by the stages of this module and by nothing else.
+/// Forces that may be sent to a device: zero, or the result of the stages of this module.
 ///
 /// ```compile_fail
 /// let force = ergon_live::safety::SafeForce { newtons: [1.0; 16], n: 1 };
@@ -14,7 +14,7 @@ pub struct SafeForce {
 }
 
 impl SafeForce {
-    /// No force on any of `n` axes.
+    /// Zero force on each of `n` axes.
     pub fn zero(n: usize) -> Self {
         Self {
             newtons: [0.0; MAX_AXES],
@@ -31,12 +31,13 @@ impl SafeForce {
         &self.newtons[..self.n]
     }
 
-    /// The same forces for a device whose motors pull the other way or less strongly: every gain counts at most as 1.
+    /// The same forces times a gain for each axis, for motors that pull the other way or less strongly; gains are
+    /// clamped to -1 to 1.
     #[must_use]
     pub fn turned(&self, gains: &[f64; MAX_AXES]) -> Self {
         let mut turned = *self;
         for (force, gain) in turned.newtons.iter_mut().zip(gains) {
-            // A gain of 1 changes no bit, and one that is no number lets nothing through.
+            // A gain of 1 changes no bit; a gain of NaN gives no force.
             *force *= if gain.is_nan() {
                 0.0
             } else {

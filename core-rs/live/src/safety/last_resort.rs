@@ -1,4 +1,4 @@
-//! Zero forces from where nothing else can run: a panic, a signal, a fault.
+//! Zero forces when nothing else can run any more: after a panic, a signal or a fault.
 
 #[cfg(not(unix))]
 pub(super) use elsewhere::{Armed, arm};
@@ -9,7 +9,7 @@ pub(super) use unix::{Armed, arm};
 #[cfg(unix)]
 pub use unix::{leave_signals, look_for_signals, watch, watch_ends};
 
-/// Where there are no file descriptors, a device's own watchdog is the last resort.
+/// On a system without file descriptors, the device's own watchdog is the last resort.
 #[cfg(not(unix))]
 mod elsewhere {
     use crate::safety::contract::LastResort;
@@ -43,11 +43,11 @@ mod unix {
     use crate::safety::contract::LastResort;
     use crate::stop::{self, Stop};
 
-    /// Devices open at once, at most, that are zeroed.
+    /// Greatest number of open devices that are zeroed.
     const SLOTS: usize = 16;
-    /// Ends of a program that it may survive.
+    /// Signals that end a program, but that it may handle and survive.
     const ENDS: [i32; 4] = [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
-    /// What it does not survive; what each did before it does after us.
+    /// Signals that a program does not survive; the former handler of each runs after ours.
     const FAULTS: [i32; 5] = [
         libc::SIGABRT,
         libc::SIGSEGV,
@@ -76,7 +76,7 @@ mod unix {
     static BEFORE: [OnceLock<libc::sigaction>; FAULTS.len()] =
         [const { OnceLock::new() }; FAULTS.len()];
 
-    /// A signal that may end the program: what it stops, and who had it before us.
+    /// A signal that may end the program: what it stops, and the handler that was set before ours.
     struct End {
         stops: AtomicU8,
         handler: AtomicUsize,
@@ -91,7 +91,7 @@ mod unix {
         }
     }; ENDS.len()];
 
-    /// A device that is zeroed, as long as this lives.
+    /// A device that is zeroed in an emergency, as long as this value lives.
     pub(in crate::safety) struct Armed(usize);
 
     impl Drop for Armed {
@@ -100,7 +100,7 @@ mod unix {
         }
     }
 
-    /// Have a device zeroed when the program panics or is ended.
+    /// Register a device to be zeroed when the program panics or is ended.
     pub(in crate::safety) fn arm(resort: LastResort) -> Option<Armed> {
         static HOOKS: Once = Once::new();
         HOOKS.call_once(|| {
@@ -130,16 +130,16 @@ mod unix {
         Some(Armed(index))
     }
 
-    /// Only what a signal handler may do: loads, write(2) and nanosleep(2).
+    /// Send all packets of zero forces. It does only what a signal handler may do: loads, write(2) and nanosleep(2).
     fn zero_all() {
         for farewell in 0..FAREWELLS {
             if farewell > 0 {
-                // A force that was already on its way in another thread has passed by then.
+                // By then a force that another thread was just sending has gone out.
                 let while_it_passes = libc::timespec {
                     tv_sec: 0,
                     tv_nsec: 1_000_000,
                 };
-                // SAFETY: a valid timespec; what is left is not asked for.
+                // SAFETY: a valid timespec; the remaining time is not requested.
                 unsafe { libc::nanosleep(&raw const while_it_passes, std::ptr::null_mut()) };
             }
             for slot in &ARMED {
@@ -158,15 +158,15 @@ mod unix {
         }
     }
 
-    /// Where this thread keeps the number of its last error.
+    /// Address of this thread's errno.
     fn errno() -> *mut i32 {
         #[cfg(target_os = "linux")]
-        // SAFETY: it has no conditions.
+        // SAFETY: the call has no preconditions.
         unsafe {
             libc::__errno_location()
         }
         #[cfg(target_os = "macos")]
-        // SAFETY: it has no conditions.
+        // SAFETY: the call has no preconditions.
         unsafe {
             libc::__error()
         }
@@ -179,7 +179,7 @@ mod unix {
         zero_all();
         let known = FAULTS.iter().position(|&known| known == signal);
         if let Some(before) = known.and_then(|index| BEFORE[index].get()) {
-            // It happens again when we return: then the former handler has it.
+            // The signal is raised again, and the former handler gets it when this one returns.
             // SAFETY: `before` is what sigaction gave; both calls are allowed in a handler.
             unsafe {
                 libc::sigaction(signal, before, std::ptr::null_mut());
@@ -188,8 +188,8 @@ mod unix {
         }
     }
 
-    /// Stop what the signal stops, and let who had it before us have it: Python only notes it, and acts when its
-    /// interpreter gets the time.
+    /// Stop what the signal stops, then call the former handler: Python's only notes the signal, and acts when the
+    /// interpreter runs.
     extern "C" fn on_end(signal: i32, info: *mut libc::siginfo_t, context: *mut libc::c_void) {
         let Some(index) = ENDS.iter().position(|&known| known == signal) else {
             return;
@@ -198,7 +198,7 @@ mod unix {
         let stops = Stop::of(own.stops.load(Ordering::SeqCst));
         if stops != Stop::Nothing {
             let errno = errno();
-            // SAFETY: not null, it is this thread's own. What was interrupted must find it as it was.
+            // SAFETY: not null, and owned by this thread. The interrupted code must find errno unchanged.
             let before = (!errno.is_null()).then(|| unsafe { *errno });
             stop::stop(stops);
             zero_all();
@@ -232,9 +232,9 @@ mod unix {
         }
     }
 
-    /// Have a signal stop something before its handler runs; whoever sets another handler ends that.
+    /// Set what a signal stops before its handler runs, until somebody else sets another handler.
     ///
-    /// Signals that do not end programs, and those that are ignored, are left alone.
+    /// Signals that do not end programs, and ignored signals, are left alone.
     pub fn watch(signal: i32, stops: Stop) {
         if let Some(index) = ENDS.iter().position(|&known| known == signal) {
             WATCHED[index].stops.store(stops as u8, Ordering::SeqCst);
@@ -254,17 +254,18 @@ mod unix {
         }
     }
 
-    /// Leave signals that end programs to other threads than this one, which can then look for them.
+    /// Block signals that end programs in this thread: other threads handle them, and this one can check for pending
+    /// ones.
     pub fn leave_signals() {
         let set = ends();
-        // SAFETY: the set is valid; the mask before is not asked for.
+        // SAFETY: the set is valid; the former mask is not requested.
         unsafe { libc::pthread_sigmask(libc::SIG_BLOCK, &raw const set, std::ptr::null_mut()) };
     }
 
-    /// Stop what a signal stops that was sent and not handled yet: the thread that is to handle it may be kept
-    /// waiting for a processor, or handle none for a while. For a thread that leaves them to others.
+    /// Stop what a pending signal stops: the thread that is to handle it may be waiting for a processor, or handle no
+    /// signals for a while. For a thread that called [`leave_signals`].
     pub fn look_for_signals() {
-        // SAFETY: the calls fill a local set and look at it.
+        // SAFETY: the calls fill a local set and read it.
         unsafe {
             let mut set: libc::sigset_t = std::mem::zeroed();
             if libc::sigpending(&raw mut set) != 0 {
@@ -278,12 +279,12 @@ mod unix {
         }
     }
 
-    /// Have every signal that ends programs stop what it is to stop, by default everything.
+    /// Watch every signal that ends programs; by default it stops everything.
     pub fn watch_ends() {
         ENDS.into_iter().for_each(watch_end);
     }
 
-    /// Put our handler before the one that is there.
+    /// Install our handler in front of the present one.
     fn watch_end(signal: i32) {
         static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
         let _one = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
@@ -304,7 +305,7 @@ mod unix {
             own.handler.store(old.sa_sigaction, Ordering::SeqCst);
             let mut new = old;
             new.sa_sigaction = ours;
-            // Whether calls that it interrupts go on is for the handler before us to say.
+            // Whether interrupted system calls restart is decided by the flags of the former handler.
             new.sa_flags = old.sa_flags & libc::SA_RESTART | libc::SA_ONSTACK | libc::SA_SIGINFO;
             libc::sigaction(signal, &raw const new, std::ptr::null_mut());
         }

@@ -1,43 +1,43 @@
-//! The limits of force, power and energy on a hand, as numbers; the stages in `pipeline` apply them.
+//! The limits of force, power and energy on a hand; the stages in `pipeline` apply them.
 
 use crate::safety::contract::Spec;
 
-/// Work that no device does on a hand at once [J]: 10 N over 100 mm. A partner who leads a hand by 15 mm to and fro three
-/// times a second does a fifth of a watt.
+/// Greatest work that any device may do on a hand at once [J]: 10 N over 100 mm. For comparison: a partner who leads a
+/// hand by 15 mm to and fro three times a second does 0.2 W.
 const ENERGY: f64 = 1.0;
-/// Power that no device gives to a hand for long [W].
+/// Greatest power that any device may give to a hand for long [W].
 const POWER: f64 = 0.5;
 
-/// Limits of each axis; those of a [`Spec`] hold besides.
+/// Limits of each axis; those of a [`Spec`] hold in addition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Greatest force [N].
     pub force: f64,
     /// Fastest change of force [N/ms].
     pub slew: f64,
-    /// From the first tick to full force [s].
+    /// Time of the rise to full force at the start [s].
     pub ramp: f64,
-    /// An axis that is faster trips [m/s].
+    /// Speed above which an axis trips [m/s].
     pub velocity: f64,
-    /// Time over which velocity is averaged [s]: one step of a coarse sensor is no speed.
+    /// Time over which velocity is averaged [s], because one step of a coarse sensor is not a speed.
     pub velocity_over: f64,
-    /// A position that is older is none [s].
+    /// Age above which a position is not used [s].
     pub stale: f64,
-    /// How long a trip lasts at least [s].
+    /// Least duration of a trip [s].
     pub hold: f64,
-    /// From zero to full force after a trip or a stale position [s].
+    /// Time of the fade from zero to full force after a trip or a stale position [s].
     pub fade: f64,
-    /// Most work that may be done on a hand at once [J].
+    /// Greatest work that may be done on a hand at once [J].
     pub energy: f64,
-    /// Power that may go into a hand for ever: it fills that up [W].
+    /// Power at which `energy` is refilled, so the greatest continuous power into a hand [W].
     pub power: f64,
-    /// Time over which a motor's heat is averaged [s].
+    /// Time constant of a motor's heat [s].
     pub heat: f64,
 }
 
 impl Limits {
-    /// Limits for a device: all its force, within 5 ms; and work to push a hand with it over the range twice, and twice in
-    /// every second after that, but no more than 1 J and 0.5 W. A partner who moves a hand stays below; a loop
+    /// Limits for a device: its full force, within 5 ms; the work of pushing a hand with that force twice over the
+    /// range, refilled once per second, but no more than 1 J and 0.5 W. A partner who moves a hand stays below; a loop
     /// that swings ever further does not.
     pub fn of(spec: &Spec) -> Self {
         let full = spec.force_max_peak;

@@ -1,32 +1,34 @@
-//! Which part of a piece's force leaves the loop of key and piece stable, whoever holds the key.
+//! The share of a piece's force with which the loop of key and piece is stable, whoever holds the key.
 //!
-//! The loop is linear: the key answers a force that is held over a tick, the piece answers positions tick by tick. It is
-//! opened at the force; where it comes round turned by half a circle, so much of it that it comes round no smaller swings
-//! up (Nyquist 1932; a sampled loop of a key and a virtual scene: Colgate & Schenkel 1997).
+//! The loop is linear and sampled: the key responds to a force that is held over a tick, the piece responds to the
+//! position of each tick. The loop is cut at the force. Where the loop gain is real and negative, the factor that makes
+//! it -1 is the border of stability (Nyquist 1932; a sampled loop of a key and a virtual scene: Colgate & Schenkel
+//! 1997).
 
 use ergon_engine::maths::{cos, exp, sin, sqrt};
 
 use super::stiffness::Key;
 
-/// Frequencies that are looked at from 0 to half the rate of the ticks, for each tick that a response lasts: closer than
-/// the peaks of what rings no longer.
+/// Number of frequencies, from 0 to half the tick rate, for each tick of a response: closer than the peaks of anything
+/// that rings no longer than the response.
 const CLOSE: usize = 4;
-/// A response is taken to last so long at least [ticks].
+/// Least length that a response is padded to [ticks].
 const SHORTEST: usize = 512;
 /// Stiffness and damping of hands that may hold a key [N/m, N·s/m]: none, soft ones, firm ones.
 const HANDS: [(f64, f64); 4] = [(0.0, 0.0), (100.0, 1.0), (400.0, 4.0), (1_500.0, 10.0)];
 
 type Complex = (f64, f64);
 
-/// What a piece answers at frequencies from 0 to half the rate of the ticks, without 0.
+/// The frequency response of a piece, from 0 to half the tick rate, without 0.
 pub struct Answer {
-    /// z of each place, and the force against a hand there [N/m].
+    /// Each frequency as z on the unit circle, and the force against a hand there [N/m].
     places: Vec<(Complex, Complex)>,
     acts: bool,
 }
 
 impl Answer {
-    /// Of a response (n_ticks,) [N/m]: the force against a hand that is 1 m away for one tick, in that tick and after it.
+    /// The answer of a piece with this response (n_ticks,) [N/m]: the force against a hand that is displaced by 1 m for
+    /// one tick, in that tick and after it.
     pub fn new(response: &[f64]) -> Self {
         let acts = response.iter().any(|force| *force != 0.0);
         let lasts = response.len().next_power_of_two().max(SHORTEST);
@@ -39,7 +41,7 @@ impl Answer {
             transform(&mut met, &turns);
         }
         let half = turns.len() / 2;
-        // 0 is left out: a key that is free drifts.
+        // 0 is left out because a free key drifts.
         let places = turns.into_iter().zip(met).take(half).skip(1);
         Self {
             places: places.collect(),
@@ -47,8 +49,8 @@ impl Answer {
         }
     }
 
-    /// Gain margin of the loop of key and piece, with a spring `k` [N/m] and a damper `z` [N·s/m] to the ground beside the
-    /// piece: the factor of all forces at the border of stability; infinite where no factor makes the loop unstable.
+    /// Gain margin of the loop of key and piece, with a spring `k` [N/m] and a damper `z` [N·s/m] to the ground beside
+    /// the piece: the factor of all forces at the border of stability; infinite if no factor makes the loop unstable.
     pub fn gain_margin(&self, key: Key, k: f64, z: f64) -> f64 {
         if !self.acts && (k, z) == (0.0, 0.0) {
             return f64::INFINITY;
@@ -62,7 +64,7 @@ impl Answer {
         let mut least = f64::INFINITY;
         let mut before: Option<Complex> = None;
         for &(turned, scene) in &self.places {
-            // A damper is felt by the way since the tick before.
+            // The damper acts on the displacement since the previous tick.
             let back = (turned.0, -turned.1);
             let met = (scene.0 + k + z * (1.0 - back.0), scene.1 - z * back.1);
             let mut round = times(met, motion.answer(turned));
@@ -80,7 +82,7 @@ impl Answer {
             }
             before = Some(round);
         }
-        // At half the rate of the ticks all is real.
+        // At half the tick rate the loop gain is real.
         match before {
             Some((real, _)) if real < 0.0 => least.min(-1.0 / real),
             _ => least,
@@ -88,7 +90,7 @@ impl Answer {
     }
 }
 
-/// How a key that is held by a hand answers a force that lasts a tick, exactly: x⁺ = A·x + B·force.
+/// The exact motion of a key that is held by a hand, under a force that is constant over a tick: x⁺ = A·x + B·force.
 struct Motion {
     a: [[f64; 2]; 2],
     b: [f64; 2],
@@ -128,7 +130,7 @@ impl Motion {
         }
     }
 
-    /// Position over force at z on the unit circle [m/N].
+    /// Transfer function from force to position at z on the unit circle [m/N].
     fn answer(&self, (re, im): Complex) -> Complex {
         let Self { a, b } = self;
         let over = (b[0] * (re - a[1][1]) + a[0][1] * b[1], b[0] * im);
@@ -144,7 +146,7 @@ fn times(a: Complex, b: Complex) -> Complex {
     (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
 }
 
-/// Points of the unit circle (n,), evenly from 1 on.
+/// n points evenly on the unit circle, beginning with 1.
 fn turns(n: usize) -> Vec<Complex> {
     let angle = |place: usize| 2.0 * std::f64::consts::PI * place as f64 / n as f64;
     (0..n)
@@ -152,7 +154,7 @@ fn turns(n: usize) -> Vec<Complex> {
         .collect()
 }
 
-/// Σ x[j]·z⁻ʲ at all of the points, in their order: a transform of a power of two by halves (Cooley & Tukey 1965).
+/// Σ x[j]·z⁻ʲ at all points, in their order: a radix-2 transform (Cooley & Tukey 1965).
 fn transform(x: &mut [Complex], turns: &[Complex]) {
     let n = x.len();
     let bits = n.trailing_zeros();
@@ -199,7 +201,7 @@ mod tests {
         }
     }
 
-    /// Key and hand as a differential equation, in steps so fine that its order does not matter.
+    /// Compares with the differential equation of key and hand, integrated in very small steps.
     #[test]
     fn a_held_key_goes_as_its_equation() {
         let key = Key {
@@ -208,7 +210,7 @@ mod tests {
             period: 1e-3,
             delay: 0,
         };
-        // Free, slow, at its border, fast.
+        // Free; underdamped, twice; critically damped; stiff and underdamped.
         for hand in [
             (0.0, 0.0),
             (100.0, 1.0),
@@ -237,11 +239,11 @@ mod tests {
         }
     }
 
-    /// A piece that rings: the border is where the loop, played for long, neither grows nor falls.
+    /// A piece that rings: at the border the loop, simulated for long, neither grows nor decays.
     #[test]
     fn the_border_is_where_a_played_loop_begins_to_grow() {
         let (mass, k, z, period) = (0.02, 800.0, 0.2, 1e-3);
-        // A mass on a spring, pulled by a coupling of 4 kN/m: what it pulls back with, tick by tick.
+        // A mass on a spring, coupled to the key by 4 kN/m; the response is the coupling's force, tick by tick.
         let (coupling, n) = (4e3, 2_048);
         let (mut x, mut v) = (0.0, 0.0);
         let fine = 400;
@@ -280,7 +282,7 @@ mod tests {
         }
     }
 
-    /// Whether a part of the piece's force swings a held key up.
+    /// Whether the loop grows if a held key gets this part of the piece's force.
     fn grows(response: &[f64], key: Key, hand: (f64, f64), part: f64) -> bool {
         let Motion { a, b } = Motion::new(key, hand);
         let (mut x, mut force, mut v) = (vec![0.0], Vec::new(), 1.0);

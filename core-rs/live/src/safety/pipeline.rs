@@ -1,10 +1,11 @@
-//! The pipeline that every force passes: the clamp and all other stages, in their order. Each leaves a force within
-//! its limits as it is, to the last bit.
+//! The pipeline that every force passes: all stages in their order. A stage returns a force within its limits
+//! unchanged, to the last bit.
 //!
-//! * A force that is not a number is zero and trips.
-//! * The clamp to the greatest force; the force that a hot motor may give.
-//! * The rise at the start; trips; stale positions and forces; the part that the stiffness of the loop allows; stop.
-//! * Passivity: a room around zero. The slew limit, within that room. Nothing changes a force after it.
+//! * A force that is not finite becomes zero and trips.
+//! * The clamp to the greatest force; the limit of a hot motor.
+//! * The rise at the start; trips; stale positions and forces; the scale for the stiffness of the loop; stop.
+//! * Passivity, which gives an interval around zero; the slew limit within that interval. Nothing changes a force after
+//!   it.
 
 use std::time::Duration;
 
@@ -21,7 +22,7 @@ use super::stages::trip::Trip;
 use crate::safety::contract::{Sample, Spec};
 use crate::wire::MAX_AXES;
 
-/// A force that has to end now has this room.
+/// The interval of a force that has to end now.
 const NONE: [f64; 2] = [0.0, 0.0];
 
 pub(super) struct Pipeline {
@@ -29,7 +30,7 @@ pub(super) struct Pipeline {
     /// Continuous and greatest force [N].
     continuous: f64,
     most: f64,
-    /// Of a tick [s].
+    /// Period of the ticks [s].
     period: f64,
     n: usize,
     axes: [Axis; MAX_AXES],
@@ -38,14 +39,14 @@ pub(super) struct Pipeline {
     passivity: Passivity,
     /// Forces sent since the newest position.
     unanswered: u32,
-    /// The board says that it is too hot.
+    /// Whether the board reports that it is too hot.
     is_hot: bool,
     stopped: bool,
 }
 
 #[derive(Clone, Copy)]
 struct Axis {
-    /// Positions and their mean velocity, for the trip.
+    /// Newest position and mean velocity, for the speed trip.
     position: Option<f64>,
     velocity: f64,
     heat: Heat,
@@ -81,7 +82,7 @@ impl Pipeline {
         }
     }
 
-    /// The forces that go out `now`, for those that are asked for.
+    /// The forces to be sent `now` for the forces `asked`.
     pub(super) fn pass(&mut self, asked: &[f64], now: Duration) -> SafeForce {
         self.counts.ticks += 1;
         self.unanswered = self.unanswered.saturating_add(1);
@@ -140,10 +141,10 @@ impl Pipeline {
         force
     }
 
-    /// What a device said `now`.
+    /// Take a reply of the device that came `now`.
     pub(super) fn observe(&mut self, sample: &Sample, now: Duration) {
         let elapsed = self.ages.received(now, sample.let_go, &mut self.counts);
-        // Replies may come late and then together; a host that was stopped sends nothing for a while.
+        // Replies may come late and then together; a stopped host sends nothing for a while.
         let since = (self.period * f64::from(self.unanswered.max(1))).max(elapsed.unwrap_or(0.0));
         (self.unanswered, self.is_hot) = (0, sample.hot);
         let weight = (since / self.limits.velocity_over).min(1.0);
@@ -162,7 +163,7 @@ impl Pipeline {
         self.passivity.receive(&positions[..self.n], since);
     }
 
-    /// Whether the host was stopped since it was last here.
+    /// Whether the host was stopped since its last call.
     pub(super) fn was_stopped(&self, now: Duration) -> bool {
         self.ages.was_stopped(now)
     }
@@ -172,7 +173,7 @@ impl Pipeline {
         self.ages.is_fading()
     }
 
-    /// No force instead of the one that has just passed; what follows fades in from zero.
+    /// Replace the forces that have just passed by zero; later forces fade in from zero.
     pub(super) fn withdraw(&mut self) -> SafeForce {
         self.ages.restart();
         self.passivity.withdraw();
@@ -180,7 +181,7 @@ impl Pipeline {
         SafeForce::zero(self.n)
     }
 
-    /// The force before was zero.
+    /// Note that the previous force was zero.
     pub(super) fn forget(&mut self) {
         for axis in &mut self.axes {
             axis.slew.forget();
@@ -212,7 +213,7 @@ impl Pipeline {
         self.most
     }
 
-    /// From tick to tick [s].
+    /// Period of the ticks [s].
     pub(super) fn period(&self) -> f64 {
         self.period
     }
@@ -221,7 +222,7 @@ impl Pipeline {
         &self.counts
     }
 
-    /// What is to be known of motors and hands when the device is opened again later.
+    /// Heat and work, for the time when the device is opened again.
     pub(super) fn memory(&self, now: Duration) -> Memory {
         let mut memory = Memory::new(now);
         for (number, axis) in self.axes[..self.n].iter().enumerate() {
@@ -231,7 +232,7 @@ impl Pipeline {
         memory
     }
 
-    /// Go on with the same motors and hands, after `elapsed` [s] without force.
+    /// Continue with the heat and work of `memory`, after `elapsed` [s] without force.
     pub(super) fn recall(&mut self, memory: &Memory, elapsed: f64) {
         let filled = self.limits.power * elapsed;
         for (number, axis) in self.axes[..self.n].iter_mut().enumerate() {

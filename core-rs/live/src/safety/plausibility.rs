@@ -1,13 +1,14 @@
-//! Whether force and motion agree: a motor wired the other way, a key pushed into its stop, a sensor that freezes.
+//! Checks that force and motion agree. Finds a motor wired the other way, a key pushed into its stop, and a sensor that
+//! freezes.
 //!
-//! A hand may push against a force at any time, and a hand that holds still looks like a frozen sensor. So nothing of
-//! this is concluded from looking alone. What looks wrong is a suspicion, and a suspicion is answered by a probe: for a
-//! few milliseconds the force differs from what the piece asks for, and the key answers with the right sign, with the
-//! wrong sign, or not at all. A wrong sign is probed a second time, the other way round, before it counts. Only two
-//! things count at once, for no hand does them: a force of newtons that pushes a resting key further into its stop, and
-//! a position that keeps its last bit while the force changes by newtons.
+//! A hand may push against a force at any time, and a hand that holds still looks like a frozen sensor. So watching
+//! alone proves nothing: it raises a suspicion, and a probe decides. For a few milliseconds the force differs from the
+//! one that the piece asks for, and the key answers with the right sign, with the wrong sign, or not at all. After a
+//! wrong answer the probe is repeated; only `WRONG` wrong answers without a right one between them count as a wrong
+//! motor. Two observations count without a probe, because no hand causes them: a force of newtons that pushes a resting
+//! key further into its stop, and a position that keeps its last bit while the force changes by newtons.
 //!
-//! Time is counted in steps of about a millisecond; there is no clock. What is not suspected is left as it is, to the
+//! Time is counted in steps of about a millisecond, without a clock. Without a suspicion the force is unchanged, to the
 //! last bit.
 
 mod probe;
@@ -19,40 +20,40 @@ use signs::{AxisParameters, Signs, Suspicion};
 
 /// Length of a step, if a tick is shorter [s].
 const STEP: f64 = 1e-3;
-/// An axis that tripped may push again after so long without the fault [s].
+/// An axis that tripped may push again after this time without the fault [s].
 const CALM: f64 = 3.0;
-/// It then takes so long to full force [s].
+/// Its force then fades in over this time [s].
 const FADE: f64 = 0.5;
-/// After so many trips only the player lets it push again.
+/// After this many trips only the player can let the axis push again.
 const TRIPS: u32 = 3;
-/// A sensor that moves is alive for so long [s].
+/// A sensor counts as alive for this time after it has moved [s].
 const ALIVE: f64 = 0.5;
-/// A probe that found nothing wrong is followed by no other of its kind for so long at first, and at most [s]. The
-/// pause doubles each time.
+/// For each kind of suspicion: the pause after a probe without a finding, at first and at most [s]. The pause doubles
+/// each time.
 const PAUSES: [[f64; 2]; 3] = [[1.0, 4.0], [1.0, 4.0], [0.02, 1.0]];
-/// After so long without a suspicion the first pause is the short one again [s].
+/// After this time without a suspicion the pause starts again at its first value [s].
 const QUIET: f64 = 5.0;
-/// Farther from a probe than this a key is elsewhere [m].
+/// Distance from the last probe beyond which the key counts as being at another place [m].
 const ELSEWHERE: f64 = 2e-3;
-/// So many wrong answers, and no right one between them, are a motor wired the other way.
+/// Number of wrong answers, without a right one between them, that mean a motor wired the other way.
 const WRONG: u32 = 4;
 
-/// Why forces of an axis are held at zero.
+/// Why the forces of an axis are held at zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trip {
-    /// A force was asked for that is no number.
+    /// The force asked for is not finite.
     NotFinite,
-    /// The key was too fast.
+    /// The key was too fast, or its position is not finite.
     Speed,
-    /// The motor pushes against what it is told.
+    /// The motor pushes in the opposite direction of its command.
     WrongWay,
     /// The key rests at its stop, and the force pushes it further.
     AtStop,
-    /// The sensor shows the same place whatever the force does.
+    /// The sensor shows the same position whatever the force.
     Frozen,
 }
 
-/// What an axis is, for [`Plausibility`].
+/// The properties of an axis, for [`Plausibility`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AxisSpec {
     /// Least and greatest position.
@@ -76,31 +77,31 @@ enum Mode {
     },
 }
 
-/// One axis that is watched.
+/// The check of one axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plausibility {
     built: AxisParameters,
-    /// Ticks of a step, and those since the last one.
+    /// Ticks per step, and ticks since the last step.
     every: u32,
     ticks: u32,
     /// Greatest force [N].
     force: f64,
-    /// Whether a suspicion is probed; otherwise only what is evident counts.
+    /// Whether a suspicion is probed; otherwise only evident faults count.
     may_probe: bool,
     signs: Signs,
     mode: Mode,
-    /// From a trip to full force, 0 to 1.
+    /// Progress of the fade to full force after a trip, 0 to 1.
     fade: f64,
     trips: u32,
     /// Whether a probe was ever answered the right way.
     confirmed: bool,
     /// Wrong answers since the last right one.
     wrong: u32,
-    /// Steps until a suspicion of each kind is probed again, and how often it was without a finding.
+    /// For each kind of suspicion: steps until it may be probed again, and how often a probe had no finding.
     pauses: [(i32, u32); 3],
-    /// Where the last probe ended.
+    /// Position at the end of the last probe.
     probed_at: f64,
-    /// Probes so far.
+    /// Number of probes so far.
     probes: u64,
 }
 
@@ -127,8 +128,8 @@ impl Plausibility {
         }
     }
 
-    /// One tick: the force that is `asked` for now, what was `sent` in the tick before, and where the key is by now, if
-    /// that is new. Returns the force to ask for instead.
+    /// Advance by a tick: `asked` is the force asked for now, `sent` the force of the previous tick, `position` the
+    /// key's position if there is a new one. Returns the force to ask for instead.
     pub(super) fn tick(&mut self, asked: f64, sent: f64, position: Option<f64>) -> f64 {
         self.ticks = (self.ticks + 1).min(self.every);
         if let Some(x) = position
@@ -150,8 +151,8 @@ impl Plausibility {
                 force,
                 ..
             }) => {
-                // What is asked beyond the greatest force would hide the probe; and on a sensor that may be frozen no
-                // force grows meanwhile.
+                // More than the greatest force would be clamped and hide the probe; and while the sensor may be frozen,
+                // the force must not grow.
                 let most = if kind == Suspicion::Still {
                     force.abs()
                 } else {
@@ -172,13 +173,13 @@ impl Plausibility {
         }
     }
 
-    /// How many probes there were.
+    /// Number of probes so far.
     #[cfg(test)]
     pub(super) fn probes(&self) -> u64 {
         self.probes
     }
 
-    /// The player wants forces again, whatever was found.
+    /// Let the axis push again, at the player's request, whatever was found.
     pub(super) fn release(&mut self) {
         if self.trip().is_some() {
             self.push_again();
@@ -186,7 +187,7 @@ impl Plausibility {
         self.trips = 0;
     }
 
-    /// What was seen before says nothing of what follows: a host that was stopped has missed motion and forces.
+    /// Forget earlier observations: a host that was stopped has missed motion and forces.
     fn restart(&mut self) {
         if self.trip().is_none() {
             self.mode = Mode::Watching;
@@ -244,7 +245,7 @@ impl Plausibility {
     }
 
     fn watch(&mut self, sent: f64) {
-        // What a key answered at one place says nothing of it at another.
+        // An answer at one place says nothing about another place.
         if (self.signs.past[0] - self.probed_at).abs() > ELSEWHERE.max(4.0 * self.built.resolution)
         {
             self.pauses[Suspicion::Still as usize] = (0, 0);
@@ -279,7 +280,7 @@ impl Plausibility {
             if answer == Answer::Right {
                 (self.wrong, self.confirmed) = (0, true);
             }
-            // What went the wrong way once is asked again at the next sign of it.
+            // After a wrong answer there is no pause: the next suspicion is probed at once.
             if self.wrong == 0 {
                 (*left, *passed) = ((pause / self.built.step) as i32, *passed + 1);
             }
@@ -298,17 +299,17 @@ impl Plausibility {
     }
 }
 
-/// All axes of a device.
+/// The checks of all axes of a device.
 pub(super) struct Watched {
     axes: [Plausibility; MAX_AXES],
     n: usize,
-    /// What was sent last [N], and where the axes are, if that is new.
+    /// The forces sent last [N], and the positions if they are new.
     sent: [f64; MAX_AXES],
     positions: Option<[f64; MAX_AXES]>,
 }
 
 impl Watched {
-    /// Axes that are built so, sent a force every `period` [s].
+    /// The checks of axes with these properties, for forces sent every `period` [s].
     pub(super) fn new(built: &[AxisSpec], period: f64) -> Self {
         let nothing = AxisSpec {
             range: [0.0, 0.0],
@@ -325,14 +326,14 @@ impl Watched {
         }
     }
 
-    /// Nothing is added to the forces that are asked for: what is evident trips, what is suspected does not.
+    /// Turn probes off: evident faults still trip, suspicions have no effect.
     pub(super) fn probe_nothing(&mut self) {
         for axis in &mut self.axes {
             axis.may_probe = false;
         }
     }
 
-    /// Where the axes are now.
+    /// Note the positions of the axes.
     pub(super) fn observe(&mut self, positions: &[f64; MAX_AXES]) {
         self.positions = Some(*positions);
     }
@@ -349,12 +350,12 @@ impl Watched {
         out
     }
 
-    /// Motion and forces were missed: no suspicion stands on what was seen before.
+    /// Forget earlier observations, because motion and forces were missed.
     pub(super) fn restart(&mut self) {
         self.axes.iter_mut().for_each(Plausibility::restart);
     }
 
-    /// What then went to the motors [N].
+    /// Note the forces that were sent to the motors [N].
     pub(super) fn sent(&mut self, newtons: &[f64]) {
         self.sent[..newtons.len()].copy_from_slice(newtons);
     }
@@ -364,7 +365,7 @@ impl Watched {
         self.axes.get(axis).and_then(Plausibility::trip)
     }
 
-    /// The player wants forces again.
+    /// Let all axes push again, at the player's request.
     pub(super) fn release(&mut self) {
         self.axes.iter_mut().for_each(Plausibility::release);
     }

@@ -1,4 +1,5 @@
-//! What one stage does each; [`Pipeline`](super::pipeline::Pipeline) has their order, and the clamp to the greatest force.
+//! The stages, each in a module; [`Pipeline`](super::pipeline::Pipeline) has their order and the clamp to the greatest
+//! force.
 
 pub(super) mod fade;
 pub(super) mod heat;

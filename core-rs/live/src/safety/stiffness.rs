@@ -3,39 +3,40 @@
 //! Each position is held for a tick and each force is late, so a virtual spring adds energy, and only the damping of the
 //! key removes it. The limit is on the stiffness of everything that is coupled to the key.
 
-/// Greatest stable stiffness [N/m] of a key with `damping` [N·s/m], by ticks of `period` [s] and forces `delay` ticks
-/// late: 2b/(T(1+2d)), whatever the mass of a light key.
+/// Greatest stable stiffness [N/m] of a key with `damping` [N·s/m], for ticks of `period` [s] and forces that are
+/// `delay` ticks late: 2b/(T(1+2d)), independent of the mass if the key is light.
 pub fn limit(damping: f64, period: f64, delay: u32) -> f64 {
     2.0 * damping / (period * (1.0 + 2.0 * f64::from(delay)))
 }
 
-/// The factor that a coupling's forces need to stay below the limit: 1 where it does, else less.
+/// The factor that keeps a coupling's force below the limit: 1 if it is below, else less.
 pub fn scale(k: f64, limit: f64) -> f64 {
     if k > limit { limit / k } else { 1.0 }
 }
 
-/// At the border of stability an oscillation never decays: a loop gets this part of the greatest stable gain.
+/// Part of the greatest stable gain that a loop gets, because at the border of stability an oscillation never decays.
 const RESERVE: f64 = 0.8;
 
-/// A key by itself, and how late its forces are.
+/// A key by itself, and the delay of its forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Key {
     /// Moving mass [kg].
     pub mass: f64,
-    /// Its own damping [N·s/m].
+    /// Damping of the key itself [N·s/m].
     pub damping: f64,
-    /// From tick to tick [s].
+    /// Period of the ticks [s].
     pub period: f64,
-    /// Ticks that a force is late, besides the one that it is computed in.
+    /// Delay of a force [ticks], besides the tick in which it is computed.
     pub delay: usize,
 }
 
-/// The factor of a force, 0 to 1, that keeps the loop stable with a reserve, for a loop of this gain margin.
+/// The factor of a force, 0 to 1, that keeps a loop of this gain margin stable with a reserve.
 pub fn safe_scale(gain_margin: f64) -> f64 {
     super::unit(RESERVE * gain_margin)
 }
 
-/// The stiffest that a hand meets, pushed once and held there: the greatest sum of a response [N/m].
+/// The greatest stiffness that a hand meets if it moves once and stays there: the greatest partial sum of a response
+/// [N/m].
 pub fn stiffest(response: &[f64]) -> f64 {
     let sums = response.iter().scan(0.0, |sum, force| {
         *sum += force;
@@ -51,10 +52,10 @@ mod tests {
     use super::*;
     use crate::safety::margin::Answer;
 
-    /// Spectral radius of mass 50 g, damper b and spring k whose position is held over T and late by d ticks.
+    /// Spectral radius of a mass of 50 g with damper b and spring k, whose position is held over T and late by d ticks.
     fn radius(b: f64, k: f64, period: f64, delay: usize) -> f64 {
         let m = 0.05;
-        // Exact for a force that is held: v decays by e^{-bT/m}.
+        // Exact for a force that is constant over a tick: v decays by e^{-bT/m}.
         let decay = libm::exp(-b * period / m);
         let slide = (1.0 - decay) * m / b;
         let n = 2 + delay;
@@ -88,7 +89,7 @@ mod tests {
 
     #[test]
     fn the_formula_is_the_sampled_loops() {
-        // Damping, rate, delay, and what a simulation of such a loop with 50 g still bore.
+        // Damping, rate, delay, and the greatest stable stiffness in a simulation of such a loop with 50 g.
         for (b, rate, delay, known) in [
             (0.3, 1e3, 0, 645.0),
             (0.3, 1e3, 1, 208.0),
@@ -117,7 +118,7 @@ mod tests {
         assert_eq!(scale(400.0, 200.0), 0.5);
     }
 
-    /// A spring alone: its border is where the eigenvalues of the loop have it.
+    /// A spring alone: the border equals that of the eigenvalues of the loop.
     #[test]
     fn a_spring_is_borne_up_to_its_limit() {
         for (damping, delay) in [(0.3, 0), (1.0, 0), (1.0, 1), (3.0, 2)] {
@@ -142,7 +143,7 @@ mod tests {
         }
     }
 
-    /// Heavy keys on soft springs swing slowly, and settle: nothing is taken from them.
+    /// Heavy keys on soft springs swing slowly and settle: their force is not reduced.
     #[test]
     fn slow_swings_are_no_instability() {
         let period = 44.0 / 44_100.0;

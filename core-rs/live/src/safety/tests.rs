@@ -1,4 +1,4 @@
-//! Each stage alone, the stages together, and that nothing else reaches a motor.
+//! Each stage by itself, all stages together, and that no other force reaches a motor.
 
 mod late;
 mod loops;
@@ -15,7 +15,7 @@ use crate::wire::MAX_AXES;
 
 const PERIOD: f64 = 1e-3;
 
-/// A device that is where it is told to be, and keeps what it was sent.
+/// A device at a position that the test sets, which keeps the forces that it was sent.
 struct Bench {
     spec: Spec,
     position: Option<f64>,
@@ -69,7 +69,7 @@ impl Device for Bench {
     }
 }
 
-/// Limits in which nothing acts, for one stage to be set.
+/// Limits with which no stage acts; a test changes one of them.
 fn open() -> Limits {
     Limits {
         force: f64::INFINITY,
@@ -86,7 +86,7 @@ fn open() -> Limits {
     }
 }
 
-/// The force sent for every tick's wish and place; no place: the device says nothing.
+/// The forces sent for each tick's asked force and position; `None`: the device does not reply.
 fn play(
     guarded: &mut Guarded<&mut Bench>,
     ticks: impl IntoIterator<Item = (f64, Option<f64>)>,
@@ -174,7 +174,7 @@ fn a_hot_motor_gets_what_it_bears() {
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     let sent = play(&mut guarded, still(2.0, 2000));
     assert_eq!(sent[0], 2.0);
-    // At twice the force it heats four times: 1 of 4 after -ln(3/4) of its time.
+    // At twice the continuous force the heat tends to 4 and reaches 1 after -ln(3/4) of its time constant.
     let first = sent.iter().position(|&force| force == 1.0).unwrap();
     assert!((27..=31).contains(&first), "{first}");
     let mean = sent[1000..].iter().map(|f| f * f).sum::<f64>() / 1000.0;
@@ -225,7 +225,7 @@ fn a_key_that_flies_trips() {
         ..open()
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
-    // 0.5 m/s, then 4 m/s, then still.
+    // 0.5 m/s, then 4 m/s, then at rest.
     let ticks = (0..400).map(|i| {
         let x = match i {
             0..100 => 0.5e-3 * f64::from(i),
@@ -249,7 +249,7 @@ fn nobody_pushes_what_nobody_sees() {
         ..open()
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
-    // Before the first position, 50 ticks without one in the middle.
+    // No position in the first 5 ticks, and for 50 ticks in the middle.
     let ticks = (0..500).map(|i| {
         let place = !(0..5).contains(&i) && !(200..250).contains(&i);
         (1.0, place.then_some(0.0))
@@ -268,7 +268,7 @@ fn nobody_pushes_what_nobody_sees() {
     assert!(guarded.counts().stale > 30);
 }
 
-/// A key with a spring too stiff for its rate, by the host: without the observer it swings ever further.
+/// A key with a host's spring that is too stiff for the rate: without the observer it swings ever further.
 fn runaway(energy: f64) -> (f64, Counts) {
     let mut bench = Bench::new();
     bench.spec.force_max_peak = 1e9;
@@ -355,8 +355,8 @@ fn a_turned_force_is_never_greater() {
 }
 
 proptest! {
-    /// Whatever is asked and seen: forces stay finite, within the limit, and change no faster than they may while
-    /// nothing trips.
+    /// Whatever is asked and observed, forces stay finite, within the limit, and within the slew limit while nothing
+    /// trips.
     #[test]
     fn no_wish_is_dangerous(
         wishes in prop::collection::vec(prop_oneof![

@@ -1,8 +1,8 @@
-//! Seeded fuzzers of the Rust readers of bytes and text that come from outside: devices, recordings, laws.
+//! Seeded fuzzers of all Rust readers of bytes and text from outside: devices, recordings, laws.
 //!
-//! One table, `TARGETS`. Each case has its own seed, so that a case that fails runs alone: its number is in the message.
-//! `make test` runs `SHORT` cases of each target, `make test-long` `LONG` (docs/fuzzing.md). FUZZ_TARGET, FUZZ_FROM and
-//! FUZZ_COUNT choose one target and its cases.
+//! `TARGETS` lists them. Each case has its own seed, so that a failing case can be run alone by the number in its
+//! message. `make test` runs `SHORT` cases of each target, `make test-long` `LONG` (docs/fuzzing.md). FUZZ_TARGET,
+//! FUZZ_FROM and FUZZ_COUNT choose one target and its cases.
 
 mod dice;
 mod wire;
@@ -22,7 +22,7 @@ use wire::{board_bytes, firefader_bytes, frame_bytes, haply_text};
 const SHORT: u64 = 2_000;
 const LONG: u64 = 1_000_000;
 
-/// A recording of two axes and forty rows, whole.
+/// An intact recording of two axes and forty rows.
 fn recorded() -> Vec<u8> {
     let axis = |i| Axis {
         player: format!("remi{i}"),
@@ -66,7 +66,7 @@ fn recording_bytes(dice: &mut Dice) {
     thread_local!(static WHOLE: Vec<u8> = recorded());
     let mut bytes = WHOLE.with(|whole| damaged(dice, whole));
     if dice.below(2) == 0 {
-        // Check sums made right again, so that what stands behind them is read too.
+        // Correct the checksums, so that the bytes after them are read too.
         let mut at = 12;
         while let Some(head) = bytes.get(at..at + 9) {
             let length = u32::from_le_bytes([head[0], head[1], head[2], head[3]]) as usize;
@@ -268,7 +268,7 @@ fn take_numbers(dice: &mut Dice) {
 
 type Case = fn(&mut Dice);
 
-/// Name, and what one case does.
+/// Name of a target, and the function that runs one case.
 const TARGETS: &[(&str, Case)] = &[
     ("firefader bytes", firefader_bytes),
     ("frame bytes", frame_bytes),
@@ -281,7 +281,7 @@ const TARGETS: &[(&str, Case)] = &[
     ("take numbers", take_numbers),
 ];
 
-/// Run so many cases of each target, from a first one on; every fault is told, with the number of its case.
+/// Run `count` cases of each target, from a first number on; report every failure with the number of its case.
 #[allow(clippy::print_stdout)] // cases per second, for docs/fuzzing.md
 fn fuzzed(count: u64) {
     let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse().ok());

@@ -1,19 +1,19 @@
 //! FireFader (Berdahl and Kontogeorgakopoulos): two faders, a byte for each quantity.
 //!
-//! host → device `7F fA fB`, device → host `FF posA posB analog1 analog2 capA capB`. The first byte of each occurs
-//! nowhere else.
+//! host → device `7F fA fB`, device → host `FF posA posB analog1 analog2 capA capB`. Data never contains the first byte
+//! of its packet.
 
 use super::Parsed;
 
 /// Force of byte 127 [N], with 12 V.
 pub const FORCE_MAX: f64 = 1.56;
-/// A force byte's step [N].
+/// Step of a force byte [N].
 pub const FORCE_LSB: f64 = FORCE_MAX / 127.0;
-/// A position byte's step [m].
+/// Step of a position byte [m].
 pub const POS_LSB: f64 = 0.000_39;
-/// Position byte in the middle.
+/// Position byte at the middle of the travel.
 const MIDDLE: f64 = 128.0;
-/// A finger is on it above this.
+/// Capacitance above which a finger touches.
 pub const CAP_TOUCHED: u8 = 30;
 
 const TO_DEVICE: u8 = 0x7F;
@@ -27,12 +27,12 @@ pub fn request(force: [f64; 2]) -> [u8; 3] {
     [TO_DEVICE, a, b]
 }
 
-/// The forces [N] that the packet of two forces [N] holds.
+/// The forces [N] as rounded by their packet.
 pub fn carried(force: [f64; 2]) -> [f64; 2] {
     force.map(|force| f64::from(steps(force)) * FORCE_LSB)
 }
 
-/// A force in steps. `as` makes a NaN 0; 127 is the first byte's.
+/// A force in steps. `as` makes a NaN 0; 127 is excluded because it is the first byte.
 fn steps(force: f64) -> i8 {
     (force / FORCE_LSB).round().clamp(-127.0, 126.0) as i8
 }
@@ -42,7 +42,7 @@ pub fn parse_request(bytes: &[u8]) -> Parsed<[f64; 2]> {
     let force = |byte: u8| f64::from(byte.cast_signed()) * FORCE_LSB;
     match *bytes {
         [] | [TO_DEVICE] => Parsed::Incomplete,
-        // A first byte where data stands: that packet was cut.
+        // A first byte in the place of data: that packet was cut.
         [TO_DEVICE, TO_DEVICE, ..] => Parsed::Garbage(1),
         [TO_DEVICE, _] => Parsed::Incomplete,
         [TO_DEVICE, _, TO_DEVICE, ..] => Parsed::Garbage(2),
@@ -51,14 +51,14 @@ pub fn parse_request(bytes: &[u8]) -> Parsed<[f64; 2]> {
     }
 }
 
-/// What the faders say.
+/// The reply of the faders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reply {
     /// 0 to 254, 128 in the middle.
     pub position: [u8; 2],
     /// Two free inputs.
     pub analog: [u8; 2],
-    /// How much finger.
+    /// Capacitance at the fader, greater under a finger.
     pub cap: [u8; 2],
 }
 
@@ -68,7 +68,7 @@ impl Reply {
         (f64::from(self.position[axis]) - MIDDLE) * POS_LSB
     }
 
-    /// The bytes; data never looks like a first byte.
+    /// The bytes of the packet; data bytes are limited so that none equals the first byte.
     pub fn bytes(&self) -> [u8; REPLY] {
         let (p, a, c) = (self.position, self.analog, self.cap);
         let [p0, p1, a0, a1, c0, c1] =
@@ -82,7 +82,7 @@ pub fn position_byte(x: f64) -> u8 {
     (x / POS_LSB + MIDDLE).round().clamp(0.0, 254.0) as u8
 }
 
-/// A reply.
+/// Parse a reply at the beginning of some bytes.
 pub fn parse_reply(bytes: &[u8]) -> Parsed<Reply> {
     if bytes.first() != Some(&TO_HOST) {
         let next = bytes.iter().position(|&byte| byte == TO_HOST);

@@ -2,17 +2,18 @@
 //!
 //! host → device `A5 5A seq:u16 n:u8 n×force flags:u8 crc:u16`,
 //! device → host `A5 5A seq:u16 t_us:u32 n:u8 n×position status:u8 crc:u16`.
-//! A force is an i16 of 1/32767 of the greatest, a position an i32 of 10 nm (or 10 nrad); with bit 7 of n set both
-//! are f64 in SI units. A request without axes asks who is there; its answer begins with `A5 5D`.
+//! A force is an i16 in 1/32767 of the greatest force, a position an i32 in 10 nm (or 10 nrad); if bit 7 of n is set,
+//! both are f64 in SI units. A request without axes asks for the properties of the device; the answer begins with `A5
+//! 5D`.
 
 use super::Parsed;
 use crate::wire::MAX_AXES;
 
 const SYNC: [u8; 2] = [0xA5, 0x5A];
 const SYNC_WHO: [u8; 2] = [0xA5, 0x5D];
-/// A position's step in a narrow frame [m or rad].
+/// Step of a position in a narrow frame [m or rad].
 pub const POS_LSB: f64 = 1e-8;
-/// Steps of a force in a narrow frame.
+/// Number of steps of the greatest force in a narrow frame.
 pub const FORCE_STEPS: f64 = 32767.0;
 const WIDE: u8 = 0x80;
 /// Longest frame.
@@ -20,62 +21,62 @@ pub const LONGEST: usize = 12 + 8 * MAX_AXES;
 
 /// Bits of a request's flags.
 pub mod flag {
-    /// Motors may push.
+    /// Enable the motors.
     pub const ENABLE: u8 = 1;
-    /// Say where you are, keep the forces, and in lockstep take no step.
+    /// Ask for positions: the forces stay, and in lockstep no step is made.
     pub const ASK: u8 = 2;
 }
 
 /// Bits of a reply's status.
 pub mod status {
-    /// A finger is on it.
+    /// A finger is on a key.
     pub const TOUCHED: u8 = 1;
-    /// Motors push.
+    /// The motors are enabled.
     pub const ENABLED: u8 = 2;
-    /// It is hot and pushes less.
+    /// The motors are hot and their force is reduced.
     pub const HOT: u8 = 4;
-    /// It had heard nothing for too long and let go.
+    /// The device had received nothing for too long and had set its forces to zero.
     pub const LET_GO: u8 = 8;
 }
 
-/// Forces for a device.
+/// A request with forces for a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Request {
-    /// Its number, echoed.
+    /// Number of the request, which the reply echoes.
     pub seq: u16,
-    /// How many axes; none asks who is there.
+    /// Number of axes; 0 asks for the properties of the device.
     pub n: usize,
-    /// Whether forces and positions travel whole.
+    /// Whether forces and positions are f64.
     pub wide: bool,
     /// Bits of [`flag`].
     pub flags: u8,
-    /// [N] or [N·m]
+    /// Force of each axis [N] or [N·m].
     pub force: [f64; MAX_AXES],
 }
 
-/// Positions of a device.
+/// A reply with the positions of a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reply {
-    /// The request's number.
+    /// Number of the request.
     pub seq: u16,
     /// The device's clock [µs].
     pub t_us: u32,
-    /// How many axes.
+    /// Number of axes.
     pub n: usize,
-    /// Whether positions travel whole.
+    /// Whether positions are f64.
     pub wide: bool,
     /// Bits of [`status`].
     pub status: u8,
-    /// [m] or [rad]
+    /// Position of each axis [m] or [rad].
     pub position: [f64; MAX_AXES],
 }
 
-/// What a device tells of itself. Numbers are those of [`Spec`](crate::safety::contract::Spec); NaN: unknown.
+/// The properties that a device reports, with the numbers of [`Spec`](crate::safety::contract::Spec); NaN: unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceInfo {
-    /// The request's number.
+    /// Number of the request.
     pub seq: u16,
-    /// How many axes.
+    /// Number of axes.
     pub n: usize,
     /// Bit 0 radians, 1 touch-gated, 2 lockstep, 3 wide.
     pub traits: u8,
@@ -92,7 +93,7 @@ pub fn crc(bytes: &[u8]) -> u16 {
     })
 }
 
-/// A frame in the making.
+/// A frame that is being written.
 struct Frame<'a> {
     bytes: &'a mut [u8; LONGEST],
     len: usize,
@@ -115,18 +116,18 @@ fn count(n: usize, wide: bool) -> u8 {
     n as u8 | if wide { WIDE } else { 0 }
 }
 
-/// A force in steps of a narrow frame, `full` [N] being all of it. `as` saturates, and makes a NaN 0.
+/// A force in steps of a narrow frame, for a greatest force of `full` [N]. `as` saturates, and makes a NaN 0.
 fn steps(force: f64, full: f64) -> i16 {
     ((force / full * FORCE_STEPS).round() as i16).max(-i16::MAX)
 }
 
-/// The force [N] that a narrow frame carries for a force [N].
+/// A force [N] as rounded by a narrow frame.
 pub fn carried(force: f64, full: f64) -> f64 {
     f64::from(steps(force, full)) * (full / FORCE_STEPS)
 }
 
 impl Request {
-    /// Write the bytes, a force of `full` [N] being all of it; returns how many.
+    /// Write the bytes, for a greatest force of `full` [N]; returns their number.
     pub fn write(&self, full: f64, bytes: &mut [u8; LONGEST]) -> usize {
         let mut frame = Frame { bytes, len: 0 };
         frame.put(&SYNC);
@@ -143,7 +144,7 @@ impl Request {
         frame.close()
     }
 
-    /// A request at the beginning of some bytes.
+    /// Parse a request at the beginning of some bytes.
     pub fn parse(bytes: &[u8], full: f64) -> Parsed<Self> {
         body(bytes, SYNC, 2, 1, [2, 8], |body, n, wide| {
             let mut force = [0.0; MAX_AXES];
@@ -167,7 +168,7 @@ impl Request {
 }
 
 impl Reply {
-    /// Write the bytes; returns how many.
+    /// Write the bytes; returns their number.
     pub fn write(&self, bytes: &mut [u8; LONGEST]) -> usize {
         let mut frame = Frame { bytes, len: 0 };
         frame.put(&SYNC);
@@ -185,7 +186,7 @@ impl Reply {
         frame.close()
     }
 
-    /// A reply at the beginning of some bytes.
+    /// Parse a reply at the beginning of some bytes.
     pub fn parse(bytes: &[u8]) -> Parsed<Self> {
         body(bytes, SYNC, 6, 1, [4, 8], |body, n, wide| {
             let mut position = [0.0; MAX_AXES];
@@ -210,7 +211,7 @@ impl Reply {
 }
 
 impl DeviceInfo {
-    /// Write the bytes; returns how many.
+    /// Write the bytes; returns their number.
     pub fn write(&self, bytes: &mut [u8; LONGEST]) -> usize {
         let mut frame = Frame { bytes, len: 0 };
         frame.put(&SYNC_WHO);
@@ -222,7 +223,7 @@ impl DeviceInfo {
         frame.close()
     }
 
-    /// Such an answer at the beginning of some bytes.
+    /// Parse an answer with the properties at the beginning of some bytes.
     pub fn parse(bytes: &[u8]) -> Parsed<Self> {
         body(bytes, SYNC_WHO, 2, 33, [0, 0], |body, n, _| {
             let mut numbers = [0.0; 8];
@@ -239,8 +240,9 @@ impl DeviceInfo {
     }
 }
 
-/// A frame's bytes between its first two and its CRC: `before` the count of axes, then each axis (its size narrow or
-/// wide), then `after`. `read` refuses by `None` what a sound frame never holds.
+/// Parse a frame: `before` bytes between the sync bytes and the count of axes, then each axis (`size` narrow or wide),
+/// then `after` bytes, then the CRC. `read` gets all bytes between sync and CRC, and returns `None` for values that no
+/// valid frame has.
 fn body<T>(
     bytes: &[u8],
     sync: [u8; 2],
@@ -271,7 +273,7 @@ fn body<T>(
     };
     let inside = &bytes[2..end];
     if crc(inside).to_le_bytes() != sum {
-        // Not all of it: a true frame may begin inside what was taken for one.
+        // Only the sync bytes are skipped: a valid frame may begin inside the bytes after them.
         return Parsed::Garbage(2);
     }
     read(inside, n, wide).map_or(Parsed::Garbage(end + 2), |frame| {

@@ -1,18 +1,18 @@
-//! Haply's Inverse Service: JSON in a WebSocket, one device of those it names. It allocates.
+//! The protocol of Haply's Inverse Service: JSON in a WebSocket, for one of the service's devices. It allocates.
 
 use serde_json::{Value, json};
 
 /// Longest message that is read.
 pub const LONGEST: usize = 64 * 1024;
 
-/// What the service says of one device.
+/// The state of one device, as the service reports it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
-    /// Its name.
+    /// Identifier of the device.
     pub id: String,
-    /// Where its cursor is [m].
+    /// Position of its cursor [m].
     pub position: [f64; 3],
-    /// Whether a command is a period of it; only an emulated service says so.
+    /// Whether each command advances the device by one period; only an emulated service reports this.
     pub lockstep: bool,
 }
 
@@ -24,7 +24,7 @@ pub fn command(id: &str, force: [f64; 3]) -> String {
     .to_string()
 }
 
-/// The state of device `id`, or of the first; `None` where the message tells of none.
+/// Parse the state of device `id`, or of the first device; `None` if the message contains none.
 pub fn parse_state(text: &str, id: Option<&str>) -> Option<State> {
     let message = within(text)?;
     let devices = message.get("inverse3")?.as_array()?;
@@ -39,7 +39,7 @@ pub fn parse_state(text: &str, id: Option<&str>) -> Option<State> {
     })
 }
 
-/// The message that tells where a device is, as the service writes it; `lockstep` is an emulated service's own field.
+/// A message with the state of a device, as the service writes it; `lockstep` is a field of emulated services only.
 pub fn state(id: &str, position: [f64; 3], force: [f64; 3], lockstep: bool) -> String {
     let vector = |[x, y, z]: [f64; 3]| json!({"x": x, "y": y, "z": z});
     let mut device = json!({"device_id": id, "state": {
@@ -50,7 +50,7 @@ pub fn state(id: &str, position: [f64; 3], force: [f64; 3], lockstep: bool) -> S
     json!({"session_id": 1, "inverse3": [device]}).to_string()
 }
 
-/// The force [N] that a command sets for device `id`; `None` where it sets none.
+/// Parse the force [N] that a command sets for device `id`; `None` if it sets none.
 pub fn parse_command(text: &str, id: &str) -> Option<[f64; 3]> {
     let message = within(text)?;
     let devices = message.get("inverse3")?.as_array()?;

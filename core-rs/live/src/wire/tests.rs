@@ -1,4 +1,4 @@
-//! Bytes as the protocols have them, and what is made of bytes that none has.
+//! The bytes of each protocol, and the reaction to bytes of no protocol.
 
 use proptest::prelude::*;
 
@@ -10,7 +10,7 @@ fn firefader_forces_are_bytes() {
     assert_eq!(firefader::request([0.0, 0.0]), [0x7F, 0, 0]);
     // 0.78 N is half of 1.56 N: 63.5 rounds away from zero.
     assert_eq!(firefader::request([0.78, -0.78]), [0x7F, 64, 0xC0]);
-    // 127 is the first byte; -127 the last of the other side.
+    // 127 is the first byte of a request, and -127 is used in its place at the other end of the range.
     assert_eq!(firefader::request([9.0, -9.0]), [0x7F, 126, 0x81]);
     assert_eq!(firefader::request([f64::NAN, 0.0]), [0x7F, 0, 0]);
     assert_eq!(
@@ -38,7 +38,7 @@ fn firefader_positions_are_bytes() {
 fn firefader_finds_the_next_packet() {
     let mut inbox = Inbox::<64>::new();
     let mut seen = Vec::new();
-    // The end of a packet, one that is cut by the next, and one in two pieces.
+    // The end of a packet, a packet that is cut by the next one, and a packet in two pieces.
     for bytes in [
         &[3, 4, 0xFF, 9, 9, 0xFF, 130, 1][..],
         &[2, 3, 4, 5],
@@ -82,7 +82,7 @@ fn frame_bytes_are_those_of_the_table() {
     wanted.extend(body);
     wanted.extend(crc);
     assert_eq!(&bytes[..len], &wanted[..]);
-    // Twelve keys are 32 bytes there, 60 back.
+    // A request for twelve keys has 32 bytes, its reply 60.
     assert_eq!(forces(12).write(2.0, &mut bytes), 32);
     let reply = frame::Reply {
         seq: 7,
@@ -138,7 +138,7 @@ fn haply_messages_are_the_services() {
     }
 }
 
-/// Random packets with random bytes between them: every packet is found, whatever the pieces they come in.
+/// Every one of some random packets with random bytes between them is found, however the bytes are divided.
 fn feeds<T: PartialEq + std::fmt::Debug>(
     packets: &[(Vec<u8>, T)],
     noise: &[Vec<u8>],
@@ -195,7 +195,7 @@ proptest! {
                 (reply.bytes().to_vec(), reply)
             })
             .collect();
-        // Noise with seven bytes that look like a reply is one: FireFader has no check sum.
+        // Seven bytes of noise that look like a reply are a reply: FireFader has no checksum.
         let noise: Vec<Vec<u8>> = noise
             .into_iter()
             .map(|noise| noise.into_iter().filter(|&byte| byte != 0xFF).collect())
@@ -216,7 +216,7 @@ proptest! {
             .map(|(i, (positions, wide, status))| {
                 let mut position = [0.0; MAX_AXES];
                 for (to, from) in position.iter_mut().zip(&positions) {
-                    // What a narrow frame can hold.
+                    // Round the position to a narrow frame's step.
                     *to = if wide { *from } else { (from / frame::POS_LSB).round() * frame::POS_LSB };
                 }
                 let n = positions.len();
@@ -226,7 +226,7 @@ proptest! {
                 (bytes[..len].to_vec(), reply)
             })
             .collect();
-        // A lone first byte may hide what follows until the room is full; noise without one hides nothing.
+        // A stray first byte may hide the bytes after it until the buffer is full; other noise hides nothing.
         let noise: Vec<Vec<u8>> = noise
             .into_iter()
             .map(|noise| noise.into_iter().filter(|&byte| byte != 0xA5).collect())

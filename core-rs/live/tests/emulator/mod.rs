@@ -9,7 +9,7 @@ use std::time::Duration;
 use ergon_live::device::{self, Device, Url, guardian};
 use ergon_live::emulate::{Board, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
 
-/// A tick of 44 samples at 44.1 kHz.
+/// Rate of ticks of 44 samples at 44.1 kHz.
 pub(crate) const RATE: f64 = 44_100.0 / 44.0;
 
 pub(crate) struct Emulator {
@@ -52,7 +52,7 @@ pub(crate) fn options(
     }
 }
 
-/// Have this very program be the guardian of a Haply too.
+/// Let this program also act as the guardian of a Haply.
 pub(crate) fn can_guard() {
     let arguments = [
         "--exact",
@@ -66,7 +66,7 @@ pub(crate) fn can_guard() {
     });
 }
 
-/// The guardian of a Haply that another test opens.
+/// The guardian process of a Haply that another test opens.
 #[test]
 #[ignore = "a part of other tests"]
 fn guardian_process() {
@@ -105,7 +105,7 @@ impl Emulator {
     }
 }
 
-/// A path there and back in so many periods, smooth.
+/// A smooth path there and back within a number of periods.
 pub(crate) fn gesture(periods: usize, metres: f64) -> Vec<f64> {
     (0..periods)
         .map(|n| {

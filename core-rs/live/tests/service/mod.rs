@@ -1,4 +1,4 @@
-//! A Haply service that stops answering when a test says so, and logs every force that it is told.
+//! A Haply service that stops answering at the request of a test, and logs every force that it receives.
 
 use std::io::ErrorKind;
 use std::net::TcpListener;
@@ -12,7 +12,7 @@ use ergon_live::wire::haply;
 use tungstenite::Message;
 
 const ID: &str = "TEST";
-/// How long a test waits for what must come: a busy machine is slow, not wrong.
+/// How long a test waits for an expected event: a busy machine is slow, not wrong.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
 /// How the service replies to a command.
@@ -21,9 +21,9 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 pub(crate) enum Reply {
     /// With its state.
     State,
-    /// Not at all, until it is told a force of zero; then with its state again.
+    /// Not at all until it receives a force of zero; then with its state again.
     SilentUntilZero,
-    /// With `{}`, until it is told a force of zero; then with its state again.
+    /// With `{}` until it receives a force of zero; then with its state again.
     EmptyUntilZero,
     /// Never again.
     Never,
@@ -39,12 +39,12 @@ const REPLIES: [Reply; 5] = [
     Reply::HangUp,
 ];
 
-/// What the service was told.
+/// An event at the service.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ServiceEvent {
     Came,
     Force([f64; 3]),
-    /// The host said goodbye, or its connection ended.
+    /// The host closed its connection, or the connection was lost.
     Left,
 }
 
@@ -87,7 +87,7 @@ impl Service {
         self.reply.store(how as u8, Ordering::Relaxed);
     }
 
-    /// Wait for something that the service is told.
+    /// Wait for an event at the service.
     pub(crate) fn until(&self, wanted: impl Fn(ServiceEvent) -> bool) {
         while !wanted(self.told.recv_timeout(PATIENCE).expect("it is told")) {}
     }
@@ -110,7 +110,7 @@ impl Drop for Service {
     }
 }
 
-/// One host, until it leaves.
+/// Serve one host until it leaves.
 fn serve(
     stream: std::net::TcpStream,
     tell: &Sender<ServiceEvent>,

@@ -1,18 +1,18 @@
-//! Flights: oscillations that a reader goes on computing, told where the engine is elsewhere.
+//! Flights: oscillations that a reader continues by itself, written when the engine differs from them.
 
 use super::Recorder;
 use crate::payload::{Bytes, kind};
 
-/// A flight is told where the last is off by this part of the amplitude.
+/// Largest difference from the last flight, relative to the amplitude, for which no new flight is written.
 const OFF: f64 = 2e-3;
-/// What nobody could see [m].
+/// A displacement too small to be seen [m].
 const FAINT: f64 = 1e-12;
-/// Where an oscillation fades faster than this in a frame, it is not followed back to the ergon.
+/// If an oscillation has decayed since the strike by this exponent σt, it is not followed back to the strike.
 const STEEP: f64 = 20.0;
-/// Frames from one look at the shape of a modal part, for its peak, to the next.
+/// Number of looks between two evaluations of modal parts, for their peaks.
 const SHAPED: u64 = 4;
 
-/// What a reader computes by itself of one point or mode.
+/// The oscillation that a reader computes for one point or mode.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Flight {
     a: f64,
@@ -21,7 +21,7 @@ pub(super) struct Flight {
 }
 
 impl Recorder {
-    /// Flights that are not where a reader has them.
+    /// Writes new flights for points and modes that differ from those that a reader has.
     pub(super) fn fly(&mut self, seen: &[f64], now: f64, is_first: bool) {
         let (n, step) = (self.look.n_tracks(), 1.0 / self.rate);
         let mut found: Vec<(f64, usize, Flight)> = Vec::new();
@@ -48,7 +48,7 @@ impl Recorder {
             if off.is_nan() || off <= OFF * largest + FAINT {
                 continue;
             }
-            // What strikes at the instant of a look acts after it.
+            // A strike at the instant of a look acts after it.
             let blows = &self.blows[track.struck];
             let blow = blows[..blows.partition_point(|blow| *blow < now)].last();
             let since = match blow {
@@ -62,7 +62,7 @@ impl Recorder {
         found.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
         for (since, number, flight) in found {
             self.flights[number] = flight;
-            // What begins now is in the key state.
+            // A flight that begins now is in the key state.
             if !(is_first && since == now) {
                 write(self.event(since, kind::FLIGHTS), number, &flight);
             }
@@ -72,7 +72,7 @@ impl Recorder {
         }
     }
 
-    /// The peaks of modal parts.
+    /// Updates the peaks of modal parts.
     fn shape(&mut self, seen: &[f64]) {
         let n = self.look.points.len();
         for (run, peak) in self.runs.iter().zip(&mut self.peaks) {
@@ -87,7 +87,7 @@ impl Recorder {
         }
     }
 
-    /// The key state of a segment that begins: all that is not faint.
+    /// Begins a segment with its key state: all flights that are not too small to be seen.
     pub(super) fn begin_segment(&mut self, now: f64) {
         self.segment.start = now;
         for track in &self.tracks {

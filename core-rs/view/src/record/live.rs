@@ -1,4 +1,4 @@
-//! What a page is told of a look at once, where a file waits until a second is full.
+//! Chunks of a single look for live pages; for a file, chunks wait until a second is complete.
 
 use super::Recorder;
 use crate::frames::Frames;
@@ -7,16 +7,16 @@ use crate::payload::{Bytes, kind, put};
 /// The chunks of one look.
 #[derive(Debug, Default)]
 pub struct Told {
-    /// Whether a key state is in them: who comes now can begin here.
+    /// Whether they contain a key state: a new viewer can begin here.
     pub is_key: bool,
-    /// What counts whatever comes after.
+    /// Chunks that matter whatever comes later.
     pub events: Vec<u8>,
-    /// What counts until the next look.
+    /// Chunks that only matter until the next look.
     pub latest: Vec<u8>,
 }
 
 impl Recorder {
-    /// The chunks of the look that was the last, instead of those of a file.
+    /// The chunks of the last look, for live pages; used instead of those of a file.
     pub fn tell(&mut self) -> Told {
         let mut segment = std::mem::take(&mut self.segment);
         let now = self.last;

@@ -1,4 +1,4 @@
-//! What is looked at as a reader has it: runs of points, what swings freely, and when it is struck.
+//! How a reader divides what is seen: runs of points, free oscillations, and the instants at which they are struck.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use ergon_engine::simulation::{How, Look, Oscillation, Record};
 
 use crate::payload::NONE;
 
-/// A run of points of one kind: a part, or some of it that is computed alike.
+/// Consecutive points of one part that are computed in the same way.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     /// Its part in the network.
@@ -17,13 +17,13 @@ pub struct Run {
     pub points: Range<usize>,
     /// `free`, `sampled`, `modal` or `none`.
     pub kind: &'static str,
-    /// Why it is not computed.
+    /// Why it is not computed: `unheard` or `unmoved`.
     pub why: Option<&'static str>,
-    /// The body of [`Look::bodies`] that it is.
+    /// Index in [`Look::bodies`] if its kind is `modal`.
     pub body: Option<usize>,
 }
 
-/// The parts of what is looked at, in the order of the points.
+/// The runs of all points, in order.
 pub fn runs(look: &Look) -> Vec<Run> {
     let mut all: Vec<Run> = Vec::new();
     for (at, point) in look.points.iter().enumerate() {
@@ -52,16 +52,16 @@ pub fn runs(look: &Look) -> Vec<Run> {
     all
 }
 
-/// A point or mode that swings freely.
+/// A point or mode that oscillates freely.
 pub(super) struct Track {
     pub(super) number: usize,
     pub(super) own: Oscillation,
-    /// Whose blows are its.
+    /// Index in the strike lists: its point, or its body.
     pub(super) struck: usize,
     pub(super) run: usize,
 }
 
-/// What swings freely, run by run.
+/// All free points and modes, run by run.
 pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
     let mut all = Vec::new();
     for (run, own) in runs.iter().enumerate() {
@@ -91,7 +91,7 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
     all
 }
 
-/// Instants at which points and bodies are struck. Where the discrete network is the truth a strike acts on a sample.
+/// Instants at which points and bodies are struck. In a discrete part, a strike acts at a frame.
 pub(super) fn blows(
     look: &Look,
     network: &Network,

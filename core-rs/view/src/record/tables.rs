@@ -9,7 +9,7 @@ use super::{Run, Setup, chunks};
 use crate::motion::MOST;
 use crate::payload::{Bytes, half, kind, put};
 
-/// Manifest and tables, behind what is in `out`.
+/// Appends the manifest and the tables to `out`.
 pub(super) fn put_all(
     out: &mut Vec<u8>,
     network: &Network,
@@ -59,8 +59,8 @@ fn links(look: &Look, network: &Network) -> Bytes {
     table
 }
 
-/// Springs, by the points of their ends, with the LIA of each; of one in space a pair along each axis. Contacts are in the
-/// manifest, and nothing is between masses that attract each other.
+/// Springs, as pairs of points with the LIA of each; a spring in space has a pair for each axis. Contacts are in the
+/// manifest, and attraction between masses is not drawn.
 fn drawn(look: &Look, network: &Network) -> Vec<(usize, u32, u32)> {
     let mut by_mat = vec![None; network.n_mat()];
     for (at, point) in look.points.iter().enumerate() {
@@ -77,7 +77,7 @@ fn drawn(look: &Look, network: &Network) -> Vec<(usize, u32, u32)> {
         .collect()
 }
 
-/// The number of each link that may break among those that are drawn: of its first pair   (n_breakable)
+/// Index, among the links that are drawn, of the first pair of each breakable link   (n_breakable)
 pub(super) fn breakable(look: &Look, network: &Network) -> Vec<Option<u32>> {
     if look.breakable.is_empty() {
         return Vec::new();
@@ -90,7 +90,7 @@ pub(super) fn breakable(look: &Look, network: &Network) -> Vec<Option<u32>> {
     links.map(|link| first.get(link).copied()).collect()
 }
 
-/// The shapes of a body's modes, as many at once as a chunk holds.
+/// The shapes of a body's modes, as many in one chunk as it can hold.
 fn shapes(out: &mut Vec<u8>, look: &Look, part: usize, run: &Run) {
     let Some(body) = run.body.map(|body| &look.bodies[body]) else {
         return;

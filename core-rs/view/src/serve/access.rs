@@ -1,4 +1,4 @@
-//! Who is let in: by the key in the address, and by the names under which a browser says that it came.
+//! Access control: the key in the address, and the `Host` and `Origin` headers of the browser.
 
 use std::fmt;
 use std::net::{IpAddr, SocketAddr};
@@ -6,18 +6,18 @@ use std::net::{IpAddr, SocketAddr};
 use super::answer::Status;
 use super::request::Request;
 
-/// 128 bits that stand in every address.
+/// A key of 128 bits that is part of every address.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Key(String);
 
 impl Key {
-    /// From 32 hexadecimal digits.
+    /// The key of 32 hexadecimal digits; `None` for other text.
     pub fn new(digits: &str) -> Option<Self> {
         let is_key = digits.len() == 32 && digits.bytes().all(|b| b.is_ascii_hexdigit());
         is_key.then(|| Self(digits.to_ascii_lowercase()))
     }
 
-    /// Whether it is this one, in a time that tells nothing of where they differ.
+    /// Whether `given` is this key; the time of the comparison does not depend on where they differ.
     fn is(&self, given: &str) -> bool {
         given.len() == self.0.len()
             && given
@@ -40,10 +40,10 @@ impl fmt::Debug for Key {
     }
 }
 
-/// What is asked for, below the key; an error where the request is not one of a page of ours.
+/// The path below the key; an error if the request is not one of our own page.
 ///
-/// A name of another's domain may lead to this machine (DNS rebinding): so a host is an address, or `localhost`. A page of
-/// another origin may ask for anything, but a browser then says where it came from.
+/// A name in another's domain may resolve to this machine (DNS rebinding): therefore a host must be an address, or
+/// `localhost`. A page of another origin may send any request, but the browser then sends its origin.
 pub(super) fn enter<'a>(
     request: &'a Request,
     key: Option<&Key>,
@@ -56,7 +56,7 @@ pub(super) fn enter<'a>(
     let from_here = |origin: &str| origin.strip_prefix("http://") == Some(host);
     match request.origin.as_deref() {
         Some(origin) if !from_here(origin) => return Err(Status::WrongOrigin),
-        // A browser always says the origin of a WebSocket.
+        // A browser always sends the origin of a WebSocket.
         None if request.upgrade.is_some() => return Err(Status::WrongOrigin),
         _ => {}
     }
@@ -70,7 +70,7 @@ pub(super) fn enter<'a>(
     }
 }
 
-/// Whether a `Host` is this machine: on loopback an address of loopback or `localhost`, elsewhere any address.
+/// Whether a `Host` is this machine: on loopback, a loopback address or `localhost`; otherwise, any address.
 fn is_ours(host: &str, at: SocketAddr) -> bool {
     let (name, port) = match host.rsplit_once(':') {
         Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),

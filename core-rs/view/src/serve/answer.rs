@@ -1,11 +1,11 @@
-//! What is written back: status, headers, a body of memory or of a file.
+//! Responses: status, headers, and a body from memory or from a file.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
 use super::pace::Paced;
 
-/// How a request is refused.
+/// The status with which a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Status {
     Malformed,
@@ -35,8 +35,8 @@ impl Status {
     }
 }
 
-/// Everything of the page comes from here, and nobody else may frame it or read it. Sound is played from memory (`blob:`): a player that reads
-/// ahead as it needs would be a slow reader.
+/// Everything on the page comes from this server, and other pages may not frame or read it. Sound is played from memory
+/// (`blob:`), because a player that reads ahead on demand would look like a slow reader.
 const ALWAYS: &str = "Content-Security-Policy: default-src 'self'; media-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
     Cross-Origin-Opener-Policy: same-origin\r\n\
@@ -59,7 +59,7 @@ pub(super) fn refuse(out: &mut impl Write, status: Status) -> io::Result<()> {
     out.write_all(head.as_bytes())
 }
 
-/// There is nothing under this name, and that is no fault.
+/// Answers that there is nothing under this name, which is not an error.
 pub(super) fn nothing(out: &mut impl Write) -> io::Result<()> {
     out.write_all(format!("HTTP/1.1 204 No Content\r\n{ALWAYS}\r\n").as_bytes())
 }
@@ -72,7 +72,7 @@ pub(super) fn memory(out: &mut impl Write, kind: &str, body: &[u8]) -> io::Resul
     out.write_all(body)
 }
 
-/// What is to be read of a file of `length` bytes: from, and how many; an error where no byte of the range is there.
+/// The part of a file of `length` bytes that is read: first byte and number of bytes; an error if the range is outside.
 pub(super) fn stretch(
     range: Option<(u64, Option<u64>)>,
     length: u64,
@@ -87,7 +87,7 @@ pub(super) fn stretch(
     Ok((first, end - first))
 }
 
-/// A stretch of a file, by pieces.
+/// Sends a part of a file, in pieces.
 pub(super) fn file(
     out: &mut Paced,
     kind: &str,
@@ -115,7 +115,7 @@ pub(super) fn file(
         let most = piece.len().min(usize::try_from(left).unwrap_or(usize::MAX));
         let read = file.read(&mut piece[..most])?;
         if read == 0 {
-            // The file was cut meanwhile: the reader sees that bytes are missing.
+            // The file became shorter meanwhile: the reader notices that bytes are missing.
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
         out.write_all(&piece[..read])?;

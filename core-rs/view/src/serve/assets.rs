@@ -1,4 +1,4 @@
-//! The page itself: files of this crate, in the library as they lie in its folder.
+//! The files of the page, which are compiled into the library.
 
 macro_rules! page {
     ($($name:literal)*) => {
@@ -12,7 +12,7 @@ const FILES: &[(&str, &str)] = page!(
     "timeline.js" "tour.js"
 );
 
-/// A file of the page: its media type and its text. Nothing is the first.
+/// A file of the page: its media type and its text. The empty name is `index.html`.
 pub(super) fn find(name: &str) -> Option<(&'static str, &'static str)> {
     let name = if name.is_empty() { "index.html" } else { name };
     let &(name, text) = FILES.iter().find(|(known, _)| *known == name)?;

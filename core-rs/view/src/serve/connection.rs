@@ -1,4 +1,4 @@
-//! One connection: a request, who may ask it, and its answer.
+//! One connection: reads the request, checks access, and answers.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -11,7 +11,8 @@ use super::pace::Paced;
 use super::request::{self, Bad, Request};
 use super::{Place, Shared, access, assets, viewer};
 
-/// Bytes of a refused request that are read so that the refusal arrives: a socket that is closed before all was read resets.
+/// Bytes of a refused request that are read after the answer: if a socket is closed with unread bytes, it is reset and
+/// the answer is lost.
 const DRAIN: usize = 64 << 10;
 
 pub(super) fn serve(mut stream: TcpStream, shared: &Shared) {
@@ -40,7 +41,7 @@ pub(super) fn serve(mut stream: TcpStream, shared: &Shared) {
     }
 }
 
-/// Why a request was not answered with what it asked for.
+/// Why a request did not get what it asked for.
 enum Failed {
     Refused(Status),
     Slow,
@@ -72,7 +73,7 @@ fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<()
         return Ok(());
     }
     let mut out = Paced::new(stream, options.limits)?;
-    // A page asks for the file to learn whether there is one, or what is played is shown.
+    // A page requests the file to learn whether there is one; if not, it shows the live piece.
     if name == "motion" && options.file.is_none() {
         return Ok(answer::nothing(&mut out)?);
     }
@@ -101,7 +102,7 @@ fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<()
     Ok(())
 }
 
-/// Reads on for a while, and for a few bytes.
+/// Reads remaining bytes, for a limited time and up to a limit.
 fn drain(stream: &mut TcpStream, within: Duration) {
     let _ = stream.shutdown(Shutdown::Write);
     let _ = stream.set_read_timeout(Some(within.min(Duration::from_millis(500))));

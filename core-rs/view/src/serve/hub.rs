@@ -1,24 +1,24 @@
-//! What all viewers are sent, held once: a viewer that is late skips frames, and is told how much of the rest it missed.
+//! Messages for all viewers, stored once: a late viewer skips frames, and learns how many other messages it missed.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Whether a message still matters once another of its kind has come.
+/// Whether a message still matters after a later one of its kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keep {
-    /// Events: each counts.
+    /// Events: every one matters.
     All,
-    /// Events with a key state: who comes later begins here.
+    /// Events with a key state: new viewers begin here.
     Key,
-    /// Frames: the latest alone does.
+    /// Frames: only the latest matters.
     Latest,
 }
 
-/// Most bytes of messages that wait for somebody: seconds of the largest piece.
+/// Largest size of the stored messages [bytes]: some seconds of the largest piece.
 const MOST: usize = 16 << 20;
 
-/// Messages by their numbers, bounded in bytes whatever viewers do.
+/// Numbered messages; their total size is bounded, whatever viewers do.
 #[derive(Default)]
 pub struct Hub {
     inner: Mutex<Inner>,
@@ -29,44 +29,44 @@ pub struct Hub {
 struct Inner {
     /// Number of the oldest message in `held`.
     first: u64,
-    /// None where a later frame has taken the place of one.
+    /// The messages; `None` for a frame that a later one has replaced.
     held: VecDeque<Option<Arc<[u8]>>>,
     bytes: usize,
     latest: Option<u64>,
     /// Number of the newest key state.
     key: Option<u64>,
     greeting: Option<Arc<[u8]>>,
-    /// How many greetings there were, and the number of the first message after the last.
+    /// Number of greetings so far, and the number of the first message after the last greeting.
     greetings: u64,
     begin: u64,
     closed: bool,
 }
 
 impl Inner {
-    /// Where who knows nothing can begin: at the newest key state, while it is held.
+    /// Where a new viewer can begin: the newest key state, if it is still stored.
     fn whole(&self) -> Option<u64> {
         self.key.filter(|key| *key >= self.first)
     }
 }
 
-/// How far a viewer has come.
+/// The progress of one viewer.
 #[derive(Debug, Default)]
 pub struct Cursor {
     next: u64,
-    /// Which greeting it was sent.
+    /// Number of the greeting that it was sent.
     greeted: u64,
 }
 
-/// What comes next for a viewer.
+/// The next item for a viewer.
 #[derive(Debug, PartialEq)]
 pub enum Taken {
     /// A message.
     Message(Arc<[u8]>),
-    /// So many messages went by unseen.
+    /// So many messages were dropped before this viewer got them.
     Lost(u64),
-    /// Nothing happened within the time.
+    /// No message came within the time.
     Nothing,
-    /// Nothing will.
+    /// The hub is closed: no message will come.
     Closed,
 }
 
@@ -75,8 +75,8 @@ impl Hub {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What every viewer is sent before anything else: the manifest and its tables. A greeting ends what was before it, so
-    /// messages of before are no longer sent.
+    /// Sets what every viewer is sent first: the manifest and its tables. Messages from before the greeting are
+    /// dropped.
     pub fn greet(&self, bytes: &[u8]) {
         let mut inner = self.inner();
         inner.greeting = Some(bytes.into());
@@ -90,7 +90,7 @@ impl Hub {
         self.news.notify_all();
     }
 
-    /// Sends a message to all.
+    /// Sends a message to all viewers.
     pub fn publish(&self, bytes: &[u8], keep: Keep) {
         let mut inner = self.inner();
         let number = inner.first + inner.held.len() as u64;
@@ -115,7 +115,7 @@ impl Hub {
         self.news.notify_all();
     }
 
-    /// A viewer that comes now.
+    /// The cursor of a new viewer.
     pub fn join(&self) -> Cursor {
         let inner = self.inner();
         let end = inner.first + inner.held.len() as u64;
@@ -125,7 +125,7 @@ impl Hub {
         }
     }
 
-    /// What comes next, waiting for it.
+    /// Waits for the next item of a viewer.
     pub fn take(&self, cursor: &mut Cursor, within: Duration) -> Taken {
         let waits = |inner: &mut Inner| {
             !inner.closed
@@ -147,7 +147,7 @@ impl Hub {
             return Taken::Message(greeting.clone());
         }
         if cursor.next < inner.first {
-            // With a key state it knows all again.
+            // From the newest key state on, the viewer has a complete state again.
             let next = inner.whole().unwrap_or(inner.first);
             let lost = next - cursor.next;
             cursor.next = next;
@@ -163,13 +163,13 @@ impl Hub {
         Taken::Nothing
     }
 
-    /// Ends all viewers.
+    /// Ends the connections of all viewers.
     pub fn close(&self) {
         self.inner().closed = true;
         self.news.notify_all();
     }
 
-    /// Bytes that are held.
+    /// Total size of the stored messages.
     pub fn bytes(&self) -> usize {
         self.inner().bytes
     }
@@ -237,7 +237,7 @@ mod tests {
         hub.publish(b"event 1", Keep::All);
         let wanted = ["manifest", "second key", "event 1"].map(message);
         assert_eq!(all(&hub, &mut hub.join()), wanted);
-        // So does who missed what stands before it.
+        // A viewer that missed messages also begins at the key state.
         let event = vec![7; 1 << 20];
         for _ in 0..18 {
             hub.publish(&event, Keep::All);

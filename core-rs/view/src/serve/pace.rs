@@ -1,4 +1,4 @@
-//! Writing to a reader that may be slow: one that takes nothing, or less than a floor, is given up.
+//! Writes to readers that may be slow: a reader that takes nothing, or less than the lowest rate, is dropped.
 
 use std::io::{self, ErrorKind, Write};
 use std::net::TcpStream;
@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::Limits;
 
-/// A stream that is written to, with what it has taken so far.
+/// A stream, with the number of bytes that its reader has taken so far.
 pub(super) struct Paced<'a> {
     stream: &'a TcpStream,
     limits: Limits,

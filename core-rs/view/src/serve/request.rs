@@ -1,4 +1,4 @@
-//! One request: its head, bounded, with what is looked at of it.
+//! One request: its head, with limits, and the fields that are used.
 
 use std::io::{ErrorKind, Read};
 use std::net::TcpStream;
@@ -6,33 +6,33 @@ use std::time::{Duration, Instant};
 
 use super::answer::Status;
 
-/// A browser's head has a few hundred bytes.
+/// Largest size of a head [bytes]; that of a browser has a few hundred.
 const HEAD: usize = 8 << 10;
 const HEADERS: usize = 64;
 
-/// What is looked at of a request.
+/// The fields of a request that are used.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Request {
-    /// Without what follows a question mark.
+    /// Without the query string.
     pub(super) path: String,
     pub(super) host: Option<String>,
     pub(super) origin: Option<String>,
-    /// `bytes=a-b`: the first byte, and the last where one is given.
+    /// `bytes=a-b`: the first byte, and the last one if it is given.
     pub(super) range: Option<(u64, Option<u64>)>,
-    /// Of a WebSocket: what its key is answered by follows from it.
+    /// The key of a WebSocket upgrade, from which the answer is derived.
     pub(super) upgrade: Option<String>,
     /// Bytes that came after the head.
     pub(super) rest: Vec<u8>,
 }
 
-/// Why there is none.
+/// Why there is no request.
 pub(super) enum Bad {
-    /// Nobody is there who could be answered.
+    /// The connection is closed: nobody can be answered.
     Gone,
     Because(Status),
 }
 
-/// The head of a request, within a time.
+/// Reads the head of a request within a time.
 pub(super) fn read(stream: &mut TcpStream, within: Duration) -> Result<Request, Bad> {
     let until = Instant::now() + within;
     let mut bytes = [0; HEAD];
@@ -60,7 +60,7 @@ pub(super) fn read(stream: &mut TcpStream, within: Duration) -> Result<Request, 
     }
 }
 
-/// A request; none where its head is not whole.
+/// Parses a request; `None` if its head is incomplete.
 pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Status> {
     let mut headers = [httparse::EMPTY_HEADER; HEADERS];
     let mut head = httparse::Request::new(&mut headers);
@@ -86,7 +86,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Status> {
             _ => Err(Status::Malformed),
         }
     };
-    // A body, which no GET has, could be taken for a second request.
+    // A GET has no body: it could be taken for a second request.
     if once("content-length")?.is_some_and(|n| n != "0") || once("transfer-encoding")?.is_some() {
         return Err(Status::Malformed);
     }
@@ -100,7 +100,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Status> {
     }))
 }
 
-/// The key of a WebSocket's upgrade by RFC 6455; none where no upgrade is asked for.
+/// The key of a WebSocket upgrade by RFC 6455; `None` if no upgrade is requested.
 fn upgrade<'a>(
     once: &impl Fn(&str) -> Result<Option<&'a str>, Status>,
     version: Option<u8>,
@@ -113,7 +113,7 @@ fn upgrade<'a>(
         .split(',')
         .any(|word| word.trim().eq_ignore_ascii_case("upgrade"));
     let key = once("sec-websocket-key")?.unwrap_or_default();
-    // 16 bytes in base64.
+    // The form of 16 bytes in base64.
     let is_key = key.len() == 24 && key.ends_with("==") && key.is_ascii();
     let is_known = once("sec-websocket-version")? == Some("13");
     if to.eq_ignore_ascii_case("websocket") && named && is_key && is_known && version == Some(1) {

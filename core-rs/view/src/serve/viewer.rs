@@ -1,4 +1,4 @@
-//! A page that is connected: it is sent what happens, and asks for the time.
+//! One connected page: it receives messages and may send `ping` to compare clocks.
 
 use std::net::TcpStream;
 use std::sync::atomic::Ordering;
@@ -10,23 +10,23 @@ use tungstenite::{Error, Message, WebSocket};
 use super::hub::Taken;
 use super::{Place, Shared};
 
-/// A page says `ping` and a number.
+/// Largest message from a page, which is `ping` and a number [bytes].
 const SAID: usize = 64;
-/// What is read before something is sent again: a page may say things without end.
+/// Messages that are read before the next one is sent: a page may send without end.
 const AT_ONCE: usize = 16;
-/// How long a wait for news keeps a page waiting for an answer.
+/// Longest wait for news, during which messages from the page are not read; and longest wait for such a message.
 const WAIT: Duration = Duration::from_millis(10);
 const LOOK: Duration = Duration::from_millis(1);
 
-/// How a viewer ended.
+/// How the connection to a viewer ended.
 enum End {
-    /// The page was closed, or this server.
+    /// The page was closed, or the server.
     Left,
-    /// It took too little, or said what no page says.
+    /// The client read too slowly, or sent a message that the protocol does not have.
     Dropped,
 }
 
-/// Sends to a page until it goes.
+/// Sends messages to a page until the connection ends.
 pub(super) fn follow(stream: TcpStream, rest: Vec<u8>, shared: &Shared, _place: Place<'_>) {
     let limits = shared.options.limits;
     let fit = stream.set_write_timeout(Some(limits.stall)).is_ok()
@@ -55,7 +55,8 @@ fn run(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> End {
                 return End::Left;
             }
         };
-        // A reader that takes nothing makes this time out: what it has half taken cannot be taken back.
+        // If the reader takes nothing, this times out. A message that was sent in part cannot be taken back, so the
+        // connection ends.
         if let Some(message) = message
             && let Err(error) = socket.send(message)
         {
@@ -67,7 +68,7 @@ fn run(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> End {
     }
 }
 
-/// Reads what the page has said.
+/// Reads and answers messages of the page.
 fn listen(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> Result<(), End> {
     for _ in 0..AT_ONCE {
         let said = match socket.read() {

@@ -49,7 +49,7 @@ fn a_stiff_string_that_cannot_be_is_refused() {
     assert!(stiff_string(enough, Ends::Fixed, 1e-3).is_ok(), "{coarse}");
 }
 
-/// Bending is no stretching: it does not harden.
+/// Bending is not stretching, so it does not harden.
 #[test]
 fn only_links_between_neighbours_harden() {
     let string = stiff_string(40, Ends::Fixed, 5e-4).expect("string");

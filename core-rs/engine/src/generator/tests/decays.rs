@@ -27,7 +27,7 @@ fn decays(body: &Topology, losses: &Losses, mass: f64) -> Vec<(f64, f64)> {
             let shape = eigen.eigenvectors.column(mode);
             let sigma = 0.5 * shape.dot(&(&viscous * shape));
             let whole = eigen.eigenvalues[mode];
-            // A mode that creeps keeps its place.
+            // An overdamped mode is listed at its undamped frequency.
             let squared = if whole > sigma * sigma {
                 whole - sigma * sigma
             } else {
@@ -40,7 +40,7 @@ fn decays(body: &Topology, losses: &Losses, mass: f64) -> Vec<(f64, f64)> {
     found
 }
 
-/// Of a mode there, or between the two modes around it, straight in logarithms.
+/// The decay of a mode at `f`, or between the two modes around it, straight in logarithms.
 fn decay_at(modes: &[(f64, f64)], f: f64) -> f64 {
     if let Some(own) = modes.iter().find(|mode| (mode.0 / f - 1.0).abs() < 1e-6) {
         return own.1;
@@ -56,7 +56,7 @@ fn decay_at(modes: &[(f64, f64)], f: f64) -> f64 {
 #[test]
 fn decays_at_named_pitches() {
     let two = [(100.0, 8.0), (4_000.0, 1.0)];
-    // As air and a soundboard take from a string: less than the square of the pitch.
+    // As air and a soundboard damp a string: loss rises by less than the square of the pitch.
     let four = [(110.0, 12.0), (500.0, 8.0), (1_500.0, 4.0), (4_000.0, 1.0)];
     let steep = [(110.0, 8.0), (440.0, 0.2)];
     let bodies = [
@@ -74,7 +74,7 @@ fn decays_at_named_pitches() {
             assert!(close(lowest.0, 110.0, 1e-6), "{lowest:?}");
             for &(f, t60) in points {
                 let own = decay_at(&modes, f);
-                // Where no mode lies, the chord between two of them leaves the curve.
+                // Where no mode lies, the chord between two modes deviates from the curve.
                 let is_mode = modes.iter().any(|mode| (mode.0 / f - 1.0).abs() < 1e-3);
                 let within = if is_mode { 0.01 } else { 0.03 };
                 assert!((own / t60 - 1.0).abs() < within, "{points:?}: {own} at {f}");

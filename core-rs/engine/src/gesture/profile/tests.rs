@@ -42,7 +42,7 @@ fn passes_every_point_and_rests_at_the_ends_of_runs() {
     }
     // One run: its inner points are passed in motion.
     assert!(path.at(2.0).1 < -1.0);
-    // Straight lines keep their speed, both ways from the corner; the later one holds in it.
+    // Straight lines keep their speed up to the corner; in the corner the later line counts.
     assert_eq!(path.at(3.0).1, 2.0);
     assert!((path.at(3.5).0 - 3.0).abs() < 1e-15 && (path.at(3.9).1 - 2.0).abs() < 1e-14);
     assert_eq!(path.at(4.5), (4.0, 0.0, 0.0));
@@ -99,7 +99,7 @@ fn range_is_the_true_excursion() {
             "{from}..{to}: {high} {h}"
         );
     }
-    // Between its points the run swings wider than any of them.
+    // Between its points the run overshoots all of them.
     let (low, high) = path.range(1.0, 3.0);
     assert!(low < -1.001 && high > 7.2, "{low} {high}");
 }

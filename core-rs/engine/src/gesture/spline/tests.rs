@@ -93,8 +93,8 @@ fn clamped_as_scipy() {
     close(&a, &accelerations, 1e-12);
 }
 
-/// Reference: x''' and x'''' without jumps, solved in rational numbers (Python's Fraction) for
-/// exactly these doubles; scipy is off by 5e-10 here, Cholesky on the system in v and a by 1e-10.
+/// Reference: continuous x''' and x'''', solved in rational numbers (Python's Fraction) for exactly these doubles;
+/// scipy is off by 5e-10 here, Cholesky on the system in v and a by 1e-10.
 #[test]
 fn a_millisecond_beside_ten_seconds() {
     let t = [0.0, 10.0, 10.001, 10.002, 20.5, 20.5001, 30.0];
@@ -188,7 +188,7 @@ fn few_knots() {
     }
 }
 
-/// A quintic between clamped ends is its own spline, whatever the knots and the unit of time.
+/// The spline through points of a quintic, clamped as it is, equals this quintic for any knots and unit of time.
 #[test]
 fn a_quintic_is_its_own_spline() {
     for unit in [1e-6, 1.0, 1e4] {
@@ -220,7 +220,7 @@ fn a_quintic_is_its_own_spline() {
     }
 }
 
-/// An hour of a hand at 720 Hz: it moves as the sine that was sampled.
+/// An hour of a hand at 720 Hz: the spline moves as the sampled sine does.
 #[test]
 fn two_million_knots() {
     let n = 2_600_000;

@@ -72,7 +72,7 @@ fn smooth_as_scipy() {
 
 const SCIPY: [f64; 3] = [0.09902771411784429, 1.0009927583782594, -0.8936866604984115];
 
-/// The filter wants one step; a spline through the jittered instants knows the movement between.
+/// The filter needs a constant step; the spline through the jittered instants gives the movement between them.
 #[test]
 fn uneven_samples_are_filtered_as_the_movement_they_are() {
     let rate = 500.0;
@@ -100,7 +100,7 @@ fn uneven_samples_are_filtered_as_the_movement_they_are() {
     }
 }
 
-/// A hand that stops while it leans keeps its ends: no sag towards zero.
+/// The ends of a movement that stops away from 0 do not sag towards 0.
 #[test]
 fn ends_do_not_sag() {
     let t: Vec<f64> = (0..200).map(|i| f64::from(i) / 200.0).collect();

@@ -1,4 +1,4 @@
-//! IEQ: state of each link: ψ, its slope g, and what the link adds to the system.
+//! IEQ, state of each link: ψ, its slope g, and what the link adds to the system matrix.
 
 use super::super::mesh::{Mesh, force_of};
 use super::super::passes;
@@ -14,24 +14,24 @@ use crate::scheme::{Pull, Spring};
 #[derive(Clone, Debug)]
 pub(super) struct Links {
     pub(super) runs: Vec<Spring>,
-    /// How much of the linear springs is implicit: 0 to ¼.
+    /// β, how much of the linear springs is implicit: 0 to ¼.
     pub(super) beta: f64,
 }
 
-/// What moves.
+/// The state of the links.
 #[derive(Clone, Debug)]
 pub(super) struct State {
-    /// √(2V) half a step before now [√J]      (n_links)
+    /// ψ = √(2V) half a step ago [√J]          (n_links)
     psi: Vec<f64>,
-    /// dψ/de now                               (n_links)
+    /// dψ/de at the current frame              (n_links)
     g: Vec<f64>,
-    /// What the link adds to the system: ½z + βk + ¼g²   (n_links)
+    /// What the link adds to the system matrix: ½z + βk + ¼g²   (n_links)
     pub(super) c: Vec<f64>,
 }
 
 crate::archive::state!(State { psi, g, c });
 
-/// Refuses a link whose energy is not known in closed form, or has no lower bound at rest.
+/// Refuses a link whose energy has no closed form, or falls below its value at rest.
 pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Error> {
     let refuse = |a: usize, b: usize, message: &str| {
         let run = network.runs().iter().find(|run| (run.a, run.b) == (a, b));
@@ -56,7 +56,7 @@ pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Erro
                 "method ieq needs a law by points or a polynomial, whose energy is known; choose another method",
             ),
             Kind::Lnl { law, .. } => {
-                // A law that pushes away from rest stores less than nothing.
+                // A law that pushes away from rest has a negative potential near rest.
                 let mut reach = [1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6]
                     .into_iter()
                     .flat_map(|e| [e, -e]);
@@ -118,7 +118,7 @@ impl Links {
         self.runs.iter().map(|run| run.len).max().unwrap_or(0)
     }
 
-    /// ψ half a step before frame 0, of the mean elongation there.
+    /// State before frame 0: ψ half a step earlier, at the mean elongation of that step.
     pub(super) fn start(&self, mesh: &Mesh, x: &[f64], d: &[f64]) -> State {
         let n = self.runs.iter().map(|run| run.len).sum();
         let mut state = State {
@@ -130,7 +130,7 @@ impl Links {
         state
     }
 
-    /// Set ψ and slopes from the positions of the MATs.
+    /// Set ψ and the constant part of c from the positions and last steps of the MATs.
     pub(super) fn begin(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &mut State) {
         let mut first = 0;
         for (at, run) in self.runs.iter().enumerate() {
@@ -147,7 +147,8 @@ impl Links {
         }
     }
 
-    /// What the links' elastic parts add to the system at the start (n_links), and onto its diagonal.
+    /// Returns what the links' elastic parts add to the system matrix at the start (n_links), and adds it to
+    /// `diagonal`.
     pub(super) fn stiff(&self, mesh: &Mesh, motion: [&[f64]; 2], diagonal: &mut [f64]) -> Vec<f64> {
         let mut state = self.start(mesh, motion[0], motion[1]);
         let (mut forces, mut right) = (vec![0.0; self.longest()], vec![0.0; diagonal.len()]);
@@ -166,7 +167,8 @@ impl Links {
         state.c
     }
 
-    /// g and c of every link now; its explicit force onto `right`, c onto the diagonal at both ends.
+    /// Sets g and c of every link for the current frame; adds its explicit force to `right`, and c to the diagonal at
+    /// both ends.
     pub(super) fn gather(
         &self,
         mesh: &Mesh,
@@ -200,7 +202,7 @@ impl Links {
         }
     }
 
-    /// ψ half a step further, for the solution `s`.
+    /// Advances ψ by one step, given the solution `s`.
     pub(super) fn carry(&self, s: &[f64], state: &mut State) {
         let mut first = 0;
         for run in &self.runs {
@@ -211,7 +213,7 @@ impl Links {
         }
     }
 
-    /// Energy of all links half a step before now [J].
+    /// Energy of all links half a step ago [J].
     pub(super) fn energy(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &State) -> f64 {
         let linear = mesh.springs.iter().flat_map(|run| {
             (0..run.len).map(move |i| {
@@ -222,7 +224,8 @@ impl Links {
         linear.sum::<f64>() + state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum::<f64>()
     }
 
-    /// Energy of the non-linear parts of all links by ψ, and by their laws: the mean of now and a step before [J].
+    /// Energy of the non-linear parts of all links [J]: once from ψ, once from their laws as the mean of this frame and
+    /// the last.
     pub(super) fn potentials(
         &self,
         mesh: &Mesh,
@@ -252,7 +255,7 @@ fn elongation(run: &Spring, x: &[f64], d: &[f64], i: usize) -> (f64, f64) {
     (x[b] - x[a] - run.rest, d[b] - d[a])
 }
 
-/// ψ of a contact or a law: √(2V), with the sign of e where the law acts on both sides.
+/// ψ of a contact or a law: √(2V), with the sign of e for a law that acts on both sides.
 fn psi(run: &Run, e: f64) -> f64 {
     match &run.kind {
         Kind::Lnl { law, .. } => copysign(sqrt(2.0 * law.potential(e)), e),
@@ -270,7 +273,7 @@ fn psi(run: &Run, e: f64) -> f64 {
     }
 }
 
-/// dψ/de of a contact or a law, the damping that acts on the coming velocity, and a force known now.
+/// dψ/de of a contact or a law, the coefficient of damping that acts implicitly, and an explicit force.
 fn look(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
     match &run.kind {
         Kind::Lnl { law, rate, .. } => {
@@ -285,8 +288,8 @@ fn look(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
             } else {
                 0.0
             };
-            // A damping that takes energy acts as its secant on the coming velocity; one that gives acts
-            // as it is.
+            // Damping that takes energy acts implicitly, as force over velocity; damping that gives energy acts as an
+            // explicit force.
             if drag * de > 0.0 {
                 (slope, drag / de, 0.0)
             } else {
@@ -300,7 +303,8 @@ fn look(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
                 let steep = sqrt(0.5 * run.k * (but.exponent + 1.0));
                 copysign(steep * power_law(p, 0.5 * (but.exponent - 1.0)), psi_now)
             } else if psi_now != 0.0 && s * de < 0.0 {
-                // Open: what is left of ψ goes with the parting, as if nothing else acted.
+                // Open contact: choose the slope that brings the remaining ψ to zero as the ends part, as if no other
+                // force acted.
                 -psi_now / (s * de)
             } else {
                 0.0

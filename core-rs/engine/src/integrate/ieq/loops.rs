@@ -28,7 +28,7 @@ wide! {
 }
 
 wide! {
-    /// Add to both ends of a run.
+    /// Add the values of a run's links to both of their ends.
     pub(super) fn load(c: &[f64], a: usize, b: usize, sums: &mut [f64]) {
         for (sum, c) in sums[a..][..c.len()].iter_mut().zip(c) {
             *sum += c;

@@ -1,11 +1,11 @@
-//! CA is the scheme that an island steps, to the last bit; a clone is a snapshot.
+//! CA equals the scheme by which an island steps, to the last bit; a clone is a snapshot.
 
 use super::*;
 use crate::network::{But, Contact, Side, Tie};
 use crate::simulation::{OnFault, Options, Simulation};
 use crate::timeline::Timeline;
 
-/// A mesh of all kinds, a contact of each sort.
+/// A mesh with all kinds of links, and a contact of each kind.
 fn everything() -> Network {
     let mut network = hex(2e12, Some(0.5));
     let tie = Tie::Tuned {
@@ -86,10 +86,11 @@ fn a_clone_is_a_snapshot() {
     }
 }
 
-/// A mesh cut for a crew is the same mesh, whoever steps its ranges.
+/// A mesh partitioned for a thread team gives the same bits for any number of threads.
 #[test]
 fn a_crew_steps_the_same_bits() {
-    // Enough masses for three ranges; every kind of pass: with losses of links, of ties, and without any.
+    // Enough masses for three ranges, and every kind of pass: with losses of links, with losses of ties, and without
+    // losses.
     let hung = |t60: Option<f64>| {
         let mut network = hex_of(32, 60.0, 1e12, t60);
         let tie = Tie::Physical { k: 1e3, z: 0.2 };

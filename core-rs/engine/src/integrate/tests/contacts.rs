@@ -1,4 +1,4 @@
-//! A hammer on a string, by plain contacts.
+//! A hammer on a string, with plain contacts.
 
 use super::*;
 use crate::network::But;
@@ -6,7 +6,7 @@ use crate::network::But;
 const FRAMES: usize = 300;
 const HAMMER: f64 = 8e-3;
 
-/// A string of 20 masses of 1 g, met from below by 8 g at 3 m/s.
+/// A string of 20 masses of 1 g, hit from below by a mass of 8 g at 3 m/s.
 fn struck(k: f64, exponent: f64, z: f64) -> Network {
     let mut network = row(20, 5e4, 0.0, 0.0);
     for i in 0..20 {
@@ -33,9 +33,8 @@ fn errors(network: &Network) -> [f64; 4] {
     WAYS.map(|way| decibels(&play(by(network, way, 1), FRAMES, &[]), &truth))
 }
 
-/// κ = K(1/m + 1/m)T² from soft to what no explicit step can follow. CA, CA2P, BM4 and IEQ reach
-/// -45, -74, -90, -46 | -32, -32, -51, -29 | -9, -24, -31, -20 | fail, fail, -7, -21 | fail, fail, fail,
-/// -21 dB.
+/// κ = K(1/m + 1/m)T², from soft to too stiff for any explicit step. CA, CA2P, BM4 and IEQ reach
+/// -45, -74, -90, -46 | -32, -32, -51, -29 | -9, -24, -31, -20 | fail, fail, -7, -21 | fail, fail, fail, -21 dB.
 #[test]
 fn stiffness_sweep() {
     let at = |kappa: f64| {

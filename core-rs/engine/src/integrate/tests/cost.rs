@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::*;
 
-/// Seconds a frame, the best of five runs.
+/// Time per frame [s], the best of five runs.
 fn cost(network: &Network, way: MeshMethod, frames: u32) -> f64 {
     let mut best = f64::INFINITY;
     let centre = network.centre(0);
@@ -40,7 +40,7 @@ fn table(network: &Network, frames: u32, ways: &[MeshMethod]) {
     }
 }
 
-/// Seconds a frame by a crew of so many, the best of many short runs: others may use the processor too.
+/// Time per frame with a thread team [s]: the best of many short runs, since other programs may use the processor too.
 fn shared(network: &Network, way: MeshMethod, threads: usize) -> f64 {
     let (mut best, frames) = (f64::INFINITY, 50);
     let mut it = by(network, way, 1);

@@ -1,8 +1,8 @@
-//! What each method keeps, and what it survives.
+//! The energy that each method conserves, and the stiffness that it withstands.
 
 use super::*;
 
-/// Largest change of a method's energy after its first frames, relative; +∞ where it went unsound.
+/// Largest relative change of a method's energy after its first frame; +∞ if positions leave the valid range.
 fn drift(mut it: Integrator, frames: usize) -> f64 {
     it.step(&[], &mut ThreadTeam::alone());
     let start = it.energy();
@@ -21,14 +21,14 @@ fn drift(mut it: Integrator, frames: usize) -> f64 {
 fn linear_bodies_keep_their_energy_to_rounding() {
     let network = row(20, 2e5, 0.0, 0.0);
     for way in MeshMethod::ALL {
-        // BM4 keeps an energy near to this one: it swings, and does not drift.
+        // BM4 conserves an energy close to this one, which therefore oscillates but does not drift.
         let most = if way == MeshMethod::Bm4 { 1e-6 } else { 2e-12 };
         let drift = drift(by(&network, way, 1), 4000);
         assert!(drift < most, "{way:?} {drift:e}");
     }
 }
 
-/// Links that harden until CA and CA2P go on by finer frames alone, and BM4 is thrown off: IEQ keeps its energy.
+/// Links that harden until CA and CA2P compute only finer frames, and BM4 diverges: IEQ still conserves its energy.
 #[test]
 fn a_hard_cubic_chain() {
     let ways = [
@@ -46,7 +46,7 @@ fn a_hard_cubic_chain() {
     assert!(bm4.is_infinite() && ieq < 1e-9, "{ieq:e}");
 }
 
-/// Springs up to 50 000 times as stiff as the rate carries.
+/// Springs up to about 500 times as stiff as an explicit step allows.
 #[test]
 fn stiff_springs() {
     for k in [1e6, 1e7, 1e9] {
@@ -62,7 +62,7 @@ fn stiff_springs() {
     }
 }
 
-/// Struck and damped: what is put in is stored or lost, to rounding, at every frame.
+/// A struck, damped row: at every frame the energy put in is stored or lost, to rounding.
 #[test]
 fn ledgers_close() {
     let z = 0.3;
@@ -86,7 +86,8 @@ fn ledgers_close() {
             it.velocities(&[7], &mut v);
             it.step(&[(7, impulse)], &mut ThreadTeam::alone());
             let next = it.positions().to_vec();
-            // IEQ sees a force and the damping over two frames, the trapezoid a jump and one.
+            // In IEQ a force and the damping act on the mean velocity over two frames; in the trapezoidal rule damping
+            // acts on that over one frame, and an impulse is a jump.
             let (from, frames) = if way == MeshMethod::Ieq {
                 (&before, 2.0)
             } else {
@@ -113,7 +114,7 @@ fn ledgers_close() {
     }
 }
 
-/// Stepping and looking take no memory.
+/// Neither a step nor a reading allocates memory.
 #[test]
 fn nothing_is_allocated() {
     for way in MeshMethod::ALL {

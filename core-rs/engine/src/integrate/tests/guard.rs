@@ -1,4 +1,4 @@
-//! Links that stiffen until a method would diverge: it goes on in finer steps.
+//! Links that stiffen until a method would diverge: the guard continues in finer steps.
 
 use super::*;
 use crate::network::LinkKind;
@@ -7,7 +7,7 @@ const FRAMES: usize = 1100;
 const CENTRE: usize = 165;
 const EACH: f64 = 1.0 / 331.0;
 
-/// Energy of all links, and of masses that go so far in a frame [J].
+/// Energy of all links, and kinetic energy of masses from the step of one frame [J].
 fn energies(network: &Network, x: &[f64], before: &[f64]) -> [f64; 2] {
     let links = network.runs().iter().flat_map(|run| {
         let LinkKind::Lnl(law) = &run.kind else {
@@ -23,8 +23,9 @@ fn energies(network: &Network, x: &[f64], before: &[f64]) -> [f64; 2] {
     [links.sum(), kinetic.sum()]
 }
 
-/// Without losses, struck up to 32 times as hard as CA bears. Neither part of the energy of a motion is more than all
-/// of it, and the velocity's mean over a frame has less than the velocity; in the end there is what was put in.
+/// No losses, strikes up to 32 times as hard as CA alone withstands. Neither the potential nor the kinetic energy
+/// exceeds the total by much (the velocity is a mean over a frame, which lowers the kinetic energy), and at the end the
+/// total is what was put in.
 #[test]
 fn an_undamped_gong_keeps_its_energy() {
     let network = hex(1e13, None);
@@ -61,7 +62,8 @@ fn an_undamped_gong_keeps_its_energy() {
     }
 }
 
-/// Frames of CA that are finer throughout are CA's at a higher rate: what differs is rounding, which grows.
+/// If all frames of CA are computed in eight finer steps, they equal CA at eight times the rate up to rounding errors,
+/// which grow.
 #[test]
 fn eight_steps_are_eight_times_the_rate() {
     let network = hex_of(10, 60.0, 1e13, Some(2.0));

@@ -1,4 +1,4 @@
-//! Inner loops against what their formulas say, and solvers against what they solve.
+//! Inner loops against their formulas, and solvers against known solutions.
 
 use std::hint::black_box;
 
@@ -16,7 +16,7 @@ fn numbers(n: usize, seed: u64) -> Vec<f64> {
     (0..n).map(|_| chance.uniform(-1.0, 1.0)).collect()
 }
 
-/// Runs that overlap themselves, that do not, and that go backwards.
+/// Runs whose two ends overlap, runs whose ends do not, and runs that go backwards.
 fn runs() -> Vec<Spring> {
     let spring = |a, b, len, q| Spring {
         a,
@@ -37,7 +37,7 @@ fn runs() -> Vec<Spring> {
     ]
 }
 
-/// Forces of all links one after the other, nothing fused or reordered.
+/// Forces of all links one after the other, with nothing fused or reordered.
 fn plainly(f: impl Fn(&Spring, usize, usize) -> f64) -> Vec<f64> {
     let mut force = vec![0.0; 70];
     for run in runs() {
@@ -92,7 +92,7 @@ fn a_body_out_of_bounds_is_unsound() {
     }
 }
 
-/// A grid numbered at random comes back with the band of its short side.
+/// A grid numbered at random is renumbered with the bandwidth of its short side.
 #[test]
 fn cuthill_and_mckee_find_the_narrow_way() {
     let (wide, high) = (40, 7);
@@ -111,7 +111,7 @@ fn cuthill_and_mckee_find_the_narrow_way() {
             }
         }
     }
-    // Two more that nothing joins.
+    // Two more nodes without neighbours.
     let order = order::near(&neighbours);
     let mut place = vec![usize::MAX; order.len()];
     for (at, &node) in order.iter().enumerate() {

@@ -18,7 +18,7 @@ fn close(slopes: &[f64], order: f64, off: f64) -> bool {
     slopes.iter().all(|slope| (slope - order).abs() < off)
 }
 
-/// Struck, moved from the start, hung from a cell with rests; ωT up to 0.6.
+/// Struck, moving from the start, and coupled to a CEL with rest positions; ωT up to 0.6.
 #[test]
 fn an_undamped_row_converges_by_each_order() {
     let mut network = row(8, 1.7e5, 0.0, 0.0);
@@ -30,7 +30,7 @@ fn an_undamped_row_converges_by_each_order() {
         .spring("end", 3, cell, 1e5, 0.0, 2e-5)
         .expect("a spring");
     let exact = exactly_hung(&network, FRAMES, &STRIKES);
-    // At one step a frame: -10.7, -51.0, -90.3, -10.7 and -5.5 dB.
+    // Errors at one step a frame: -10.7, -51.0, -90.3, -10.7 and -5.5 dB.
     let most = [-10.0, -50.0, -89.0, -10.0, -5.0];
     for (way, most) in MeshMethod::ALL.into_iter().zip(most) {
         let errors = errors(&network, way, &exact);
@@ -40,8 +40,9 @@ fn an_undamped_row_converges_by_each_order() {
     }
 }
 
-/// Damped links: CA's damping from the last step is of order 1, and shows where the errors of its pitch
-/// are small; CA2P falls from 4 to 2, BM4 too, by its losses, and later.
+/// Damped links: CA takes damping from the last step, an error of order 1 that shows once the error of the pitch is
+/// small. CA2P falls from order 4 to 2. BM4 does too, because of its midpoint rule for losses, but only at smaller
+/// steps.
 #[test]
 fn damped_links_take_orders_away() {
     let network = row(8, 1.7e5, 0.0, 0.05);
@@ -63,7 +64,7 @@ fn damped_links_take_orders_away() {
     assert!(bm4.0 < -91.0 && bm4.1[0] > 3.5 && bm4.1[2] < 2.6, "{bm4:?}");
     assert!(close(&ieq.1, 2.0, 0.15), "{ieq:?}");
     assert!(close(&trapezoid.1, 2.0, 0.15), "{trapezoid:?}");
-    // Ten times the damping: both ends of the slopes.
+    // Ten times the damping: the slopes reach their lower limits.
     let network = row(8, 1.7e5, 0.0, 0.5);
     let exact = exactly(&network, FRAMES, &STRIKES);
     let [ca, ca2p, bm4, ..] = all(&network, &exact);
@@ -103,7 +104,7 @@ fn cubic_links() {
     }
 }
 
-/// One cell of 5 kHz: how many cents it is off.
+/// Error of the pitch of one oscillator at 5 kHz, in cents.
 #[test]
 fn pitch_at_5_khz() {
     let expected = [38.440, -0.669, -0.0074, 38.440, -69.477];
@@ -116,7 +117,7 @@ fn pitch_at_5_khz() {
             .spring("l", ground, m, 1e-3 * omega * omega, 0.0, 0.0)
             .expect("a spring");
         let path = play(by(&network, way, 1), 2000, &[(0, m, 1e-4)]);
-        // Of any one sinusoid x[n+1] + x[n-1] is 2cosθ·x[n].
+        // For a single sinusoid x[n+1] + x[n-1] is 2cosθ·x[n].
         let x: Vec<f64> = path.iter().map(|frame| frame[m]).collect();
         let (mut over, mut under) = (0.0, 0.0);
         for three in x.windows(3) {
@@ -129,8 +130,8 @@ fn pitch_at_5_khz() {
     }
 }
 
-/// Cents and decay of one damped cell, by the two-term recursion that its path obeys: CA has the cell's
-/// own poles, BM4 the decay to rounding.
+/// Pitch error in cents and decay of one damped CEL, from the two-term recursion that its path obeys: CA has the CEL's
+/// own poles, and BM4 its decay to rounding.
 #[test]
 fn the_poles_of_a_cell() {
     for (way, most) in [
@@ -163,7 +164,7 @@ fn the_poles_of_a_cell() {
     }
 }
 
-/// Velocities at a frame, against BM4 in small steps.
+/// Velocities at a frame, compared with BM4 in small steps.
 #[test]
 fn velocities() {
     let network = row(8, 1.7e5, 0.0, 0.0);

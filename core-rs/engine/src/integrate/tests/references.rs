@@ -1,11 +1,11 @@
-//! Motions that are known, or found by what shares nothing with the methods.
+//! Reference motions: known in closed form, or computed without code of the methods.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::*;
 use crate::network::{LinkKind, MatKind};
 
-/// Motion of a linear network with nothing at rest but 0, by the matrix exponential.
+/// Motion of a linear network whose rest positions are all 0, by the matrix exponential.
 pub(super) fn exactly(
     network: &Network,
     frames: usize,
@@ -50,7 +50,7 @@ pub(super) fn exactly(
         .collect()
 }
 
-/// Classical Runge-Kutta in small steps, link by link: a reference that shares nothing with the methods.
+/// Classical Runge-Kutta in small steps, link by link: a reference that shares no code with the methods.
 pub(super) fn finely(
     network: &Network,
     frames: usize,
@@ -103,14 +103,14 @@ pub(super) fn finely(
     path
 }
 
-/// The same with rests: they only shift where the masses hang.
+/// The same with other rest positions: they only shift the equilibrium.
 pub(super) fn exactly_hung(
     network: &Network,
     frames: usize,
     strikes: &[(usize, usize, f64)],
 ) -> Vec<Vec<f64>> {
     let (n, mats) = (network.n_mat(), network.mats());
-    // Hanging still: K·x is what the rests pull.
+    // At equilibrium, K·x equals the forces of the rest positions.
     let mut stiffness = DMatrix::<f64>::zeros(n, n);
     let mut pull = DVector::<f64>::zeros(n);
     for i in 0..n {

@@ -1,4 +1,4 @@
-//! What a certificate says, and what is refused.
+//! Guarantees of certificates, and networks that are refused.
 
 use super::*;
 use crate::law::LawText;
@@ -20,7 +20,8 @@ fn word(network: &Network, way: MeshMethod) -> Option<StabilityGuarantee> {
     certify(network, rate(), way, 1).ok().map(|it| it.word)
 }
 
-/// Whether it stays within a hundred times where it began: at its border CA2P swings slowly and far.
+/// Whether the motion stays below a hundred times its initial displacement: near its stability limit CA2P swings slowly
+/// and far.
 fn stays(network: &Network, way: MeshMethod) -> bool {
     let path = play(by(network, way, 1), 20_000, &[]);
     path.len() == 20_000 && path.iter().all(|x| x[0].abs() < 0.1)
@@ -44,7 +45,7 @@ fn borders_are_where_methods_break() {
         assert!(stays(&below, way), "{way:?}");
         assert_eq!(word(&above, way), None, "{way:?}");
         assert!(!stays(&above, way), "{way:?}");
-        // Twice the rate carries four times the stiffness.
+        // Twice the rate allows four times the stiffness.
         assert!(certify(&above, rate(), way, 2).is_ok());
     }
     for way in [MeshMethod::Ieq, MeshMethod::Trapezoid] {
@@ -65,7 +66,7 @@ fn damping_makes_ca2p_tried() {
         assert_eq!(word(&network, MeshMethod::Ca2p), expected, "{kappa} {zeta}");
         assert!(expected.is_none() || stays(&network, MeshMethod::Ca2p));
     }
-    // BM4's losses go by the midpoint rule.
+    // BM4 treats losses by the midpoint rule.
     for (zeta, expected) in [(4.9, Some(StabilityGuarantee::Tried)), (9.0, None)] {
         let network = one(1e-3, zeta);
         assert_eq!(word(&network, MeshMethod::Bm4), expected, "{zeta}");
@@ -82,7 +83,7 @@ fn links_that_harden_are_watched() {
     let network = hex(1e13, Some(2.0));
     let words = MeshMethod::ALL.map(|way| word(&network, way));
     use StabilityGuarantee::{Guarded, Tried};
-    // IEQ keeps an energy of its own there, not that of the laws.
+    // IEQ conserves an energy of its own here, not that of the laws.
     let expected = [
         Some(Guarded),
         Some(Guarded),
@@ -93,7 +94,7 @@ fn links_that_harden_are_watched() {
     assert_eq!(words, expected);
 }
 
-/// A row of two masses, the link between them a law.
+/// A row of two masses with a link between them that follows a law.
 fn lawful(text: &LawText<'_>) -> Network {
     let mut network = row(2, 1e4, 0.0, 0.0);
     let law = Arc::new(Law::new(text).expect("a law"));
@@ -124,7 +125,7 @@ fn what_a_way_cannot_step_is_refused() {
     use MeshMethod::{Bm4, Ca2p, Ieq, Trapezoid};
     refused(&row(4, 1e4, 0.0, 0.1), &[]);
     refused(&row(4, 1e4, 1e9, 0.1), &[Trapezoid]);
-    // Energies: unknown, known, below that at rest.
+    // Potential energies: without a closed form, with one, and with one that falls below its value at rest.
     refused(&law("1e4*tanh(d)"), &[Ieq, Trapezoid]);
     refused(&law("1e4*d + 1e8*d**3"), &[Trapezoid]);
     refused(&law("1e4*d - 1e9*d**3"), &[Ieq, Trapezoid]);
@@ -142,7 +143,7 @@ fn what_a_way_cannot_step_is_refused() {
     assert!(Integrator::new(&row(2, 1e4, 0.0, 0.0), rate(), MeshMethod::Ca, 0).is_err());
 }
 
-/// The same spring as three numbers, as an expression, and as its points.
+/// The same spring given by three numbers, by an expression, and by points.
 #[test]
 fn general_laws_are_stepped_like_springs() {
     let spring = lawful(&LawText {
@@ -168,14 +169,15 @@ fn general_laws_are_stepped_like_springs() {
         (MeshMethod::Ca, -250.0),
         (MeshMethod::Ca2p, -250.0),
         (MeshMethod::Bm4, -250.0),
-        // All of a general law is quadratised, of a spring what hardens: another scheme of its order.
+        // IEQ quadratises the whole of a general law, but only the hardening part of a spring: two schemes of the same
+        // order.
         (MeshMethod::Ieq, -25.0),
     ] {
         let exact = play(by(&known, way, 1), 400, &[(0, 0, 1e-3)]);
         let error = decibels(&play(by(&spring, way, 1), 400, &[(0, 0, 1e-3)]), &exact);
         let by_points = decibels(&play(by(&pointed, way, 1), 400, &[(0, 0, 1e-3)]), &exact);
         assert!(error < most, "{way:?} {error}");
-        // The straight lines between points are 1 µm long.
+        // The line segments between the points are 1 µm long.
         assert!(by_points < f64::max(most, -95.0), "{way:?} {by_points}");
     }
     let mut undamped = by(&law("2e4*d + 1e11*d**3"), MeshMethod::Ieq, 1);

@@ -3,9 +3,9 @@
 use crate::maths::cos;
 use std::f64::consts::PI;
 
-/// A function is a sum of at most so many polynomials.
+/// Most polynomials in a sum.
 pub(super) const MOST: usize = 24;
-/// Fewest: a parabola and one to spare.
+/// Fewest polynomials: a parabola and one to spare.
 const LEAST: usize = 4;
 /// Error of the sum, relative to the function.
 const ERROR: f64 = 1e-10;
@@ -15,7 +15,7 @@ const ERROR: f64 = 1e-10;
 pub(super) struct Basis {
     /// Rising instants of a frame   (n)
     pub(super) instants: Vec<f64>,
-    /// Coefficient k of a function by its value at instant m   (n, n)
+    /// Weight of the value at instant m in coefficient k   (n, n)
     pub(super) fit: Vec<f64>,
 }
 
@@ -29,7 +29,7 @@ pub(super) struct At {
 }
 
 impl Basis {
-    /// For motions e^(λs) with |λ| up to `reach` [1/frame].
+    /// A basis for motions e^(λs) with |λ| up to `reach` [1/frame].
     pub(super) fn new(reach: f64) -> Self {
         let n = (LEAST..MOST).find(|&n| error(reach, n) <= ERROR);
         let n = n.unwrap_or(MOST);
@@ -46,21 +46,21 @@ impl Basis {
         self.instants.len()
     }
 
-    /// Coefficients of a function by its values at the instants   (n each)
+    /// Coefficients of a function from its values at the instants   (n each)
     pub(super) fn fit(&self, values: &[f64], coefficients: &mut [f64]) {
         for (own, row) in coefficients.iter_mut().zip(self.fit.chunks(self.n())) {
             *own = dot(row, values);
         }
     }
 
-    /// What each value at the instants counts in a sum of so much of each polynomial   (n)
+    /// Weights of the values at the instants in a sum of the polynomials with given factors   (n)
     pub(super) fn weights(&self, polynomials: &[f64]) -> Vec<f64> {
         let n = self.n();
         let weight = |m: usize| (0..n).map(|k| polynomials[k] * self.fit[k * n + m]).sum();
         (0..n).map(weight).collect()
     }
 
-    /// Values of a function of two instants into the weights that fit it   (n·n)
+    /// Replace the values of a function of two instants by its coefficients   (n·n)
     pub(super) fn fit_both(&self, both: &mut [f64]) {
         let n = self.n();
         let (mut values, mut fitted) = ([0.0; MOST], [0.0; MOST]);

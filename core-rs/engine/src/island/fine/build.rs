@@ -1,4 +1,5 @@
-//! What contacts and laws between frames need of a network: their joints, and what a push on one makes of the others.
+//! Builds contacts and laws between frames from a network: their joints, and the response of each joint to a push on
+//! another.
 
 use std::sync::Arc;
 
@@ -12,11 +13,11 @@ use crate::network::Network;
 use crate::scheme::{Run, Scheme};
 use crate::timeline::{DriveKind, Timeline};
 
-/// A mode's answer to an impulse costs as much as so many products: it has an exponential and a sine.
+/// Cost of a mode's response to an impulse, in products: it has an exponential and a sine.
 const RESPONSE: u64 = 200;
 
 impl Fine {
-    /// `links` leave the scheme: single contacts and laws whose ends are masses or ports.
+    /// `links` were taken out of the scheme: single contacts and laws whose ends are masses or ports.
     pub(in crate::island) fn new(
         links: Vec<Run>,
         network: &Network,
@@ -43,7 +44,7 @@ impl Fine {
         let at = |mat: usize| mats.binary_search(&mat).unwrap_or(0);
         let ends = links.iter().map(|run| (at(run.a), at(run.b))).collect();
         let n_joints = joints.len();
-        // Of each joint: the modes that tell where it is, itself where it is a mass.
+        // Number of modes that give the position of a joint; 1 for a mass.
         let modes = |joint: &Joint| {
             let body = joint.port.and_then(|(owner, _)| bodies[owner].modal());
             body.map_or(1, RunningModal::n_modes) as u64
@@ -111,7 +112,8 @@ impl Fine {
     }
 }
 
-/// What an impulse at the start of a frame on one joint makes of another at its instants, by `moves`   (n_joints²)
+/// Displacement of one joint at the instants of a frame by an impulse at another at its start, from `moves`
+/// (n_joints²)
 fn begun(moves: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
     let (n, start) = (basis.n(), At::new(basis.n(), 0.0));
     let found = |(pair, moves): (usize, &Vec<f64>)| {

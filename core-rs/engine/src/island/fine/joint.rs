@@ -1,4 +1,4 @@
-//! Points that contacts touch: where each goes by itself in a frame, and what impulses move.
+//! Points that contacts touch: the free path of each in a frame, and its response to impulses.
 
 use super::Script;
 use super::basis::Basis;
@@ -15,14 +15,14 @@ pub(super) struct Joint {
     pub(super) mat: usize,
     /// The body that it is a port of, and which port.
     pub(super) port: Option<(usize, usize)>,
-    /// Of a MAT that is stepped: its own motion, and where it rests [m].
+    /// For a MAT that is stepped: its free motion, and its rest position [m].
     pub(super) cell: Option<Cell>,
     pub(super) rest: f64,
     /// 1/M, κ and ζ of its cell, in this frame and in the next.
     pub(super) numbers: [[f64; 3]; 2],
-    /// Weights of where it is, and of where it goes, at each instant   (n)
+    /// Weights of its position now and at the next frame in its position at each instant   (n)
     pub(super) way: Vec<(f64, f64)>,
-    /// Forces of this frame and of the next [N] that stand for an impulse at each instant [N·s]   (n)
+    /// Forces in this frame and in the next [N] that replace an impulse at each instant [N·s]   (n)
     pub(super) split: Vec<[f64; 2]>,
 }
 
@@ -55,8 +55,8 @@ pub(super) fn reach(
 }
 
 impl Script {
-    /// Take a stepped joint as its MAT is halfway from 1/M, κ and ζ of this frame to those of the next; says whether
-    /// they have changed. Nothing is allocated.
+    /// Retune a stepped joint to the means of 1/M, κ and ζ of this frame and the next; false if they do not make a
+    /// cell. Nothing is allocated.
     pub(super) fn retune(&mut self, joint: usize, numbers: [[f64; 3]; 2]) -> bool {
         let n_joints = self.joints.len();
         let own = &mut self.joints[joint];
@@ -68,7 +68,7 @@ impl Script {
             return false;
         };
         own.cell = Some(cell);
-        // The forces that stand for an impulse meet the masses of their own frames.
+        // Each of the two forces that replace an impulse acts on the mass of its own frame.
         let masses = [w / now[0], w / next[0]];
         for ((way, split), &at) in
             (own.way.iter_mut().zip(&mut own.split)).zip(&self.basis.instants)
@@ -86,7 +86,8 @@ impl Script {
     }
 }
 
-/// What an impulse at one instant of a frame makes of a way at another, by the time between them [frames], into weights   (n·n)
+/// Write the coefficients of the response of a path at one instant to an impulse at another, which `answer` gives by
+/// the time between them [frames]   (n·n)
 fn answers(basis: &Basis, both: &mut [f64], answer: &dyn Fn(f64) -> f64) {
     for (row, from) in both.chunks_mut(basis.n()).zip(&basis.instants) {
         for (value, to) in row.iter_mut().zip(&basis.instants) {
@@ -141,8 +142,8 @@ pub(super) fn joint(
     }
 }
 
-/// What an impulse at one joint makes of another's way: a row for each polynomial of the impulse's instant, (n, n) [m/N·s], and the
-/// velocity at once [m/frame per N·s]. Empty where nothing leads from one to the other within a frame.
+/// Response of one joint's path to an impulse at another: a row for each polynomial of the impulse's instant, (n, n)
+/// [m/N·s], and the velocity at once [m/frame per N·s]. Empty if the impulse does not reach that joint within a frame.
 pub(super) fn moves(
     (from, to): (&Joint, &Joint),
     bodies: &[RunningBody],

@@ -1,6 +1,6 @@
-//! Single laws between points, by collocation: over a part of a frame the force of each is the polynomial that meets its
-//! law at the three Gauss points, with the exact linear motion of all else between them. Its order is 6, its equations
-//! are implicit, and it damps what the laws damp at any slope (Hairer, Nørsett & Wanner, II.7).
+//! Single laws between points, by collocation: over a part of a frame the force of each is the polynomial that meets
+//! its law at the three Gauss points, with the exact linear motion of all else between them. The method is implicit, of
+//! order 6, and dissipates what the laws dissipate at any slope (Hairer, Nørsett & Wanner, II.7).
 
 mod root;
 mod state;
@@ -16,32 +16,33 @@ pub(super) use state::LawState;
 pub(super) use tables::LawScript;
 use tables::{Division, shares};
 
-/// Gauss points of a part of a frame, and what each weighs.
+/// Gauss points of a part of a frame, and their weights.
 const STAGES: usize = 3;
 const POINTS: [f64; STAGES] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];
 const WEIGHTS: [f64; STAGES] = [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0];
-/// Rounds until all forces agree, each to this part of the largest; rounds of a frame as a whole, where it may be taken
-/// in parts; slopes are looked up again every few rounds.
+/// Most rounds until all forces agree; most rounds over a whole frame if it may be divided into parts; relative change
+/// of a force, as a share of the largest, at which they agree; rounds after which slopes are computed again.
 const ROUNDS: usize = 60;
 const FEW_ROUNDS: usize = 8;
 const AGREE: f64 = 1e-9;
 const LOOK_AGAIN: usize = 3;
-/// A frame that may be taken in parts is taken as a whole where its forces, by the polynomial through its Gauss points,
-/// miss their laws at both its ends by less than this part of the largest. Not by more: steps that follow the swing lose
-/// the balance of errors that even steps have (a cubic spring: -72 dB at 1e-3, -104 dB by whole frames alone).
+/// A frame that may be divided is taken as a whole if the polynomial of its forces, through the Gauss points, deviates
+/// from the laws at both ends of the frame by less than this share of the largest force. A larger value divides fewer
+/// frames, but unequal steps lose the cancellation of errors that equal steps have (a cubic spring: -72 dB at 1e-3,
+/// -104 dB with whole frames alone).
 const SMOOTH: f64 = 1e-6;
-/// Forces that still change by more than this part of the largest are not found by Newton's steps.
+/// Newton's method has failed if forces still change by more than this share of the largest.
 const LOST: f64 = 1e-3;
-/// Rounds over laws that are found by halving.
+/// Rounds over laws that are solved by bisection.
 const BRACKET_ROUNDS: usize = 20;
-/// Of the largest force so much stays from frame to frame.
+/// Share of the largest force that is kept from frame to frame.
 const FADE: f64 = 0.999;
 
 type Stages = [f64; STAGES];
 type Square = [Stages; STAGES];
 
 impl Fine {
-    /// The laws of a frame in which no contact is near.
+    /// Compute the laws of a frame in which no contact is near.
     pub(super) fn collocate(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) {
         let n = script.basis.n();
         for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
@@ -70,7 +71,7 @@ impl Fine {
         if missed <= SMOOTH {
             return self.give_laws(script, laws, (0, 0));
         }
-        // What it misses falls by the cube of the parts.
+        // The deviation falls with the cube of the number of parts.
         let wanted = pow(missed / SMOOTH, 1.0 / 3.0);
         let finer = laws
             .divisions
@@ -99,7 +100,8 @@ impl Fine {
         }
     }
 
-    /// Find the forces of all laws in a part of a frame; how far they miss them, relative to the largest; 0 where they agree.
+    /// Solve for the forces of all laws in a part of a frame; returns their last change, relative to the largest, or 0
+    /// if they agree.
     fn solve(
         &mut self,
         script: &Script,
@@ -122,10 +124,10 @@ impl Fine {
             for law in 0..laws.links.len() {
                 change = change.max(self.meet(script, laws, (gates, own, part), (law, round)));
             }
-            // What is still to come, at the pace of the last two rounds.
+            // Estimate of the change still to come, from the ratio of the last two rounds.
             let pace = change / last;
             if change <= AGREE || (round > 0 && pace < 0.5 && change * pace <= AGREE) {
-                // Slopes that took so long to lead there are looked up again.
+                // Slopes with which convergence was slow are computed again.
                 if round >= LOOK_AGAIN {
                     self.laws.iter_mut().for_each(|state| state.known = None);
                 }
@@ -136,8 +138,8 @@ impl Fine {
         last
     }
 
-    /// One force for each law over a part of a frame, equal to the law halfway, for laws so steep that Newton's steps do
-    /// not end: of order 2, and it neither grows beyond the law nor depends on its slope.
+    /// Find one force for each law over a part of a frame, equal to the law halfway, for laws so steep that Newton's
+    /// method does not converge. It is of order 2; the force does not exceed the law, and its slope is not needed.
     fn bracket(
         &mut self,
         script: &Script,
@@ -148,7 +150,7 @@ impl Fine {
         let (n_laws, division) = (laws.links.len(), &laws.divisions[own]);
         let s = division.s[STAGES * part + MIDDLE];
         for state in &mut self.laws {
-            // Newton's last forces may be anything.
+            // The last forces of Newton's method may be arbitrary.
             (state.force, state.known) = ([state.begin; STAGES], None);
         }
         for _ in 0..BRACKET_ROUNDS {
@@ -216,7 +218,7 @@ impl Fine {
         }
     }
 
-    /// Where the laws take their points after a part of a frame.
+    /// Add the effect of a part's forces to the paths of the laws in later parts.
     fn bend_paths(&mut self, script: &Script, division: &Division, part: usize) {
         let (n, n_laws) = (script.basis.n(), self.laws.len());
         let h = script.rate.step() / division.parts as f64;
@@ -236,8 +238,7 @@ impl Fine {
         }
     }
 
-    /// How far the forces of a frame that was taken as a whole are from their laws at its two ends, relative to the
-    /// largest.
+    /// Deviation of the forces of a whole frame from their laws at its two ends, relative to the largest.
     fn missed(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) -> f64 {
         let n_laws = laws.links.len();
         let mut missed = 0.0_f64;
@@ -264,7 +265,8 @@ impl Fine {
         missed
     }
 
-    /// Bring the forces of one law nearer to it, those of all others given; the change, relative to the largest.
+    /// Newton's step for the forces of one law, with those of all others given; returns the change, relative to the
+    /// largest.
     fn meet(
         &mut self,
         script: &Script,
@@ -307,7 +309,7 @@ impl Fine {
         change / largest
     }
 
-    /// Forces of all laws at the start of the frame, for those who listen.
+    /// Write the forces of all laws at the start of the frame into `body.link`.
     pub(super) fn tell_laws(
         &mut self,
         script: &Script,
@@ -351,7 +353,7 @@ impl Fine {
         }
     }
 
-    /// Bend the bristles of laws by `h` frames at what their ends do at an instant of a frame of contacts.
+    /// Move the bristles of laws on by `h` frames, at the rate of their ends at an instant of a frame of contacts.
     pub(super) fn bend(
         &mut self,
         script: &Script,
@@ -395,7 +397,7 @@ impl Fine {
         );
         let mut impulse = 0.0;
         for _ in 0..AGAIN {
-            // Halfway through the kick.
+            // The rate halfway through the kick.
             let v = v - 0.5 * jump * impulse;
             impulse = b * step * own.at(e, v * own.rate());
         }

@@ -1,7 +1,8 @@
 //! A frame of contacts, step by step: from one closing or opening to the next.
 //!
-//! A step is BM4's sequence of kicks by the contacts that push, with the exact linear motion of everything between them:
-//! of order 4 while no contact closes or opens within it, so a step in which one does is taken again, up to that instant.
+//! A step is BM4's sequence of kicks by the contacts that push, with the exact linear motion of everything between
+//! them. It is of order 4 while no contact closes or opens within it; a step in which one does is repeated up to that
+//! instant.
 
 use std::f64::consts::PI;
 
@@ -15,20 +16,21 @@ use crate::network::But;
 use crate::scheme::Kind;
 use crate::state::Body;
 
-/// So many steps are tried in a frame before a step that is stable at any length takes the rest.
+/// Most steps that are tried in a frame, before a step that is stable at any length takes the rest.
 const MOST: usize = 256;
-/// A contact that rests and swings faster than this takes that step at once: half the rate is as fast as is heard
-/// [rad/frame].
+/// A resting contact that swings faster than this uses that stable step at once: half the frame rate is the highest
+/// audible frequency [rad/frame].
 const HEARD: f64 = PI;
-/// An instant is found once it moves by less than this part of a step.
+/// An instant is found when a round moves it by less than this share of a step; and the most rounds.
 const FOUND: f64 = 1e-9;
 const TRIES: usize = 30;
-/// A frame in which nothing pushes is searched for closing contacts at so many instants.
+/// Instants at which a frame without pushes is searched for closing contacts.
 const LOOKS: usize = 8;
-/// Rounds over contacts that are solved together, and the relative change of a force that ends them.
+/// Most rounds over contacts that are solved together, and the relative change of a force that ends them.
 const ROUNDS: usize = 50;
 const AGREE: f64 = 1e-12;
-/// A clamped contact that pulled pushes again where its force is more than this part of what it is made of.
+/// A clamped contact whose force has ended pushes again when the force exceeds this share of its elastic and damping
+/// terms.
 const PULL: f64 = 1e-9;
 
 /// A contact in this frame.
@@ -54,8 +56,8 @@ impl Own<'_> {
         }
     }
 
-    /// What decides whether a contact at penetration `g` [m] that closes by `v` [m/frame] goes on pushing: it does
-    /// while this is positive.
+    /// Criterion of a pushing contact at penetration `g` [m] that closes by `v` [m/frame]: it goes on pushing while
+    /// this is positive.
     fn holds(&self, [g, v]: [f64; 2]) -> f64 {
         if self.is_pulled_off() && g > 0.0 {
             self.elastic(g) + self.z * v
@@ -79,7 +81,7 @@ impl Own<'_> {
         }
     }
 
-    /// The fastest that it may swing or fade from now on [rad/frame].
+    /// Bound on the rate at which it may swing or decay from now on [rad/frame].
     fn quickness(&self, [g, v]: [f64; 2], step: f64) -> f64 {
         let give = self.jump * step;
         if give == 0.0 {
@@ -88,7 +90,7 @@ impl Own<'_> {
         let tangent = if self.but.exponent == 1.0 || self.k == 0.0 {
             self.k
         } else {
-            // As deep as all its energy takes it.
+            // At the greatest depth that its energy allows.
             let order = self.but.exponent + 1.0;
             let stored = self.k * pow(g.max(0.0), order) / order;
             let energy = stored + 0.5 * v * v / give;
@@ -98,7 +100,8 @@ impl Own<'_> {
         sqrt(tangent * give).max(self.z * give)
     }
 
-    /// The impulse of a kick that lasts `b` frames at penetration `g`, `v` changing as it does [N·s].
+    /// The impulse of a kick that lasts `b` frames at constant penetration `g`, while `v` changes by the kick itself
+    /// [N·s].
     fn kick(&self, [g, v]: [f64; 2], b: f64, step: f64) -> f64 {
         let elastic = self.elastic(g);
         let fades = self.jump * step * self.z;
@@ -110,7 +113,7 @@ impl Own<'_> {
 }
 
 impl Fine {
-    /// The pushes of a frame.
+    /// Compute the pushes of a frame.
     pub(super) fn march(
         &mut self,
         script: &Script,
@@ -160,7 +163,7 @@ impl Fine {
         }
     }
 
-    /// A contact that may be closed in this frame, as it is at an instant of it.
+    /// The contact `index` at the instant `s` of this frame; `None` if it cannot be closed in this frame.
     fn own<'a>(
         &self,
         script: &'a Script,
@@ -205,7 +208,7 @@ impl Fine {
         self.shove(script, b, -own.side * impulse, at);
     }
 
-    /// From `s` by a step, or up to where a contact closes or opens in it: how far.
+    /// Advance from `s` by a step, or up to where a contact closes or opens in it; returns the instant reached.
     fn advance(
         &mut self,
         script: &Script,
@@ -223,7 +226,8 @@ impl Fine {
         *left -= 1;
         self.leap(script, forces, s, h);
         let (mut taken, mut last) = (h, None);
-        // Each is looked for once: two that turn at one instant, to rounding, would take turns for ever.
+        // Each contact is located only once in a step: two that turn at the same instant, to rounding, would alternate
+        // for ever.
         self.located.fill(false);
         while let Some(index) = self.turned(script, forces.1, s + taken) {
             taken = self.locate(script, forces, (s, taken, index), left);
@@ -241,7 +245,8 @@ impl Fine {
         }
     }
 
-    /// Go from `s` up to where a contact turns that has turned by a step of `h`: how far.
+    /// Contact `index` closes or opens within a step of `h` from `s`: repeat the step up to that instant; returns its
+    /// length.
     fn locate(
         &mut self,
         script: &Script,
@@ -264,11 +269,11 @@ impl Fine {
         let mut low = (0.0, held(self, s).0);
         let mut high = (h, at_high);
         if (low.1 > 0.0) == (high.1 > 0.0) {
-            return 0.0; // it had turned before
+            return 0.0; // it had turned before `s`
         }
         let is_gap = !own.is_pulled_off() || at_high == state[0];
         for _ in 0..TRIES {
-            // Newton's step where what is looked for is the gap, whose slope is known.
+            // Newton's step if the criterion is the gap, whose slope is known.
             let newton = taken - state[0] / state[1];
             let secant = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
             let is_inside = newton > low.0 && newton < high.0;
@@ -283,7 +288,7 @@ impl Fine {
             }
             let found;
             (found, state) = held(self, s + taken);
-            // Half of what stays keeps the secant from creeping up from one side.
+            // Halving the value at the end that stays keeps the secant from approaching from one side only.
             if (found > 0.0) == (low.1 > 0.0) {
                 (low, high.1) = ((taken, found), 0.5 * high.1);
             } else {
@@ -293,14 +298,14 @@ impl Fine {
         taken
     }
 
-    /// Take the last step back.
+    /// Undo the last step.
     fn restore(&mut self) {
         self.way.copy_from_slice(&self.saved[0]);
         self.given.copy_from_slice(&self.saved[1]);
         self.laws.iter_mut().for_each(LawState::restore);
     }
 
-    /// The step from `s`.
+    /// Length of the step from `s`.
     fn length(&self, script: &Script, gates: &[f64], s: f64) -> f64 {
         let (steps, step) = (script.steps as f64, script.rate.step());
         let at = At::new(script.basis.n(), s);
@@ -316,7 +321,7 @@ impl Fine {
 
     /// One step of the contacts that push, and of all laws.
     fn leap(&mut self, script: &Script, forces: (&LawScript, &[f64]), s: f64, h: f64) {
-        // Half of what the bristles do before all else, and half after it.
+        // Half of the motion of bristles comes before all else, and half after it.
         self.bend(script, forces, (&At::new(script.basis.n(), s), 0.5 * h));
         let mut at_stage = 0.0;
         for (stage, [kick, drift]) in STAGES.iter().enumerate() {
@@ -327,7 +332,8 @@ impl Fine {
         self.bend(script, forces, (&At::new(script.basis.n(), s + h), 0.5 * h));
     }
 
-    /// Kicks of all contacts that push; in turn, as the losses of each need it, and back again in a step's second half.
+    /// Kicks of all contacts that push: one after the other, because of their losses, and in reverse order in a step's
+    /// second half.
     fn kick(
         &mut self,
         script: &Script,
@@ -354,7 +360,7 @@ impl Fine {
         }
     }
 
-    /// A contact that at `s` no longer pushes, or begins to, and was not located in this step.
+    /// A contact that stops or begins to push at `s`, and was not located in this step.
     fn turned(&self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
         let at = At::new(script.basis.n(), s);
         let others = (0..script.links.len()).filter(|&index| !self.located[index]);
@@ -386,7 +392,7 @@ impl Fine {
                     continue;
                 }
                 let (mut open, mut closed) = (from, to);
-                // Halving finds it to the last bit but a few.
+                // Bisection finds it to the last few bits.
                 while closed - open > 1e-13 && !closes(open) {
                     let half = 0.5 * (open + closed);
                     if closes(half) {
@@ -408,7 +414,7 @@ impl Fine {
         None
     }
 
-    /// The rest of a frame that would take too many steps: by the discrete gradient, stable at any length.
+    /// The rest of a frame that would take too many steps: by the discrete gradient, stable at any step length.
     fn finish(&mut self, script: &Script, laws: &LawScript, gates: &[f64], from: f64) {
         let n = script.basis.n();
         let h = (1.0 - from) / script.steps as f64;
@@ -429,7 +435,7 @@ impl Fine {
                         continue;
                     };
                     self.work.instants += 1;
-                    // Without the force of the last round.
+                    // Remove the force of the last round.
                     self.push(script, &own, -self.forces[index] * h * step, &middle);
                     std::mem::swap(&mut self.way, &mut self.saved[0]);
                     let [now, _] = self.look(script, &own, &start);

@@ -1,4 +1,4 @@
-//! A body between two frames: where its ports are at instants of a frame, and what impulses at such instants do.
+//! A body between two frames: positions of its ports at instants of a frame, and effects of impulses at such instants.
 
 use super::{ROOM, RunningModal, lanes};
 use crate::cell::Response;
@@ -9,17 +9,18 @@ use crate::state::Body;
 /// Tables for n instants of a frame, for every group of modes.
 #[derive(Clone, Debug)]
 pub(super) struct Between {
-    /// Weights of a mode's position now and at the next frame that make where it is at each instant   (n_groups, n)
+    /// Weights of a mode's position now and at the next frame that give its position at each instant   (n_groups, n)
     way: Vec<Vec<[Lanes; 2]>>,
-    /// What an impulse at each instant moves a mode by at the next frame, and has to add at the one after, for its
-    /// motion to be exact from then on   (n_groups, n), of complex modes for each port   (n_ports, n_groups, n)
+    /// Displacement of a mode at the next frame by an impulse at each instant, and what has to be added at the one
+    /// after so that the motion is exact from then on   (n_groups, n); for complex modes, for each port   (n_ports,
+    /// n_groups, n)
     kick: Vec<Vec<Vec<[Lanes; 2]>>>,
 }
 
 const WHOLE: Lanes = Lanes([1.0; LANES]);
 
 impl RunningModal {
-    /// Make tables for instants of a frame, 0 to 1: for continuous modes alone.
+    /// Make tables for instants of a frame, 0 to 1; only for continuous modes.
     pub(crate) fn divide(&mut self, instants: &[f64]) {
         let plan = &self.script.plan;
         let (modes, rate) = (&plan.modes, plan.rate);
@@ -62,7 +63,7 @@ impl RunningModal {
         });
     }
 
-    /// What an impulse at one port moves another by, `t` [s] later [m/N·s]; continued to before it.
+    /// Displacement of a port by an impulse at another, `t` [s] after it [m/N·s]; extended to times before it.
     pub(crate) fn response(&self, from: usize, to: usize, t: f64) -> f64 {
         let plan = &self.script.plan;
         if let Some(answers) = &plan.answers {
@@ -101,7 +102,7 @@ impl RunningModal {
         all.iter().map(Response::reach).fold(0.0, f64::max)
     }
 
-    /// Where a port goes in this frame if nothing more pushes it [m], at each instant (n).
+    /// Write the positions of a port in this frame, at each instant (n), if nothing more pushes it [m].
     pub(crate) fn way(&mut self, port: usize, way: &mut [f64]) {
         let script = self.script.clone();
         self.back(&script);
@@ -109,12 +110,12 @@ impl RunningModal {
         way.fill(script.plan.ports[port].rest);
         let Some(between) = &self.between else { return };
         for ((motion, table), rows) in self.motions.iter().zip(&between.way).zip(&script.rows) {
-            // One frame ahead: what is `before` there is the present.
+            // The motions are one frame ahead: their `before` is the present.
             ports::add_path(&rows[port], table, &motion.before, &motion.now, way);
         }
     }
 
-    /// Take impulses [N·s] at the instants of this frame on a port (n).
+    /// Take impulses [N·s] on a port at the instants of this frame (n).
     pub(crate) fn give(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
         let script = self.script.clone();
         self.back(&script);
@@ -127,7 +128,7 @@ impl RunningModal {
         {
             let rows = &script.rows[group];
             let mut kicks = [Lanes::ZERO; 2];
-            // Answers of complex modes have their shares in them.
+            // The responses of complex modes already contain these shares.
             let share = if is_complex { &WHOLE } else { &rows[port] };
             ports::kick(impulses, table, share, &mut kicks);
             ports::add(&mut self.pending[group], &kicks[1], 1.0);

@@ -1,4 +1,4 @@
-//! What a plan says of a body that goes by its modes.
+//! The plan of a body that is computed by its modes.
 
 use std::sync::Arc;
 
@@ -11,22 +11,22 @@ use crate::units::Rate;
 pub(crate) struct Port {
     /// The MAT in the island.
     pub(crate) mat: usize,
-    /// Where it is when the body rests [m].
+    /// Its position when the body rests [m].
     pub(crate) rest: f64,
-    /// How much of it each mode gives and feels   (n_modes)
+    /// Weight of each mode in its position, and of its force on each mode   (n_modes)
     pub(crate) shape: Vec<f64>,
 }
 
 /// Strikes on one point of a body.
 #[derive(Clone, Debug)]
 pub(crate) struct Struck {
-    /// How much of them each mode feels   (n_modes)
+    /// Weight of a strike on each mode   (n_modes)
     pub(crate) shape: Vec<f64>,
     /// Frame, part of a frame after it, impulse [N·s]; rising.
     pub(crate) blows: Vec<(u64, f64, f64)>,
 }
 
-/// κ = (ω₀T)² of a mode that nothing draws back, to rounding: all others have 1e-8 and more.
+/// κ = (ω₀T)² below which a mode has no restoring force but rounding: all others have 1e-8 and more.
 const LOOSE: f64 = 1e-12;
 
 /// A mode of mass 1.
@@ -35,15 +35,15 @@ pub(crate) struct Mode {
     /// x[n+1] = a·x[n] − b·x[n−1]
     pub(crate) a: f64,
     pub(crate) b: f64,
-    /// What a newton of one frame moves it by the next [m].
+    /// Displacement at the next frame by 1 N during one frame [m].
     pub(crate) gain: f64,
     pub(crate) now: f64,
     pub(crate) before: f64,
-    /// Its continuous motion; none where a strike acts in one step.
+    /// Its continuous motion; `None` if a strike acts in one step.
     pub(crate) cell: Option<Cell>,
 }
 
-/// Which part of which complex mode an oscillator is, and the sign with which it is seen.
+/// The complex mode and the part of it that an oscillator is, and the sign with which it is seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ComplexPart {
     pub(crate) mode: usize,
@@ -51,47 +51,47 @@ pub(crate) struct ComplexPart {
     pub(crate) sign: f64,
 }
 
-/// How parts of complex modes answer: a push moves each in another phase, by where it acts.
+/// Responses of the parts of complex modes: a push moves each with a phase that depends on where it acts.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Answers {
-    /// How many complex modes there are.
+    /// Number of complex modes.
     pub(crate) n_modes: usize,
-    /// Which part of which each is   (n_modes of the body)
+    /// The part of a complex mode that each mode is   (n_modes of the body)
     pub(crate) places: Vec<ComplexPart>,
-    /// To 1 N·s at each port   (n_ports, n_modes)
+    /// Responses to 1 N·s at each port   (n_ports, n_modes)
     pub(crate) ports: Vec<Vec<Response>>,
-    /// At each point that is struck   (n_struck, n_modes)
+    /// Responses to 1 N·s at each point that is struck   (n_struck, n_modes)
     pub(crate) struck: Vec<Vec<Response>>,
 }
 
-/// What a plan says of a body.
+/// The plan of a body.
 #[derive(Clone, Debug)]
 pub(crate) struct Modal {
-    /// The body by itself, and which of its modes these are.
+    /// The network of the body, and which of its modes these are.
     pub(crate) of: Arc<Network>,
     pub(crate) kept: Vec<u32>,
-    /// Its MATs that modes of one frequency were turned towards; none where they are as they were found.
+    /// MATs towards which modes of one frequency were turned; `None`: the modes are as they were found.
     pub(crate) turned: Option<Vec<usize>>,
     pub(crate) modes: Vec<Mode>,
     pub(crate) ports: Vec<Port>,
-    /// Outputs that hear it, and how much of each mode   (n_modes)
+    /// Outputs that hear it, each with weights of the modes   (n_modes)
     pub(crate) heard: Vec<(u32, Vec<f64>)>,
-    /// What outputs hear of where it rests.
+    /// Constant part of each of these outputs, from the rest position.
     pub(crate) still: Vec<f64>,
     pub(crate) struck: Vec<Struck>,
     pub(crate) rate: Rate,
-    /// Where the modes are parts of complex ones; they are seen by their shapes.
+    /// Responses, if the modes are parts of complex ones; ports and outputs see them by their shapes.
     pub(crate) answers: Option<Answers>,
 }
 
 impl Modal {
-    /// Whether the discrete network is the truth.
+    /// Whether the modes are those of the discrete network, and not of a continuous motion.
     pub(crate) fn is_discrete(&self) -> bool {
         self.answers.is_none() && self.modes.first().is_some_and(|mode| mode.cell.is_none())
     }
 
-    /// What a newton of one frame at a port moves a mode by at the next frame, and at this one [m]: as if it had come from
-    /// there.
+    /// Displacement of a mode by 1 N during one frame at a port [m]: at the next frame, and at this one, so that the
+    /// free motion from there on is that of the response.
     pub(crate) fn gain(&self, port: usize, mode: usize) -> [f64; 2] {
         match &self.answers {
             Some(answers) => {
@@ -102,7 +102,7 @@ impl Modal {
         }
     }
 
-    /// How a mode goes on between two frames; none where the discrete network is the truth.
+    /// The continuous motion of a mode between two frames; `None` for modes of the discrete network.
     pub(crate) fn response(&self, mode: usize) -> Option<Response> {
         match &self.answers {
             Some(answers) => answers.ports.first().map(|port| port[mode]),
@@ -110,8 +110,8 @@ impl Modal {
         }
     }
 
-    /// Started against forces that act on its ports at frame 0 (n_mat of the island): as any MAT, each mode
-    /// comes from ½·F·gain further back.
+    /// The body started against forces that act on its ports at frame 0 (n_mat of the island): as for any MAT, the
+    /// position of each mode one frame earlier is shifted by ½·F·gain.
     pub(crate) fn pushed(&self, force: &[f64]) -> Self {
         let mut own = self.clone();
         if let Some(answers) = &self.answers {
@@ -119,7 +119,7 @@ impl Modal {
             for (answers, port) in answers.ports.iter().zip(&self.ports) {
                 let impulse = 0.5 * step * force[port.mat];
                 for (mode, answer) in own.modes.iter_mut().zip(answers) {
-                    // As if it had been pushed half as long from the other side.
+                    // The response to half the impulse of a frame is subtracted from both positions.
                     mode.now -= impulse * answer.at(0.0);
                     mode.before -= impulse * if mode.b == 0.0 { 0.0 } else { answer.at(-step) };
                 }
@@ -136,7 +136,7 @@ impl Modal {
         own
     }
 
-    /// Frequency of a mode [Hz], as its recurrence turns.
+    /// Frequency of a mode [Hz].
     pub(crate) fn frequency(&self, mode: usize) -> f64 {
         let Mode { a, b, .. } = self.modes[mode];
         if let Some(Response::Pair { omega, .. }) = self.response(mode) {
@@ -153,14 +153,14 @@ impl Modal {
         }
     }
 
-    /// What a newton for ever moves a mode by [m]; none where nothing draws it back.
+    /// Static displacement of a mode under 1 N [m]; `None` if it has no restoring force.
     pub(crate) fn compliance(&self, mode: usize) -> Option<f64> {
         let Mode { a, b, gain, .. } = self.modes[mode];
         let drawn = 1.0 - a + b;
         (drawn > LOOSE).then(|| gain / drawn)
     }
 
-    /// Whether it has the same modes, seen alike: what strikes it may differ.
+    /// Whether another body has the same modes and shapes; its strikes may differ.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let numbers = |mode: &Mode| (mode.a, mode.b, mode.gain, mode.cell);
         let ports = |ports: &[Port]| -> Vec<(f64, Vec<f64>)> {
@@ -185,7 +185,7 @@ impl Modal {
                 == other.answers.as_ref().map(|own| &own.ports)
     }
 
-    /// With some of the modes only.
+    /// The body with some of its modes only.
     pub(crate) fn only(&self, kept: &[usize]) -> Self {
         let some = |shape: &[f64]| kept.iter().map(|&mode| shape[mode]).collect();
         Self {
@@ -233,7 +233,7 @@ impl Modal {
         }
     }
 
-    /// What a newton of one frame at a port moves the port itself by the next [m].
+    /// Displacement of a port at the next frame by 1 N on it during one frame [m].
     pub(crate) fn give(&self, port: usize) -> f64 {
         if self.answers.is_some() {
             let terms = self.ports[port].shape.iter().enumerate();

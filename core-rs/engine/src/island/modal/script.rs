@@ -1,27 +1,28 @@
-//! What does not change of a body while it plays: its modes in groups, as kernels take them.
+//! The constant data of a running body: its modes in groups, as kernels take them.
 
 use super::plan::{Modal, Mode};
 use crate::kernel::bank::{LANES, Lanes, Rates};
 
-/// What does not change while it plays.
+/// The constant data of a running body.
 #[derive(Clone, Debug)]
 pub(super) struct Script {
     pub(super) plan: Modal,
     /// (n_groups)
     pub(super) rates: Vec<Rates>,
-    /// What each row sees of each group: ports first, then outputs   (n_groups, n_rows)
+    /// Weights of each group's modes in each row: ports first, then outputs   (n_groups, n_rows)
     pub(super) rows: Vec<Vec<Lanes>>,
-    /// What a newton at each port does to each group   (n_groups, n_ports)
+    /// Displacement of each group by 1 N at each port: at the next frame   (n_groups, n_ports)
     pub(super) gains: Vec<Vec<Lanes>>,
-    /// What it does to where each group has been, of complex modes   (n_groups, n_ports), else none
+    /// The same at the present frame, for complex modes   (n_groups, n_ports), else empty
     pub(super) back_gains: Vec<Vec<Lanes>>,
-    /// What a newton at each port moves each row by at the next frame   (n_rows, n_ports)
+    /// Displacement of each row at the next frame by 1 N at each port   (n_rows, n_ports)
     pub(super) moves: Vec<Vec<f64>>,
     /// By rising frame.
     pub(super) blows: Vec<Blow>,
 }
 
-/// Its frame, which strikes, which of them, and whether it is the second step of two.
+/// A frame, the index of the struck point, the index of the blow at that point, and whether this is the second of its
+/// two steps.
 pub(super) type Blow = (u64, usize, usize, bool);
 
 /// One number of each mode of a group.
@@ -83,7 +84,7 @@ impl Script {
         }
     }
 
-    /// What one blow does to every mode.
+    /// Write the effect of one blow on every mode into `kicks`.
     pub(super) fn strike(&self, (_, strikes, blow, second): Blow, kicks: &mut [Lanes]) {
         let struck = &self.plan.struck[strikes];
         let (_, alpha, impulse) = struck.blows[blow];

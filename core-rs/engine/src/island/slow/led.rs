@@ -1,13 +1,14 @@
 //! A port of a slow body that a hand leads along a path.
 //!
-//! Its springs pull once in R frames, for R frames. Between two pulls a free port is therefore first ahead of its true
-//! velocity by half a pull, and behind by as much before the next. A hand that has it pass a point at every frame
-//! takes that away: each time before the springs pull, and where the hand lets go, it is given back.
+//! Its springs pull once in R frames, with the impulse of R frames. Between two pulls a free port is therefore ahead of
+//! its true velocity by half a pull at first, and behind by as much before the next. A hand that makes the port pass a
+//! point at every frame removes this difference. It is given back each time before the springs pull, and when the hand
+//! lets go.
 
 use super::RunningSlow;
 
 impl RunningSlow {
-    /// What a port has of its last pull for each frame [m a frame].
+    /// The last pull of a port, per frame between pulls [m a frame].
     fn pull(&self, mat: usize) -> f64 {
         let port = self.plan.ports.iter().find(|port| port.1 == mat);
         port.map_or(0.0, |&(own, _)| {
@@ -15,20 +16,20 @@ impl RunningSlow {
         })
     }
 
-    /// By how much a free port is ahead of its true velocity, so many frames after a pull [pulls for a frame].
+    /// By how much a free port is ahead of its true velocity `since` frames after a pull, as a multiple of `pull`.
     pub(super) fn ahead(&self, since: u32) -> f64 {
         0.5 + 0.5 * f64::from(self.plan.macrostep) - f64::from(since)
     }
 
-    /// What a port that was led to this frame needs to go on as a free one [m a frame].
+    /// Velocity that a port that was led to this frame needs in order to continue as a free one [m a frame].
     pub(crate) fn release(&self, mat: usize) -> f64 {
         if self.since == 0 {
-            return 0.0; // given already
+            return 0.0; // `release_at_pull` gave it already
         }
         self.pull(mat) * self.ahead(self.since)
     }
 
-    /// The same, where the next frame is that of a pull.
+    /// The same, if the springs pull in the next frame; else 0.
     pub(crate) fn release_at_pull(&self, mat: usize) -> f64 {
         let every = self.plan.macrostep;
         if self.since + 1 < every {
@@ -37,7 +38,7 @@ impl RunningSlow {
         self.pull(mat) * self.ahead(every)
     }
 
-    /// Give it to a port of the island at the end of this frame.
+    /// Add a velocity to a port of the island at the end of this frame.
     pub(crate) fn give(&mut self, mat: usize, velocity: f64) {
         let ports = self.plan.ports.iter().zip(&mut self.given);
         for (_, given) in ports.filter(|(port, _)| port.1 == mat) {
@@ -45,7 +46,8 @@ impl RunningSlow {
         }
     }
 
-    /// What two frames do not tell of a port's velocity [m a frame] and of its change a frame.
+    /// Corrections of a port's velocity [m a frame] and of its change a frame, if both are estimated from successive
+    /// frames.
     pub(crate) fn lack(&self, mat: usize, is_led: bool) -> [f64; 2] {
         let every = f64::from(self.plan.macrostep);
         let pull = self.pull(mat);

@@ -1,7 +1,8 @@
-//! How the springs of a slow body pull once every R frames: linear ones by their exact flow, springs in space by a step of CA.
+//! How the springs of a slow body pull once every R frames: linear ones by their exact flow, springs in space by a step
+//! of CA.
 //!
-//! A step of CA over R frames is a kick and straight motion too: d += R²·F/M − κ(x − rest) − ζd, then x += d. Its first half
-//! is the kick; the body goes straight by itself.
+//! A step of CA over R frames also consists of a kick and straight motion: d += R²·F/M − κ(x − rest) − ζd, then x += d.
+//! Only the kick is taken from it; the body itself computes the straight motion.
 
 use std::sync::Arc;
 
@@ -16,14 +17,14 @@ use crate::state::Body;
 /// How the springs pull.
 #[derive(Clone, Debug)]
 pub(crate) enum Springs {
-    /// As long as the exact motion of linear springs takes them.
+    /// Linear springs, by their exact flow.
     Exact(Arc<Flow>),
     /// By the CA scheme of the body's own rate: springs in space, which are not linear.
     Stepped(Arc<Scheme>),
 }
 
 impl Springs {
-    /// The springs of a body of that network while it runs.
+    /// The running springs of a body of that network.
     pub(super) fn running(&self, network: &Network) -> RunningSprings {
         match self {
             Self::Exact(flow) => RunningSprings::Exact(flow.clone()),
@@ -34,7 +35,7 @@ impl Springs {
     }
 }
 
-/// Springs that pull.
+/// Running springs.
 #[derive(Clone, Debug)]
 pub(super) enum RunningSprings {
     Exact(Arc<Flow>),
@@ -42,7 +43,7 @@ pub(super) enum RunningSprings {
 }
 
 impl RunningSprings {
-    /// The velocities of the first straight motion [m a frame], where masses begin `bent` from rest [m] (n each).
+    /// The velocities of the first straight motion [m a frame], if masses begin `bent` from rest [m] (n each).
     pub(super) fn start(&mut self, slow: &Slow, bent: &[f64]) -> Vec<f64> {
         match self {
             Self::Exact(flow) => flow.start(bent, &slow.v0),
@@ -55,8 +56,8 @@ impl RunningSprings {
         }
     }
 
-    /// Velocities after a pull at positions `x`, from those `before`, or from rest [m a frame] (n each). `bent` is room for
-    /// the way back to where linear springs rest.
+    /// Velocities after a pull at positions `x`, from those `before`, or from rest [m a frame] (n each). `bent` is a
+    /// buffer for displacements of linear springs.
     pub(super) fn pull(
         &mut self,
         slow: &Slow,
@@ -77,7 +78,7 @@ impl RunningSprings {
     }
 }
 
-/// A step of CA of the body's own network. It has no memory: what it needs is put in before each step.
+/// A step of CA of the body's own network. Positions and velocities are set before each step.
 #[derive(Clone, Debug)]
 pub(super) struct SteppedSprings {
     scheme: Arc<Scheme>,

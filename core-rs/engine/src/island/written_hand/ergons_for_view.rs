@@ -1,22 +1,23 @@
-//! Sparks: the ergons of a voice as pages draw them. Those of a stream are gathered, one a frame, for nobody sees 44,100
-//! a second.
+//! Sparks: the ergons of a voice as pages draw them. Ergons that lead along a path may come at every frame and are
+//! merged, because nobody sees 44,100 a second.
 
 use crate::island::record::Record;
 
-/// Ergons that are told one by one between two looks, before others are gathered.
+/// Sparks that may be separate between two calls of [`Sparks::take`], before ergons are merged.
 const SINGLE: usize = 14;
-/// How many sparks a voice has between two looks at most: the last two gather what finds no other room, one for each sign.
+/// Most sparks of a voice between two calls of [`Sparks::take`]: the last two merge all ergons that find no other room,
+/// one for each sign.
 pub(crate) const ROOM: usize = SINGLE + 2;
-/// An ergon of a stream joins the last one of its sign where that came so little before it [s].
+/// An ergon of a stream is merged with the last one of its sign that came less than this before it [s].
 const TOGETHER: f64 = 1e-3;
 
-/// Ergons of one sign that are seen as one.
+/// Ergons of one sign that are shown as one.
 #[derive(Clone, Copy, Debug, Default)]
 struct Spark {
     first: Record,
     /// Instant of the last [s].
     last: f64,
-    /// Their impulses together [N·s].
+    /// Sum of their impulses [N·s].
     impulse: f64,
     /// Sums of impulse · time since the first [N·s²], and of impulse · (speed − that of the first) [N·m].
     moments: [f64; 2],
@@ -38,7 +39,7 @@ impl Spark {
         (self.impulse > 0.0) == (ergon.impulse > 0.0)
     }
 
-    /// Whether an ergon of a stream goes on with it.
+    /// Whether an ergon of a stream continues it.
     fn goes_on(&self, ergon: &Record) -> bool {
         self.is_stream && self.is_like(ergon) && ergon.time - self.last <= TOGETHER
     }
@@ -51,7 +52,7 @@ impl Spark {
         self.last = ergon.time;
     }
 
-    /// One ergon with the impulse of all; its instant and speed are theirs in the mean, by their impulses.
+    /// One ergon with the sum of the impulses; its instant and speed are means weighted by impulse.
     fn seen(&self) -> Record {
         let [time, speed] = self.moments.map(|moment| moment / self.impulse);
         Record {
@@ -63,16 +64,16 @@ impl Spark {
     }
 }
 
-/// The sparks of a voice since somebody last looked.
+/// The sparks of a voice since they were last taken.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sparks {
-    /// (ROOM); none: nobody looks.
+    /// (ROOM); `None`: nobody watches.
     room: Option<Box<[Spark; ROOM]>>,
     n: usize,
 }
 
 impl Sparks {
-    /// Whether somebody looks.
+    /// Whether sparks are watched.
     pub(crate) fn are_watched(&self) -> bool {
         self.room.is_some()
     }
@@ -83,7 +84,7 @@ impl Sparks {
         self.n = 0;
     }
 
-    /// Note an ergon: one of a stream, or a strike for itself.
+    /// Note an ergon: one of a stream, or a single strike.
     pub(crate) fn add(&mut self, ergon: &Record, is_stream: bool) {
         let Some(room) = &mut self.room else { return };
         if ergon.impulse == 0.0 || !ergon.impulse.is_finite() {
@@ -102,7 +103,7 @@ impl Sparks {
         }
     }
 
-    /// Tell of each of them, and begin anew.
+    /// Tell each spark, and begin anew.
     pub(crate) fn take(&mut self, tell: impl FnMut(Record)) {
         let n = std::mem::take(&mut self.n);
         let room = self.room.iter().flat_map(|room| &room[..n]);

@@ -6,9 +6,10 @@ use crate::gesture::placed::Placed;
 use crate::gesture::script::{Gesture, Stretch};
 use crate::units::{floor_frame, score_frame};
 
-/// An instant this close before a frame [frames] falls on it: dividing beats by a tempo leaves so much.
+/// An instant this close before a frame [frames] falls on it: dividing beats by a tempo leaves such a rounding error.
 const SLACK: f64 = 1e-6;
-/// Half-way between two frames a knot is rounded up, whatever the last bit of its instant [frames].
+/// Added to the instant of a knot [frames], so that one half-way between two frames is rounded up whatever its last
+/// bit.
 const KNOT_SLACK: f64 = 1e-6;
 
 /// A stretch of a gesture. Legs cover the targets (frames at which a position is due) one after
@@ -76,7 +77,8 @@ impl FramedGesture {
                 },
                 Stretch::Throw { from, to, x, .. } => {
                     let (from, to) = (frame(from), frame(to));
-                    // Half-way to the next frame of the score a path gives way to the strike before its end.
+                    // Rounded to a frame of the score, the strike may come before the end of the path: the path then
+                    // ends at the strike.
                     match legs.last_mut() {
                         Some(Leg::Path { last, .. }) => *last = from.min(*last),
                         Some(Leg::Throw { .. }) => {}
@@ -110,7 +112,7 @@ impl FramedGesture {
     /// The frame after `n` at which the next grain is due: a multiple of the grain since the start,
     /// or a written point before it.
     pub(crate) fn knot_after(&self, n: u64, grain: f64, rate: f64) -> u64 {
-        // Of grains shorter than a frame one is due at every frame; there may be too many to count.
+        // Grains shorter than a frame of the score are due at every such frame; there may be too many to count.
         let times = u64::from(self.oversampling);
         let score_rate = rate / f64::from(self.oversampling);
         if grain * score_rate <= 1.0 {

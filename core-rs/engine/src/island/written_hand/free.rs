@@ -1,4 +1,4 @@
-//! The free key: the key alone, as a gesture was written for it.
+//! The free key: a copy of the key alone, for which a gesture is written.
 
 pub(crate) mod leap;
 
@@ -14,17 +14,18 @@ use crate::state::{Body, Target};
 use crate::timeline::Drive;
 use leap::Leap;
 
-/// Enough for a nonlinear key: the secant multiplies its digits by 1.6 a round.
+/// Most rounds: enough for a non-linear key, because the secant method multiplies the number of correct digits by 1.6 a
+/// round.
 const ROUNDS_MAX: usize = 40;
 
-/// Frames between two looks at whether a trial run is to end: some 50 µs.
+/// Frames between two polls for an interrupt in a trial run: some 50 µs.
 const LOOK: u64 = 4096;
 
-/// A key that a strike moves by less than this part of what it would move a free mass comes back
-/// where it was (a multiple of half its period), or never gets there: the rest is rounding.
+/// A key that a strike moves by less than this share of what it would move a free mass comes back to where it was
+/// (after a multiple of half its period), or never gets there: the rest is rounding.
 const REACH_MIN: f64 = 1e-9;
 
-/// A key's part on its own. Constant while it runs; its motion is a `Body`.
+/// A key's part on its own. Constant while it runs; what changes is its [`Motion`].
 #[derive(Clone, Debug)]
 pub(crate) struct FreeKey {
     pub(crate) scheme: Arc<Scheme>,
@@ -34,11 +35,11 @@ pub(crate) struct FreeKey {
     pub(crate) members: Vec<usize>,
     /// Forces and imposed points inside the key (its weight, say), with indices of the free key.
     pub(crate) drives: Vec<Drive>,
-    /// What of it goes at a slow rate, as the key in the scene does.
+    /// Its slow bodies, as in the scene's key.
     pub(crate) slow: Vec<Slow>,
 }
 
-/// How a free key moves.
+/// The motion of a free key.
 #[derive(Clone, Debug)]
 pub(crate) struct Motion {
     pub(crate) body: Body,
@@ -48,7 +49,8 @@ pub(crate) struct Motion {
 crate::archive::state!(Motion { body, slow });
 
 impl FreeKey {
-    /// Whether a motion of another is one of its own: the names of MATs are asked of the scenes.
+    /// Whether the motion of another free key fits this one; `own` and `their` give the names of MATs in the two
+    /// scenes.
     pub(crate) fn is_like(
         &self,
         other: &Self,
@@ -68,7 +70,7 @@ impl FreeKey {
     }
 }
 
-/// The force near `guess` [N] with which what rises with the force, by `w` for each newton at most, is 0 [m].
+/// The force near `guess` [N] at which `off` is 0 [m]; `off` rises with the force by at most `w` [m/N].
 fn meet(guess: f64, w: f64, off: &mut dyn FnMut(f64) -> f64) -> f64 {
     let (mut a, mut at_a) = (guess, off(guess));
     if at_a.abs() <= kernel::STILL {
@@ -102,7 +104,7 @@ fn meet(guess: f64, w: f64, off: &mut dyn FnMut(f64) -> f64) -> f64 {
 }
 
 impl Motion {
-    /// Take over another's motion without allocating.
+    /// Copy another's motion without allocating.
     fn copy_motion(&mut self, other: &Self) {
         self.body.copy_motion(&other.body);
         for (own, other) in self.slow.iter_mut().zip(&other.slow) {
@@ -115,18 +117,18 @@ impl Motion {
         self.slow.iter_mut().for_each(|slow| slow.seek(n));
     }
 
-    /// Where nothing moves it: so many frames later, or earlier.
+    /// For a key at rest: advance by `frames`, which may be negative.
     pub(crate) fn turn(&mut self, frames: i64) {
         self.slow.iter_mut().for_each(|slow| slow.turn(frames));
     }
 
-    /// The most frames between two kicks of a slow part.
+    /// Most frames between two kicks of a slow part.
     pub(crate) fn every(&self) -> u32 {
         let each = self.slow.iter().map(slow::RunningSlow::every);
         each.max().unwrap_or(1)
     }
 
-    /// Its MATs were set going: what of it is slow goes with them.
+    /// Set slow bodies from the MATs, after these were set.
     pub(crate) fn settle(&mut self) {
         for slow in &mut self.slow {
             slow.put_ports(&self.body);
@@ -134,12 +136,13 @@ impl Motion {
         }
     }
 
-    /// The velocity [m a frame] that a MAT lacks where a path lets it go.
+    /// The velocity that a MAT lacks when a path ends for it [m a frame].
     fn release(&self, mat: usize) -> f64 {
         self.slow.iter().map(|slow| slow.release(mat)).sum()
     }
 
-    /// What a MAT that is led along a path is to be given before its springs pull, at the end of this frame.
+    /// Give a MAT that is led along a path the velocity that it lacks, if its springs pull next; returns it [m a
+    /// frame].
     pub(crate) fn release_at_pull(&mut self, mat: usize) -> f64 {
         let mut given = 0.0;
         for slow in &mut self.slow {
@@ -150,20 +153,21 @@ impl Motion {
         given
     }
 
-    /// What two frames do not tell of the velocity [m a frame] of a MAT and its change a frame.
+    /// Corrections of a MAT's velocity [m a frame] and of its change a frame, if both are estimated from successive
+    /// frames.
     pub(crate) fn lack(&self, mat: usize, is_led: bool) -> [f64; 2] {
         let each = self.slow.iter().map(|slow| slow.lack(mat, is_led));
         each.fold([0.0; 2], |[v, a], [dv, da]| [v + dv, a + da])
     }
 }
 
-/// Scratch room of one voice.
+/// Buffers of one voice.
 #[derive(Clone, Debug)]
 pub(crate) struct Room {
     pub(crate) coast: Motion,
     pub(crate) laws: Laws,
     pub(crate) targets: Vec<Target>,
-    /// Where the key is one affine map a frame.
+    /// Present if one frame of the key is an affine map.
     pub(crate) leap: Option<Leap>,
 }
 
@@ -179,14 +183,13 @@ impl FreeKey {
         Motion { body, slow }
     }
 
-    /// All of it at 0, and still.
+    /// The motion of a key at 0, at rest.
     pub(crate) fn at_rest(&self) -> Motion {
         let still = vec![0.0; self.scheme.n_mat()];
         self.start(Body::new(&self.scheme, still.clone(), still))
     }
 
-    /// The key of a gesture that is laid over another: displacements from where the other holds it,
-    /// contacts open.
+    /// The free key of a layer: its positions are displacements from the motion of the voice below, with contacts open.
     pub(crate) fn deviation(&self) -> Self {
         let mut scheme = (*self.scheme).clone();
         scheme.rest.fill(0.0);
@@ -201,8 +204,8 @@ impl FreeKey {
         }
     }
 
-    /// Whether `steps` are more than a quarter of the key's own period: past it knots are met, but
-    /// the way between them swings far outside. A struck key at rest is back after half a period.
+    /// Whether `steps` are more than a quarter of the key's own period. Beyond it, knots are met, but the motion
+    /// between them swings far outside. A struck key at rest is back after half a period.
     pub(crate) fn is_past_quarter(&self, steps: u64) -> bool {
         let free = self.deviation();
         let mut motion = free.at_rest();
@@ -220,7 +223,7 @@ impl FreeKey {
         })
     }
 
-    /// Sum the forces at frame `n`, but for the ergon's.
+    /// Sum the forces at frame `n`, without that of the ergon.
     pub(crate) fn forces(
         &self,
         motion: &mut Motion,
@@ -249,7 +252,7 @@ impl FreeKey {
         if scheme.exact.is_empty() {
             return kernel::needed(scheme, body, struck, x);
         }
-        // What exact contacts give depends on where the ergon takes the MAT: solve them there.
+        // The force of exact contacts depends on where the ergon takes the MAT, so they are solved for that position.
         let coast = &mut room.coast.body;
         coast.copy_motion(body);
         coast.force.copy_from_slice(&body.force);
@@ -265,7 +268,7 @@ impl FreeKey {
         if !scheme.has_dry() {
             return force;
         }
-        // Where friction turns within the frame, how much of it acts each way depends on the ergon.
+        // If friction changes direction within the frame, how much of it acts each way depends on the ergon.
         let mut off = |force: f64| {
             let coast = &mut room.coast.body;
             coast.copy_motion(body);
@@ -277,7 +280,7 @@ impl FreeKey {
         meet(force, scheme.w[struck], &mut off)
     }
 
-    /// The force on the struck MAT with which it goes on by itself where a path ends [N].
+    /// The force on the struck MAT that lets it continue freely where a path ends [N].
     pub(crate) fn release(&self, motion: &Motion) -> f64 {
         motion.release(self.struck) / self.scheme.w[self.struck]
     }
@@ -300,7 +303,7 @@ impl FreeKey {
         slow.iter().for_each(|slow| slow.place(body));
     }
 
-    /// Where the struck MAT is at frame `to`, from `motion` at frame `n`, struck once now [m].
+    /// Position of the struck MAT at frame `to`, from `motion` at frame `n`, with one strike at frame `n` [m].
     fn coast(&self, motion: &Motion, n: u64, to: u64, force: f64, room: &mut Room) -> f64 {
         let Room {
             coast,
@@ -326,8 +329,8 @@ impl FreeKey {
         coast.body.x[self.struck]
     }
 
-    /// The force at frame `n` that makes the struck MAT pass `x` at frame `to`; 0 where no force can
-    /// (a multiple of half the key's period).
+    /// The force at frame `n` that makes the struck MAT pass `x` at frame `to`; 0 if no force can (after a multiple of
+    /// half the key's period).
     pub(crate) fn aim(&self, motion: &Motion, n: u64, to: u64, x: f64, room: &mut Room) -> f64 {
         let (mut f0, mut y0) = (0.0, self.coast(motion, n, to, 0.0, room));
         // A first guess as for a free mass: F·T²/m·steps = distance.

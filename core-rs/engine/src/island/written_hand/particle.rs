@@ -1,4 +1,4 @@
-//! Particle ergons: real MAS that meet the key through a magic BUT of two steps, K = 2μ.
+//! Particle ergons: real MAS that hit the key through a BUT whose contact lasts two steps, K = 2μ.
 
 use crate::scheme::Scheme;
 use crate::state::Body;
@@ -6,9 +6,9 @@ use crate::state::Body;
 /// Speed of approach [m/s]: fixed, so that the mass carries the impulse and the speed stays far above
 /// any key's (error of the impulse below 1e-6 for velocity steps from 1e-5 to 0.5 m/s).
 pub(crate) const SPEED: f64 = 1000.0;
-/// A contact lasts two steps; dense ergons come every step.
+/// Most particles near the key at once: a contact lasts two steps, and dense ergons come every step.
 const AT_ONCE: usize = 4;
-/// Once this far out a particle never returns [m]: it leaves at 23 mm a step.
+/// A particle this far out never returns [m]: it leaves at 23 mm a step.
 const GONE: f64 = 1e-3;
 
 /// A particle near the key.
@@ -58,9 +58,9 @@ impl Flight {
         self.0.iter().all(|particle| particle.k == 0.0)
     }
 
-    /// Launch a particle whose contact gives impulse `force`·T now: it flew in freely and touched one
-    /// step ago. Returns its mass [kg] and velocity [m/s]; `None` where no particle of that speed
-    /// can carry so much.
+    /// Launch a particle whose contact gives impulse `force`·T now: it flew in freely and touched one step ago. Returns
+    /// its mass [kg] and velocity [m/s]; `None` if no particle of that speed can carry that impulse, or too many are
+    /// near.
     pub(crate) fn launch(
         &mut self,
         scheme: &Scheme,

@@ -1,4 +1,4 @@
-//! One voice of a key: its gestures in order, its free copy, and what it asks at each frame.
+//! One voice of a key: its gestures in order, its free copy of the key, and the positions that it asks for.
 
 mod answer;
 mod join;
@@ -23,10 +23,10 @@ use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 use join::Joining;
 
-/// A layer's free key is at rest below this, in metres and in metres a second: far below what is heard.
+/// A layer's free key counts as at rest below this, in metres and in metres a second: far below what is heard.
 const AT_REST: f64 = 1e-12;
 
-/// What never changes of a voice.
+/// The constant data of a voice.
 #[derive(Clone, Debug)]
 pub(crate) struct VoiceScript {
     /// Index of the key.
@@ -36,13 +36,13 @@ pub(crate) struct VoiceScript {
     pub(crate) free: FreeKey,
     /// Gestures by rising start, as indices into the timeline's.
     pub(crate) gestures: Vec<usize>,
-    /// The voice adds to another: its path is a deviation, and the scene's key is not held against it.
+    /// Whether the voice adds to another: its path is then a deviation, and the scene's key is not compared with it.
     pub(crate) layer: bool,
     /// Links that join the struck MAT to other parts, each with the MAT at its other end.
     pub(crate) meets: Vec<(usize, usize)>,
 }
 
-/// What moves of a voice.
+/// The state of a voice.
 #[derive(Clone, Debug)]
 pub(crate) struct Voice {
     free: Motion,
@@ -53,13 +53,13 @@ pub(crate) struct Voice {
     pub(crate) sparks: Sparks,
     /// The gesture that runs.
     now: Option<Running>,
-    /// The key is held on its path in this frame: the ergon is known once all other forces are.
+    /// Present if the key is held on its path in this frame: the ergon is known once all other forces are.
     held: Option<TrackedFrame>,
-    /// A path led it to this frame.
+    /// Whether a path led the key to this frame.
     is_led: bool,
     /// Number of gestures begun (also those that only join so far).
     begun: usize,
-    /// Where the key is wanted at the present frame [m]; NaN: nowhere.
+    /// Position asked for at the present frame [m]; NaN: none.
     pub(crate) asked: f64,
 }
 
@@ -77,8 +77,7 @@ struct Running {
     cursor: usize,
     source: usize,
     joining: Option<Joining>,
-    /// The strike of the present throw or grain is done until this frame, where the key is to be
-    /// at this position [m].
+    /// The strike of the present throw or grain is done until this frame, at which the key is to be at `aim` [m].
     struck_until: u64,
     aim: f64,
 }
@@ -105,7 +104,7 @@ struct TrackedFrame {
 crate::archive::option!(TrackedFrame, maybe);
 crate::archive::state!(TrackedFrame { gesture, source, x });
 
-/// What is wanted of the key at a frame.
+/// What is asked of the key at a frame.
 #[derive(Clone, Copy)]
 enum Ask {
     /// Be at x at the next frame.
@@ -114,7 +113,7 @@ enum Ask {
     Aim { to: u64, x: f64 },
 }
 
-/// What a voice may touch of the scene.
+/// The parts of the scene that a voice reads and changes.
 pub(crate) struct Scene<'a> {
     pub(crate) scheme: &'a Scheme,
     pub(crate) body: &'a mut Body,
@@ -123,7 +122,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) reports: &'a mut [Report],
     pub(crate) stream: &'a mut Stream,
     pub(crate) bodies: &'a mut [inside::RunningBody],
-    /// How far layers take each key from where its gesture wants it [m]   (n_keys)
+    /// Sum of the deviations that layers add to each key [m]   (n_keys)
     pub(crate) layers: &'a [f64],
 }
 
@@ -166,8 +165,8 @@ impl Voice {
         due.min().unwrap_or(u64::MAX)
     }
 
-    /// Where it does nothing to the key: the frame at which it looks at its next gesture; `None` where it may do something
-    /// now.
+    /// If the voice does nothing to the key: the frame at which it has to look at its next gesture; `None` if it may
+    /// act now.
     pub(crate) fn left_until(
         &self,
         script: &VoiceScript,
@@ -183,7 +182,7 @@ impl Voice {
         is_left.then_some(next)
     }
 
-    /// A frame in which it does nothing to the key: [`Self::step`] where it is left.
+    /// Compute a frame in which it does nothing to the key, with the same result as [`Self::step`].
     pub(crate) fn drift(&mut self, script: &VoiceScript, reports: &mut [Report], n: u64) {
         self.tell_way(script, reports);
         let free = &script.free;
@@ -191,17 +190,17 @@ impl Voice {
         free.strike_and_move(&mut self.free, n, 0.0, &mut self.targets);
     }
 
-    /// Where nothing moves its free key: so many frames later, or earlier.
+    /// For a free key at rest: advance by `frames`, which may be negative.
     pub(crate) fn turn(&mut self, frames: i64) {
         self.free.turn(frames);
     }
 
-    /// The longest that a slow part of its free key waits for its springs [frames].
+    /// Most frames between two kicks of a slow part of its free key.
     pub(crate) fn every(&self) -> u32 {
         self.free.every()
     }
 
-    /// How far a layer takes its key now [m].
+    /// The deviation that a layer adds to its key now [m].
     pub(crate) fn deviation(&self, script: &VoiceScript) -> f64 {
         self.free.body.x[script.free.struck]
     }
@@ -228,7 +227,7 @@ impl Voice {
         }
     }
 
-    /// Room for every imposed point inside the key, and for the struck MAT.
+    /// Reserve room for every imposed point inside the key, and for the struck MAT.
     pub(crate) fn reserve(&mut self, script: &VoiceScript) {
         for targets in [&mut self.targets, &mut self.room.targets] {
             targets.reserve(script.free.drives.len() + 1);
@@ -270,7 +269,7 @@ impl Voice {
             .strike_and_move(&mut self.free, n, force, &mut self.targets);
     }
 
-    /// Hold what was asked against what was done.
+    /// Compare the key with the position that was asked for, in the report.
     fn compare(&self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
         let Some(report) = self.tell_way(script, scene.reports) else {
             return;
@@ -288,7 +287,8 @@ impl Voice {
         }
     }
 
-    /// Tell where the free key is; the report of the gesture that runs or ran last, if any did.
+    /// Add the free key's position to the report of the gesture that runs or ran last; returns that report, if there is
+    /// one.
     fn tell_way<'a>(
         &self,
         script: &VoiceScript,
@@ -303,7 +303,8 @@ impl Voice {
         Some(report)
     }
 
-    /// Position, velocity and acceleration of the key that the gesture is written for.
+    /// Position, velocity and acceleration of the key that the gesture acts on: the free copy, or the scene's key if it
+    /// is tracked.
     fn motion(&self, script: &VoiceScript, scene: &Scene<'_>, touch: Touch, n: u64) -> Knot {
         let (scheme, body, i) = match touch {
             Touch::Open => (&*script.free.scheme, &self.free.body, script.free.struck),

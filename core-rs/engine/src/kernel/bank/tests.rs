@@ -1,4 +1,4 @@
-//! Every kind of vector that runs here against the plain loop: the same bits.
+//! Every vector type that this processor has gives the same bits as the plain loop.
 
 use proptest::prelude::*;
 

@@ -1,14 +1,14 @@
-//! Forces of dry friction, given all other forces: what slides is braked, and what sticks is held.
+//! Forces of dry friction, given all other forces: friction opposes sliding, and holds ends that stick.
 
 use super::super::{needed, predict};
 use crate::dry::Turned;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 
-/// Ends that go where they are told slide where they part by more than this in a frame [m]: a path that rests has the
-/// rounding of its positions.
+/// Two ends with given positions slide if the distance between them changes by more than this in a frame [m]; less is
+/// rounding.
 pub(crate) const STILL: f64 = 1e-14;
-/// A step that is less than this part of what friction takes in one is rounding: the mass rests.
+/// A step below this fraction of the largest change that friction makes to a step is rounding: the mass is at rest.
 const REST: f64 = 1e-12;
 
 /// Force of one friction, given all other forces [N].
@@ -43,11 +43,11 @@ pub(super) fn force(
         }
         return (next - v_next) / per_force;
     }
-    // Both ends go where they are told.
+    // Both ends are imposed or fixed.
     let level = level(0.5 * (v + next));
     if next.abs() > STILL {
         let sign = next.signum();
-        // Where they turn, friction acts one way before and the other way after.
+        // If the sliding reverses within the frame, friction acts one way before and the other way after.
         let turns = if sign * v < -STILL {
             (v + next) / (next - v)
         } else {
@@ -55,7 +55,7 @@ pub(super) fn force(
         };
         return sign * level * turns;
     }
-    // They rest: friction gives what holds them, as far as it can.
+    // The ends do not slide: friction gives the force that holds them, limited by its level.
     let holding = |i: usize| {
         told(i)
             .filter(|_| scheme.w[i] > 0.0)
@@ -68,7 +68,7 @@ pub(super) fn force(
     }
 }
 
-/// Let masses rest that friction against a fixed point has stopped, of which rounding alone would leave a step.
+/// Stop masses that friction against a fixed point has brought to rest, if only a step of the size of rounding is left.
 pub(crate) fn rest(scheme: &Scheme, body: &mut Body) {
     for run in scheme.exact.iter().filter(|run| run.is_dry()) {
         for (mass, other) in [(run.a, run.b), (run.b, run.a)] {

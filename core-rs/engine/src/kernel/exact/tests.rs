@@ -14,11 +14,11 @@ fn spring(k: f64, exponent: f64, beta: f64) -> Contact {
     }
 }
 
-/// (V(u) − V(w))/(u − w) of V = K·p₊^(α+1)/(α+1), written for itself.
+/// (V(u) − V(w))/(u − w) of V = K·p₊^(α+1)/(α+1), written independently of the code under test.
 fn gradient(k: f64, alpha: f64, u: f64, w: f64) -> f64 {
     let v = |p: f64| k / (alpha + 1.0) * maths::pow(p.max(0.0), alpha + 1.0);
     if alpha == 1.0 {
-        // By the sum of the two where both are closed: no digit is lost.
+        // If both are closed, use the sum: it loses no digits.
         return match (u > 0.0, w > 0.0) {
             (true, true) => 0.5 * k * (u + w),
             (false, false) => 0.0,
@@ -28,7 +28,7 @@ fn gradient(k: f64, alpha: f64, u: f64, w: f64) -> f64 {
     let middle = 0.5 * (u + w);
     let span = u - w;
     if span.abs() < 1e-4 * middle {
-        // Simpson over the stretch: the next term is of fourth order in 1e-4.
+        // Simpson's rule over the interval: the next term is of fourth order in 1e-4.
         let f = |p: f64| k * maths::pow(p.max(0.0), alpha);
         (f(u) + 4.0 * f(middle) + f(w)) / 6.0
     } else if span == 0.0 {
@@ -38,7 +38,7 @@ fn gradient(k: f64, alpha: f64, u: f64, w: f64) -> f64 {
     }
 }
 
-/// The root of u + β·gradient(u, w) = p, by halving alone.
+/// The root of u + β·gradient(u, w) = p, by bisection alone.
 fn bisected(k: f64, alpha: f64, beta: f64, p: f64, w: f64) -> f64 {
     let side = |u: f64| u + beta * gradient(k, alpha, u, w) > p;
     let (mut low, mut high) = (p - 1.0, p);
@@ -67,8 +67,8 @@ fn length() -> impl Strategy<Value = f64> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// The push is the discrete gradient between where the penetration was and where it goes,
-    /// from no stiffness to speak of up to 1e12 N/m, whatever the masses.
+    /// The force is the discrete gradient between the old and the new penetration, for stiffnesses from negligible to
+    /// 1e12 N/m and for any masses.
     #[test]
     fn a_push_solves_its_equation(
         power in 0..4_usize, k in 0.0..12.0_f64, beta in -12.0..-3.0_f64, p in length(), w in length(),
@@ -77,7 +77,7 @@ proptest! {
         let contact = spring(k, alpha, beta);
         let u = if alpha == 1.0 { linear(p, w, 0.5 * beta * k) } else { contact.solve(p, w, beta) };
         let wanted = bisected(k, alpha, beta, p, w);
-        // The quotient of a power law keeps twelve digits where its two ends nearly meet.
+        // The quotient of a power law keeps twelve digits if its two ends nearly coincide.
         let digits = if alpha == 1.0 { 1e-13 } else { 1e-11 };
         prop_assert!(
             (u - wanted).abs() <= digits * (p.abs() + w.abs() + wanted.abs()),
@@ -88,7 +88,7 @@ proptest! {
     }
 }
 
-/// A mass thrown onto the contact by its weight, over and over: kinetic, stored and lifted energy.
+/// A mass that falls onto the contact again and again: the sum of kinetic, stored and potential energy is constant.
 #[test]
 fn energy_is_kept_over_many_bounces_at_any_stiffness() {
     for alpha in POWERS {
@@ -136,7 +136,7 @@ fn damping_takes_and_a_clamp_never_pulls() {
     }
 }
 
-/// Two imposed points: β is 0, all three penetrations are known.
+/// Two imposed points: β is 0 and all three penetrations are known.
 #[test]
 fn an_imposed_meeting_takes_the_gradient_as_it_is() {
     for alpha in POWERS {
@@ -147,7 +147,7 @@ fn an_imposed_meeting_takes_the_gradient_as_it_is() {
     }
 }
 
-/// Both ends of the bracket round to p, and the residue there is above 0: it must still open.
+/// Both ends of the bracket round to p, and the residue there is positive: the solver must widen the bracket.
 #[test]
 fn a_bracket_that_rounding_closed_opens_again() {
     let (alpha, w, p) = (1.5, 1e-3, -1.0);

@@ -1,5 +1,5 @@
-//! Pairs of points that touch, a batch at a time: found without branches, their directions and forces computed in
-//! vectors, and added to their points one after the other.
+//! Pairs of points that touch, one batch at a time. They are found without branches; their directions and forces are
+//! computed in vectors, and added to the points one pair after the other.
 
 use super::contact::Contact;
 use super::{Pair, Quad};
@@ -7,11 +7,11 @@ use crate::maths::wide::wide;
 use crate::network::{AXES_MAX, PairRun, SpaceLaw, difference, line};
 use crate::state::ContactHistory;
 
-/// Pairs of a batch: its numbers stay in the nearest cache.
+/// Number of pairs in a batch: its arrays fit into the first-level cache.
 pub(super) const BATCH: usize = 128;
 
-/// Forces on points, and how strongly all others push each [N], apart by whether a point is the first or the second of a
-/// pair.
+/// Forces on points and, as last number, the sum of the pair forces on each [N]; kept apart for points that are the
+/// first and those that are the second of a pair.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Forces {
     /// (n each)
@@ -23,10 +23,11 @@ pub(super) struct Forces {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Batch {
     ends: Vec<Pair>,
-    /// The unit vector from the first point to the second, and what lies between them more than a step before [m].
+    /// The unit vector from the first point to the second, and the change of the vector between them in the last step
+    /// [m].
     along: [Vec<f64>; AXES_MAX],
     moved: [Vec<f64>; AXES_MAX],
-    /// Distance − rest [m], and what it grew by in the last step.
+    /// Distance − rest [m], and its change in the last step.
     e: Vec<f64>,
     step: Vec<f64>,
     /// Force that pulls the ends together [N], and its elastic part.
@@ -50,8 +51,8 @@ impl Batch {
         }
     }
 
-    /// Add the forces of those of at most `BATCH` pairs that touch, by the law of a run, whose K and Z are `by`, and by its
-    /// friction.
+    /// Add the forces of those pairs that touch, of at most `BATCH` pairs: by the law of a run with K and Z in `by`,
+    /// and by its friction.
     pub(super) fn push(
         &mut self,
         run: &PairRun,
@@ -81,7 +82,8 @@ impl Batch {
                 }
             }
         }
-        // Of two groups only the second is told of: half the push to each of one, the whole to the other.
+        // The last number sums the pair forces on a point. Within one group each point of a pair gets half the force;
+        // of two groups only the sum at the second is read, and gets all of it.
         let share = if run.pairs.is_within { 0.5 } else { 1.0 };
         let part = &mut self.part[..n];
         parts(f, along, -share, part);
@@ -106,8 +108,8 @@ impl Batch {
         add(ends, part, &mut forces.first, &mut forces.second);
     }
 
-    /// Note the ends of the pairs that touch, their directions and e; how many there are. What is not a number goes on,
-    /// and is found later.
+    /// Store the ends of the pairs that touch, their directions and e; returns their number. NaN counts as a touch, so
+    /// that it reaches the positions, where it is detected.
     fn find(&mut self, rest: f64, pairs: &[Pair], x: &[Quad]) -> usize {
         let n = near(x, pairs, rest * rest, &mut self.ends);
         let ends = &self.ends[..n];
@@ -121,7 +123,8 @@ impl Batch {
         }
     }
 
-    /// A length whose square is less than that of `rest` may be rounded to `rest`: nothing is pressed then.
+    /// Drops pairs whose squared distance is below that of `rest`, but whose distance rounds to `rest`: nothing is
+    /// pressed there.
     #[cold]
     fn drop_rounded(&mut self, n: usize) -> usize {
         let mut kept = 0;
@@ -141,7 +144,7 @@ impl Batch {
 }
 
 wide! {
-    /// Distances − rest from what ends are apart, which become unit vectors.
+    /// Turns vectors between ends into unit vectors, and computes distances − rest.
     fn lines(rest: f64, apart: [&mut [f64]; AXES_MAX], e: &mut [f64]) {
         let n = e.len();
         let [x, y, z] = apart;
@@ -155,7 +158,8 @@ wide! {
 }
 
 wide! {
-    /// Those pairs whose distance squared is not at least `square`, in their order; how many there are.
+    /// Copies the pairs whose squared distance is below `square`, or NaN, to `found`, in their order; returns their
+    /// number.
     pub(super) fn near(x: &[Quad], pairs: &[Pair], square: f64, found: &mut [Pair]) -> usize {
         let found = &mut found[..pairs.len()];
         let mut n = 0;
@@ -171,7 +175,7 @@ wide! {
 }
 
 wide! {
-    /// What the second point of each pair has more than the first, axis by axis.
+    /// Value of the second point of each pair minus that of the first, axis by axis.
     fn apart(of: &[Quad], ends: &[Pair], into: [&mut [f64]; AXES_MAX]) {
         let n = ends.len();
         let [x, y, z] = into;
@@ -186,7 +190,7 @@ wide! {
 }
 
 wide! {
-    /// Whether any is 0 or more.
+    /// Whether any entry is 0 or more.
     fn is_rounded(e: &[f64]) -> bool {
         let mut is_one = false;
         for e in e {
@@ -197,7 +201,7 @@ wide! {
 }
 
 wide! {
-    /// Products of vectors.
+    /// Scalar products.
     fn product(a: [&[f64]; AXES_MAX], b: [&[f64]; AXES_MAX], into: &mut [f64]) {
         let n = into.len();
         let [ax, ay, az] = a.map(|one| &one[..n]);
@@ -209,7 +213,7 @@ wide! {
 }
 
 wide! {
-    /// A contact that pushes by K·p + Z·dp/dt: the elastic part, and the whole.
+    /// A contact that pushes by K·p + Z·dp/dt: its elastic force and its whole force.
     fn linear(by: [f64; 2], clamp: bool, of: [&[f64]; 2], into: [&mut [f64]; 2]) {
         let n = of[0].len();
         let ([k, z], [e, step], [elastic, f]) = (by, of, into);
@@ -228,7 +232,7 @@ wide! {
 }
 
 wide! {
-    /// Components of forces along directions, and what is told of each.
+    /// Components of forces along directions, and `told` times each force.
     fn parts(f: &[f64], along: [&[f64]; AXES_MAX], told: f64, into: &mut [Quad]) {
         let n = f.len();
         let [x, y, z] = along.map(|one| &one[..n]);
@@ -240,7 +244,7 @@ wide! {
 }
 
 wide! {
-    /// Add what pulls the first point of each pair to it, and take it from the second.
+    /// Add each part to the first point of its pair, and subtract it from the second.
     fn add(ends: &[Pair], parts: &[Quad], first: &mut [Quad], second: &mut [Quad]) {
         for (&[i, j], part) in ends.iter().zip(parts) {
             let here = &mut first[i as usize];
@@ -260,7 +264,7 @@ mod tests {
     use super::*;
     use crate::network::distance;
 
-    /// Friction divides by the depth, which rounding may make 0.
+    /// Friction divides by the penetration, which rounding could make 0.
     #[test]
     fn what_touches_is_pressed() {
         let mut batch = Batch::new();
@@ -270,7 +274,7 @@ mod tests {
             let (x, y) = (0.6 * rest, 0.8 * rest);
             let is_near = x * x + y * y < rest * rest;
             n_rounded += u32::from(is_near && distance(x, y, 0.0) >= rest);
-            // One that touches for sure lies behind it.
+            // A second pair that certainly touches comes after it.
             let points = [[0.0; 4], [x, y, 0.0, 0.0], [0.5 * rest, 0.0, 0.0, 0.0]];
             let n = batch.find(rest, &[[0, 1], [0, 2]], &points);
             assert!(batch.e[..n].iter().all(|e| *e < 0.0), "{x} {y}");

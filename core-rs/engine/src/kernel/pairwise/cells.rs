@@ -1,29 +1,30 @@
-//! Points sorted into cells, by which those that are near each other are found.
+//! Points sorted into cells, to find pairs of points that are near each other.
 
 use std::ops::Range;
 
 use super::{Pair, Quad};
 use crate::network::{AXES_MAX, distance};
 
-/// Points in reach of a point on average for which there is room at once.
+/// Average number of points in reach of a point for which memory is reserved.
 const ROOM: usize = 24;
-/// And at most: spheres that push each other do not come so near. Where they do, forces are not a number any more, which
-/// is a fault.
+/// Largest such average: spheres that push each other apart do not come so near. Beyond it forces become NaN, which is
+/// reported as a fault.
 const MOST: usize = 512;
 
-/// The cells of so many points.
+/// A set of points sorted into cells.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cells {
     grid: Grid,
     /// The cell of each point in the grid   (n)
     cells: Vec<[u32; AXES_MAX]>,
-    /// Where the points of each cell begin in `members`, and where these points are [m]   (n_cells + 1, n, n)
+    /// Index in `members` at which the points of each cell begin, the points cell by cell, and their positions [m]
+    /// (n_cells + 1, n, n)
     begins: Vec<u32>,
     members: Vec<u32>,
     places: Vec<Quad>,
 }
 
-/// How many pairs of so many points there is room for at once.
+/// Number of pairs for which memory is reserved, for `n` points.
 pub(super) fn room(n: usize) -> usize {
     ROOM * n
 }
@@ -40,8 +41,9 @@ impl Cells {
         }
     }
 
-    /// Set `pairs` to all within `reach` [m] of points at `x`, in the order of their numbers: of the first `n_first` and
-    /// the others, or of all where there are no others. False where there are more than can be.
+    /// Set `pairs` to all pairs within `reach` [m] of each other, ordered by their indices: pairs between the first
+    /// `n_first` points and the others, or between all points if there are no others. Returns false if there are too
+    /// many pairs.
     #[cold]
     pub(super) fn search(
         &mut self,
@@ -73,7 +75,8 @@ impl Cells {
         true
     }
 
-    /// Note the points of some cells, from point `least` on, that are within `reach` of point `i`.
+    /// Append the pairs of point `i` with those points of a range of cells, from point `least` on, that are within
+    /// `reach`.
     #[inline(always)]
     fn near(
         &self,
@@ -98,14 +101,14 @@ impl Cells {
         let wide = 1.0 / reach;
         self.begins.fill(0);
         for (cell, x) in self.cells.iter_mut().zip(x) {
-            // Far away, and where a position is not a number, cells are one: `as` saturates.
+            // `as` saturates: all positions that are far away share a cell, and so do those that are NaN.
             *cell = std::array::from_fn(|axis| (x[axis] * wide).floor() as i32 as u32);
             self.begins[self.grid.index(*cell) + 1] += 1;
         }
         for i in 1..self.begins.len() {
             self.begins[i] += self.begins[i - 1];
         }
-        // From the last on, so that where each cell ends becomes where it begins.
+        // In reverse order, so that the end of each cell turns into its beginning.
         for (i, &cell) in self.cells.iter().enumerate().rev() {
             let end = &mut self.begins[self.grid.index(cell) + 1];
             *end -= 1;
@@ -119,18 +122,18 @@ impl Cells {
     }
 }
 
-/// A grid of cells that repeats itself: what lies beyond it shares cells with what lies in it.
+/// A periodic grid of cells: points beyond it share the cells of points within it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Grid {
-    /// Powers of two of which there are so many cells along each axis.
+    /// log2 of the number of cells along each axis.
     bits: [u32; AXES_MAX],
 }
 
 impl Grid {
-    /// Least power of two along an axis: the three cells around a point are three.
+    /// Smallest value of `bits`: four cells along an axis, so that a cell and its two neighbours are different.
     const LEAST: u32 = 2;
 
-    /// With twice as many cells as points, or more.
+    /// A grid with at least twice as many cells as points.
     fn new(n: usize, n_axes: usize) -> Self {
         let all = (2 * n.max(1)).next_power_of_two().ilog2();
         let each = all.div_ceil(n_axes as u32).max(Self::LEAST);
@@ -149,7 +152,8 @@ impl Grid {
         (((within(z, of_z) << of_y) | within(y, of_y)) << of_x) | within(x, of_x)
     }
 
-    /// The cells at `x` and beside it in a row (y, z): one range, or two where the row ends between them.
+    /// The cell at `x` and its two neighbours in a row (y, z): one range of cells, or two if the row wraps around
+    /// between them.
     #[inline(always)]
     fn three(self, x: u32, [y, z]: [u32; 2]) -> impl Iterator<Item = Range<usize>> {
         let row = self.index([0, y, z]);

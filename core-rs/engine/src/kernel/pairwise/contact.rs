@@ -1,26 +1,26 @@
-//! A pair of points that touches, and its friction.
+//! A pair of points that touch, and its friction.
 
 use crate::network::{AXES_MAX, Pairwise, Sliding};
 use crate::state::ContactHistory;
 
 type Vector = [f64; AXES_MAX];
 
-/// A pair that touches.
+/// A pair of points that touch.
 pub(crate) struct Contact {
     /// Distance − rest [m].
     pub(crate) e: f64,
     /// Force that pulls its ends together [N], and its elastic part.
     pub(crate) f: f64,
     pub(crate) elastic: f64,
-    /// Direction from the one to the other, of length 1.
+    /// Unit vector from the first point to the second.
     pub(crate) along: Vector,
-    /// What lies between them, and by how much that grew in the last step [m].
+    /// The vector from the first point to the second, and its change in the last step [m].
     pub(crate) apart: Vector,
     pub(crate) moved: Vector,
 }
 
 impl Contact {
-    /// Its friction, where K and Z of the contact are these: none where it only pulls.
+    /// The friction of the pair, given K and Z of its contact; without a force if the contact only pulls.
     #[inline(always)]
     pub(crate) fn sliding(&self, pairs: &Pairwise, [k, z]: [f64; 2]) -> Sliding {
         let pressed = pairs.link.law.pressed(k, self.e, self.elastic);
@@ -34,7 +34,7 @@ impl Contact {
         }
     }
 
-    /// Force of friction that pulls the first point [N], which is remembered.
+    /// Force of friction on the first point [N]; its anchor is stored in `history`.
     pub(super) fn pull_across(
         &self,
         pairs: &Pairwise,

@@ -1,4 +1,5 @@
-//! Which points may meet: a list of all that are near, and a shorter one of those that may touch before it is made anew.
+//! Lists of points that may touch: a long list of all pairs that are near, searched rarely, and a short list of the
+//! closest, which is selected from the long one.
 
 use super::batch::{BATCH, Batch, Forces, near};
 use super::cells::{Cells, room};
@@ -7,27 +8,28 @@ use crate::maths::wide::wide;
 use crate::network::{AXES_MAX, Measure, PairRun, Pairwise};
 use crate::state::ContactHistory;
 
-/// Beyond what touches, pairs are kept that are so far apart, as a share of the gap.
+/// Width of the long list: pairs are kept up to this much beyond the distance of touch, as a fraction of it.
 const SKIN: f64 = 0.36;
-/// And of these those that are so far apart are looked at in every frame: until a point has moved half of this.
+/// Width of the short list, whose pairs are examined in every frame. It stays valid until a point has moved half of
+/// this.
 const MARGIN: f64 = 0.06;
-/// A hair less than half: rounding leaves out no pair.
+/// Slightly less than half, so that rounding leaves out no pair.
 const HALF: f64 = 0.499_999;
 
 /// The coordinates of a pair of points along the first axis.
 pub(crate) type Ends = (usize, usize);
 
-/// Which points may meet, and the memory to find out.
+/// Lists of points that may touch, and the memory to compute their forces.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Neighbours {
-    /// Positions and last steps [m]; 0 along axes that there are not   (n each)
+    /// Positions and last steps [m]; 0 along axes that the network does not have   (n each)
     x: Vec<Quad>,
     d: Vec<Quad>,
-    /// Where the points were when all that are near were searched, and where when the shorter list was made [m]   (n each)
+    /// Positions of the points when the long list was searched, and when the short list was selected [m]   (n each)
     searched_at: Vec<Quad>,
     narrowed_at: Vec<Quad>,
     cells: Cells,
-    /// All pairs that are near, and of these the first `n_close` of `close`.
+    /// The long list of pairs; the short list is the first `n_close` of `close`.
     pairs: Vec<Pair>,
     close: Vec<Pair>,
     n_close: usize,
@@ -36,7 +38,7 @@ pub(crate) struct Neighbours {
     /// Which points a wall may touch   (n)
     seen: Vec<bool>,
     is_made: bool,
-    /// More points are near each other than any pushing allows.
+    /// More points are near each other than contact forces allow.
     is_full: bool,
 }
 
@@ -72,8 +74,8 @@ impl Neighbours {
         &mut self.seen
     }
 
-    /// Every pair that touches, or attracts each other, at positions `x`: its first coordinates, distance − rest [m], and
-    /// the direction from the one to the other. False where there are too many to be told of.
+    /// Calls `each` for every pair that touches or attracts at positions `x`, with the MATs of the pair along the first
+    /// axis, its distance − rest [m], and its direction. Returns false if there are too many pairs.
     pub(crate) fn touching(
         &mut self,
         run: &PairRun,
@@ -104,7 +106,7 @@ impl Neighbours {
         !self.is_full
     }
 
-    /// Know which points may meet at positions `x`.
+    /// Update the lists for positions `x`.
     fn follow(&mut self, run: &PairRun, x: impl Fn(usize) -> f64) {
         gather(run, &mut self.x, x);
         let (skin, margin) = (SKIN * run.rest, MARGIN * run.rest);
@@ -126,7 +128,7 @@ impl Neighbours {
         self.n_close = near(&self.x, &self.pairs, reach, &mut self.close);
     }
 
-    /// Compute the forces of all pairs by the law of a run, whose K and Z are `by`, and by its friction.
+    /// Compute the forces of all pairs by the law of a run with K and Z in `by`, and by its friction.
     pub(super) fn push(
         &mut self,
         run: &PairRun,
@@ -145,7 +147,8 @@ impl Neighbours {
         }
     }
 
-    /// Add them to `force` (n_mat), and say how strongly each point of the second group is pushed [N]   (run.n).
+    /// Add the forces to `force` (n_mat), and set `pushes` to the sum of the pair forces on each point of the second
+    /// group [N]   (run.n).
     pub(super) fn tell(&self, run: &PairRun, force: &mut [f64], pushes: &mut [f64]) {
         let Forces { first, second } = &self.forces;
         for (range, starts) in groups(run) {
@@ -172,7 +175,7 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-/// The points of each group by their numbers, and their first coordinates, axis by axis.
+/// The point indices of each group, and the MATs of its first point, axis by axis.
 fn groups(run: &PairRun) -> [(std::ops::Range<usize>, [usize; AXES_MAX]); 2] {
     let Pairwise { link, n_first, .. } = &run.pairs;
     let (a, b): ([usize; AXES_MAX], [usize; AXES_MAX]) = {
@@ -184,7 +187,7 @@ fn groups(run: &PairRun) -> [(std::ops::Range<usize>, [usize; AXES_MAX]); 2] {
     [(0..*n_first, a), (second, b)]
 }
 
-/// Copy what each coordinate has to where the coordinates of a point lie together.
+/// Copy values of MATs to arrays in which the coordinates of a point lie together.
 fn gather(run: &PairRun, into: &mut [Quad], of: impl Fn(usize) -> f64) {
     for (range, starts) in groups(run) {
         for (axis, start) in starts.into_iter().enumerate().take(run.pairs.link.n_axes) {
@@ -196,7 +199,7 @@ fn gather(run: &PairRun, into: &mut [Quad], of: impl Fn(usize) -> f64) {
 }
 
 wide! {
-    /// Whether no point has moved farther than √`most` [m], and all are numbers.
+    /// Whether no point has moved farther than √`most` [m] and no position is NaN.
     fn stay(now: &[Quad], then: &[Quad], most: f64) -> bool {
         let mut stay = true;
         for (now, then) in now.iter().zip(then) {
@@ -207,7 +210,7 @@ wide! {
     }
 }
 
-/// Distance − rest and direction of a pair that touches. What is not a number goes on, and is found later.
+/// Distance − rest and direction of a pair that touches. NaN counts as a touch, so that it is detected later.
 #[inline(always)]
 fn meeting(rest: f64, here: Quad, there: Quad) -> Option<(f64, [f64; AXES_MAX])> {
     let apart = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
@@ -217,6 +220,6 @@ fn meeting(rest: f64, here: Quad, there: Quad) -> Option<(f64, [f64; AXES_MAX])>
     }
     let (length, along) = Measure::Distance.of(apart);
     let e = length - rest;
-    // A length whose square is less than that of `rest` may be rounded to `rest`: nothing is pressed then.
+    // The squared distance is below that of `rest`, but the distance may round to `rest`: nothing is pressed then.
     if e >= 0.0 { None } else { Some((e, along)) }
 }

@@ -1,19 +1,20 @@
-//! Walls, and what acts from afar: every point of the second group is looked at.
+//! Walls, and forces that act at a distance: every point of the second group is visited.
 //!
-//! Most points touch no wall: which ones may is found in vectors, a hair too many rather than too few.
+//! Most points touch no wall. A vectorised test selects those that may touch, with a small margin, so that it misses
+//! none.
 
 use super::contact::Contact;
 use crate::maths::wide::wide;
 use crate::network::{AXES_MAX, Measure, PairRun};
 use crate::state::ContactHistory;
 
-/// Points that are passed over at once where none of them touches.
+/// Number of points that are skipped together if none of them may touch.
 const CHUNK: usize = 8;
-/// What rounding may take from a length, as a share of its square.
+/// Allowance for the rounding of a squared length, relative to it.
 const HAIR: f64 = 1e-12;
 
-/// Add the forces of all pairs to the coordinates of the points, and set `pushes` to how strongly each point of the second
-/// group is pushed [N].
+/// Add the forces of all pairs to the coordinates of the points, and set `pushes` to the sum of the pair forces on each
+/// point of the second group [N].
 pub(super) fn push(
     run: &PairRun,
     by: [f64; 2],
@@ -51,7 +52,7 @@ pub(super) fn push(
             pair_force[a] += pull;
             pair_force[b] -= pull;
         }
-        // Of one group each point is told of: half the force of each pair.
+        // Within one group, half the force of each pair counts for each of its points.
         if pairs.is_within {
             pushes[first] += 0.5 * f;
             pushes[second] += 0.5 * f;
@@ -78,7 +79,7 @@ pub(super) fn push(
     }
 }
 
-/// Which points of the second group a wall may touch.
+/// Set `seen` for the points of the second group that a wall may touch.
 fn look(run: &PairRun, first: usize, x: &[f64], seen: &mut [bool]) {
     let link = &run.pairs.link;
     let at = |axis: usize| link.pair((run.a + first, run.b), axis.min(link.n_axes - 1));
@@ -94,7 +95,7 @@ fn look(run: &PairRun, first: usize, x: &[f64], seen: &mut [bool]) {
         Measure::Distance => {
             beside(1.0, square * (1.0 + HAIR), is_deep, wall, points, seen);
         }
-        // Below 0 a distance is: a rest above 0 closes it everywhere.
+        // This measure is minus the distance, so that a `rest` of 0 or more closes the contact everywhere.
         Measure::Within if run.rest < 0.0 => {
             beside(-1.0, square * (1.0 - HAIR), is_deep, wall, points, seen);
         }
@@ -104,7 +105,7 @@ fn look(run: &PairRun, first: usize, x: &[f64], seen: &mut [bool]) {
 }
 
 wide! {
-    /// Which points lie less than `rest` above a plane, or are not a number.
+    /// Which points lie less than `rest` above a plane, or are NaN.
     fn below(
         normal: [f64; AXES_MAX],
         rest: f64,
@@ -124,7 +125,7 @@ wide! {
 }
 
 wide! {
-    /// Which points are nearer than √`square`, or, where `side` is −1 instead of 1, farther; or are not a number.
+    /// Which points are nearer than √`square`, or farther if `side` is −1 instead of 1; NaN counts as well.
     fn beside(
         side: f64,
         square: f64,
@@ -145,7 +146,7 @@ wide! {
 }
 
 wide! {
-    /// Which points are in a box, or are not a number.
+    /// Which points are inside a box, or are NaN.
     fn inside(
         bounds: [[f64; AXES_MAX]; 2],
         wall: [f64; AXES_MAX],

@@ -9,7 +9,7 @@ fn scene(n: usize) -> (Network, Body) {
         network.mas(&format!("m{i}"), 1.0, 0.0, 0.0).unwrap();
     }
     let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
-    // Of very different sizes, so that any other order shows in the last bits.
+    // Of very different sizes, so that any other order of summation shows in the last bits.
     let x: Vec<f64> = (0..n)
         .map(|i| (1.0 + i as f64) / 3.0 * [1.0, -1e-9, 1e7, -1e-3][i % 4])
         .collect();
@@ -17,7 +17,7 @@ fn scene(n: usize) -> (Network, Body) {
     (network, Body::new(&scheme, x, still))
 }
 
-/// The tree is part of what a sample is: eight lanes, then ((0+4)+(2+6))+((1+5)+(3+7)).
+/// The tree is part of the definition of a sample: eight lanes, then ((0+4)+(2+6))+((1+5)+(3+7)).
 #[test]
 fn a_sum_is_a_fixed_tree() {
     for n in [2, 7, 8, 9, 19, 64] {
@@ -71,11 +71,11 @@ fn terms_have_their_signs_and_weights() {
     body.link[link] = 4.5;
     let mut frame = [f64::NAN];
     tap(&scheme, &body, &mut frame);
-    // Positions 2.5; the link pulls b by −4.5; the ground is pushed by 7·(0.5 − 0.25).
+    // Positions 2.5; the link pulls b by −4.5; the force on the ground is 7·(0.5 − 0.25).
     assert_eq!(frame, [25.0 - 450.0 + 1750.0]);
 }
 
-/// Members that lie apart are summed by the same tree as a row of them.
+/// Members that are not adjacent are summed by the same tree as adjacent ones.
 #[test]
 fn scattered_members_sum_as_a_row_does() {
     let (mut network, body) = scene(40);

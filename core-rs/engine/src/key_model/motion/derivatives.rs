@@ -7,7 +7,7 @@ use super::super::parameter::Parameter;
 use super::{Motion, Swing};
 use crate::dry::Turned;
 
-/// What the derivatives of a step need of it.
+/// The quantities of a step that its derivatives need.
 pub(super) struct Step<'a> {
     pub(super) slope: f64,
     pub(super) before: f64,
@@ -20,7 +20,8 @@ pub(super) struct Step<'a> {
 }
 
 impl<const N: usize> Motion<N> {
-    /// The derivatives of a step: what those of the state become, then what each parameter adds in its own column.
+    /// The derivatives of a step: first those that follow from the derivatives of the state, then the direct
+    /// contribution of each parameter to its own column.
     pub(super) fn move_columns(&mut self, of: &Step<'_>) {
         let (h, contact, turned) = (self.step, of.contact, of.turned);
         let (stiffness, presliding) = (self.part * self.key.stiffness, self.key.presliding);
@@ -65,10 +66,10 @@ impl<const N: usize> Motion<N> {
         }
     }
 
-    /// What a parameter adds to the derivatives in its own column, by itself.
+    /// The direct contribution of a parameter to the derivatives in its own column.
     fn added(&mut self, parameter: Parameter, column: usize, of: &Step<'_>) -> Added {
         let key = &self.key;
-        let half = 0.5 * self.push / self.under; // of 1 + Z h/2m by Z, relative
+        let half = 0.5 * self.push / self.under; // relative derivative of 1 + Z h/2m by Z
         let none = Added::default();
         let level = |by: f64| Added {
             bound: of.per_level * by,
@@ -150,7 +151,8 @@ impl<const N: usize> Motion<N> {
     }
 }
 
-/// What a parameter changes in a step: force, gain, friction's bound and level, the contact, a mode's gain.
+/// Direct derivatives of a step by a parameter: of force, gain, friction's bound and level, the contact, and a mode's
+/// gain.
 #[derive(Clone, Copy, Default)]
 struct Added {
     force: f64,

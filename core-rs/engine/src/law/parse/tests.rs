@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::law::{Law, LawText};
 
-/// Value of a text without names but d.
+/// Value of a text whose only name is d.
 fn value(text: &str, d: f64) -> f64 {
     Law::new(&LawText {
         law: Some(text),
@@ -81,7 +81,7 @@ fn refusals_have_places_and_suggestions() {
         ("min(d)", 0, 3, None),
         ("d(2)", 0, 1, None),
         ("1e999", 0, 5, None),
-        // Places count characters, and a letter is a letter in any script.
+        // Places count characters, and letters of any script are letters.
         ("µ_é*d", 0, 3, None),
     ];
     for (text, offset, length, suggestion) in cases {
@@ -118,7 +118,7 @@ fn sizes_are_bounded() {
     assert_eq!(refusal(&"x".repeat(2_000)).suggestion, None);
 }
 
-// Names of the operations, so that none is forgotten in the loops over runs.
+// The names of all operations, so that the loops over runs omit none.
 #[test]
 fn every_operation_is_reached_by_text() {
     let read = |text: &str| {
@@ -135,7 +135,7 @@ fn every_operation_is_reached_by_text() {
 }
 
 proptest! {
-    // Whatever is written, the answer is a law or a sentence with a place inside the text.
+    // Any text gives a law, or an error with a place inside the text.
     #[test]
     fn any_text_is_read_or_refused(text in "[-+*/() dvk0-9.e<>=!,a-zµ−\"\\[]{0,60}") {
         let length = text.chars().count();

@@ -4,15 +4,15 @@ use super::super::tree::{Binary, Unary, choose, whole_power};
 use super::{FIRST, Register, Step};
 use crate::maths::lanes;
 
-/// Lanes in the widest vector: a loop over whole vectors has no rest.
+/// Lanes in the widest vector: a loop over whole vectors has no remainder.
 const VECTOR: usize = 8;
 
-/// Take every step for the first `n` lanes; `registers` are this program's, 0 and 1 loaded.
+/// Run every step for the first `n` lanes; `registers` are those of this program, with d and v loaded into 0 and 1.
 ///
-/// To be inlined where the loops are compiled for wide vectors.
+/// It must be inlined where the loops are compiled for wide vectors.
 #[inline(always)]
 pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
-    // Lanes beyond `n` hold older numbers, and nobody reads what becomes of them.
+    // Lanes beyond `n` hold old numbers, and their results are never read.
     let (needed, n) = (n, n.next_multiple_of(VECTOR));
     for (i, step) in steps.iter().enumerate() {
         let (before, after) = registers.split_at_mut(FIRST + i);
@@ -35,7 +35,7 @@ pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
     }
 }
 
-/// Whether it goes link by link, so that every lane costs.
+/// Whether the step is computed link by link, so that every lane costs time.
 #[inline(always)]
 fn is_slow(step: &Step) -> bool {
     let (tanh, power) = (Unary::Tanh, Binary::Power);
@@ -43,7 +43,7 @@ fn is_slow(step: &Step) -> bool {
         || matches!(step, Step::Binary(of, ..) if *of == power)
 }
 
-/// One loop for each operation: inside a loop nothing is decided.
+/// One loop for each operation, so that no loop contains a decision.
 macro_rules! for_each_of {
     ($kind:ident: $($name:ident)+; $operation:expr, |$fixed:ident| $body:expr) => {
         match $operation {

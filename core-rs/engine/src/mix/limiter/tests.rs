@@ -12,7 +12,7 @@ fn limited(x: &[f64], n_channels: usize, ceiling: f64) -> Vec<f64> {
     y
 }
 
-/// Samples of every size that a broken instrument may send.
+/// Samples of any size, as a broken instrument may send them.
 fn samples() -> impl Strategy<Value = Vec<f64>> {
     let sample = prop_oneof![
         4 => -1.0..1.0f64,
@@ -59,7 +59,7 @@ fn bits(x: &[f64]) -> Vec<u64> {
     x.iter().map(|x| x.to_bits()).collect()
 }
 
-/// A peak of twice the ceiling over a quiet tone: what the gain does, read off the tone.
+/// One peak of twice the ceiling in a constant signal: the gain is read off the signal.
 #[test]
 fn gain_falls_straight_and_comes_back_exactly() {
     let latency = 40;
@@ -85,7 +85,7 @@ fn gain_falls_straight_and_comes_back_exactly() {
     // x[1000] = 2 leaves at the ceiling.
     near(1000, 4.0);
     assert!(gain[1000] * 0.25 <= 1.0);
-    // Released after the hold: 1 - g falls by e in 50 ms (400 frames), once the mean is past.
+    // After the hold, 1 − g falls by a factor of e in 50 ms (400 frames), once the peak has left the mean.
     let ratio = (1.0 - gain[1500]) / (1.0 - gain[1100]);
     assert!((ratio - maths::exp(-1.0)).abs() < 1e-9, "{ratio}");
     assert!(

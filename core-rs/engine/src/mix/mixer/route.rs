@@ -8,9 +8,9 @@ use crate::mix::glide::Glide;
 use crate::mix::room::RoomError;
 use crate::section::{BUTTERWORTH_2, Section};
 
-/// Frames by which a route is delayed at most.
+/// Largest delay of a route [frames].
 pub(super) const DELAY_MAX: usize = 1 << 20;
-/// Groups of routes that a mixer has at most.
+/// Largest number of groups of a mixer.
 pub(super) const GROUPS_MAX: usize = 1 << 16;
 
 /// Why a route cannot be built.
@@ -19,29 +19,29 @@ pub enum RouteError {
     /// No such output.
     #[error("there is no output {out}: the mixer has {n_out}, counted from 0")]
     Out {
-        /// Wanted output.
+        /// Requested output.
         out: usize,
-        /// How many there are.
+        /// Number of outputs.
         n_out: usize,
     },
     /// No such channel.
     #[error("there is no channel {channel}: the mixer has {n_channels}, counted from 0")]
     Channel {
-        /// Wanted channel.
+        /// Requested channel.
         channel: usize,
-        /// How many there are.
+        /// Number of channels.
         n_channels: usize,
     },
     /// Too many groups.
     #[error("a group of routes is counted from 0 up to {most}; here {0}", most = GROUPS_MAX - 1)]
     Group(usize),
-    /// NaN or infinite.
+    /// A gain that is NaN or infinite.
     #[error("a route's gain is a finite number; here {0}")]
     Gain(f64),
-    /// Outside of what the rate can carry.
+    /// A cutoff that is not between 0 and half of the rate.
     #[error("highpass {cutoff} Hz must lie above 0 and below half of the rate, {rate} Hz")]
     Highpass {
-        /// Wanted cutoff [Hz].
+        /// Requested cutoff [Hz].
         cutoff: f64,
         /// Sample rate [Hz].
         rate: f64,
@@ -49,20 +49,20 @@ pub enum RouteError {
     /// No such room.
     #[error("there is no room {room}: the mixer has {n_rooms}, counted from 0")]
     Room {
-        /// Wanted room.
+        /// Requested room.
         room: usize,
-        /// How many there are.
+        /// Number of rooms.
         n_rooms: usize,
     },
-    /// Too late to be heard.
+    /// A delay that is too long.
     #[error("a route is delayed by {DELAY_MAX} frames at most; here {0}")]
     Delay(usize),
-    /// Frozen outputs that go to another number of outputs.
+    /// The number of frozen outputs differs from the number of outputs that they are added to.
     #[error("{frozen} frozen outputs cannot replace {outputs} outputs; the numbers must be equal")]
     Frozen {
-        /// How many are frozen.
+        /// Number of frozen outputs.
         frozen: usize,
-        /// How many were named.
+        /// Number of outputs named.
         outputs: usize,
     },
     /// A room that cannot be built.
@@ -75,16 +75,16 @@ pub enum RouteError {
 pub enum To {
     /// A channel.
     Channel(usize),
-    /// A room, by the order of [`Mixer::room`](super::Mixer::room).
+    /// A room, by the index that [`Mixer::room`](super::Mixer::room) returns.
     Room(usize),
 }
 
-/// What a route does on its way, beside its gain.
+/// What a route does to its signal besides the gain.
 #[derive(Clone, Debug, Default)]
 pub struct Treatment {
     /// Cutoff of a Butterworth high-pass of order 2 [Hz].
     pub highpass: Option<f64>,
-    /// Frames by which it comes late.
+    /// Delay [frames].
     pub delay: usize,
     /// A gain over the frames of the piece.
     pub curve: Option<Curve>,
@@ -99,14 +99,14 @@ pub(super) struct Route {
     pub(super) highpass: Option<Section>,
     pub(super) delay: Option<Delay>,
     pub(super) curve: Option<Curve>,
-    /// A factor on its way, since another mixer was taken over.
+    /// A factor that glides since a takeover.
     pub(super) fade: Option<Glide>,
-    /// What is left of its gain before, beyond its own, where no factor leads from one to the other.
+    /// A gain added to its own, which glides to 0 since a takeover; used where a factor cannot lead to the new gain.
     pub(super) rest: Option<Glide>,
 }
 
 impl Route {
-    /// Of an output to a channel or a room, in a group, in a mixer at `rate` [Hz].
+    /// A route of an output in a group, to a channel or a room; `rate` [Hz] is that of the mixer.
     pub(super) fn new(
         rate: f64,
         [out, group]: [usize; 2],
@@ -141,36 +141,36 @@ impl Route {
         })
     }
 
-    /// Whether it is what a route `before` of another mixer was, whose output is `out` here.
+    /// Whether it continues the route `before` of an old mixer, whose output is now `out`.
     pub(super) fn is_as(&self, before: &Self, out: Option<usize>) -> bool {
         (out, before.to, before.group) == (Some(self.out), self.to, self.group)
             && before.highpass.is_some() == self.highpass.is_some()
             && before.delay.is_some() == self.delay.is_some()
     }
 
-    /// Whether it has faded out, where it is one that does.
+    /// Whether it has faded out.
     pub(super) fn is_gone(&self, frame: u64) -> bool {
         self.fade
             .is_some_and(|fade| fade.steady(frame) == Some(0.0))
     }
 
-    /// Its gain at a frame of the piece, by its curve.
+    /// Its gain at a frame of the piece, without fades.
     pub(super) fn written(&self, frame: u64) -> f64 {
         self.gain * self.curve.as_ref().map_or(1.0, |curve| curve.at(frame))
     }
 
-    /// Its gain at a frame of the piece, as it is heard.
+    /// Its gain at a frame of the piece, with fades.
     pub(super) fn heard(&self, frame: u64) -> f64 {
         let fade = self.fade.map_or(1.0, |fade| fade.at(frame));
         self.written(frame) * fade + self.rest.map_or(0.0, |rest| rest.at(frame))
     }
 
-    /// Fade to a factor of its gain, from another one.
+    /// Glide from one factor of its gain to another.
     pub(super) fn fade(&mut self, rate: f64, from: f64, to: f64) {
         self.fade = Some(Glide::between(rate, from, to));
     }
 
-    /// Add the route's share from frame `first` of the piece on.
+    /// Add the route's signal to its target; `first` is the first frame in the piece.
     pub(super) fn add<'a>(
         &mut self,
         group: &Glide,
@@ -212,8 +212,8 @@ impl Route {
     }
 }
 
-/// The high-passed sample. A sample that is not finite counts as 0, for it would stay in the filter for ever and keep
-/// the channel silent long after its cause was muted.
+/// The high-passed sample. A sample that is not finite counts as 0: in the filter it would keep the channel silent long
+/// after its cause was muted.
 fn high_passed(section: &mut Section, x: f64) -> f64 {
     section.next(if x.is_finite() { x } else { 0.0 }).high
 }

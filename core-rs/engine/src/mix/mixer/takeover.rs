@@ -1,16 +1,16 @@
-//! The mixer of a version takes over from that of the version before.
+//! Takeover of the mixer of one version by that of the next.
 
 use super::{Mixer, Placed, Route, To};
 use crate::mix::delay::Delay;
 use crate::mix::glide::{Glide, falling};
 
 impl Mixer {
-    /// Take the state of `old` over: gains of groups, filters and delays of routes that both have, and rooms of the same
-    /// name. Over 20 ms from the next multiple of 64 frames on, routes that are new fade in, those that are gone fade out,
-    /// and gains glide, that of all channels too. So do frozen outputs that stand elsewhere. Allocates and frees nothing: what
-    /// a delay or a curve of a route that fades out holds is taken from `old`.
+    /// Take over the state of `old`: gains of groups, filters and delays of routes that both have, and rooms of the
+    /// same name. Over 20 ms from the next multiple of 64 frames on, new routes fade in, routes that are gone fade out,
+    /// and changed gains glide, including that of all channels. Frozen outputs that are new, gone or moved fade in the
+    /// same way. Allocates and frees nothing: the delay and the curve of a route that fades out are moved out of `old`.
     ///
-    /// `outputs`: for each output of `old` the output here, where they differ.
+    /// `outputs`: for each output of `old`, the output here; `None` if they are the same.
     pub fn take_over(&mut self, old: &mut Self, outputs: Option<&[Option<usize>]>) {
         self.frame = old.frame;
         let groups = self.groups.iter_mut().zip(&old.groups);
@@ -19,13 +19,13 @@ impl Mixer {
             Some(outputs) => outputs.get(before).copied().flatten(),
             None => Some(before),
         };
-        // Routes come in about the same order: search after the previous one first.
+        // The routes of both mixers are in about the same order: start the search after the previous match.
         let in_turn = |next: usize, n: usize| (next..n).chain(0..next.min(n));
         let (mut next, n) = (0, old.routes.len());
         for own in &mut self.routes {
             let is_same = |&at: &usize| own.is_as(&old.routes[at], out(old.routes[at].out));
             let Some(at) = in_turn(next, n).find(is_same) else {
-                // A delay that is empty gives nothing yet.
+                // A delay that begins empty is silent at first: fade in when its first sample comes out.
                 let lag = own.delay.as_ref().map_or(0, Delay::length);
                 let mut fade = Glide::new(self.rate, 0.0);
                 fade.set_later(1.0, lag as u64);
@@ -68,7 +68,7 @@ impl Mixer {
         self.is_fading = true;
     }
 
-    /// Let frozen outputs go on that stand where they stood, those that are new fade in, and those that are gone fade out.
+    /// Frozen outputs at the same place continue, new ones fade in, and those that are gone fade out.
     fn take_over_frozen(&mut self, old: &Self, out: impl Fn(usize) -> Option<usize>) {
         for own in &mut self.frozen {
             let is_same = |one: &&Placed| out(one.out).is_some_and(|here| own.is_as(one, here));
@@ -90,7 +90,7 @@ impl Mixer {
         }
     }
 
-    /// Let routes of `old` fade out that have no successor here; their outputs here are `out`.
+    /// Routes of `old` without a successor here fade out; `out` maps their outputs to those here.
     fn leave(&mut self, old: &mut Self, out: impl Fn(usize) -> Option<usize>) {
         let (mut next, n) = (0, self.routes.len());
         let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());

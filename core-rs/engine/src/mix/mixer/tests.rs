@@ -3,7 +3,7 @@ use super::*;
 use crate::maths;
 use crate::mix::curve::{Point, Way};
 
-/// Three outputs: noise, a hand that leans, one broken sample.
+/// Three outputs: noise, a small offset with noise (a hand that leans), and a constant with one broken sample.
 fn frames(n: usize) -> Vec<f64> {
     let frame = |i: usize| {
         let noise = maths::sin((i * i % 7919) as f64);
@@ -61,7 +61,7 @@ fn blocks_change_nothing() {
     );
 }
 
-/// Two groups, one of which is moved at frame 1000 of the piece: the other keeps its bits.
+/// Of two groups, one changes its gain at frame 1000 of the piece: the other keeps its bits.
 #[test]
 fn a_group_glides_and_blocks_change_nothing() {
     let n = 4000;
@@ -98,7 +98,7 @@ fn a_group_glides_and_blocks_change_nothing() {
     mixer.process(&frames, &mut plain);
     for (i, (now, was)) in whole.chunks(2).zip(plain.chunks(2)).enumerate() {
         assert_eq!(now[0], was[0]);
-        // Frame 1024 of the piece is the first multiple of 64 after 1000; 896 are 20 ms and a bit.
+        // Frame 1024 of the piece is the first multiple of 64 after 1000; 896 frames are 20 ms, rounded up.
         let u = (i as f64 + 500.0 - 1024.0) / 896.0;
         let u = u.clamp(0.0, 1.0);
         let gain = 1.0 - 0.5 * (3.0 - 2.0 * u) * u * u;
@@ -134,7 +134,7 @@ fn refuses_what_is_not_there() {
     }
 }
 
-/// Two rooms, a delay, curves and a fade.
+/// A mixer with two rooms, a delay, curves and a fade.
 fn hall() -> Mixer {
     let mut mixer = Mixer::new(44_100.0, 3, 2);
     for (name, t60) in [("hall", 1.0), ("cellar", 0.4)] {
@@ -187,7 +187,7 @@ fn rooms_delays_and_curves_are_the_same_in_blocks_and_in_another_mixer() {
             .zip(pieces.chunks_mut(2 * block))
             .enumerate()
         {
-            // Another version of the mix goes on as this one stands.
+            // Another version of the mix takes over.
             if i == 7 {
                 let mut next = hall();
                 next.take_over(&mut mixer, None);
@@ -215,7 +215,7 @@ fn refuses_rooms_and_delays_that_are_not_there() {
     assert_eq!(mixer.treated(0, 0, To::Room(2), 1.0, plain), Err(room));
 }
 
-/// What a mixer gives of a constant 1 from frame 1000 on, where it has taken over from another.
+/// Output for a constant input of 1 from frame 1000 on, where a mixer has taken over from another.
 fn taken_over(before: &[(usize, f64)], after: &[(usize, f64)], block: usize) -> Vec<f64> {
     let mixer = |routes: &[(usize, f64)]| {
         let mut mixer = Mixer::new(44_100.0, 1, 2);
@@ -243,7 +243,7 @@ fn a_route_that_comes_fades_in_one_that_goes_fades_out_and_a_gain_glides() {
     }
     let pairs = mixed.chunks(2).zip(gained.chunks(2)).enumerate();
     for (i, (mixed, gained)) in pairs {
-        // Frame 1024 is the first multiple of 64 after 1000; 896 are 20 ms and a bit.
+        // Frame 1024 is the first multiple of 64 after 1000; 896 frames are 20 ms, rounded up.
         let u = ((i as f64 - 24.0) / 896.0).clamp(0.0, 1.0);
         let share = (3.0 - 2.0 * u) * u * u;
         for (is, wanted) in [
@@ -263,8 +263,8 @@ fn level(frame: i64, gain: f64) -> Point {
     Point { frame, gain, way }
 }
 
-/// The gain of an input of 1 over 3000 frames, where a mixer takes over at frame 1000 that fades otherwise: the route,
-/// or all channels.
+/// The output for an input of 1 over 3000 frames. At frame 1000 a mixer with another curve takes over: a curve of the
+/// route, or of all channels.
 fn turned(before: &[Point], after: &[Point], is_route: bool, block: usize) -> Vec<f64> {
     let mixer = |points: &[Point]| {
         let mut mixer = Mixer::new(44_100.0, 1, 1);
@@ -325,7 +325,7 @@ fn nothing_in_or_out() {
     Mixer::new(44_100.0, 0, 0).process(&[], &mut []);
 }
 
-/// A mixer of one output, silent but for a frozen ramp that begins at `begins`.
+/// A mixer of one output; a frozen ramp begins at `begins`, if that is given.
 fn ramp(source: &Arc<FrozenOutputs>, begins: Option<i64>) -> Mixer {
     let mut mixer = Mixer::new(44_100.0, 1, 1);
     mixer.route(0, 0, 1.0, None).unwrap();
@@ -342,7 +342,7 @@ fn frozen_outputs_stand_where_they_are_placed_and_move_without_a_step() {
     let played = |block: usize| {
         let mut mixer = ramp(&source, Some(0));
         let mut heard = Vec::new();
-        // It stays at 1000, jumps at 2000, is on its way at 2100, and is gone from 4000 on.
+        // Unchanged at 1000, moved at 2000, taken over during the fade at 2100, removed at 4000.
         let changes = [
             (1000, Some(0)),
             (2000, Some(500)),

@@ -1,30 +1,30 @@
-//! A surface of triangles that points touch: from any place, its nearest point.
+//! A surface of triangles that points touch; it finds the point of the surface that is nearest to any place.
 //!
-//! The distance from the nearest point has no jumps, whatever triangle it lies on: a point that rolls over an edge is
-//! pushed by one contact all the way, and its energy is a function of where it is.
+//! The distance from the nearest point is continuous across triangles: a point that rolls over an edge is pushed by one
+//! contact all the way, and its energy is a function of its position.
 
 use super::{AXES_MAX, line};
 
 type Vector = [f64; AXES_MAX];
 
-/// Cells of the grid at most, and triangles in all cells together.
+/// Most cells of the grid, and most triangles in all cells together.
 const MOST_CELLS: usize = 1 << 18;
 const MOST_MEMBERS: usize = 1 << 22;
-/// How much wider cells become where there are too many.
+/// Factor by which cells are widened if there are too many.
 const WIDER: f64 = 1.3;
 
-/// Triangles, sorted into cells by where a point may touch them.
+/// Triangles, sorted into cells by the places from which a point may touch them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Facets {
     triangles: Vec<[Vector; 3]>,
-    /// How far from the surface a point is still seen [m].
+    /// Largest distance from the surface at which a point is detected [m].
     reach: f64,
-    /// The lowest and the highest place from which it is seen, the width of the cells between [m], and how many there are
+    /// Lowest and highest corner of the region in which points are detected, width of a cell [m], and number of cells
     /// along each axis.
     bounds: [Vector; 2],
     wide: f64,
     counts: [usize; AXES_MAX],
-    /// Where the triangles of each cell begin in `members`   (n_cells + 1)
+    /// Index in `members` at which the triangles of each cell begin   (n_cells + 1)
     begins: Vec<u32>,
     members: Vec<u32>,
 }
@@ -33,10 +33,11 @@ impl Facets {
     /// Most triangles of a surface.
     pub const MOST: usize = 200_000;
 
-    /// The surface of triangles, which names its corners [m] by their numbers, seen from as far as `reach` [m].
+    /// The surface of triangles, each given by the numbers of its corners [m]; points are detected up to the distance
+    /// `reach` [m].
     ///
     /// # Errors
-    /// A sentence where a number is out of range, or no triangle has an area.
+    /// A sentence, if a number is out of range or no triangle has an area.
     pub fn new(
         corners: &[Vector],
         triangles: &[[u32; 3]],
@@ -80,17 +81,17 @@ impl Facets {
         Ok(facets)
     }
 
-    /// How far from the surface a point is still seen [m].
+    /// Largest distance from the surface at which a point is detected [m].
     pub fn reach(&self) -> f64 {
         self.reach
     }
 
-    /// The lowest and the highest place from which the surface is seen [m].
+    /// Lowest and highest corner of the region in which points are detected [m].
     pub(crate) fn bounds(&self) -> [Vector; 2] {
         self.bounds
     }
 
-    /// How many triangles a place that may touch the surface is near, on average.
+    /// Average number of triangles near a place that may touch the surface.
     pub(crate) fn crowding(&self) -> f64 {
         let n_cells = self
             .begins
@@ -100,7 +101,8 @@ impl Facets {
         self.members.len() as f64 / n_cells.max(1) as f64
     }
 
-    /// How far a place is from the surface, and the direction away from it: endless where it is not seen.
+    /// Distance of a place from the surface, and the direction away from it. The distance is infinite if no triangle is
+    /// near.
     pub(crate) fn nearest(&self, place: Vector) -> (f64, Vector) {
         let mut least = f64::INFINITY;
         let mut apart = [0.0; AXES_MAX];
@@ -112,7 +114,7 @@ impl Facets {
             }
         }
         if least == f64::INFINITY {
-            // What is not a number goes on, and is found later.
+            // NaN is passed on, and detected later.
             let is_number = place.iter().all(|x| !x.is_nan());
             let length = if is_number { least } else { f64::NAN };
             return (length, [0.0; AXES_MAX]);
@@ -120,7 +122,7 @@ impl Facets {
         line(apart)
     }
 
-    /// The triangles that a place may touch, in their order.
+    /// The triangles that a place may touch, by rising number.
     fn around(&self, place: Vector) -> &[u32] {
         let mut index = 0;
         for axis in (0..AXES_MAX).rev() {
@@ -134,7 +136,7 @@ impl Facets {
         &self.members[range]
     }
 
-    /// Sort the triangles into cells, as narrow as their number allows.
+    /// Sort the triangles into cells, as narrow as the limits on their numbers allow.
     fn divide(&mut self) {
         let [mut low, mut high] = [[f64::INFINITY; AXES_MAX], [f64::NEG_INFINITY; AXES_MAX]];
         for corner in self.triangles.iter().flatten() {
@@ -173,10 +175,10 @@ impl Facets {
         (self.begins, self.members) = (begins, members);
     }
 
-    /// Each cell from which each triangle may be touched: cells by their numbers.
+    /// Call `each` with the number of each cell and of each triangle that may be touched from it.
     fn each_member(&self, mut each: impl FnMut(usize, u32)) {
         let half = 0.5 * self.wide;
-        // From its middle to a corner of a cell, and a hair.
+        // From the middle of a cell to its corner, plus the reach, with a small margin.
         let far = (self.reach + half * 3.0_f64.sqrt()) * (1.0 + 1e-9);
         for (number, triangle) in self.triangles.iter().enumerate() {
             let [across, along, up] = self.span(triangle);
@@ -188,7 +190,7 @@ impl Facets {
                             self.bounds[0][axis] + self.wide * at[axis] as f64 + half
                         });
                         let apart = difference(middle, nearest(triangle, middle));
-                        // One that is so thin that this is no number is kept.
+                        // A triangle so thin that the distance is NaN is kept.
                         if dot(apart, apart) > far * far {
                             continue;
                         }
@@ -200,7 +202,7 @@ impl Facets {
         }
     }
 
-    /// The cells around a triangle, along each axis.
+    /// The range of cells around a triangle, along each axis.
     fn span(&self, triangle: &[Vector; 3]) -> [std::ops::Range<usize>; AXES_MAX] {
         std::array::from_fn(|axis| {
             let all = triangle.map(|corner| corner[axis]);
@@ -279,7 +281,7 @@ mod tests {
     use crate::chance::Chance;
     use crate::network::distance;
 
-    /// The distance from a triangle by trying many of its points.
+    /// The distance from a triangle, by trying many of its points.
     fn by_trying([a, b, c]: &[Vector; 3], place: Vector) -> f64 {
         let n = 200;
         let mut least = f64::INFINITY;
@@ -313,7 +315,7 @@ mod tests {
         }
     }
 
-    /// Cells leave out no triangle that a place may touch.
+    /// Cells omit no triangle that a place may touch.
     #[test]
     fn cells_change_no_bit() {
         let mut chance = Chance::new(8, "facets", "cells", 0, 0);
@@ -354,7 +356,7 @@ mod tests {
             let error = Facets::new(&corners, &triangles, reach).unwrap_err();
             assert!(error.contains(said), "{error}");
         }
-        // As wide as can be, with a gap as narrow as can be.
+        // A very large surface with a very small gap.
         let wide = [[-1e6, -1e6, -1e6], [1e6, 1e6, 1e6], [1e6, -1e6, 1e6]];
         let facets = Facets::new(&wide, &[[0, 1, 2]], 1e-9).unwrap();
         assert!(facets.begins.len() <= MOST_CELLS + 1);

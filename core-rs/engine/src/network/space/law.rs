@@ -1,57 +1,58 @@
-//! What a link in space does with what it measures.
+//! Force laws of links in space.
 
 use std::sync::Arc;
 
 use crate::law::Law;
 use crate::maths::power_law;
 
-/// What a link in space does with the distance of its ends.
+/// How a link in space turns the measured distance into a force.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SpaceLaw {
-    /// Spring and damper, `rest` long without force.
+    /// Spring and damper with the rest length `rest`.
     Spring,
-    /// The same, whose rest length follows beyond a force, and which breaks where it is too long. Both are endless where
-    /// it never does.
+    /// A spring and damper whose rest length changes when its force exceeds a limit, and which breaks when it is too
+    /// long. A limit that is never reached is infinite.
     Yielding {
         /// Greatest force of the spring, either way [N]: perfect plasticity (Prandtl 1928).
         yields: f64,
-        /// How much longer than `rest` it breaks [m], whatever it has yielded.
+        /// Elongation beyond the original `rest` at which it breaks [m], however far it has yielded.
         breaks: f64,
     },
-    /// A mass that attracts by K·ℓ/(1 + (ℓ/core)²)^1.5 at distance − rest ℓ: a spring near by, and far away as 1/ℓ²
+    /// A mass that attracts by K·ℓ/(1 + (ℓ/core)²)^1.5 at distance − rest ℓ: as a spring nearby, and as 1/ℓ² far away
     /// (Plummer 1911).
     Attraction {
-        /// Distance [m] beyond which the force falls.
+        /// Scale of distance [m]: the force falls beyond core/√2.
         core: f64,
     },
-    /// A contact, closed where the distance is below `rest`: it pushes by K·p^exponent + Z·dp/dt, p the depth.
+    /// A contact, closed while the distance is below `rest`: it pushes by K·p^exponent + Z·dp/dt, where p is the depth.
     Contact {
-        /// Power of the depth, from 1 on.
+        /// Exponent of the depth, 1 or more.
         exponent: f64,
-        /// Whether it never pulls.
+        /// Whether a force that would pull is set to 0.
         clamp: bool,
     },
-    /// A contact that sticks: beside its push it pulls by K·sink, and less and less until its ends are `reach` farther than
-    /// where they touch. `rest` is where it lets go.
+    /// A contact that sticks: beside its push it pulls by K·sink. Beyond touching, the pull falls to 0 over the
+    /// distance `reach`. `rest` is the distance at which it lets go.
     Cohesive {
-        /// Power of the depth, from 1 on.
+        /// Exponent of the depth, 1 or more.
         exponent: f64,
-        /// Whether its damping never pulls.
+        /// Whether damping cannot raise the pull above K·sink.
         clamp: bool,
-        /// Its pull over K [m^exponent]: for an exponent of 1 the depth at which it rests.
+        /// Its pull divided by K [m^exponent]; for an exponent of 1 this is the depth at which it rests.
         sink: f64,
-        /// How far beyond touching it pulls [m].
+        /// Distance beyond touching up to which it pulls [m].
         reach: f64,
     },
-    /// Nothing: it is there to be measured.
+    /// No force: the link is only measured.
     Gauge,
-    /// A law of distance − rest and its rate. K and Z of its run are what it is stiff and viscous where it begins, at most.
+    /// A law of distance − rest and its rate. K and Z of its run are its largest stiffness and viscosity at its initial
+    /// length and at rest.
     Lnl {
         /// The law.
         law: Arc<Law>,
-        /// Distance − rest from which its energy counts [m]: where it begins.
+        /// Initial distance − rest, at which its energy is 0 [m].
         from: f64,
-        /// A step times this is the law's v: 1/T; 1 where steps are given in [m/s].
+        /// Factor from a step to the law's v: 1/T; 1 if steps are given in [m/s].
         rate: f64,
     },
 }
@@ -60,7 +61,7 @@ pub enum SpaceLaw {
 pub(in crate::network) const SINKS: &str = "its attraction is stronger than K times the gap, so its two points would collapse \
      onto each other; reduce the attraction, or use a larger K or gap";
 
-/// Distance − rest of a link that is broken.
+/// Value of distance − rest that marks a broken link.
 const BROKEN: f64 = f64::NEG_INFINITY;
 
 impl SpaceLaw {
@@ -69,8 +70,8 @@ impl SpaceLaw {
         matches!(self, Self::Yielding { .. })
     }
 
-    /// Distance − rest at `e` [m] where the rest length had grown by `yielded` [m], once it has followed: what it grew is
-    /// the difference.
+    /// Distance − rest after the rest length has yielded. `e` [m] is relative to the original rest length, which had
+    /// grown by `yielded` [m] before; the new growth is `e` minus the result.
     pub(crate) fn settled(&self, k: f64, e: f64, yielded: f64) -> f64 {
         let Self::Yielding { yields, breaks } = self else {
             return e;
@@ -100,7 +101,8 @@ impl SpaceLaw {
         }
     }
 
-    /// Whether it rests deeper than its ends are apart where they touch [m]: then it is stiffer across than along its line.
+    /// Whether its ends rest deeper than `gap`, their distance when they touch [m]; it is then stiffer across its line
+    /// than along it.
     pub(in crate::network) fn sinks_beyond(&self, gap: f64) -> bool {
         matches!(self, Self::Cohesive { exponent: 1.0, sink, .. } if *sink > gap)
     }
@@ -111,8 +113,8 @@ impl SpaceLaw {
         !self.is_contact() || e < 0.0
     }
 
-    /// Of a contact at distance − rest `e` [m]: how stiffly it pushes for its depth [N/m], and what it pulls beside that
-    /// [N], where its elastic force is `elastic` [N]. `None` where it does not touch.
+    /// For a contact at distance − rest `e` [m] with the elastic force `elastic` [N]: its push over its depth [N/m],
+    /// and its constant pull [N]. `None` if it does not touch.
     #[inline(always)]
     pub(crate) fn pressed(&self, k: f64, e: f64, elastic: f64) -> Option<[f64; 2]> {
         match self {
@@ -127,7 +129,7 @@ impl SpaceLaw {
     /// Force that pulls the ends together [N], without damping, at distance − rest [m].
     pub(crate) fn elastic(&self, k: f64, e: f64) -> f64 {
         match self {
-            // One that is broken is endlessly too short.
+            // For a broken link e is −∞.
             Self::Yielding { .. } if e == BROKEN => 0.0,
             Self::Spring | Self::Yielding { .. } => k * e,
             Self::Attraction { core } => {
@@ -164,14 +166,14 @@ impl SpaceLaw {
         }
     }
 
-    /// Force of a contact of stiffness `k` at distance − rest `e` [m] that pulls the ends together [N], from its elastic and
-    /// its damping part.
+    /// Force of a contact of stiffness `k` at distance − rest `e` [m] that pulls the ends together [N], from its
+    /// elastic and its damping part.
     #[inline(always)]
     pub(crate) fn damped(&self, [k, e]: [f64; 2], elastic: f64, damping: f64) -> f64 {
         let pull = elastic + damping;
         match self {
             Self::Contact { clamp: true, .. } => pull.min(0.0),
-            // What only pulls has no damper.
+            // Beyond touching, it pulls without damping.
             Self::Cohesive { reach, .. } if e + reach >= 0.0 => elastic,
             Self::Cohesive {
                 clamp: true, sink, ..
@@ -185,14 +187,14 @@ impl SpaceLaw {
         match self {
             Self::Yielding { .. } if e == BROKEN => 0.0,
             Self::Spring | Self::Yielding { .. } => 0.5 * k * e * e,
-            // Of k·core²·(1 − 1/√far), without the difference of numbers that are nearly the same.
+            // k·core²·(1 − 1/√far), without a difference of nearly equal numbers.
             Self::Attraction { core } => {
                 let far = 1.0 + (e / core) * (e / core);
                 k * e * e / (far + far.sqrt())
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => k * power_law(-e, exponent + 1.0) / (exponent + 1.0),
-            // 0 where it has let go, and below 0 where it holds.
+            // 0 after it has let go, and negative while it holds.
             Self::Cohesive { .. } if e >= 0.0 => 0.0,
             Self::Cohesive { sink, reach, .. } if e + reach >= 0.0 => {
                 -0.5 * k * sink * (e * e) / reach
@@ -212,14 +214,14 @@ impl SpaceLaw {
     }
 }
 
-/// The elastic force of a law: cold, so that the loops of other links stay as short as without it.
+/// The elastic force of a law; `cold` keeps the loops of other links as short as without it.
 #[cold]
 #[inline(never)]
 fn spring_of(law: &Law, e: f64) -> f64 {
     law.spring(e)
 }
 
-/// The force of a law, likewise.
+/// The force of a law; `cold` for the same reason.
 #[cold]
 #[inline(never)]
 fn force_of(law: &Law, e: f64, v: f64) -> f64 {

@@ -8,21 +8,21 @@ use super::law::SINKS;
 use super::{AXES_MAX, LinkKind, Measure, Network, SpaceLaw, SpacePoint, inverse};
 use crate::law::Law;
 
-/// Links between points in space. Of a run, `a` and `b` are the first coordinates of the ends of the first link.
+/// Links between points in space. In a run, `a` and `b` are the first coordinates of the ends of the first link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpaceLink {
-    /// What it does.
+    /// How it acts.
     pub law: SpaceLaw,
     /// What it measures.
     pub measure: Measure,
     /// How many axes: 2 or 3.
     pub n_axes: usize,
-    /// How far behind the first coordinate of an end the second and the third are   (ends a and b)
+    /// Index of the second and of the third coordinate of an end, relative to the first   (ends a and b)
     pub offsets: [[isize; AXES_MAX - 1]; 2],
 }
 
 impl SpaceLink {
-    /// A link between points with these strides.
+    /// A link between points with the offsets of `ends`.
     pub(in crate::network) fn of(
         law: SpaceLaw,
         measure: Measure,
@@ -38,7 +38,7 @@ impl SpaceLink {
         }
     }
 
-    /// The same at so many frames a second [Hz].
+    /// The same link at the frame rate `at` [Hz].
     pub(crate) fn stepped(&self, at: f64) -> Self {
         let mut stepped = self.clone();
         if let SpaceLaw::Lnl { rate, .. } = &mut stepped.law {
@@ -47,7 +47,7 @@ impl SpaceLink {
         stepped
     }
 
-    /// The coordinates of an axis, from those of the first axis.
+    /// The coordinates of both ends along an axis, from those of the first axis.
     pub(crate) fn pair(&self, (a, b): (usize, usize), axis: usize) -> (usize, usize) {
         match axis {
             0 => (a, b),
@@ -58,8 +58,8 @@ impl SpaceLink {
         }
     }
 
-    /// The length that it measures at positions `x`, and components of the unit vector along which the length grows: 0
-    /// where ends are at one place, and along axes that there are not.
+    /// The length that it measures at positions `x`, and the unit vector along which this length grows. Components are
+    /// 0 if both ends are at one place, and along axes that do not exist.
     pub(crate) fn line(
         &self,
         ends: (usize, usize),
@@ -68,7 +68,7 @@ impl SpaceLink {
         self.measure.of(self.between(ends, x))
     }
 
-    /// What `x` of the second end is beyond that of the first, axis by axis.
+    /// Position of the second end minus that of the first, axis by axis.
     pub(crate) fn between(
         &self,
         ends: (usize, usize),
@@ -82,7 +82,7 @@ impl SpaceLink {
         between
     }
 
-    /// How far the ends move away from each other along the line between them, where each MAT moves by `moved`.
+    /// Growth of the distance of the ends along `direction`, if each MAT moves by `moved`.
     pub(crate) fn stretch(
         &self,
         ends: (usize, usize),
@@ -99,10 +99,10 @@ impl SpaceLink {
 }
 
 impl Network {
-    /// Add springs or contacts between `n` pairs of points in space that follow one another; returns the index of the first.
+    /// Add springs or contacts between `n` consecutive pairs of points in space; returns the index of the first.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range or the ends cannot be joined.
+    /// [`Error::Refused`] with the name of the module if a number is out of range or the ends cannot be joined.
     pub fn space_links(
         &mut self,
         name: &str,
@@ -134,7 +134,7 @@ impl Network {
     /// Add a law (LNL) of distance − `rest` and its rate between two points in space; returns its index.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range or the ends cannot be joined.
+    /// [`Error::Refused`] with the name of the module if a number is out of range or the ends cannot be joined.
     pub fn space_lnl(
         &mut self,
         name: &str,
@@ -145,7 +145,7 @@ impl Network {
     ) -> Result<usize, Error> {
         let distance = self.distance(ends, n_axes);
         let from = distance - rest;
-        // Stiffest where it begins, or where it rests: along its line its slope, across it f/ℓ.
+        // Largest stiffness at the initial length and at rest: along its line the slope of the law, across it f/ℓ.
         let at = |e: f64| {
             let across = inverse(rest + e) * law.spring(e);
             law.slope(e).max(across).max(0.0)
@@ -167,7 +167,7 @@ impl Network {
         self.space_links(name, ends, 1, n_axes, law, [k, z.max(0.0), rest])
     }
 
-    /// Refuse the numbers of links in space that are out of range.
+    /// Refuse links in space with numbers that are out of range.
     pub(in crate::network) fn check_space(
         &self,
         name: &str,

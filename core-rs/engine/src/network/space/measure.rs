@@ -1,19 +1,19 @@
-//! What a link in space measures: a length, along a direction.
+//! What a link in space measures: a length, and its direction.
 
 use std::sync::Arc;
 
 use super::{AXES_MAX, Facets};
 
-/// What a link in space measures: a length, along a direction.
+/// What a link in space measures: a length, and its direction.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Measure {
     /// The distance of its ends.
     Distance,
-    /// The distance of its ends, below 0: a contact is closed where the distance is above −`rest`.
+    /// The negative distance of its ends: a contact is closed while their distance is above −`rest`.
     Within,
-    /// How far the second end is from a plane through the first, along its unit normal.
+    /// Signed distance of the second end from a plane through the first, along the plane's unit normal.
     Plane([f64; AXES_MAX]),
-    /// How far the second end is from a surface that moves with the first, on either side.
+    /// Distance of the second end from a surface that moves with the first, on either side.
     Surface(Arc<Facets>),
 }
 
@@ -37,13 +37,13 @@ impl Measure {
     }
 }
 
-/// Length of a vector. The order of the sum is that of the inner loops: the same bits.
+/// Length of a vector. The terms are summed in the order of the inner loops, so that the bits are equal.
 #[inline(always)]
 pub(crate) fn distance(x: f64, y: f64, z: f64) -> f64 {
     (x * x + y * y + z * z).sqrt()
 }
 
-/// Length of a vector, and its unit vector; 0 along all axes for points at one place.
+/// Length and unit vector of a vector; both are 0 if its ends are at one place.
 #[inline(always)]
 pub(crate) fn line([x, y, z]: [f64; AXES_MAX]) -> (f64, [f64; AXES_MAX]) {
     let length = distance(x, y, z);
@@ -51,7 +51,7 @@ pub(crate) fn line([x, y, z]: [f64; AXES_MAX]) -> (f64, [f64; AXES_MAX]) {
     (length, [x * inverse, y * inverse, z * inverse])
 }
 
-/// 1/length; 0 for points at one place, which have no line between them.
+/// 1/length; 0 for a length of 0.
 #[inline(always)]
 pub(crate) fn inverse(length: f64) -> f64 {
     if length > 0.0 { 1.0 / length } else { 0.0 }

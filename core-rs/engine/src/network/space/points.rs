@@ -9,8 +9,8 @@ use super::{AXES_MAX, Network, distance};
 pub struct SpacePoint {
     /// The MAT that is its first coordinate.
     pub first: usize,
-    /// How far behind it the second and the third are. Points that move with the masses of a body have a coordinate
-    /// there, which may come before the others.
+    /// Index of the second and of the third coordinate relative to `first`. If a coordinate moves with the masses of a
+    /// body, its index may be lower than `first`.
     pub offsets: [isize; AXES_MAX - 1],
 }
 
@@ -21,17 +21,17 @@ pub struct SpacePoints<'a> {
     pub n_axes: usize,
     /// Mass of each [kg]; 0 for a fixed point   (n)
     pub masses: &'a [f64],
-    /// Where they are at the beginning [m]   (n_axes · n), axis by axis
+    /// Initial positions [m]   (n_axes · n), axis by axis
     pub x0: &'a [f64],
-    /// How fast they are at the beginning [m/s]   (n_axes · n)
+    /// Initial velocities [m/s]   (n_axes · n)
     pub v0: &'a [f64],
-    /// Viscosity against what surrounds each [N·s/m].
+    /// Viscosity of the surroundings of each point [N·s/m].
     pub z: f64,
 }
 
 impl SpacePoint {
-    /// A point whose coordinates are `stride` from each other: 1 for a single point, their number for points that are
-    /// added at once.
+    /// A point whose coordinates are `stride` apart: 1 for a single point, the number of points if they are added at
+    /// once.
     pub const fn strided(first: usize, stride: usize) -> Self {
         let stride = stride as isize;
         Self {
@@ -40,7 +40,7 @@ impl SpacePoint {
         }
     }
 
-    /// Its coordinate along an axis; `None` where there is no such MAT.
+    /// Its coordinate along an axis; `None` if there is no such MAT.
     pub(in crate::network) fn coordinate(self, axis: usize) -> Option<usize> {
         match axis {
             0 => Some(self.first),
@@ -50,12 +50,12 @@ impl SpacePoint {
 }
 
 impl Network {
-    /// Add points in space; returns the index of the first coordinate of the first. Coordinates stand axis by axis: that of
-    /// point i along the second axis is n behind that along the first. They are named `name.3.x`; of a single point that is
-    /// not numbered `name.x`.
+    /// Add points in space; returns the index of the first coordinate of the first point. Coordinates are stored axis
+    /// by axis: the second coordinate of a point is n MATs behind its first. They are named `name.3.x`, or `name.x` if
+    /// points are not numbered.
     ///
     /// # Errors
-    /// [`Error::Refused`] with the name of the module where a number is out of range or the network is full.
+    /// [`Error::Refused`] with the name of the module if a number is out of range or the network is full.
     pub fn points(
         &mut self,
         name: &str,
@@ -92,7 +92,7 @@ impl Network {
         Ok(first)
     }
 
-    /// The distance of two points at the beginning [m].
+    /// The initial distance of two points [m].
     pub fn distance(&self, (a, b): (SpacePoint, SpacePoint), n_axes: usize) -> f64 {
         let apart = |axis: usize| {
             let at = |end: SpacePoint| end.coordinate(axis).map_or(0.0, |mat| self.mats.x0[mat]);
@@ -101,7 +101,7 @@ impl Network {
         distance(apart(0), apart(1), apart(2))
     }
 
-    /// Whether `n` points from one on are MATs of the network.
+    /// Whether `n` consecutive points from `end` on are MATs of the network.
     pub(in crate::network) fn has_points(&self, end: SpacePoint, n: usize, n_axes: usize) -> bool {
         let is_here = |axis| {
             let last = end.coordinate(axis)?.checked_add(n)?;

@@ -1,8 +1,7 @@
-//! What nobody hears and somebody looks at: planned without trials beside what is heard, at a rate of its own where the score
-//! asks for one.
+//! Plans what is seen but not heard: without trials, and at a lower rate if the score asks for one.
 //!
-//! It takes nothing from what is heard, and is planned soon. At a rate of its own its error against the rate of the score is
-//! measured, from an allowance of its own.
+//! This takes no allowance from what is heard. At a lower rate the error against the rate of the score is measured,
+//! with an allowance of its own.
 
 use std::sync::Arc;
 
@@ -19,7 +18,7 @@ use crate::plan::trial::seen_rate;
 use crate::plan::{Known, Plan, Unit};
 use crate::timeline::Timeline;
 
-/// The plan of what nobody hears.
+/// Plans the islands that are seen but not heard.
 pub(super) fn plan(
     network: &Arc<Network>,
     timeline: &Timeline,
@@ -56,7 +55,7 @@ pub(super) fn plan(
 }
 
 impl Maker<'_> {
-    /// An island as seldom as it bears, once in `every` frames at most.
+    /// Plans an island at the lowest rate at which it works, at least once in `self.every` frames.
     pub(super) fn slowly(
         &mut self,
         subset: &Subset,
@@ -66,9 +65,9 @@ impl Maker<'_> {
     ) -> Result<(), Error> {
         let parts = subset.network.parts();
         let mut own_parts = subset.network.mats().part.iter();
-        // Where the discrete network is the truth there is but one rate.
+        // A discrete network that is the reference has only one rate.
         let is_discrete = own_parts.any(|&part| parts[part as usize].ca_rate.is_some());
-        // Beside a rate of all of it none of its parts has one.
+        // If the whole island has a lower rate, its parts have none of their own.
         let alike = Subset {
             network: subset.network.with_macrosteps(|_, _| None),
             ..subset.clone()
@@ -105,7 +104,7 @@ impl Maker<'_> {
         Ok(())
     }
 
-    /// How much is planned: units, rows, choices, and parts that stay.
+    /// The numbers of units, rows, choices and staying parts planned so far.
     fn counts(&self) -> [usize; 4] {
         let plan = &self.plan;
         [
@@ -116,7 +115,8 @@ impl Maker<'_> {
         ]
     }
 
-    /// Let what was just planned go once in `every` frames; false where it would then have as many steps as frames.
+    /// Sets what was just planned to be computed once in `every` frames. Returns false if it would then still take as
+    /// many steps as frames.
     fn put_slow(&mut self, [units, rows, ..]: [usize; 4], every: u32) -> bool {
         for unit in &mut self.plan.units[units..] {
             if let Unit::IslandPlan(island_plan) = unit {
@@ -128,7 +128,7 @@ impl Maker<'_> {
         }
         for row in &mut self.plan.rows[rows..] {
             row.every = every;
-            // The trials that are cut short are those of what is heard.
+            // Only trials of what is heard count as cut short.
             row.is_cut_short = false;
         }
         true

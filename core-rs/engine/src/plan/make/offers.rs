@@ -1,6 +1,6 @@
-//! Parts that a plan makes slow without being asked to: keys, and what is only seen.
+//! Parts that a plan makes slow without being asked: keys, and what is only seen.
 //!
-//! An offer is taken only once it is measured, where its island costs less and sounds as it did.
+//! Such an offer is taken only after a measurement, if the island then costs less and sounds the same.
 
 use super::{Maker, Solved};
 use crate::network::Subset;
@@ -10,18 +10,19 @@ use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::row::PRESERVED;
 use crate::plan::trial::multirate::{self, Offered};
 
-/// Keys are made slow where their island then costs so many times as much at most.
+/// Keys are made slow only if the island then costs at most this part of its cost before.
 const WORTH: f64 = 0.95;
-/// What is only seen is slow where that takes so much at most of what is allowed by ear: the rest of its island has errors too.
+/// The part of the audible error allowed that slow parts may take if they are only seen: the rest of the island has
+/// errors too.
 const UNHEARD: f64 = 0.5;
 
 impl Maker<'_> {
-    /// The same with what is only seen slow, and with its keys slow, where that is cheaper and sounds as it did.
+    /// The island with what is only seen slow, and with its keys slow, wherever that is cheaper and sounds the same.
     pub(super) fn offered(&self, subset: &Subset, own: &OwnTimeline, plain: Solved) -> Solved {
         let (seldom, mut best) = self.only_seen(subset, own, plain);
         let subset = seldom.as_ref().unwrap_or(subset);
         for &(every, preserved) in &PRESERVED {
-            // An offer is taken only once it is measured.
+            // Without allowance an offer cannot be measured.
             if self.allowance.n_refused() > 0 {
                 break;
             }
@@ -41,7 +42,7 @@ impl Maker<'_> {
         best
     }
 
-    /// The same with what is only seen as seldom as the score says, or more often where that would be heard.
+    /// The island with what is only seen computed as seldom as `seen_every` says, or more often if that would be heard.
     fn only_seen(
         &self,
         subset: &Subset,
@@ -66,7 +67,7 @@ impl Maker<'_> {
         (None, plain)
     }
 
-    /// An island with slow parts that are offered, where it `is_right` beside the same without.
+    /// Solves an island with offered slow parts, and returns it if it `is_right` compared with the island without them.
     fn taken(
         &self,
         slow: &Subset,
@@ -82,7 +83,7 @@ impl Maker<'_> {
         })
     }
 
-    /// As it was decided, where parts were slow that did not ask for it.
+    /// The island as it was decided before, if that made parts slow that did not ask for it.
     pub(super) fn pinned_offer(
         &self,
         subset: &Subset,
@@ -125,11 +126,11 @@ impl Solved {
         self.found.island.island_plan.cost()
     }
 
-    /// Whether what slow parts change of the sound takes no more than its share of what is allowed.
+    /// Whether the error that slow parts add stays within their share of what is allowed.
     fn is_unheard(&self, budget: &Budget) -> bool {
         self.slow_error.is_some_and(|error| {
             let excess = error.audible.map_or(0.0, |audible| audible.excess(budget));
-            // Where the waveforms part later, third octaves are to stay: their limen is 1 dB.
+            // If the waveforms part later, third octaves have to agree: their difference limen is 1 dB.
             let by_spectrum = match (error.spectral, budget) {
                 (None, _) => 0.0,
                 (Some(db), Budget::Cents { .. }) => db,
@@ -139,7 +140,7 @@ impl Solved {
         })
     }
 
-    /// The same as [`Self::is_as_exact`], by what is heard where that is what counts.
+    /// The same as [`Self::is_as_exact`], but by audible errors if both are known.
     fn sounds_as_exact(&self, other: &Self, budget: &Budget) -> bool {
         let audible = |solved: &Self| solved.found.error.and_then(|error| error.audible);
         match (audible(self), audible(other)) {
@@ -148,7 +149,7 @@ impl Solved {
         }
     }
 
-    /// Within what is asked for, or no further from it than another.
+    /// Whether the error is within the budget, or not larger than that of `other`.
     fn is_as_exact(&self, other: &Self, budget: &Budget) -> bool {
         let db = |solved: &Self| solved.found.error.map(|error| error.db);
         match (db(self), db(other)) {

@@ -1,4 +1,4 @@
-//! An island put together at some times the rate: what is stepped, its bodies, how often contacts are computed.
+//! An island assembled at some oversampling: what is stepped, its bodies, and its contact substeps.
 
 use std::sync::Arc;
 
@@ -23,30 +23,30 @@ pub(in crate::plan) struct Assembled {
     pub(in crate::plan) island_plan: IslandPlan,
     pub(in crate::plan) bodies: Vec<PortedBody>,
     pub(in crate::plan) certificate: Certificate,
-    /// Why a body goes by no modes.
+    /// Why a body does not go by modes.
     pub(in crate::plan) because: Option<NoModes>,
     /// It has single laws that can be computed finer than a frame, as contacts are.
     pub(in crate::plan) may_collocate: bool,
     pub(in crate::plan) shape: Shape,
 }
 
-/// What an island is put together of, at any rate.
+/// What an island is made of, at any rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::plan) enum Shape {
-    /// Of bodies by themselves and the rest.
+    /// Bodies that are cut out, and the rest.
     Bodies,
-    /// It has no bodies though it might have.
+    /// No bodies, although it might have some.
     Stepped,
-    /// Of meshes where it might have modes.
+    /// Meshes that might go by modes.
     Meshes,
-    /// Of bodies; contacts and laws go once a step.
+    /// Bodies; contacts and laws are computed once a step.
     Plain,
-    /// It has no bodies, and contacts and laws go once a step.
+    /// No bodies; contacts and laws are computed once a step.
     PlainStepped,
 }
 
 impl Shape {
-    /// As they are numbered in records.
+    /// In the order of their numbers in records.
     pub(in crate::plan) const ALL: [Self; 5] = [
         Self::Bodies,
         Self::Stepped,
@@ -70,7 +70,7 @@ impl Shape {
 }
 
 impl Assembled {
-    /// At `times` the rate. Refused where that is not stable.
+    /// Assembles an island at some oversampling. Refused if that is not stable.
     pub(in crate::plan) fn new(
         subset: &Subset,
         own: &OwnTimeline,
@@ -84,7 +84,7 @@ impl Assembled {
         } else {
             faster(&own.timeline, oversampling, &subset.network)?
         };
-        // A slow part stays as slow when all else is quicker.
+        // The macrostep of a slow part keeps its duration at a higher rate.
         let sped = (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
             network: subset
                 .network
@@ -92,15 +92,15 @@ impl Assembled {
             ..subset.clone()
         });
         let subset = sped.as_ref().unwrap_or(subset);
-        // What was decided to go once a step does so again.
+        // What was decided to be computed once a step stays so.
         let is_once = pin.is_some_and(|pin| pin.contact_substeps == 1)
             || matches!(choice, MethodChoice::Plain { .. });
         let most = if is_once { 1 } else { Budget::STEPS_MAX };
         let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, choice, memo);
         let mut found = None;
         if let Some(cut) = cut {
-            // A contact that is followed between frames takes a port for a free mass: it swings up with a mesh that
-            // holds the port faster than frames.
+            // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
+            // faster than a frame, that coupling would oscillate and grow.
             let leaps =
                 |found: &PortedBody| matches!(&found.inside, BodyPlan::Mesh(mesh) if mesh.leaps());
             let once = cut.bodies.iter().any(leaps).then_some(1);
@@ -114,7 +114,7 @@ impl Assembled {
         let (cut, (contact_substeps, may_collocate, certificate)) = match found {
             Some(found) => found,
             None => {
-                // Of all rates the composer is told of the score's own.
+                // Only at the score's own rate does the composer get an explanation.
                 let refusal = match oversampling {
                     1 => Refusal::Explained,
                     _ => Refusal::Bare,
@@ -152,7 +152,7 @@ impl Assembled {
         })
     }
 
-    /// The choice that makes the same island at another rate; `methods`: how its meshes go.
+    /// The choice that gives the same island at another rate; `methods`: those of its meshes.
     pub(in crate::plan) fn again<'a>(
         &self,
         methods: &'a [Option<(MeshMethod, u32)>],
@@ -166,26 +166,26 @@ impl Assembled {
         }
     }
 
-    /// Whether something in it holds and lets go: two runs may agree by luck, both late to let go.
+    /// Whether something in it sticks and slips: two runs may then agree by chance, both slipping too late.
     pub(in crate::plan) fn sticks(&self) -> bool {
         let mut runs = self.island_plan.network.runs().iter();
         runs.any(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_)))
     }
 
-    /// Whether linear bodies of it go by their modes.
+    /// Whether its linear bodies go by modes; false if it has slow bodies.
     pub(in crate::plan) fn has_modes(&self) -> bool {
         let bodies = &self.island_plan.bodies;
         bodies.iter().any(|body| matches!(body, BodyPlan::Modal(_)))
             && !bodies.iter().any(|body| matches!(body, BodyPlan::Slow(_)))
     }
 
-    /// How its bodies go that are meshes, in order.
+    /// The methods of its bodies that are meshes, in order.
     pub(in crate::plan) fn mesh_methods(&self) -> Vec<Option<(MeshMethod, u32)>> {
         let bodies = self.island_plan.bodies.iter();
         bodies.map(BodyPlan::mesh_method).collect()
     }
 
-    /// With some of its bodies' modes only, and contacts computed so often.
+    /// The same island with only the modes `kept`, and these contact substeps.
     pub(in crate::plan) fn only(mut self, contact_substeps: usize, kept: Vec<KeptModes>) -> Self {
         let mut hub = (*self.island_plan.network).clone();
         for (body, kept) in self.bodies.iter_mut().zip(kept) {
@@ -209,7 +209,7 @@ impl Assembled {
 
 fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<Timeline, Error> {
     let mut parts = network.mats().part.iter().map(|&part| part as usize);
-    // Where the discrete network is the truth there is but one rate.
+    // A discrete network that is the reference has only one rate.
     let is_discrete = parts.any(|part| network.parts()[part].ca_rate.is_some());
     let faster = (!is_discrete)
         .then(|| timeline.faster(oversampling))
@@ -220,8 +220,8 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
     })
 }
 
-/// How finely the contacts of a network are computed, `most` times a frame at most, whether laws may be too, and whether
-/// the rest of it is stable.
+/// Chooses the contact substeps a frame of a network, at most `most`; also returns whether laws may be computed between
+/// frames, and the certificate of the rest.
 pub(in crate::plan) fn hub(
     network: &Network,
     timeline: &Timeline,
@@ -233,7 +233,7 @@ pub(in crate::plan) fn hub(
     let mut scheme = Scheme::new(network, timeline.rate)?;
     let parts = network.mats().part.iter().map(|&part| part as usize);
     let mut truths = parts.map(|part| network.parts()[part].ca_rate);
-    // Where the discrete network is the truth, so are its contacts.
+    // If the discrete network is the reference, so are its contacts.
     let is_discrete = truths.any(|truth| truth.is_some());
     let (has_contacts, has_laws) = scheme.has_fine();
     let mut contact_substeps = if has_contacts && !is_discrete {
@@ -251,7 +251,7 @@ pub(in crate::plan) fn hub(
         scheme.let_laws_give_way();
     }
     let certificate = match scheme.certify_or(network, refusal) {
-        // Between frames a law is solved for, and no friction is too steep.
+        // Between frames a law is solved implicitly, so no slope of its friction is too steep.
         Err(Error::Unstable { .. }) if may_collocate_alone && scheme.bears_springs(network) => {
             contact_substeps = Budget::STEPS_MIN.min(most);
             scheme.take_fine();
@@ -262,7 +262,7 @@ pub(in crate::plan) fn hub(
     Ok((contact_substeps, may_collocate, certificate))
 }
 
-/// Two maps one after the other.
+/// Composes two maps.
 fn through(first: &[u32], second: &[u32]) -> Vec<u32> {
     second.iter().map(|&at| first[at as usize]).collect()
 }

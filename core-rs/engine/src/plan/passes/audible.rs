@@ -1,4 +1,4 @@
-//! Which modes of a body are computed: those that sums of energies tell, tested by ear.
+//! Which modes of a body are computed: chosen by sums of energies, then checked by playing them.
 
 use std::collections::BTreeMap;
 
@@ -9,29 +9,29 @@ use crate::plan::passes::loudness::Loudness;
 use crate::plan::passes::truncate::KeptModes;
 use crate::units::Rate;
 
-/// Modes are asked to be quieter by at least so much at a time [dB].
+/// Least reduction of the permitted loudness after a failed check [dB].
 const LEAST: f64 = 2.0;
 
-/// Which modes of a linear body.
+/// Kinds of modes of a linear body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModeKind {
-    /// Those that it has without damping, which damping does not couple.
+    /// Modes of the body without damping; its damping does not couple them.
     Normal,
-    /// Those that it has with its damping, each a pole or a pair: the complex ones.
+    /// Complex modes: those of the body with its damping, each a pole or a pair.
     Complex,
 }
 
 /// A body as a bank.
 pub(in crate::plan) struct Body {
     pub(in crate::plan) bank: BankPlan,
-    /// What outputs hear of where it rests   (its n_out)
+    /// What outputs hear of its rest position   (its n_out)
     pub(in crate::plan) rest: Vec<f64>,
     pub(in crate::plan) modes: usize,
     pub(in crate::plan) kept: KeptModes,
     pub(in crate::plan) kind: ModeKind,
 }
 
-/// Strikes on each MAT: frame, part of a frame after it, impulse [N·s].
+/// Strikes on each MAT: frame, fraction of a frame after it, impulse [N·s].
 pub(in crate::plan) type Blows = BTreeMap<u32, Vec<(u64, f64, f64)>>;
 
 /// A body by its modes.
@@ -39,15 +39,15 @@ pub(in crate::plan) trait ModalBody {
     fn n_modes(&self) -> usize;
     /// Of a mode [Hz].
     fn frequency(&self, mode: usize) -> f64;
-    /// Whether anything moves or is bent at t = 0.
+    /// Whether anything moves or is displaced at t = 0.
     fn is_moving(&self) -> bool;
-    /// The loudest modes, the others together below what is `allowed` [dB].
+    /// The loudest modes; the others together stay below `allowed` [dB].
     fn loudest(&self, allowed: Option<f64>) -> KeptModes;
-    /// Some of the modes, heard by outputs.
+    /// A bank of some of the modes, heard by outputs.
     fn bank(&self, some: &[usize], outputs: &[u32]) -> BankPlan;
 }
 
-/// The modes that stay.
+/// Chooses the modes that are kept.
 pub(in crate::plan) fn keep(
     body: &impl ModalBody,
     strikes: &Blows,

@@ -1,4 +1,5 @@
-//! An island that is one linear body, struck and heard: a bank of its modes, of the complex ones where others do not do.
+//! An island that is one linear body, struck and heard: a bank of its normal modes or, if they do not suffice, of its
+//! complex modes.
 
 use crate::bank::{Oscillator, Strikes};
 use crate::cell::Response;
@@ -16,8 +17,7 @@ use crate::timeline::Timeline;
 use crate::units::Rate;
 use crate::units::{floor_frame, frame};
 
-/// The modes of an island, as many as this score excites and the budget asks for, or those that were decided
-/// for before.
+/// The modes of an island, as many as this score excites and the budget asks for, or those decided before.
 pub(in crate::plan) fn bank(
     subset: &Subset,
     timeline: &Timeline,
@@ -42,7 +42,7 @@ pub(in crate::plan) fn bank(
     let is_discrete = discrete.is_some_and(|part| subset.network.parts()[part].ca_rate.is_some());
     let strikes = blows(timeline, timeline.rate, |_| true, is_discrete);
     match normal(subset, timeline, budget, pinned, &strikes, memo) {
-        // A session takes the motion of a body from mass to mass, by normal modes alone.
+        // A takeover in a session transfers the motion of a body mass by mass, by normal modes only.
         Err(NoModes::Damping | NoModes::ForceHeard | NoModes::Slow)
             if !is_discrete && !timeline.is_open =>
         {
@@ -52,7 +52,7 @@ pub(in crate::plan) fn bank(
     }
 }
 
-/// By modes that damping does not couple.
+/// The bank of normal modes, which damping does not couple.
 fn normal(
     subset: &Subset,
     timeline: &Timeline,
@@ -66,7 +66,7 @@ fn normal(
     let n_out = rows.len();
     rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
     let mut modes = memo.modes(network, &rows, rate)?;
-    // What a session may bring is not known: all of them may move.
+    // What a session will strike is not known: any mode may move.
     let turned = (!timeline.is_open).then(|| strikes.keys().map(|&mat| mat as usize).collect());
     if turned.is_some() {
         modes.turn(&(n_out..rows.len()).collect::<Vec<_>>(), rate);
@@ -74,7 +74,7 @@ fn normal(
     if let Some(why) = modes.unfit(rate) {
         return Err(why);
     }
-    // As complex modes it may be heard by its forces, too; a session knows normal modes alone.
+    // A free body goes by complex modes, which also give the forces in it; a session uses normal modes only.
     if modes.is_free() && !timeline.is_open {
         return Err(NoModes::Slow);
     }
@@ -91,7 +91,7 @@ fn normal(
         Some([kept]) => KeptModes::pinned(kept, modes.len()).ok_or(NoModes::Pinned)?,
         Some(_) => return Err(NoModes::Pinned),
         None => {
-            // Of what a session may bring nothing is known: nothing that can be heard is left out.
+            // What a session will strike is not known: no audible mode is left out.
             let allowed = budget.left_out().filter(|_| !timeline.is_open);
             audible::keep(&own, strikes, network, allowed, budget, rate)
         }
@@ -216,8 +216,8 @@ fn bank_of(
     bank
 }
 
-/// Strikes on each MAT of a timeline that `is_ours`: frame, part of a frame after it, impulse; rising. In a
-/// discrete network a strike falls on a frame.
+/// Strikes on each MAT that `is_ours`: frame, fraction of a frame after it, impulse; rising. In a discrete network a
+/// strike falls on a frame.
 pub(in crate::plan) fn blows(
     timeline: &Timeline,
     rate: Rate,
@@ -246,7 +246,7 @@ pub(in crate::plan) fn blows(
 pub(in crate::plan) struct OutputSums {
     /// Positions, by output.
     pub(in crate::plan) rows: Vec<Row>,
-    /// Of those, what points say that never move, by output.
+    /// The constant part of each output, from points that never move.
     pub(in crate::plan) held: Vec<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! Isolated CELs: oscillators as they are, with the very poles of the scheme; and free masses, which fly.
+//! Isolated CELs as oscillators with exactly the poles of the scheme, and free masses, which move at constant speed.
 
 use std::collections::HashMap;
 
@@ -13,16 +13,16 @@ use crate::timeline::{Timeline, pushes};
 use crate::units::Rate;
 use crate::units::frame;
 
-/// Oscillators of one bank: enough to fill vectors for long, few enough to share out to threads.
+/// Most oscillators of one bank: enough to fill vectors, few enough to distribute banks over threads.
 const TOGETHER: usize = 2_048;
-/// After so many handed over, their memory is given back.
+/// Memory is given back each time this many oscillators have been moved into banks.
 const GIVEN_BACK: usize = 1 << 16;
-/// A part with so many has banks of its own, so that its sound depends on no other part to the last bit. Smaller parts share
-/// banks: a few CELs would leave most of a vector empty.
+/// A part with at least this many CELs has banks of its own, so that its sound does not depend on other parts, bit for
+/// bit. Smaller parts share banks: a few CELs would leave most of a vector empty.
 const OF_ONE_PART: usize = 256;
 
-/// Whether an island is one CEL or MAS that no link, hand or path touches. One that swings so slowly that a
-/// two-term recurrence would round its pitch is not.
+/// Whether an island is a single CEL or MAS that no link, hand or path touches. A CEL so slow that a two-term
+/// recurrence would round its pitch does not count.
 pub(in crate::plan) fn is_loose(network: &Network, island: &IslandMembers, rate: Rate) -> bool {
     let &[mat] = &island.mats[..] else {
         return false;
@@ -33,7 +33,7 @@ pub(in crate::plan) fn is_loose(network: &Network, island: &IslandMembers, rate:
         return false;
     }
     if mats.kind[mat] == MatKind::Mas {
-        return true; // x[n+1] = 2x[n] − x[n−1] rounds nothing but its sum
+        return true; // x[n+1] = 2x[n] − x[n−1] has no rounded coefficients
     }
     let part = network.parts().get(mats.part[mat] as usize);
     let step = part
@@ -46,7 +46,7 @@ pub(in crate::plan) fn is_loose(network: &Network, island: &IslandMembers, rate:
     is_stable && kappa >= ANGLE_MIN * ANGLE_MIN
 }
 
-/// The oscillators of a network of isolated CELs, and where they rest into `still`.
+/// Makes banks of a network of isolated CELs, and adds what outputs hear of their rest positions to `still`.
 pub(in crate::plan) fn oscillators(
     subset: &Subset,
     timeline: &Timeline,
@@ -108,7 +108,7 @@ pub(in crate::plan) fn oscillators(
         *sizes.entry(*part).or_insert(0) += usize::from(!own.heard.is_empty());
     }
     let mut banks: Vec<BankPlan> = Vec::new();
-    // Backwards, so that what is handed over can be given back: millions of them are not held twice.
+    // In reverse, so that memory of moved oscillators can be given back: millions of them are not held twice.
     all.reverse();
     for i in 0..all.len() {
         if i % GIVEN_BACK == 0 {

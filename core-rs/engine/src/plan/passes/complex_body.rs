@@ -18,11 +18,10 @@ use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::truncate::{self, FIRST, KeptModes};
 use crate::units::Rate;
 
-/// Modes are left out where the others then cost so many times what all cost at most: all of them are exact.
+/// Modes are left out only if those kept cost at most this part of all: with all modes there is no error.
 const WORTH: f64 = 0.5;
 
-/// The complex modes of an island, as many as this score excites and the budget asks for, or those that were decided
-/// for before.
+/// The complex modes of an island, as many as this score excites and the budget asks for, or those decided before.
 pub(in crate::plan) fn bank(
     subset: &Subset,
     rate: Rate,
@@ -62,8 +61,8 @@ pub(in crate::plan) fn bank(
     })
 }
 
-/// What each output sums of positions and velocities, and what it hears of points that never move and of links that are
-/// not slack.
+/// What each output sums of positions and velocities, and its constant part from fixed points and the rest lengths of
+/// links.
 fn heard(network: &Network) -> (Vec<Sum>, Vec<f64>) {
     let mats = network.mats();
     let (mut sums, mut held) = (Vec::new(), Vec::new());
@@ -81,7 +80,7 @@ fn heard(network: &Network) -> (Vec<Sum>, Vec<f64>) {
                         still -= weight * mats.k[i] * mats.rest[i];
                     }
                 }
-                Term::Length { .. } => {} // no links of space are in a body
+                Term::Length { .. } => {} // a body has no links in space
                 Term::Force { first, len, weight } => {
                     for run in network.runs() {
                         let links = run.first.max(first)..(run.first + run.len).min(first + len);
@@ -116,12 +115,12 @@ struct Complex<'a> {
     rate: Rate,
 }
 
-/// A real number of a mode that goes on by a recurrence of its own: the real or the imaginary part.
+/// A real sequence of a mode with a recurrence of its own: its real or its imaginary part.
 pub(in crate::plan) struct Part {
     pub(in crate::plan) mode: usize,
-    /// Which part it is, of the mode and of what an output sees of it.
+    /// Index of the part, in the mode's number and in what an output sees of it.
     pub(in crate::plan) part: usize,
-    /// Of what is seen of it.
+    /// Sign of the part in what an output hears.
     pub(in crate::plan) sign: f64,
     /// a and b of x[n+1] = a·x[n] − b·x[n−1]
     pub(in crate::plan) recurrence: (f64, f64),
@@ -147,14 +146,14 @@ fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
             let (a, b) = recurrence(decay, omega, rate);
             let theta = omega * step;
             let (c, s) = (cos(theta), sin(theta));
-            // Where b is 0 there is no frame before.
+            // If b is 0, the recurrence does not use the frame before.
             let grown = if b == 0.0 { 0.0 } else { exp(decay * step) };
             let re = [x, grown * (c * x + s * y)];
             let im = [y, grown * (c * y - s * x)];
             vec![one((a, b), re, 0, 1.0), one((a, b), im, 1, -1.0)]
         }
         Pole::Real { decay } => {
-            // The recurrence asks for no frame before; a port, how it came.
+            // The recurrence does not use the frame before, but a port needs it for its velocity.
             let s = decay * step;
             let grown = if s < 1.0 { exp(s) } else { 1.0 + s };
             vec![one((exp(-s), 0.0), [x, grown * x], 0, 1.0)]
@@ -166,14 +165,14 @@ fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
     }
 }
 
-/// The parts of some modes that an output sees.
+/// The parts of some modes that outputs see.
 pub(in crate::plan) fn parts(modes: &ComplexModes, some: &[usize], rate: Rate) -> Vec<Part> {
     let all = some.iter().flat_map(|&mode| parts_of(modes, mode, rate));
     let is_seen = |own: &Part| modes.seen.iter().any(|row| row[own.mode][own.part] != 0.0);
     all.filter(is_seen).collect()
 }
 
-/// How a part goes on after an impulse at a point.
+/// The response of a part to an impulse at a point.
 pub(in crate::plan) fn response(modes: &ComplexModes, own: &Part, point: usize) -> Response {
     let gain = modes.felt[point][own.mode];
     match modes.poles[own.mode] {
@@ -199,7 +198,7 @@ pub(in crate::plan) fn response(modes: &ComplexModes, own: &Part, point: usize) 
     }
 }
 
-/// Which parts of which modes some oscillators are.
+/// Which parts of which modes the oscillators are.
 pub(in crate::plan) fn places(all: &[Part]) -> Vec<ComplexPart> {
     let place = |own: &Part| ComplexPart {
         mode: own.mode,
@@ -210,11 +209,11 @@ pub(in crate::plan) fn places(all: &[Part]) -> Vec<ComplexPart> {
 }
 
 impl Complex<'_> {
-    /// All modes, but where those that were kept cost less by enough.
+    /// All modes, unless those that were kept are cheaper by enough.
     fn filled(&self, kept: KeptModes) -> KeptModes {
         let all: Vec<usize> = (0..self.modes.len()).collect();
         let cost = |some: &[usize]| parts(self.modes, some, self.rate).len() as f64;
-        // A group of lanes costs the same, full or not.
+        // A group of lanes costs the same whether it is full or not.
         if cost(&all) > LANES as f64 && cost(&kept.modes) <= WORTH * cost(&all) {
             return kept;
         }
@@ -263,7 +262,7 @@ impl ModalBody for Complex<'_> {
         let rows: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
         let frequency = |mode: usize| modes.pitch(mode).0;
         let mut kept = truncate::choose(&[own], &rows, allowed, self.budget, frequency);
-        // What goes away for ever has no loudness.
+        // Rigid motion stays, however quiet it is.
         let is_free = |mode: &usize| modes.poles[*mode] == Pole::Free;
         kept.modes.extend((0..modes.len()).filter(is_free));
         kept.modes.sort_unstable();

@@ -1,8 +1,8 @@
-//! The complex modes of a linear body: whatever its damping, each is one pole and its residues.
+//! The complex modes of a linear body: with any damping, each mode is a pole and its residues.
 //!
-//! In the coordinates of the undamped modes, p = ω·q and v = q̇, the body is ṗ = ω·v, v̇ = −ω·p − C·v + f. Its state has the
-//! length √(2·energy), which nothing but damping changes; so what is played instead, A + E for A, is off by no more
-//! than t·‖E‖ of the energy's root after t seconds. E is computed.
+//! In the coordinates of the undamped modes, p = ω·q and v = q̇, the body is ṗ = ω·v, v̇ = −ω·p − C·v + f. The length
+//! of its state is √(2·energy), which only damping changes. The computed modes are exact for a matrix A + E instead of
+//! A, so after t seconds the state is off by at most t·‖E‖ times its length. E is computed.
 
 mod blocks;
 mod decoupled;
@@ -15,28 +15,29 @@ use crate::plan::passes::modes::{ANGLE_MIN, Row};
 use crate::spectrum::whole;
 use crate::units::Rate;
 
-/// Most undamped modes that damping may couple: an eigenvalue problem of 256 states takes 0.06 s, one of 512 half a second.
+/// Most undamped modes that damping may couple. An eigenvalue problem of 256 states takes 0.06 s, one of 512 half a
+/// second.
 const COUPLED_MAX: usize = 256;
-/// Most masses of a body with dampers of its own: coupling of all its modes is looked for.
+/// Most masses of a body whose damping is not proportional: the coupling of all its modes is computed.
 const DAMPED_MAX: usize = 300;
 /// Coupling below this, relative to the strongest damping, is rounding.
 const ROUNDING: f64 = 1e-15;
-/// Most of ‖E‖ [1/s]: after a second the motion is off by −120 dB.
+/// Largest ‖E‖ [1/s]: after a second the motion is off by −120 dB.
 const ERROR_MAX: f64 = 1e-6;
-/// Frequencies that differ by less are one [rad/s], and all coupling below this together is none [1/s].
+/// Frequencies that differ by less count as equal [rad/s], and all coupling below it together counts as none [1/s].
 const NOTHING: f64 = 1e-8;
 
 /// A complex number: real and imaginary part.
 pub(in crate::plan) type Complex = [f64; 2];
 
-/// How a mode goes on by itself.
+/// How a mode evolves by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::plan) enum Pole {
     /// −decay ± iω [1/s, rad/s].
     Pair { decay: f64, omega: f64 },
     /// −decay [1/s].
     Real { decay: f64 },
-    /// 0 twice: a body that nothing holds goes on evenly. Its number is position + i·velocity.
+    /// 0, twice: a body that nothing holds moves at constant speed. Its number is position + i·velocity.
     Free,
 }
 
@@ -62,17 +63,18 @@ impl Sum {
 pub(in crate::plan) struct ComplexModes {
     /// (n_modes)
     pub(in crate::plan) poles: Vec<Pole>,
-    /// Where each mode is at t = 0   (n_modes)
+    /// The number of each mode at t = 0   (n_modes)
     pub(in crate::plan) start: Vec<Complex>,
-    /// What each output sees: the real part of the product   (n_out, n_modes); of a free mode both parts by themselves.
+    /// What each output sees of each mode: the real part of the product with the mode's number; for a free mode,
+    /// position and velocity each with their own factor   (n_out, n_modes)
     pub(in crate::plan) seen: Vec<Vec<Complex>>,
     /// What 1 N·s at each struck point adds to each mode   (n_struck, n_modes)
     pub(in crate::plan) felt: Vec<Vec<Complex>>,
-    /// What each output hears where the body rests   (n_out)
+    /// What each output hears when the body is at rest   (n_out)
     pub(in crate::plan) rest: Vec<f64>,
 }
 
-/// One row for each undamped mode of what acts on them and is seen of them.
+/// The body in the coordinates of its undamped modes.
 struct Coordinates {
     /// ω² [1/s²], rising; 0 where nothing holds the body   (n)
     lambda: Vec<f64>,
@@ -81,16 +83,16 @@ struct Coordinates {
     velocities: Vec<Vec<f64>>,
     /// (n_struck, n)
     struck: Vec<Vec<f64>>,
-    /// At t = 0, and where they rest   (n)
+    /// Positions and velocities at t = 0, and rest positions   (n)
     x0: Vec<f64>,
     v0: Vec<f64>,
     rest: Vec<f64>,
     damping: Damping,
 }
 
-/// C.
+/// C, the damping in these coordinates.
 enum Damping {
-    /// Its diagonal alone   (n)
+    /// Only its diagonal is not zero   (n)
     Decoupled(Vec<f64>),
     /// (n, n)
     Coupled(Vec<f64>),
@@ -175,7 +177,7 @@ impl ComplexModes {
         self.poles.iter().any(is_slow).then_some(NoModes::Slow)
     }
 
-    /// A mode more: what each output sees of it, and what 1 N·s at each struck point adds to it.
+    /// Adds a mode: `seen` by each output, and `felt` from 1 N·s at each struck point.
     fn add(
         &mut self,
         (pole, start): (Pole, Complex),
@@ -202,7 +204,7 @@ impl Coordinates {
     ) -> Result<Self, NoModes> {
         let linear = Linear::new(network, rate)?;
         let n = linear.free.len();
-        // Where the discrete network is the truth it is stepped as it is.
+        // A discrete network that is the reference is stepped as it is.
         let is_damped = linear.proportion.is_none();
         if linear.is_discrete {
             return Err(if is_damped {
@@ -290,7 +292,7 @@ impl Coordinates {
     }
 }
 
-/// What a damper sees, times the root of its |Z|: C is the sum of the squares.
+/// The row of a damper, times the root of its |Z|: C is the sum of sign·row·rowᵀ.
 fn across(damper: &Damper, root: &[f64]) -> Vec<f64> {
     let mut row = vec![0.0; root.len()];
     for (end, sign) in damper.ends.iter().zip([1.0, -1.0]) {
@@ -301,7 +303,8 @@ fn across(damper: &Damper, root: &[f64]) -> Vec<f64> {
     row
 }
 
-/// Undamped modes of one frequency, those that no spring holds first: any turn among them gives modes as good.
+/// Ranges of undamped modes of the same frequency, first those that no spring holds: any rotation among them gives
+/// equally valid modes.
 fn alike(lambda: &[f64]) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut first = 0;
@@ -317,8 +320,8 @@ fn alike(lambda: &[f64]) -> Vec<Range<usize>> {
     found
 }
 
-/// Turn modes of one frequency so that no damper couples them with each other: equal poles are then apart. Those that no
-/// damper feels are felt by none to the last bit.
+/// Rotates modes of the same frequency so that dampers do not couple them with each other: equal poles are then
+/// separate. A mode that no damper acts on gets zeros, exact to the last bit.
 fn turn(rows: &mut [Vec<f64>], n_first: usize, modes: Range<usize>, signs: &[f64]) -> Option<()> {
     let part = |row: &Vec<f64>| row[modes.clone()].to_vec();
     let all: Vec<Vec<f64>> = rows.iter().map(part).collect();
@@ -330,7 +333,7 @@ fn turn(rows: &mut [Vec<f64>], n_first: usize, modes: Range<usize>, signs: &[f64
     }
     let n = rows.first().map_or(0, Vec::len) as f64;
     for (mode, value) in modes.zip(values) {
-        // Dampers that are all positive take nothing from each other.
+        // If all dampers are positive, they cannot cancel each other.
         let is_nothing = value.abs() <= 1e-15 * n * largest * largest;
         if is_nothing && signs.iter().all(|sign| *sign > 0.0) {
             rows[n_first..].iter_mut().for_each(|row| row[mode] = 0.0);

@@ -1,22 +1,23 @@
-//! Modes of one frequency, turned so that as few of them as possible move.
+//! Modes of the same frequency, rotated so that as few of them as possible move.
 //!
-//! A body with symmetries has several modes of the same frequency and decay, and any rotation among them gives modes as
-//! good. Turned towards what moves the body, as many of them move as there are such directions; all others rest for ever.
+//! A body with symmetries has several modes of the same frequency and decay, and any rotation among them gives equally
+//! valid modes. Rotated towards what moves the body, only as many of them move as there are such directions; all others
+//! rest for ever.
 
 use std::ops::Range;
 
 use crate::plan::passes::modes::Modes;
 use crate::units::Rate;
 
-/// Frequencies that differ by less are one [rad/s]: over a minute they part by 6e-6 of a turn, -104 dB. Rounding
-/// leaves less between those of a body's symmetry, but for its very lowest.
+/// Frequencies that differ by less count as equal [rad/s]: over a minute they drift apart by 6e-6 of a turn, -104 dB.
+/// Between modes that are equal by symmetry rounding leaves less, except for the very lowest.
 const SAME: f64 = 1e-7;
-/// What of a row is this much smaller than all of it is rounding.
+/// A part of a row that is this small relative to the row is rounding.
 const NOTHING: f64 = 1e-10;
 
 impl Modes {
-    /// Turn those of one frequency towards the rows that move the body, and towards where it begins and rests: what is left
-    /// over of them is moved by nothing, exactly.
+    /// Rotates modes of the same frequency towards the rows that move the body, and towards its start and rest
+    /// positions. The remaining ones are then moved by exactly nothing.
     pub(in crate::plan) fn turn(&mut self, moved: &[usize], rate: Rate) {
         let step = if self.is_discrete { rate.step() } else { 1.0 };
         // Δλ = 2ω Δω
@@ -33,7 +34,7 @@ impl Modes {
         }
     }
 
-    /// Householder reflections, a row after the other (Golub & Van Loan, Matrix Computations, 5.1).
+    /// Householder reflections, one row after the other (Golub & Van Loan, Matrix Computations, 5.1).
     fn turn_some(&mut self, modes: Range<usize>, moved: &[usize]) {
         let n_rows = self.shapes.len();
         let mut rows: Vec<&mut Vec<f64>> = self.shapes.iter_mut().collect();

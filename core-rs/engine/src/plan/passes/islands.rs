@@ -6,20 +6,20 @@ use crate::network::{MatKind, Network, Term};
 use crate::start::forces;
 use crate::timeline::{DriveKind, Source, Timeline};
 
-/// Modules that can move each other, and the points that hold them.
+/// The modules of an island, and the held points that they are tied to.
 #[derive(Clone, Debug, Default)]
 pub(in crate::plan) struct IslandMembers {
-    /// Its own, rising   (n_mat)
+    /// Its own MATs, rising   (n_mat)
     pub(in crate::plan) mats: Vec<u32>,
     /// Held points of other islands that its links end on, rising.
     pub(in crate::plan) guests: Vec<u32>,
-    /// Links of its own   (n_lia)
+    /// Its own links   (n_lia)
     pub(in crate::plan) links: Vec<u32>,
     /// An output listens to it.
     pub(in crate::plan) is_heard: bool,
     /// Something can set it in motion.
     pub(in crate::plan) is_moved: bool,
-    /// A hand, a path, a force or a glide is at it: not strikes alone.
+    /// A hand, a path, a force or a glide acts on it, or something in it follows a MAT: not strikes alone.
     pub(in crate::plan) is_handled: bool,
 }
 
@@ -29,12 +29,12 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     let is_free = free(network, timeline);
     let mut forest = Forest::new(n);
     for (a, b) in joined(network) {
-        // Two held points that a link joins stay together: the link is theirs.
+        // Two held points that a link joins stay together: the link belongs to their island.
         if is_free[a] == is_free[b] {
             forest.join(a, b);
         }
     }
-    // A key plays with all modules of its part: its free copy has them all.
+    // A written hand keeps a free copy of its key with all modules of the key's part, so these belong to one island.
     for key in &timeline.keys {
         let part = network.mats().part[key.struck];
         for mat in (0..n).filter(|&mat| network.mats().part[mat] == part && is_free[mat]) {
@@ -65,7 +65,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         let island = &mut found[index[forest.root(own)] as usize];
         island.links.push(link as u32);
         island.is_heard |= heard.links[link];
-        // Its force comes and goes, even between two points that never move.
+        // A gated force changes even between two points that never move.
         island.is_moved |= heard.links[link]
             && timeline
                 .gates
@@ -78,7 +78,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             island.is_handled |= moved[other];
         }
     }
-    // What a proxy follows, and fixed points that it lies beside.
+    // Masses that a proxy follows, and fixed points that guide it.
     for proxy in network.proxies() {
         let island = &mut found[index[forest.root(proxy.mat)] as usize];
         let others = proxy.masses().chain(proxy.guides());
@@ -88,7 +88,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             island.is_handled |= moved[other];
         }
     }
-    // What laws and masses follow.
+    // MATs that laws and masses follow.
     for (mat, guide) in network.followed() {
         let island = &mut found[index[forest.root(mat)] as usize];
         island.is_handled = true;
@@ -132,7 +132,7 @@ fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
     is_free
 }
 
-/// What outputs listen to, and hands feel.
+/// What outputs hear and hands feel.
 struct ListenedMats {
     mats: Vec<bool>,
     links: Vec<bool>,
@@ -154,7 +154,7 @@ impl ListenedMats {
                 }
             }
         }
-        // What a hand feels is as good as heard.
+        // What a hand feels counts as heard.
         let mut is_held = vec![false; network.n_mat()];
         let hands = timeline
             .drives
@@ -168,13 +168,13 @@ impl ListenedMats {
     }
 }
 
-/// MATs that something sets in motion: an event, a hand, a motion or a force at the beginning.
+/// MATs that something sets in motion: an event, a hand, or a motion or force at the beginning.
 fn moved(network: &Network, timeline: &Timeline) -> Vec<bool> {
     let mats = network.mats();
     let mut moved: Vec<bool> = (0..network.n_mat())
         .map(|i| {
             let is_bent = mats.kind[i] == MatKind::Cel && mats.x0[i] != mats.rest[i];
-            // What a session may bring moves whatever can move.
+            // A session may move whatever can move.
             mats.kind[i].moves() && (timeline.is_open || mats.v0[i] != 0.0 || is_bent)
         })
         .collect();
@@ -188,14 +188,14 @@ fn moved(network: &Network, timeline: &Timeline) -> Vec<bool> {
         moved[timeline.keys[gesture.key].struck] = true;
     }
     for drive in &timeline.drives {
-        // A point that never leaves where it starts moves nothing but by its links' forces.
+        // A driven point that stays where it starts moves nothing, except by the forces of its links.
         let is_still = matches!(
             (drive.kind, &drive.source),
             (DriveKind::Position, Source::Constant(x)) if *x == mats.x0[drive.mat]
         );
         moved[drive.mat] |= !is_still;
     }
-    // Forces at t = 0, of couplings as if they were open.
+    // Forces at t = 0, as if all couplings were open.
     let open = Timeline::new(timeline.rate);
     let forces = forces(network, &open, &mats.x0, &[], &|_| true);
     for ((moved, force), kind) in moved.iter_mut().zip(forces).zip(&mats.kind) {

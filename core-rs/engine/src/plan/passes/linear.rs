@@ -1,10 +1,11 @@
-//! A linear body: masses, springs and dampers as matrices, and whether its damping goes with the others.
+//! A linear body: masses, springs and dampers as matrices, and whether its damping is proportional to mass and
+//! stiffness.
 
 use crate::network::{LinkKind, MatKind, Network};
 use crate::plan::passes::viscosity::Viscosity;
 use crate::units::Rate;
 
-/// Relative difference at which two dampings are one: what a score's digits and rounding leave.
+/// Relative difference below which two damping ratios count as equal: from the digits of a score, and rounding.
 const SAME: f64 = 1e-9;
 /// Most masses of a body whose whole spectrum is computed: its matrix takes 8 n² bytes, its reduction
 /// n³ multiplications (0.4 s for 1,000, 25 s for 4,000).
@@ -17,31 +18,31 @@ pub(crate) enum NoModes {
     NotLinear,
     /// A link acts only for a time.
     Coupled,
-    /// Its parts are true at different rates, or at another than the scene's.
+    /// Its parts have different reference rates, or one that is not that of the scene.
     OtherRate,
-    /// Damping does not go with stiffness and mass: the modes would feel each other.
+    /// Its damping is not proportional to stiffness and mass: it would couple the modes.
     Damping,
     /// More than `MASSES_MAX`.
     Large,
-    /// A number that is none.
+    /// A number in it is not finite.
     NotFinite,
-    /// A mode so slow that rounding would put it out of tune.
+    /// A mode is so slow that rounding would change its pitch.
     Slow,
-    /// A hand, a path or an ergon of a mass and speed is at it.
+    /// A hand, a path, or an ergon of a given mass and speed acts on it.
     Handled,
     /// An output hears a force inside it.
     ForceHeard,
-    /// A mode of a discrete body grows.
+    /// One of its modes grows.
     Diverges,
-    /// A plan decided for others.
+    /// The given plan selects other modes.
     Pinned,
-    /// A link to one of its bodies is too stiff for modes that feel it once a frame.
+    /// A link to one of its bodies is too stiff for modes that receive its force once a frame.
     Stiff,
     /// Rounding in its eigenvalue problem would be heard.
     Inexact,
     /// A constant force acts on its masses.
     Weight,
-    /// So many points of it are touched that its complex modes cost more than stepping it.
+    /// Other modules touch so many of its points that complex modes would cost more than stepping it.
     Ports,
 }
 
@@ -64,7 +65,7 @@ impl NoModes {
         Self::Ports,
     ];
 
-    /// The reason that a plan tells so.
+    /// The reason with this text; `None` if there is none.
     pub(crate) fn of(text: &str) -> Option<Self> {
         Self::ALL
             .iter()
@@ -72,7 +73,7 @@ impl NoModes {
             .cloned()
     }
 
-    /// As the plan tells it.
+    /// The reason as text, as a plan reports it.
     pub(crate) fn why(&self) -> &'static str {
         match self {
             Self::NotLinear => "it is not linear",
@@ -106,19 +107,20 @@ pub(crate) struct Linear {
     pub(crate) root: Vec<f64>,
     /// M^-½ K M^-½ (n, n)
     pub(crate) stiffness: Vec<f64>,
-    /// Force on each where all are at x = 0 [N]   (n)
+    /// Force on each if all are at x = 0 [N]   (n)
     pub(crate) force: Vec<f64>,
-    /// α and β of Z = α·M + β·K; none where damping does not go with mass and stiffness.
+    /// α and β of Z = α·M + β·K; `None` if damping is not proportional.
     pub(crate) proportion: Option<[f64; 2]>,
     /// Its dampers   (as many as there are)
     pub(crate) dampers: Vec<Damper>,
-    /// Its damping, where it is no sum of mass and stiffness and yet has their modes.
+    /// Its damping, if that is not proportional but still has the undamped modes.
     pub(crate) viscosity: Option<Viscosity>,
-    /// The discrete network is the truth: M, K, Z are algorithmic.
+    /// The discrete network is the reference: M, K, Z are algorithmic.
     pub(crate) is_discrete: bool,
 }
 
-/// A damper between two masses, or of one against what does not move: their place among those that move.
+/// A damper between two masses, or between one and a fixed point: indices among the masses that move, `None` for a
+/// fixed point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Damper {
     pub(crate) ends: [Option<usize>; 2],
@@ -215,7 +217,7 @@ impl Linear {
     }
 }
 
-/// Whether the discrete network is the truth: for all of the body, and at the scene's rate, or not at all.
+/// Whether the discrete network is the reference: for the whole body at the scene's rate, or for none of it.
 fn truth(network: &Network, free: &[usize], rate: Rate) -> Result<bool, NoModes> {
     let at = |part: usize| network.parts().get(part).and_then(|part| part.ca_rate);
     let masses = free.iter().map(|&i| at(network.mats().part[i] as usize));
@@ -231,7 +233,7 @@ fn truth(network: &Network, free: &[usize], rate: Rate) -> Result<bool, NoModes>
     }
 }
 
-/// α and β of Z = α·M + β·K, as far as they are known.
+/// α and β of Z = α·M + β·K, as far as they have been determined.
 #[derive(Default)]
 struct Damping {
     alpha: Option<f64>,
@@ -248,11 +250,11 @@ impl Damping {
         same(known, beta)
     }
 
-    /// After all links: a mass and its tie to the ground.
+    /// Checks a mass and its tie to the ground; to be called after all links.
     fn mass(&mut self, m: f64, k: f64, z: f64) -> Result<(), NotProportional> {
         let beta = self.beta.unwrap_or(0.0);
         let left = z - beta * k;
-        // What two nearly equal numbers leave of each other is no damping.
+        // A difference of two nearly equal numbers is rounding, not damping.
         let left = if left.abs() <= SAME * z.abs() {
             0.0
         } else {
@@ -264,7 +266,7 @@ impl Damping {
     }
 }
 
-/// Damping that goes with no multiples of mass and stiffness.
+/// Damping that is not proportional to mass and stiffness.
 struct NotProportional;
 
 fn same(known: f64, other: f64) -> Result<(), NotProportional> {

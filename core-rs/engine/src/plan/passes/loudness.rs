@@ -1,5 +1,5 @@
-//! How loud some modes of a body are beside all of them: played, for modes that fade as fast as they swing
-//! hold together or against each other, and no sum of their energies tells.
+//! How loud some modes of a body are relative to all of them. They are played, because modes that fade as fast as they
+//! swing may add up or cancel, which sums of energies do not show.
 
 use crate::bank::Bank;
 use crate::derivative::Derivatives;
@@ -8,7 +8,7 @@ use crate::network::Network;
 use crate::plan::BankPlan;
 use crate::units::Rate;
 
-/// Compared over so long, and over two, three … ten times as long, from the first that sounds [s].
+/// Loudness is compared over this time and over two, three … `TIMES` times as long, from the first sound [s].
 const FIRST: f64 = 0.1;
 const TIMES: usize = 10;
 /// Frames at once.
@@ -18,7 +18,7 @@ const ROOM: usize = 256;
 pub(in crate::plan) struct Loudness(Vec<Vec<f64>>);
 
 impl Loudness {
-    /// Of a bank that outputs of a network hear by their index there.
+    /// Plays a bank; outputs are numbered as in `network`.
     pub(in crate::plan) fn of(
         mut bank: BankPlan,
         network: &Network,
@@ -54,7 +54,7 @@ impl Loudness {
         Self(spans.collect())
     }
 
-    /// These relative to all, at the output and over the span where they are loudest [dB].
+    /// The loudness of these modes relative to all, the largest over outputs and spans [dB].
     pub(in crate::plan) fn beside(&self, all: &Self) -> f64 {
         let ratios = self.0.iter().flatten().zip(all.0.iter().flatten());
         let heard = ratios.filter(|(_, all)| **all > 0.0);

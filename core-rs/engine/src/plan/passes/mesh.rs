@@ -1,4 +1,4 @@
-//! A mesh inside an island: which method is exact enough for it, and stable.
+//! A mesh inside an island: chooses a method that is exact enough and stable.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -14,7 +14,8 @@ use crate::plan::passes::wiring::Body;
 use crate::timeline::{Lead, Timeline, greatest, pushes};
 use crate::units::Rate;
 
-/// Methods by what they cost a frame, in steps of CA (docs/benchmarks.md); the last cannot diverge.
+/// Methods, with their steps a frame and their cost in steps of CA a frame (docs/benchmarks.md), in the order in which
+/// they are tried. IEQ, the last, cannot diverge.
 pub(in crate::plan) const LADDER: [(MeshMethod, u32, f64); 10] = [
     (MeshMethod::Ca, 1, 1.0),
     (MeshMethod::Ca2p, 1, 1.5),
@@ -31,26 +32,26 @@ pub(in crate::plan) const LADDER: [(MeshMethod, u32, f64); 10] = [
 /// Which methods the meshes of an island are computed by.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::plan) enum MethodChoice<'a> {
-    /// By the budget.
+    /// The budget decides.
     ByBudget,
     /// By a method that is stable at any step.
     Unconditional,
-    /// As the meshes among these bodies do, in order: an island at another rate.
+    /// The methods of the meshes among these bodies, in order: the same island at another rate.
     AsBefore(&'a [Option<(MeshMethod, u32)>]),
-    /// All by one method.
+    /// One method for all meshes.
     All((MeshMethod, u32)),
-    /// Neither they nor linear bodies by themselves: all of the island module by module.
+    /// No bodies: all of the island module by module.
     Stepped,
-    /// All that a method can step by one method, linear bodies and small ones too.
+    /// One method for all that it can step, linear and small bodies too.
     Meshes((MeshMethod, u32)),
-    /// Contacts and laws once a step; linear bodies by themselves, or all of it module by module.
+    /// Contacts and laws once a step.
     Plain {
-        /// Linear bodies by themselves.
+        /// Linear bodies are cut out; else all of the island is stepped module by module.
         has_bodies: bool,
     },
 }
 
-/// Error of a pitch [cents] by a method, x = ωT of its steps.
+/// Error of a pitch [cents] by a method, with x = ωT for its step T.
 fn cents(way: MeshMethod, x: f64) -> f64 {
     match way {
         MeshMethod::Ca | MeshMethod::Ieq => 72.13 * x * x,
@@ -60,8 +61,8 @@ fn cents(way: MeshMethod, x: f64) -> f64 {
     }
 }
 
-/// A mesh by the cheapest method that is exact enough and stable; `None` where that is CA once a frame, which
-/// needs no mesh, or where there is none.
+/// A mesh by the cheapest method that is exact enough and stable; `None` if that is CA once a frame, which needs no
+/// mesh, or if there is none.
 pub(in crate::plan) fn mesh(
     network: &Network,
     timeline: &Timeline,
@@ -72,7 +73,7 @@ pub(in crate::plan) fn mesh(
 ) -> Option<Mesh> {
     let subset = network.subset(&body.mats, &body.guests, &body.links);
     if is_discrete(network, &subset.network) {
-        return None; // the discrete network is the truth
+        return None; // the discrete network is the reference
     }
     let rate = timeline.rate;
     let leads: Vec<Lead> = timeline
@@ -127,7 +128,8 @@ pub(in crate::plan) fn mesh(
     })
 }
 
-/// Refuses a mesh with links that IEQ does not know, where it is asked for by name: it would be stepped by CA unasked.
+/// Refuses a mesh with links that IEQ cannot step, if IEQ is asked for by name: without this the mesh would be stepped
+/// by CA.
 ///
 /// # Errors
 /// With the name of a module of it.
@@ -139,12 +141,12 @@ pub(in crate::plan) fn takes(
 ) -> Result<(), Error> {
     let subset = network.subset(&body.mats, &body.guests, &body.links);
     if way != MeshMethod::Ieq || is_discrete(network, &subset.network) {
-        return Ok(()); // CA steps what is discrete, whatever is asked for
+        return Ok(()); // CA steps a discrete network, whatever method is asked for
     }
     certify(&subset.network, rate, way, 1).map(|_| ())
 }
 
-/// Whether the discrete network is the truth of any part in it.
+/// Whether the discrete network is the reference for any of its parts.
 fn is_discrete(network: &Network, own: &Network) -> bool {
     let of_mats = own.mats().part.iter().map(|&part| part as usize);
     let of_links = own.runs().iter().map(|run| run.part);
@@ -153,17 +155,18 @@ fn is_discrete(network: &Network, own: &Network) -> bool {
         .any(|part| network.parts()[part].ca_rate.is_some())
 }
 
-/// After the numbers of a mesh: it goes by a method in place of its modes. (Numbers of modes rise.)
+/// A third number of a mesh: it is stepped although it could go by modes. (Numbers of modes rise, so 0 cannot come last
+/// among them.)
 pub(in crate::plan) const IN_PLACE: u32 = 0;
 
-/// A mesh's method, as numbers of a plan.
+/// The method of a mesh, as numbers of a [`crate::plan::Choice`].
 pub(in crate::plan) fn numbers(mesh: &Mesh) -> Vec<u32> {
     let way = MeshMethod::ALL.iter().position(|&way| way == mesh.way);
     vec![way.unwrap_or(0) as u32, mesh.substeps]
 }
 
-/// BM4 as often as the budget asks for: of the methods it alone keeps the action of an oscillation whose frequency changes
-/// to its own order, and so the amplitude.
+/// BM4 with as many steps as the budget asks for: among the methods only BM4 preserves, to its own order, the action of
+/// an oscillation of changing frequency, and so its amplitude.
 fn choose_led(network: &Network, rate: Rate, budget: &Budget) -> Option<(MeshMethod, u32)> {
     let way = MeshMethod::Bm4;
     let mut stable = [1, 2, 4]
@@ -177,7 +180,8 @@ fn choose_led(network: &Network, rate: Rate, budget: &Budget) -> Option<(MeshMet
     stable.find(is_enough).map(|substeps| (way, substeps))
 }
 
-/// The first rung of the ladder that is exact enough by its formula, and stable; `is_safe`: that cannot diverge.
+/// The first method of `LADDER` that is stable and exact enough by its formula; `is_safe`: only methods that cannot
+/// diverge.
 fn choose(
     network: &Network,
     rate: Rate,
@@ -188,7 +192,7 @@ fn choose(
         let way = method.way()?;
         return certify(network, rate, way, 1).ok().map(|_| (way, 1));
     }
-    // The highest frequency of the mesh at rest: CA bends it to 2·asin(√λ/2).
+    // The highest frequency of the mesh at rest; CA shifts it to 2·asin(√λ/2).
     let lambda = certify(network, rate, MeshMethod::Ca2p, 1).map_or(4.0, |found| found.lambda_max);
     let highest = sqrt(lambda.max(0.0)).min(PI);
     for (way, substeps, _) in LADDER {
@@ -198,7 +202,7 @@ fn choose(
                 let x = (TAU * upto * rate.step()).min(highest) / steps;
                 cents(way, x) <= most
             }
-            // The pilot finds better ones where it has to.
+            // The pilot finds better methods if necessary.
             Budget::Error(_) | Budget::Method(_) => true,
         };
         let cannot_diverge = matches!(way, MeshMethod::Ieq);

@@ -1,4 +1,4 @@
-//! A body seen whole: where every one of its MATs is, by the amplitudes of its modes, and the other way.
+//! The positions of all MATs of a body from the amplitudes of its modes, and the reverse.
 
 use crate::island::modal::ComplexPart;
 use crate::network::Network;
@@ -15,12 +15,12 @@ pub(crate) enum ModalTransform {
     ToAmplitudes,
 }
 
-/// Every mass of a body and every mode that is computed of it.
+/// The shapes of the computed modes at every mass of a body.
 #[derive(Clone, Debug)]
 pub(crate) struct ModeShapes {
     /// Its MATs that move, by their index in the body's network   (n)
     pub(crate) mats: Vec<usize>,
-    /// How much each sees of each mode   (n_modes, n) for positions, (n, n_modes) for amplitudes
+    /// How much of each mode is in the position of each MAT   (n_modes, n) for positions, (n, n_modes) for amplitudes
     shapes: Vec<f64>,
     n_modes: usize,
     mass: Vec<f64>,
@@ -28,8 +28,8 @@ pub(crate) struct ModeShapes {
 }
 
 impl ModeShapes {
-    /// Of a body by itself, some of its modes, turned towards some MATs. Takes as long as its whole spectrum, and longer. `None`
-    /// where it has none.
+    /// For a body, the modes `kept`, rotated towards some MATs. Takes at least as long as computing its whole spectrum.
+    /// `None` if it has no modes.
     pub(crate) fn new(
         network: &Network,
         (kept, turned): (&[u32], Option<&[usize]>),
@@ -74,7 +74,7 @@ impl ModeShapes {
         })
     }
 
-    /// Of a body by itself, for positions, by parts of its complex modes. Takes as long as finding them. `None` where it has none.
+    /// For a body, parts of its complex modes, for positions. Takes as long as computing them. `None` if it has none.
     pub(crate) fn complex(network: &Network, parts: &[ComplexPart], rate: Rate) -> Option<Self> {
         let kinds = network.mats().kind.iter().enumerate();
         let moving = kinds.filter(|(_, kind)| kind.moves());
@@ -98,7 +98,7 @@ impl ModeShapes {
         })
     }
 
-    /// How much each of its MATs sees of a mode   (n), where this is for positions.
+    /// The shape of a mode at each of its MATs   (n); only if the table is for positions.
     pub(crate) fn shape(&self, mode: usize) -> &[f64] {
         let n = self.mats.len();
         &self.shapes[mode * n..(mode + 1) * n]
@@ -109,7 +109,7 @@ impl ModeShapes {
         &self.rest
     }
 
-    /// Where its MATs are and by what step they came there [m], from amplitudes now and one frame before.
+    /// Positions of its MATs and their last steps [m], from amplitudes now and one frame before.
     pub(crate) fn positions(&self, now: &[f64], before: &[f64], mats: &mut [(f64, f64)]) {
         for (mat, &rest) in mats.iter_mut().zip(&self.rest) {
             *mat = (rest, 0.0);
@@ -124,7 +124,7 @@ impl ModeShapes {
         }
     }
 
-    /// The amplitudes now and one frame before, from where its MATs are and their steps [m].
+    /// Amplitudes now and one frame before, from positions of its MATs and their last steps [m].
     pub(crate) fn amplitudes(&self, mats: &[(f64, f64)], now: &mut [f64], before: &mut [f64]) {
         now.fill(0.0);
         before.fill(0.0);

@@ -7,14 +7,14 @@ use crate::plan::passes::viscosity::{PROBES, Viscosity, probe};
 use crate::spectrum::whole;
 use crate::units::Rate;
 
-/// A pole below this angle a step is left to the network as it is written: the two-term recurrence
-/// would round its frequency (relative error 1e-16/θ²).
+/// A mode whose pole turns by less than this angle a step is stepped as written instead: the two-term recurrence would
+/// round its frequency (relative error 1e-16/θ²).
 pub(crate) const ANGLE_MIN: f64 = 1e-4;
 
-/// The damping of a mode that nothing holds is rounding below this part of the largest.
+/// The damping of a rigid mode counts as rounding below this part of the largest.
 const LOSSLESS: f64 = 1e-9;
 
-/// A weighted sum of positions: (MAT, weight); MATs that do not move count nothing.
+/// A weighted sum of positions: (MAT, weight); MATs that do not move contribute nothing.
 pub(crate) type Row = Vec<(usize, f64)>;
 
 /// The modes of a body, each of mass 1.
@@ -24,9 +24,9 @@ pub(crate) struct Modes {
     pub(crate) lambda: Vec<f64>,
     /// Z along the mode [1/s], or algorithmic   (n_modes)
     pub(crate) zeta: Vec<f64>,
-    /// How much of each mode each row sees   (n_rows, n_modes)
+    /// How much of each mode is in each row   (n_rows, n_modes)
     pub(crate) shapes: Vec<Vec<f64>>,
-    /// Where each mode is at t = 0, how fast, and where it rests   (n_modes)
+    /// Position of each mode at t = 0, its velocity, and its rest position   (n_modes)
     pub(crate) x0: Vec<f64>,
     pub(crate) v0: Vec<f64>,
     pub(crate) rest: Vec<f64>,
@@ -43,7 +43,7 @@ impl Modes {
         let n = linear.free.len();
         let mats = network.mats();
         let slot = |mat: usize| linear.free.binary_search(&mat).ok();
-        // A point is seen as M^-½ e; a motion's coordinates are those of M^½ x.
+        // A row becomes M^-½ e in modal coordinates, a motion M^½ x.
         let mut seen: Vec<Vec<f64>> = Vec::with_capacity(rows.len() + 3);
         for row in rows {
             let mut sum = vec![0.0; n];
@@ -73,7 +73,7 @@ impl Modes {
         }
         let (lambda, mut seen) = whole(linear.stiffness, &seen).ok_or(NoModes::NotFinite)?;
         let top = lambda.last().copied().unwrap_or(0.0);
-        // A body that nothing holds has a mode at 0, to rounding; below it a mode grows.
+        // A body that nothing holds has a mode at 0, up to rounding; a mode clearly below 0 grows.
         let least = 1e-13 * top * n as f64;
         if lambda.iter().any(|lambda| *lambda < -least) {
             return Err(NoModes::Diverges);
@@ -88,7 +88,7 @@ impl Modes {
                 let mut zeta = Viscosity::of_modes(&probes, &images).ok_or(NoModes::Damping)?;
                 let most = zeta.iter().fold(0.0_f64, |most, zeta| most.max(*zeta));
                 for (zeta, lambda) in zeta.iter_mut().zip(&lambda) {
-                    // What no damper feels loses nothing, to rounding.
+                    // A rigid mode that no damper acts on has no loss, up to rounding.
                     if *lambda == 0.0 && zeta.abs() <= LOSSLESS * most {
                         *zeta = 0.0;
                     }
@@ -112,7 +112,7 @@ impl Modes {
         })
     }
 
-    /// The same, seen by some of the rows only.
+    /// The same modes with some of the rows only.
     pub(in crate::plan) fn seen_by(&self, rows: &[usize]) -> Self {
         Self {
             lambda: self.lambda.clone(),
@@ -125,11 +125,11 @@ impl Modes {
         }
     }
 
-    /// Whether a mode is too slow for its recurrence, or diverges: a discrete body's may (Jury).
+    /// Whether a mode is too slow for its recurrence, or diverges, as a mode of a discrete body may (Jury).
     pub(crate) fn unfit(&self, rate: Rate) -> Option<NoModes> {
         let ratios = (0..self.len()).map(|mode| self.ratios(mode, rate));
         for (Ratios { kappa, zeta }, lambda) in ratios.zip(&self.lambda) {
-            // What nothing holds has no frequency to put out of tune.
+            // A rigid mode has no frequency that rounding could change.
             if kappa < ANGLE_MIN * ANGLE_MIN && *lambda != 0.0 {
                 return Some(NoModes::Slow);
             }
@@ -144,7 +144,7 @@ impl Modes {
         self.lambda.len()
     }
 
-    /// Whether the body moves as a whole and nothing draws it back.
+    /// Whether the body has a rigid mode that no spring holds.
     pub(crate) fn is_free(&self) -> bool {
         self.lambda.first() == Some(&0.0)
     }
@@ -166,7 +166,7 @@ impl Modes {
         }
     }
 
-    /// x[−1] of a mode about where it rests, from x[0] about it.
+    /// x[−1] of a mode relative to its rest position, from x[0] and its velocity.
     pub(crate) fn before(&self, mode: usize, rate: Rate) -> f64 {
         let (x, v) = (self.x0[mode] - self.rest[mode], self.v0[mode]);
         if self.is_discrete {

@@ -1,4 +1,5 @@
-//! Linear bodies inside an island: cut out, computed by their modes or at a slow rate, touched at their ports.
+//! Bodies cut out of an island: computed by their modes, by a method for meshes or at a slow rate, and coupled to the
+//! rest at their ports.
 
 use std::sync::Arc;
 
@@ -23,16 +24,16 @@ use crate::plan::passes::wiring::{Body, Wiring};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
-/// A body goes by complex modes where they cost so many times what stepping it costs at most: they are exact, which no
-/// stepping at as many times the rate is.
+/// Largest cost of a body by complex modes, as a multiple of stepping it: complex modes are exact, which no stepping at
+/// that multiple of the rate is.
 const MOST: f64 = 2.0;
 
-/// Ties of a body that may be stepped beside its modes: a thing is hung in a few places.
+/// Most ties of a body that may be stepped beside its modes: for a body that hangs in a few places.
 const TIES_MAX: usize = 8;
 
-/// An island cut into what is stepped and bodies.
+/// An island divided into bodies and the rest, which is stepped.
 pub(in crate::plan) struct Cut {
-    /// What is stepped; ports of bodies are masses in it.
+    /// The rest, which is stepped; ports of bodies are masses in it.
     pub(in crate::plan) hub: Subset,
     pub(in crate::plan) own: OwnTimeline,
     pub(in crate::plan) bodies: Vec<PortedBody>,
@@ -46,16 +47,16 @@ pub(in crate::plan) struct PortedBody {
     pub(in crate::plan) mats: usize,
     pub(in crate::plan) links: usize,
     pub(in crate::plan) parts: Vec<String>,
-    /// Of modes: how many there are, which are computed, and how loud the others would be together [dB].
+    /// If it has modes: how many, which are computed, and how loud the others would be together [dB].
     pub(in crate::plan) of: usize,
     pub(in crate::plan) kept: Vec<u32>,
     pub(in crate::plan) left_out: Option<f64>,
-    /// A mesh by a method though it might go by modes.
+    /// It is stepped as a mesh although it could go by modes.
     pub(in crate::plan) is_in_place: bool,
 }
 
-/// Cut bodies out of an island: linear ones by their modes, other meshes by a method of their own. `None` where
-/// it has none worth it. Also why some were not.
+/// Cuts bodies out of an island: linear ones by their modes, other meshes by a method of their own. Returns `None` if
+/// no body is worth it, and why some bodies have no modes.
 pub(in crate::plan) fn cut(
     island: &Subset,
     timeline: &Timeline,
@@ -67,7 +68,7 @@ pub(in crate::plan) fn cut(
     let network = &island.network;
     let mut wiring = Wiring::new(network, timeline);
     let (mut found, mut why) = (Vec::new(), None);
-    // What was decided before has no bodies then.
+    // An island that was decided to have no bodies gets none.
     let are_apart = !matches!(
         choice,
         MethodChoice::Stepped | MethodChoice::Plain { has_bodies: false }
@@ -81,8 +82,8 @@ pub(in crate::plan) fn cut(
         wiring.take(&body.mats);
         found.push((body, BodyPlan::Slow(slow)));
     }
-    // What slow parts do from kick to kick is certified with normal modes alone, and a session takes the motion of a body
-    // from mass to mass by them.
+    // The certificate for slow parts covers normal modes only, and a takeover transfers the motion of a body mass by
+    // mass through normal modes.
     let takes_complex = found.is_empty() && !timeline.is_open;
     if budget.takes_modes() && has_bodies && !are_meshes {
         for body in wiring.bodies(network, false, false) {
@@ -103,7 +104,7 @@ pub(in crate::plan) fn cut(
         for (body, _) in &found {
             wiring.take(&body.mats);
         }
-        // One method for everything: for the smallest body too.
+        // If one method is asked for, it steps the smallest body too.
         let is_asked = are_meshes || matches!(budget, Budget::Method(_));
         for body in wiring.bodies(network, true, is_asked) {
             let pin = pin.map(|pin| pin.kept.get(found.len()).map_or(&[][..], Vec::as_slice));
@@ -123,12 +124,12 @@ pub(in crate::plan) fn cut(
     (Some(cut), why)
 }
 
-/// Whether these numbers of a body say that it goes by a method in place of its modes.
+/// Whether the decided numbers of a body say that it is stepped although it could go by modes.
 fn is_in_place(kept: &[u32]) -> bool {
     matches!(kept, &[_, substeps, mesh::IN_PLACE] if substeps > 0)
 }
 
-/// Refuses meshes that the method which is asked for by name cannot step.
+/// Refuses meshes that the method asked for by name cannot step.
 ///
 /// # Errors
 /// With the name of a module of such a mesh.
@@ -153,7 +154,7 @@ pub(in crate::plan) fn takes(
 }
 
 impl PortedBody {
-    /// What was decided, as numbers of a plan.
+    /// What was decided for the body, as numbers of a [`Choice`].
     pub(in crate::plan) fn numbers(&self) -> Vec<u32> {
         match &self.inside {
             BodyPlan::Modal(_) => self.kept.clone(),
@@ -166,7 +167,7 @@ impl PortedBody {
     }
 }
 
-/// An island that nothing is cut out of.
+/// An island that no body is cut out of.
 pub(in crate::plan) fn whole(island: &Subset, own: &OwnTimeline, timeline: Timeline) -> Cut {
     let all = |n: usize| (0..n as u32).collect::<Vec<u32>>();
     let hub = Subset {
@@ -213,7 +214,7 @@ fn modal(
     rows.extend(struck.iter().copied().map(row));
     let mut modes = memo.modes(&subset.network, &rows, rate)?;
     let n = modes.len();
-    // What a session may bring is not known: all of them may move.
+    // What a session will strike is not known: any mode may move.
     let turned = (!timeline.is_open).then(|| [ports, struck].concat());
     if turned.is_some() {
         let moved: Vec<usize> = (0..n_ports).chain(n_ports + n_out..rows.len()).collect();
@@ -267,8 +268,8 @@ fn modal(
     })
 }
 
-/// A body by its modes without its ties to what does not move, which are stepped as links at its ports: a gong hung by a
-/// nail, whose tie loses otherwise than its metal.
+/// A body by its modes without its ties to fixed points, which are stepped as links at its ports: a gong hung by a
+/// nail, whose tie has other losses than its metal.
 fn untied(
     network: &Network,
     timeline: &Timeline,
@@ -349,14 +350,14 @@ fn complex(
             struck: (n_ports..points.len()).map(answers).collect(),
         }),
     };
-    // The same masses module by module, as often as they may cost.
+    // The largest cost allowed: the same masses stepped module by module, times `MOST`.
     let stepped = MOST * cost::stepped_cost(&found.of, &Timeline::new(rate));
     let found = BodyPlan::Modal(found);
     let is_cheap = cost::body_cost(&found) <= stepped;
     is_cheap.then_some(found).ok_or(NoModes::Ports)
 }
 
-/// A part of a complex mode as a mode that answers by itself.
+/// A part of a complex mode as a mode with a response of its own.
 fn part(own: &Part) -> Mode {
     let (a, b) = own.recurrence;
     Mode {
@@ -390,7 +391,8 @@ fn own(modes: &Modes, mode: usize, rate: Rate) -> Mode {
     }
 }
 
-/// What is left when the bodies are cut out: their ports stay, as masses that move as freely.
+/// The rest of an island after the bodies are cut out: their ports stay, as masses that respond to a force at once as
+/// in the body.
 fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cut {
     let network = &island.network;
     let (mut is_gone, mut is_cut) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
@@ -399,7 +401,7 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cu
     for (body, inside) in &found {
         for &mat in &body.mats {
             is_gone[mat as usize] = true;
-            // A slow body is struck at its ports, in the island.
+            // A slow body is struck at its ports, in the rest of the island.
             is_struck_there[mat as usize] = !matches!(inside, BodyPlan::Slow(_));
         }
         body.links
@@ -460,7 +462,8 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cu
     Cut { hub, own, bodies }
 }
 
-/// MATs that move, that a link is left to, that are driven or heard: not the points that only held bodies.
+/// MATs that stay in the rest: those that move, that are driven or heard, or that a remaining link ends on; not points
+/// that only held bodies.
 fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
     let kinds = network.mats().kind.iter();
     let mut used: Vec<bool> = kinds.map(|&kind| !kind.is_held()).collect();
@@ -486,7 +489,7 @@ fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
     used
 }
 
-/// The ports of a body as masses that move as freely.
+/// Sets the mass of each port to what responds to a force within a step as the body does.
 pub(in crate::plan) fn set_free(hub: &mut Network, inside: &BodyPlan) {
     match inside {
         BodyPlan::Modal(modal) => {

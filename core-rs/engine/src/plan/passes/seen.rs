@@ -1,19 +1,19 @@
-//! What nobody hears and somebody looks at: computed as if one output heard all of it.
+//! What is seen but not heard: computed as if one output heard all of it.
 
 use crate::network::{Error, Network, Subset, Term};
 use crate::plan::passes::islands::IslandMembers;
 
-/// Whether anything of an island belongs to a part that is looked at.
+/// Whether anything of an island belongs to a part that is displayed.
 pub(in crate::plan) fn is_seen(network: &Network, island: &IslandMembers, seen: &[String]) -> bool {
     !seen.is_empty() && is_any(&network.parts_of(&island.mats), seen)
 }
 
-/// Whether any of some parts is looked at.
+/// Whether any of some parts is displayed.
 pub(in crate::plan) fn is_any(parts: &[String], seen: &[String]) -> bool {
     parts.iter().any(|name| seen.contains(name))
 }
 
-/// The islands by themselves, and how many they are: loose cells are one subset more, behind them.
+/// A subset for each island, and how many these are; all loose cells together follow as one further subset.
 pub(in crate::plan) fn subsets(
     network: &Network,
     islands: Vec<IslandMembers>,
@@ -35,7 +35,7 @@ pub(in crate::plan) fn subsets(
     Ok((all, n_islands))
 }
 
-/// With one output that hears every mass of it, each by a weight of its own: no mode is silent there.
+/// The subset with one output that hears every mass with a weight of its own: no mode is silent at it.
 pub(in crate::plan) fn watched(mut subset: Subset, own: &[u32]) -> Result<Subset, Error> {
     let terms = own.iter().filter_map(|&mat| {
         let first = subset.mat(mat as usize)?;
@@ -51,7 +51,7 @@ pub(in crate::plan) fn watched(mut subset: Subset, own: &[u32]) -> Result<Subset
     });
     let terms: Vec<Term> = terms.collect();
     subset.network.listen("what is looked at", terms)?;
-    // Units that are looked at alone are added to no output.
+    // No output of the whole network: units that are only seen are added to none.
     subset.outputs.push(0);
     Ok(subset)
 }

@@ -1,4 +1,4 @@
-//! Slow parts of an island: which of their masses go once every R frames, and how their springs pull.
+//! Slow parts of an island: which of their masses are computed once every R frames, and how their springs pull.
 
 mod exact;
 mod in_space;
@@ -16,10 +16,10 @@ use crate::plan::passes::wiring::Body;
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
-/// A mode that turns further than this between two kicks [rad] is not seen well enough by them.
+/// Largest turn of a mode between two kicks [rad]; above it the kicks do not resolve the mode.
 const TURN_MAX: f64 = 0.9 * PI;
 
-/// A part that was to be slow and is not: its name, and why.
+/// A part that asks to be slow but cannot be: its name, and why.
 pub(in crate::plan) type Stays = (String, String);
 
 /// The slow bodies of a network, and the parts that cannot be slow.
@@ -29,7 +29,7 @@ pub(in crate::plan) struct SlowBodies {
     pub(in crate::plan) stay: Vec<Stays>,
 }
 
-/// The slow bodies of a network, by its parts' own rates.
+/// The slow bodies of a network, for the parts that have a macrostep.
 pub(in crate::plan) fn slow(network: &Network, timeline: &Timeline) -> SlowBodies {
     let mut found = SlowBodies::default();
     for (part, own) in network.parts().iter().enumerate() {
@@ -48,7 +48,7 @@ pub(in crate::plan) fn slow(network: &Network, timeline: &Timeline) -> SlowBodie
     found
 }
 
-/// What a hand asks of a key at every frame, if it does.
+/// Why a gesture needs its key at every frame, if it does.
 fn held_fast(network: &Network, timeline: &Timeline, part: usize) -> Option<&'static str> {
     let of = |key: usize| network.mats().part[timeline.keys[key].struck] as usize;
     let mut own = timeline
@@ -64,7 +64,7 @@ fn held_fast(network: &Network, timeline: &Timeline, part: usize) -> Option<&'st
     })
 }
 
-/// The bodies of a part, or why it has none.
+/// The bodies of a part, or why it cannot be slow.
 fn bodies(
     network: &Network,
     timeline: &Timeline,
@@ -83,7 +83,7 @@ fn bodies(
     let slow = |body: Body| {
         let subset = network.subset(&body.mats, &body.guests, &body.links);
         let (rate, own) = (timeline.rate, (part, every));
-        // The flow of linear springs knows no gravity.
+        // The exact flow of linear springs does not include gravity.
         let has_weight = subset
             .network
             .mats()
@@ -100,7 +100,7 @@ fn bodies(
     wired.into_iter().map(slow).collect()
 }
 
-/// Masses of a part that springs of its own join or tie to the ground, each set with the masses that
+/// The bodies of a part: sets of masses that its own links join or tie to the ground. Their ports are the masses that
 /// anything else touches.
 fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     let mats = network.mats();
@@ -161,7 +161,7 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
         let is_free = |&(a, b): &(usize, usize)| [a, b].iter().all(|&mat| may[mat] || is_held(mat));
         is_inner[run.first + i] &= run.pairs(i).all(|pair| is_free(&pair));
         if is_inner[run.first + i] {
-            // It measures a distance: all coordinates of an end go together.
+            // A link in space measures a distance: all coordinates of an end stay in one body.
             let (a, b) = run.pair(i, 0);
             for (other_a, other_b) in run.pairs(i).skip(1) {
                 for (own, other) in [(a, other_a), (b, other_b)] {
@@ -209,8 +209,8 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
         .collect()
 }
 
-/// Whether links of a kind may pull once in many frames: linear springs, and what remembers nothing between two points in
-/// space. What an output measures is measured at every frame.
+/// Whether links of a kind may pull once in many frames: linear springs, and links in space without memory. A gauge is
+/// not one of them, as an output reads it at every frame.
 fn may_be_slow(kind: &LinkKind) -> bool {
     match kind {
         LinkKind::Ref => true,
@@ -219,14 +219,14 @@ fn may_be_slow(kind: &LinkKind) -> bool {
     }
 }
 
-/// Every single link between two points in space: its run, and which of it.
+/// Every single link in space: its run, and its index there.
 fn links_in_space(network: &Network) -> impl Iterator<Item = (&Run, usize)> {
     let in_space = |run: &&Run| matches!(run.kind, LinkKind::Space(_));
     let runs = network.runs().iter().filter(in_space);
     runs.flat_map(|run| (0..run.len).map(move |i| (run, i)))
 }
 
-/// Whether a mode that turns so far between two kicks [rad] is seen well enough by them; what is no number is not.
+/// Whether kicks resolve a mode that turns by `turn` between two of them [rad]; false for NaN.
 fn is_within(turn: f64) -> bool {
     turn < TURN_MAX
 }
@@ -237,7 +237,7 @@ fn free(body: &Body, subset: &Subset) -> Vec<usize> {
     mats.filter_map(|&mat| subset.mat(mat as usize)).collect()
 }
 
-/// What is found out about the springs of a body.
+/// The springs of a body, and what follows from them.
 struct Found {
     springs: Springs,
     turn: f64,

@@ -1,4 +1,4 @@
-//! What a plan found out about bodies, so that the next version's need not find it out again.
+//! Modes that a plan has computed, so that the plan of the next version need not compute them again.
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
@@ -9,10 +9,10 @@ use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::modes::{Modes, Row};
 use crate::units::Rate;
 
-/// Work of a solution for each number of modes to the third [s].
+/// Work of an eigenvalue solution, for the cube of the number of modes [s].
 const SOLVE: f64 = 0.5e-9;
 
-/// The modes of one body, as far as anybody asked for them.
+/// The modes of one body, with the rows that have been asked for.
 #[derive(Debug)]
 pub(in crate::plan) struct Solved {
     network: Network,
@@ -21,7 +21,7 @@ pub(in crate::plan) struct Solved {
     modes: Modes,
 }
 
-/// The complex modes of one body, at every rate the same, or why it has none.
+/// The complex modes of one body, which are the same at every rate, or why it has none.
 struct SolvedComplex {
     network: Network,
     outputs: Vec<Sum>,
@@ -29,16 +29,16 @@ struct SolvedComplex {
     modes: Result<Arc<ComplexModes>, NoModes>,
 }
 
-/// What is known of bodies, and what a plan on its way finds out.
+/// Bodies known from an earlier plan, and those that the present plan has solved.
 #[derive(Default)]
 pub(in crate::plan) struct Memo<'a> {
     known: &'a [Arc<Solved>],
     found: RefCell<Vec<Arc<Solved>>>,
     complex: RefCell<Vec<SolvedComplex>>,
-    /// Bodies whose solution has been counted for this island: what is known from others counts here all the same, so
-    /// that what an island takes does not depend on others.
+    /// Bodies whose solution has been counted for this island. A solution known from elsewhere counts too, so that the
+    /// work of an island does not depend on others.
     counted: RefCell<Vec<Network>>,
-    /// Work of the solutions that nobody has counted yet [s].
+    /// Work of solutions that has not been taken yet [s].
     work: Cell<f64>,
 }
 
@@ -53,12 +53,12 @@ impl<'a> Memo<'a> {
         }
     }
 
-    /// For the next plan.
+    /// The solved bodies, for the next plan.
     pub(in crate::plan) fn found(self) -> Vec<Arc<Solved>> {
         self.found.into_inner()
     }
 
-    /// Begin another island.
+    /// Begins another island.
     pub(in crate::plan) fn begin(&self) {
         self.counted.borrow_mut().clear();
         self.work.set(0.0);
@@ -73,19 +73,19 @@ impl<'a> Memo<'a> {
         }
     }
 
-    /// Work of the solutions since this was asked last [s].
+    /// Work of solutions since the last call [s].
     pub(in crate::plan) fn take_work(&self) -> f64 {
         self.work.take()
     }
 
-    /// As [`Modes::new`], to the last bit: each row is turned by itself.
+    /// The same as [`Modes::new`], bit for bit, since each row is transformed by itself.
     pub(in crate::plan) fn modes(
         &self,
         network: &Network,
         rows: &[Row],
         rate: Rate,
     ) -> Result<Modes, NoModes> {
-        // Only where the discrete network is the truth have modes anything to do with a rate.
+        // Modes depend on the rate only if the discrete network is the reference.
         let is_ours = |solved: &&Arc<Solved>| {
             (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
                 && solved.network.is_same_from_start(network)
@@ -101,7 +101,7 @@ impl<'a> Memo<'a> {
                 return Ok(solved.modes.seen_by(&places));
             }
         }
-        // Rows that were asked for once are asked for again.
+        // Rows that were asked for once will be asked for again.
         let mut all = rows.to_vec();
         if let Some(solved) = &known {
             let others = solved.rows.iter().filter(|row| !rows.contains(row));
@@ -120,7 +120,7 @@ impl<'a> Memo<'a> {
         Ok(own)
     }
 
-    /// As [`ComplexModes::new`], found once for all rates at which an island is tried.
+    /// The same as [`ComplexModes::new`], computed once for all rates at which an island is tried.
     pub(in crate::plan) fn complex(
         &self,
         network: &Network,

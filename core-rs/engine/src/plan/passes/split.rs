@@ -1,4 +1,4 @@
-//! What happens, shared out to the islands that it happens to.
+//! Distributes a timeline over the islands that its events act on.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -16,7 +16,7 @@ pub(in crate::plan) struct OwnTimeline {
 }
 
 impl OwnTimeline {
-    /// The same at one frame for `every` of these; `None` where there is no such timeline.
+    /// The same with one frame for `every` of these; `None` if the timeline has no such version.
     pub(in crate::plan) fn slower(&self, every: u32) -> Option<Self> {
         Some(Self {
             timeline: self.timeline.slower(every)?,
@@ -25,10 +25,10 @@ impl OwnTimeline {
     }
 }
 
-/// Where a module is: index of the subset, local index in it.
+/// Where a module is: index of the subset, and its index there.
 type Home = (usize, usize);
 
-/// Each subset with its share. What happens to nothing that is kept is forgotten.
+/// Gives each subset its share of the timeline. Events on MATs in no subset are dropped.
 pub(in crate::plan) fn split(
     subsets: Vec<Subset>,
     timeline: &Timeline,
@@ -62,7 +62,7 @@ pub(in crate::plan) fn split(
     for drive in &timeline.drives {
         for &(at, mat) in home(drive.mat as u32) {
             let drive = drive.clone();
-            // What will be played is not known: nothing is tried out on it, and nothing left out.
+            // The input is not known in advance: nothing is tried, and nothing left out.
             own[at].timeline.is_open |= drive.is_heard();
             own[at].timeline.drives.push(Drive { mat, ..drive });
         }
@@ -109,7 +109,7 @@ pub(in crate::plan) fn split(
     subsets.into_iter().zip(own).collect()
 }
 
-/// The first of some links in a subset, and how many of them are there. Links rise, so those of a range lie together.
+/// The links of a range that are in a subset: the first, and how many. Links rise, so these lie together.
 pub(in crate::plan) fn local(subset: &Subset, links: Range<usize>) -> Option<(usize, usize)> {
     let at = |whole: usize| {
         let links = &subset.links;
@@ -119,7 +119,7 @@ pub(in crate::plan) fn local(subset: &Subset, links: Range<usize>) -> Option<(us
     (stop > first).then(|| (first, stop - first))
 }
 
-/// The homes of every MAT that something happens to: one if it moves, any number if it is held.
+/// The homes of every MAT that an event acts on: one if it moves, any number if it is held.
 fn homes(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<Home>> {
     let strikes = timeline.strikes.iter().map(|strike| strike.mat);
     let ergons = timeline.ergons.iter().map(|ergon| ergon.mat);

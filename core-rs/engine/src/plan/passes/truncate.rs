@@ -1,24 +1,25 @@
-//! Which modes of a body this score needs: modes are left out, those that its strikes excite least first, as long as what
-//! is left out stays within the error budget.
+//! Which modes of a body this score needs: the modes that its strikes excite least are left out, as far as the error
+//! budget allows.
 
 use crate::maths::{expm1, log10, pow};
 use crate::plan::budget::Budget;
 use crate::plan::passes::modes::Modes;
 use crate::units::Rate;
 
-/// Energies are those of the first moments: there high modes, which fade first, count most [s].
+/// Time over which energies are compared [s]: at the beginning, where high modes, which fade first, count most.
 pub(in crate::plan) const FIRST: f64 = 0.1;
 
-/// The modes that stay.
+/// The modes that are kept.
 pub(in crate::plan) struct KeptModes {
     /// Rising.
     pub(in crate::plan) modes: Vec<usize>,
-    /// How loud the others would have been together, relative to all [dB]; `None`: silent, or none.
+    /// How loud the others would have been together, relative to all [dB]; `None`: none are left out, or only silent
+    /// ones.
     pub(in crate::plan) left_out: Option<f64>,
 }
 
 impl KeptModes {
-    /// Of a body that goes by none.
+    /// For a body without modes.
     pub(in crate::plan) fn none() -> Self {
         Self {
             modes: Vec::new(),
@@ -26,12 +27,12 @@ impl KeptModes {
         }
     }
 
-    /// As numbers of a plan.
+    /// As numbers of a plan's choice.
     pub(in crate::plan) fn numbers(&self) -> Vec<u32> {
         self.modes.iter().map(|&mode| mode as u32).collect()
     }
 
-    /// Those that a plan decided for; `None` where there are not so many.
+    /// The modes that a plan decided for; `None` if the body does not have these.
     pub(in crate::plan) fn pinned(numbers: &[u32], of: usize) -> Option<Self> {
         let modes: Vec<usize> = numbers.iter().map(|&mode| mode as usize).collect();
         let rises = modes.windows(2).all(|pair| pair[0] < pair[1]);
@@ -43,8 +44,8 @@ impl KeptModes {
     }
 }
 
-/// Keep the loudest modes, `blows` being impulses [N·s]: energies as if strikes added up by power, A²/2 over the
-/// first moments, A the amplitude that an output hears.
+/// Keeps the loudest modes. Energies are A²/2 over the first `FIRST` seconds, with A the amplitude that an output
+/// hears, and add up over the impulses `blows` [N·s].
 pub(in crate::plan) fn keep(
     modes: &Modes,
     heard: &[Vec<f64>],
@@ -63,8 +64,8 @@ pub(in crate::plan) fn keep(
     })
 }
 
-/// Keep the loudest of modes, so that for every row that sees them those that fall stay together below what is
-/// `allowed` [dB], whichever of some `ways` they get their energies   (n_ways, n_modes).
+/// Keeps the loudest modes, so that the others together stay below `allowed` [dB] in every row, for each of several
+/// `ways` in which modes may get their energies   (n_ways, n_modes).
 pub(in crate::plan) fn choose(
     ways: &[Vec<f64>],
     rows: &[&[f64]],
@@ -73,7 +74,7 @@ pub(in crate::plan) fn choose(
     frequency: impl Fn(usize) -> f64,
 ) -> KeptModes {
     let n = ways.first().map_or(0, Vec::len);
-    // A mode's loudness where it is loudest.
+    // The largest relative loudness of each mode over all rows and ways.
     let mut most = vec![0.0_f64; n];
     for (own, row) in ways
         .iter()
@@ -94,7 +95,7 @@ pub(in crate::plan) fn choose(
         let is_unheard = frequency(mode) > budget.highest();
         let may_fall = allowed.is_some_and(|allowed| fallen + loudness <= allowed);
         if is_unheard || may_fall {
-            // Above hearing a mode may be loud: it is not counted as an error.
+            // A mode above hearing may be loud: it does not count as an error.
             fallen += if is_unheard { 0.0 } else { loudness };
         } else {
             stays.push(mode);
@@ -107,7 +108,7 @@ pub(in crate::plan) fn choose(
     }
 }
 
-/// Energy of one mode's own motion.
+/// Energy of a mode's own motion, before an output weights it.
 fn energy(modes: &Modes, felt: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, rate: Rate) -> f64 {
     let (f, sigma) = modes.pitch(mode, rate);
     let omega = (std::f64::consts::TAU * f)
@@ -116,7 +117,7 @@ fn energy(modes: &Modes, felt: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, rat
     let (x, v) = (modes.x0[mode] - modes.rest[mode], modes.v0[mode]);
     let mut square = x * x + v * v / (omega * omega);
     for (shape, blows) in felt.iter().zip(blows) {
-        // A unit impulse gives a mass of 1 the velocity 1; an algorithmic one T^-2 times as much.
+        // A unit impulse gives a mass of 1 the velocity 1; an algorithmic mass of 1 gets T^-2 times as much.
         let unit = if modes.is_discrete {
             rate.step() * rate.step()
         } else {

@@ -1,29 +1,30 @@
-//! Damping of a linear body that is no sum of its mass and stiffness, and yet has its modes: Z·M⁻¹·K = K·M⁻¹·Z.
+//! Damping of a linear body that is not proportional to mass and stiffness but still has the undamped modes: Z·M⁻¹·K =
+//! K·M⁻¹·Z.
 //!
-//! Each mode then loses by itself. How much is seen without the modes' shapes: where a vector r has the share φ·r of a
-//! mode, Z·r has ζ times that share.
+//! Each mode then has a loss ζ of its own. It follows without the shapes of the modes: if a vector r contains φ·r of a
+//! mode, then Z·r contains ζ times that.
 
 use crate::network::{LinkKind, MatKind, Network};
 
-/// How many vectors tell the loss of each mode: one may have nothing of a mode.
+/// Vectors from which the loss of each mode is found: a single one may contain nothing of a mode.
 pub(crate) const PROBES: usize = 3;
-/// Relative difference at which two matrices commute: what the rounding of a fit leaves.
+/// Relative difference up to which two matrices count as commuting: rounding of fitted numbers leaves that much.
 const SAME: f64 = 1e-9;
-/// Likewise of the losses that several vectors tell; modes of nearly one frequency mix.
+/// The same for losses found from several vectors: modes of nearly equal frequency mix.
 const AGREE: f64 = 1e-6;
 
-/// One end and its share, the other (none where it is held) and its share, z.
+/// One end and its share, the other end (`None` if held) and its share, and z.
 type Damper = (usize, f64, Option<(usize, f64)>, f64);
 
 /// M^-½ Z M^-½ of a body.
 pub(crate) struct Viscosity {
-    /// Of each mass by itself   (n)
+    /// Of the tie of each mass to the ground   (n)
     ties: Vec<f64>,
     links: Vec<Damper>,
 }
 
 impl Viscosity {
-    /// `None` where a link is not linear, or a damper is no number.
+    /// `None` if a link is not linear, or a damper is not finite.
     pub(crate) fn new(network: &Network, free: &[usize], root: &[f64]) -> Option<Self> {
         let mats = network.mats();
         let slot = |mat: usize| free.binary_search(&mat).ok();
@@ -65,7 +66,7 @@ impl Viscosity {
         y
     }
 
-    /// Whether it has the modes of a stiffness (n, n), as far as one vector tells.
+    /// Whether it has the modes of a stiffness (n, n), as far as one test vector shows.
     pub(crate) fn shares_modes(&self, stiffness: &[f64]) -> bool {
         let n = self.ties.len();
         let product = |v: &[f64]| -> Vec<f64> {
@@ -82,7 +83,7 @@ impl Viscosity {
         apart.sum::<f64>() <= SAME * SAME * size
     }
 
-    /// ζ of each mode, from what each sees of [`probe`]s and of Z times these; `None` where they do not agree.
+    /// ζ of each mode, from the mode's part in each [`probe`] and in Z times the probe; `None` if the probes disagree.
     pub(crate) fn of_modes(probes: &[Vec<f64>], images: &[Vec<f64>]) -> Option<Vec<f64>> {
         let n = probes.first()?.len();
         let mut zeta = vec![0.0; n];
@@ -104,7 +105,7 @@ impl Viscosity {
     }
 }
 
-/// Numbers between -1 and 1 without a pattern (n,).
+/// Pseudo-random numbers between -1 and 1 (n,).
 pub(crate) fn probe(n: usize, which: usize) -> Vec<f64> {
     let mut state = 0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(which as u64 + 1);
     let mut next = || {

@@ -1,4 +1,5 @@
-//! The bodies of an island: MATs joined by links that a body may have inside, and their ports, where all other links end.
+//! The bodies of an island: MATs joined by links that may lie inside a body, and their ports, where all other links
+//! end.
 
 use std::collections::BTreeMap;
 
@@ -6,13 +7,13 @@ use crate::network::forest::{Forest, ends};
 use crate::network::{LinkKind, Network, Proxy, Term};
 use crate::timeline::Timeline;
 
-/// Fewer masses are stepped as quickly as they are seen by their modes.
+/// Fewest masses of a body: fewer are stepped as quickly as by modes.
 const MASSES_MIN: usize = 4;
-/// So many ports a body may have, however few masses: contacts at all of them together cost less by modes than a mesh whose
-/// frames are as fine (60 on 100 masses: a fifth).
+/// Ports that a body may have, however few its masses: contacts at all of them cost less by modes than with a mesh
+/// stepped as finely (60 on 100 masses: a fifth).
 const PORTS_ANY: usize = 64;
-/// A larger body goes by its modes where at most one in so many of its masses is a port (200 on 400 masses took 14 times as
-/// long as the mesh).
+/// A body with more ports goes by modes only if at most one in this many masses is a port (200 on 400 masses took 14
+/// times as long as the mesh).
 const MASSES_A_PORT: usize = 4;
 
 /// A set of MATs that inner links join, and the ports where others end.
@@ -27,14 +28,14 @@ pub(in crate::plan) struct Body {
 /// Which links may lie inside a body, and which MATs.
 pub(in crate::plan) struct Wiring {
     may: Vec<bool>,
-    /// Springs that stay as they are, and laws or springs that are led.
+    /// Springs that are not led; laws, and springs or laws that are led.
     is_spring: Vec<bool>,
     is_law: Vec<bool>,
     is_driven: Vec<bool>,
 }
 
 impl Wiring {
-    /// Some MATs belong to a body already.
+    /// Marks MATs as belonging to a body already.
     pub(in crate::plan) fn take(&mut self, mats: &[u32]) {
         mats.iter().for_each(|&mat| self.may[mat as usize] = false);
     }
@@ -74,7 +75,7 @@ impl Wiring {
             is_spring[links.clone()].fill(matches!(run.kind, LinkKind::Ref));
             is_law[links].fill(matches!(run.kind, LinkKind::Lnl(_)));
         }
-        // What is led has no modes of its own; a method can step it.
+        // A led link has no fixed modes; a method for meshes can step it.
         for lead in &timeline.leads {
             for link in lead.links() {
                 (is_spring[link], is_law[link]) = (false, is_spring[link] || is_law[link]);
@@ -98,7 +99,8 @@ impl Wiring {
         }
     }
 
-    /// Sets of MATs that inner links join, large enough and with few enough ports, or all of them.
+    /// Sets of MATs that inner links join, if large enough and with few enough ports, or if `with_small` all that have
+    /// links.
     pub(in crate::plan) fn bodies(
         &self,
         network: &Network,
@@ -127,7 +129,7 @@ impl Wiring {
                 };
                 let is_held = network.mats().kind[other].is_held() && !self.is_driven[other];
                 if is_inner(link) && (self.may[other] || is_held) {
-                    // Both ends tell of a link between two of them: it is noted once.
+                    // A link between two MATs of the body is met from both ends, but noted once.
                     if own == a || !self.may[other] {
                         body.links.push(link as u32);
                     }
@@ -157,8 +159,8 @@ impl Wiring {
 }
 
 impl Body {
-    /// The body without the single links that tie it to what does not move: they end at ports then. `None` where it has
-    /// none, or more than `most`.
+    /// The body without the single links that tie it to fixed points: they then end at ports. `None` if it has none, or
+    /// more than `most`.
     pub(in crate::plan) fn untied(&self, network: &Network, most: usize) -> Option<Self> {
         let is_single = |link: usize| {
             let mut runs = network.runs().iter();
@@ -183,7 +185,7 @@ impl Body {
         (1..=most).contains(&ties.len()).then(|| own.tidy())
     }
 
-    /// Every module once, in order.
+    /// Sorts the lists and removes duplicates.
     pub(in crate::plan) fn tidy(mut self) -> Self {
         for list in [&mut self.guests, &mut self.links, &mut self.ports] {
             list.sort_unstable();

@@ -1,4 +1,4 @@
-//! What the sound of an island up to an instant is a function of, as a hash: the same in another version of the score
+//! Hashes of all that the sound of an island up to an instant depends on: the same in another version of the score
 //! whose events differ only later.
 
 use std::collections::BTreeSet;
@@ -12,11 +12,11 @@ use crate::network::Network;
 use crate::plan::IslandPlan;
 use crate::timeline::{Ergon, Strike, Timeline};
 
-/// Events that act within so many frames after an instant count as before it: rounding to frames, and strikes that are
-/// shared out to two frames.
+/// Events within this many frames after an instant count as before it, because events are rounded to frames and strikes
+/// are spread over two frames.
 const MARGIN: u64 = 4;
 
-/// What is written is hashed.
+/// A writer that hashes what is written.
 struct Sink(Sha256);
 
 impl Sink {
@@ -38,24 +38,24 @@ impl Write for Sink {
     }
 }
 
-/// A hash of some words (64 hex digits).
+/// A hash of formatted text (64 hex digits).
 pub(in crate::plan) fn hex_of(words: Arguments<'_>) -> String {
     let mut sink = Sink::new();
-    // A hash takes everything: nothing can fail.
+    // Writing into a hash cannot fail.
     let _ = sink.write_fmt(words);
     sink.hex()
 }
 
-/// Hashes of what happens to an island: of all but strikes, ergons and gestures, and of each gesture.
+/// Hashes of what an island depends on: one of everything except strikes, ergons and gestures, and one of each gesture.
 #[derive(Clone, Debug)]
 struct Events {
     fixed: [u8; 32],
-    /// Of each gesture, and the instant from which it acts [s]   (n_gestures)
+    /// The instant from which each gesture acts [s], and its hash   (n_gestures)
     gestures: Vec<(f64, [u8; 32])>,
 }
 
 impl Events {
-    /// `also`: what else is always so.
+    /// `also`: what else the hash has to include.
     fn of(network: &Network, timeline: &Timeline, also: Arguments<'_>) -> Self {
         let rest = Timeline {
             gestures: Vec::new(),
@@ -73,16 +73,16 @@ impl Events {
         }
     }
 
-    /// Hash what is always so, and what acts after the instant `start` [s], if one is given, up to `stop` [s].
+    /// Hashes the fixed part, and the events that act after the instant `start` [s], if one is given, up to `stop` [s].
     fn hash(&self, timeline: &Timeline, (start, stop): (Option<f64>, f64), sink: &mut Sink) {
         let falls = |at: f64| at <= stop && start.is_none_or(|start| at > start);
         sink.0.update(self.fixed);
-        // Gestures are known by their place in this list: those before one that counts do too.
+        // Gestures are identified by their index, so all gestures before the last one that counts are included.
         let begun = self.gestures.iter().rposition(|own| own.0 <= stop);
         for (_, digest) in &self.gestures[..begun.map_or(0, |last| last + 1)] {
             sink.0.update(digest);
         }
-        // Where in the score a strike stands does not sound.
+        // Where a strike stands in the score does not affect the sound.
         for &Strike {
             at, mat, impulse, ..
         } in &timeline.strikes
@@ -136,8 +136,8 @@ impl Content {
         ))
     }
 
-    /// A hash of what the island is a function of up to frame `until` of the scene (64 hex digits); `before` is that up to
-    /// frame `from`, and empty at 0.
+    /// A hash of all that the island depends on up to frame `until` of the scene (64 hex digits); `before` is that hash
+    /// up to frame `from`, empty at 0.
     pub(crate) fn key(
         &self,
         island: &IslandPlan,
@@ -171,7 +171,7 @@ impl Content {
     }
 }
 
-/// What an island that is not put together yet is a function of, whatever its plan will be.
+/// What an island depends on before it is assembled, whatever its plan will be.
 pub(in crate::plan) struct IslandContent<'a> {
     timeline: &'a Timeline,
     events: Events,
@@ -184,7 +184,7 @@ impl<'a> IslandContent<'a> {
         timeline: &'a Timeline,
         also: Arguments<'_>,
     ) -> Self {
-        // How an island is put together depends on where events act, whenever that is.
+        // How an island is assembled depends on which MATs events act on, no matter when.
         let places = (
             Vec::from_iter(
                 timeline
@@ -213,14 +213,14 @@ impl<'a> IslandContent<'a> {
         Self { timeline, events }
     }
 
-    /// A hash of what is always so (64 hex digits).
+    /// A hash of what does not depend on time (64 hex digits).
     pub(in crate::plan) fn fixed(&self) -> String {
         let mut sink = Sink::new();
         sink.0.update(self.events.fixed);
         sink.hex()
     }
 
-    /// A hash of all that it is a function of up to a frame (64 hex digits).
+    /// A hash of all that the island depends on up to a frame (64 hex digits).
     pub(in crate::plan) fn until(&self, frame: u64) -> String {
         let mut sink = Sink::new();
         sink.0.update(frame.to_le_bytes());
@@ -241,7 +241,7 @@ fn of_gesture(gesture: &Gesture) -> (f64, [u8; 32]) {
         manner,
         points,
     } = gesture;
-    // Where in the score a point stands does not sound.
+    // Where a point stands in the score does not affect the sound.
     let instants: Vec<f64> = points.iter().map(|point| point.0).collect();
     (
         start - manner.join,
@@ -253,7 +253,7 @@ fn of_gesture(gesture: &Gesture) -> (f64, [u8; 32]) {
 
 fn digest(text: Arguments<'_>) -> [u8; 32] {
     let mut sink = Sink::new();
-    // A hash takes everything: nothing can fail.
+    // Writing into a hash cannot fail.
     let _ = sink.write_fmt(text);
     sink.0.finalize().into()
 }

@@ -1,4 +1,4 @@
-//! A hash of what a plan decided: equal for two plans of one score that give the same sound.
+//! A hash of what a plan decided: two plans of one score with the same hash give the same sound.
 
 use sha2::{Digest, Sha256};
 
@@ -6,7 +6,7 @@ use crate::plan::choice::Choice;
 use crate::plan::passes::audible::ModeKind;
 use crate::plan::report::row::{Computed, Reason, Row};
 
-/// A hash of decisions, and of what they are about.
+/// A hash of decisions, and of the rows that they concern.
 pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
     let mut sha = Sha256::new();
     for row in rows {

@@ -1,4 +1,4 @@
-//! What a plan tells of itself: a row for everything that is computed together, and for all that is not.
+//! The report of a plan: a row for everything that is computed together, and for everything that is not computed.
 
 use crate::integrate::certify;
 use crate::island::inside::BodyPlan;
@@ -30,13 +30,13 @@ pub enum Computed {
     Oscillators,
     /// As modes: how many there are, how many are computed, and how loud the others would be [dB].
     Modes {
-        /// Which.
+        /// Normal or complex.
         kind: ModeKind,
-        /// All of the body's.
+        /// All modes of the body.
         of: usize,
-        /// Those computed.
+        /// The modes that are computed.
         kept: usize,
-        /// The others together, relative to all.
+        /// How loud the others would be together, relative to all [dB].
         left_out: Option<f64>,
     },
     /// As a mesh, by a method of its own: its name, and steps a frame.
@@ -45,7 +45,7 @@ pub enum Computed {
     Slow {
         /// Frames from one pull to the next.
         every: u32,
-        /// By its exact flow; else by the CA scheme at that rate.
+        /// By the exact flow of its masses; else by the CA scheme at that rate.
         is_exact: bool,
     },
     /// Not at all.
@@ -59,19 +59,18 @@ pub struct Measured {
     pub db: f64,
     /// Over how long from the start [s].
     pub over: f64,
-    /// Where no two ways of computing give the same waveform for longer: how far third octaves are apart after
-    /// all, in the mean [dB].
+    /// If runs part for good: mean difference of their third octaves over all that was compared [dB].
     pub spectral: Option<f64>,
-    /// What is heard of it, where pitch is what counts.
+    /// The audible error, if the budget is one of pitch.
     pub audible: Option<Audible>,
 }
 
-/// What two runs say of an error may be too little by so much [dB]: by 3.4 in the worst of the 138 scenes of
+/// Errors estimated from two runs may be too low by this [dB]: by 3.4 in the worst of the 138 scenes of
 /// docs/accuracy.md at three budgets, before this was added.
 const DOUBT: f64 = 3.5;
 
 impl Measured {
-    /// With the doubt of an estimate, as far as what is `asked` for leaves room: that has margins of its own.
+    /// Adds the doubt of an estimate, but not beyond what is `asked` for: the budget has margins of its own.
     pub(in crate::plan) fn doubted(self, asked: f64) -> Self {
         Self {
             db: self.db.max((self.db + DOUBT).min(asked)),
@@ -95,32 +94,32 @@ pub struct Row {
     pub cost: f64,
     /// Whether it can diverge; `None` where nothing is computed.
     pub word: Option<StabilityGuarantee>,
-    /// How often it is stepped in `every` frames.
+    /// Steps taken in `every` frames.
     pub oversampling: u32,
-    /// 1, but for what is only seen.
+    /// 1, except for what is only seen.
     pub every: u32,
-    /// How often a step its contacts are computed while they may be closed.
+    /// Contact substeps a step while contacts may be closed.
     pub contact_substeps: usize,
-    /// The error that a pilot measured; `None`: exact, but for what is left out.
+    /// The error that a pilot measured; `None`: not measured, or exact but for what is left out.
     pub error: Option<Measured>,
-    /// Why it is not computed in a better way.
+    /// Why it is not computed by a better method.
     pub because: Option<String>,
-    /// Largest eigenvalue of what slow parts and all that they touch do from kick to kick; `None`: none is slow.
+    /// Largest magnitude of an eigenvalue of the map of slow parts and all that they touch, for one kick; `None` if no
+    /// part is slow.
     pub radius: Option<f64>,
-    /// Parts that have a rate of their own and go at every frame all the same, and why.
+    /// Parts that ask for a rate of their own but are computed at every frame, and why.
     pub stays: Option<String>,
-    /// It is slow for the planner's own reasons: so its island costs less.
+    /// It is slow by the choice of the plan, because its island then costs less.
     pub is_offered: bool,
-    /// The allowance of work for trials was spent before all were played that would have been.
+    /// The allowance of trials was spent before all of them were played.
     pub is_cut_short: bool,
 }
 
-/// Slow parts are called preserved where so many frames lie between their kicks at most, and their error is no more
-/// than [dB].
+/// Limits up to which a slow part counts as preserved: frames from kick to kick, and error [dB].
 pub(in crate::plan) const PRESERVED: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)];
 
 impl Row {
-    /// Whether a slow part sounds as at every frame, as far as a pilot heard.
+    /// Whether a slow part sounds as it would at every frame, as far as a pilot measured.
     pub fn is_preserved(&self) -> bool {
         let (Computed::Slow { every, .. }, Some(error)) = (self.what, self.error) else {
             return false;
@@ -131,7 +130,7 @@ impl Row {
             .any(|&(most, db)| every <= most && error.db <= db)
     }
 
-    /// A row of parts, their MATs that move and their LIAs; nothing else is known of them yet.
+    /// A row of parts, with their moving MATs and their LIAs; nothing else is filled in.
     fn new(parts: Vec<String>, [mats, links]: [usize; 2], what: Computed) -> Self {
         Self {
             parts,
@@ -152,7 +151,7 @@ impl Row {
         }
     }
 
-    /// What a second of sound costs, from nanoseconds a frame, and whether it can diverge.
+    /// Fills in the cost of a second of sound, from nanoseconds a frame, and whether it can diverge.
     fn costing(self, ns: f64, timeline: &Timeline, word: StabilityGuarantee) -> Self {
         Self {
             cost: cost::seconds(ns, timeline),
@@ -184,7 +183,7 @@ impl Row {
         Self::of(network, Computed::Stepped).costing(ns, timeline, certificate.word)
     }
 
-    /// A body inside an island: followed frame by frame.
+    /// The row of a body inside an island.
     pub(in crate::plan) fn ported(found: &PortedBody, timeline: &Timeline) -> Self {
         let what = match &found.inside {
             BodyPlan::Modal(modal) => match &modal.answers {
@@ -226,7 +225,7 @@ impl Row {
         Self::of(&subset.network, what).costing(ns, timeline, StabilityGuarantee::Proved)
     }
 
-    /// All of a network.
+    /// The row of a whole network.
     fn of(network: &Network, what: Computed) -> Self {
         let counts = [network.n_moving(), network.n_lia()];
         Self::new(network.moving_parts(), counts, what)
@@ -257,10 +256,10 @@ pub(in crate::plan) fn cells(
         .collect()
 }
 
-/// What is sure of a body: modes cannot diverge, but what pushes them may.
+/// The certificate of a body alone: modes cannot diverge, but what pushes them may.
 fn word(inside: &BodyPlan) -> StabilityGuarantee {
     match inside {
-        // Of a slow body the whole island's certificate tells.
+        // For a slow body, the certificate of the whole island decides.
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => StabilityGuarantee::Guarded,
         BodyPlan::Mesh(mesh) => {
             let found = certify(&mesh.network, mesh.rate, mesh.way, mesh.substeps);

@@ -6,12 +6,12 @@ use std::cell::Cell;
 
 use crate::network::Error;
 
-/// What a plan of at most so many modules may draw, and one of so many [s]; in between in proportion, above by
-/// the module, up to `MOST`.
+/// Allowance of a plan of at most `SMALL.0` modules, and of one of `LARGE.0` [s]: linear in between, proportional to
+/// the modules above, at most `MOST`.
 const SMALL: (usize, f64) = (100, 1.0);
 const LARGE: (usize, f64) = (1_000, 2.5);
 const MOST: f64 = 10.0;
-/// So large a part more lies aside, to see how long errors hold.
+/// The reserve for measuring how long errors hold, as a share of the allowance and in addition to it.
 const ASIDE: f64 = 0.25;
 
 /// Why a trial gives no result.
@@ -38,44 +38,44 @@ pub(in crate::plan) fn unless_spent<T>(result: Result<T, TrialError>) -> Result<
     }
 }
 
-/// What a series of trials took: enough to count it again without playing.
+/// What a series of trials took: enough to account for it again without playing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::plan) struct Taken {
     /// Work [s].
     pub(in crate::plan) drawn: f64,
     /// The least allowance that gives the same results [s].
     pub(in crate::plan) needed: f64,
-    /// What was left when it began [s], where the results depend on that.
+    /// What was left when the series began [s], if its results depend on that.
     pub(in crate::plan) left: Option<f64>,
-    /// It ended because the allowance was spent.
+    /// The series ended because the allowance was spent.
     pub(in crate::plan) is_refused: bool,
-    /// How far the longest of them played [frames of the scene].
+    /// How far the longest trial of the series played [frames of the scene].
     pub(in crate::plan) frames: u64,
 }
 
-/// Nothing is left, for a trial has been refused.
+/// What is left after a trial was refused: nothing.
 const SPENT: f64 = -1.0;
 
 /// The work that the trials of one plan may take [s], and what they have taken.
 #[derive(Debug)]
 pub(in crate::plan) struct Allowance {
     total: f64,
-    /// Before the series of trials that is under way.
+    /// Work drawn before the current series of trials.
     drawn_before: Cell<f64>,
-    /// By that series.
+    /// Work drawn by the current series.
     drawn: Cell<f64>,
-    /// The most that it asked for.
+    /// Most work that the current series asked for.
     needed: Cell<f64>,
-    /// How far the longest of its trials plays [frames].
+    /// How far the longest trial of the series plays [frames].
     frames: Cell<u64>,
-    /// Work taken from what lies aside, beyond the total.
+    /// Work taken from the reserve.
     drawn_aside: Cell<f64>,
     /// Trials that ended because the allowance was spent.
     n_refused: Cell<usize>,
 }
 
 impl Allowance {
-    /// For a plan of so many modules that may take `share` of what there is for them.
+    /// The allowance of a plan of `n_modules`, of which its trials may take the part `share`.
     pub(in crate::plan) fn new(n_modules: usize, share: f64) -> Self {
         let ((few, least), (many, most)) = (SMALL, LARGE);
         let seconds = if n_modules <= many {
@@ -90,7 +90,7 @@ impl Allowance {
         }
     }
 
-    /// Of so much work [s].
+    /// An allowance of `total` work [s].
     fn of(total: f64) -> Self {
         Self {
             total,
@@ -103,7 +103,7 @@ impl Allowance {
         }
     }
 
-    /// What is left of it [s].
+    /// What was left when the current series began [s].
     fn left(&self) -> f64 {
         if self.n_refused.get() > 0 {
             return SPENT;
@@ -111,7 +111,7 @@ impl Allowance {
         self.total - self.drawn_before.get()
     }
 
-    /// Begin a series of trials; how much is left for it [s].
+    /// Begins a series of trials and returns how much work is left for it [s].
     pub(in crate::plan) fn begin(&self) -> f64 {
         self.drawn_before
             .set(self.drawn_before.get() + self.drawn.take());
@@ -120,7 +120,7 @@ impl Allowance {
         self.left()
     }
 
-    /// What the series has taken that began with so much left [s].
+    /// What the current series has taken, if `left` [s] was left when it began.
     pub(in crate::plan) fn taken(&self, left: f64) -> Taken {
         let is_refused = self.n_refused.get() > 0;
         let is_bound = is_refused || self.needed.get() > left;
@@ -142,7 +142,7 @@ impl Allowance {
         }
     }
 
-    /// Count a series of trials that was played before.
+    /// Accounts for a series of trials that was played before, as if it were played now.
     pub(in crate::plan) fn count(&self, taken: &Taken) {
         self.begin();
         self.drawn.set(taken.drawn);
@@ -150,16 +150,17 @@ impl Allowance {
         self.n_refused.set(n_refused);
     }
 
-    /// A trial plays so many frames of the scene.
+    /// Records that a trial plays up to frame `n_frames` of the scene.
     pub(in crate::plan) fn plays(&self, n_frames: usize) {
         self.frames.set(self.frames.get().max(n_frames as u64));
     }
 
-    /// Take so much work [s] before it is done.
+    /// Takes `seconds` of work before it is done.
     ///
     /// # Errors
     ///
-    /// [`TrialError::AllowanceSpent`] where less is left: then all of it is spent, whatever smaller trials would still fit.
+    /// [`TrialError::AllowanceSpent`] if less is left. The allowance then counts as spent, even if smaller trials would
+    /// still fit.
     pub(in crate::plan) fn draw(&self, seconds: f64) -> Result<(), TrialError> {
         let drawn = self.drawn.get() + seconds;
         if drawn > self.left() {
@@ -171,7 +172,7 @@ impl Allowance {
         Ok(())
     }
 
-    /// Take work [s] that is done whatever is left: what remains for trials is less by it.
+    /// Takes work [s] that is done even if less is left; trials have that much less.
     pub(in crate::plan) fn spend(&self, seconds: f64) {
         let drawn = self.drawn.get() + seconds;
         self.needed.set(self.needed.get().max(drawn));
@@ -179,11 +180,11 @@ impl Allowance {
         self.drawn.set(drawn.min(left).max(0.0));
     }
 
-    /// Look whether so much work [s] is left, and take none of it.
+    /// Checks that `seconds` of work are left, and takes nothing.
     ///
     /// # Errors
     ///
-    /// [`TrialError::AllowanceSpent`] where less is left.
+    /// [`TrialError::AllowanceSpent`] if less is left. The allowance then counts as spent.
     pub(in crate::plan) fn affords(&self, seconds: f64) -> Result<(), TrialError> {
         let drawn = self.drawn.get() + seconds;
         if drawn > self.left() {
@@ -193,23 +194,23 @@ impl Allowance {
         self.draw(0.0)
     }
 
-    /// The part of so much work [s] that is left (0 to 1); none of it is taken.
+    /// The part of `seconds` of work that is left (0 to 1); nothing is taken.
     pub(in crate::plan) fn share_left(&self, seconds: f64) -> f64 {
         let drawn = self.drawn.get();
         self.needed.set(self.needed.get().max(drawn + seconds));
         ((self.left() - drawn) / seconds).clamp(0.0, 1.0)
     }
 
-    /// A part of what is left (0 to 1), to be drawn from by itself.
+    /// A separate allowance of the part `share` (0 to 1) of what is left.
     pub(in crate::plan) fn part(&self, share: f64) -> Self {
         Self::of((share * (self.left() - self.drawn.get())).max(0.0))
     }
 
-    /// Take what was drawn from such a part: no trial ends because the part did.
+    /// Takes what was drawn from such a separate part. If the part ran out, that does not end other trials.
     pub(in crate::plan) fn spend_part(&self, part: &Self, share: f64) {
         let most = match part.n_refused() {
             0 => part.drawn.get() / share,
-            // Of more it would have taken more.
+            // With a larger part it would have taken more.
             _ => f64::INFINITY,
         };
         self.needed
@@ -217,12 +218,12 @@ impl Allowance {
         self.spend(part.drawn.get());
     }
 
-    /// What is left of a part of it that lies aside, to be drawn from by itself: no trial ends because of it.
+    /// What is left of the reserve, as a separate allowance: if it runs out, no other trial ends.
     pub(in crate::plan) fn aside(&self) -> Self {
         Self::of(ASIDE * self.total - self.drawn_aside.get())
     }
 
-    /// Take work [s] from what lies aside.
+    /// Takes work [s] from the reserve.
     pub(in crate::plan) fn spend_aside(&self, seconds: f64) {
         self.drawn_aside.set(self.drawn_aside.get() + seconds);
     }
@@ -287,7 +288,7 @@ mod tests {
         first.affords(0.5).unwrap();
         let taken = first.taken(left);
         assert_eq!((taken.drawn, taken.needed, taken.left), (0.25, 0.75, None));
-        // After others that leave enough, and after others that do not.
+        // First after trials that leave enough, then after trials that do not.
         for (others, is_same) in [(0.25, true), (0.375, false)] {
             let again = Allowance::new(1, 1.0);
             again.draw(others).unwrap();
@@ -312,7 +313,7 @@ mod tests {
         let later = Allowance::new(1, 1.0);
         later.draw(0.01).unwrap();
         assert!(!later.is_enough_for(&taken));
-        // Where nothing is left nothing is played, whatever was left before.
+        // If nothing is left, nothing is played: how much was left before does not matter.
         let left = again.begin();
         assert!(again.draw(0.01).is_err());
         let none = again.taken(left);

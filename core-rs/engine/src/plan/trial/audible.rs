@@ -7,27 +7,27 @@ use crate::plan::budget::Budget;
 use crate::plan::trial::pilot_run::PilotRun;
 use crate::plan::trial::waveform_error::Spans;
 
-/// What is heard of an error.
+/// The audible error of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Audible {
     /// Largest error of a pitch among the strongest partials [cents].
     pub cents: f64,
-    /// Largest error of a T60 among them, of itself.
+    /// Largest error of a T60 among them, relative to the T60.
     pub t60: f64,
-    /// Largest error of a third octave that is not masked by the others [dB].
+    /// Largest error of the level of a third octave that the others do not mask [dB].
     pub level: f64,
 }
 
-/// Where pitch is right to 3 cents, T60 is to be right to this part, and third octaves to so much [dB].
+/// The errors that count as equal: a pitch by 3 cents, a T60 by this part, a third octave by so much [dB].
 ///
-/// 3 cents: Moore, J. Acoust. Soc. Am. 54 (1973). 5 %: the difference limen of reverberation times, ISO 3382-1 (2009), table A.1.
-/// 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1.
+/// 3 cents: Moore, J. Acoust. Soc. Am. 54 (1973). 5 %: the difference limen of reverberation times, ISO 3382-1 (2009),
+/// table A.1. 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1.
 const CENTS: f64 = 3.0;
 const T60: f64 = 0.05;
 const LEVEL: f64 = 1.0;
 
 impl Audible {
-    /// Of a run against one of half its step, from the first event on, up to `upto` [Hz] of partials.
+    /// The error of a run against one at half its step, from the first event on, with partials up to `upto` [Hz].
     pub(in crate::plan) fn of(run: &[f64], finer: &[f64], spans: &Spans, upto: f64) -> Self {
         let n_out = spans.n_out.max(1);
         let from = spans.event() * n_out;
@@ -52,7 +52,7 @@ impl Audible {
         })
     }
 
-    /// The same where a budget of pitch asks for it and the run is not lost.
+    /// The same if the budget is one of pitch and the run is not lost; else `None`.
     pub(in crate::plan) fn of_budget(
         budget: &Budget,
         (run, finer): (&PilotRun, &[f64]),
@@ -75,7 +75,7 @@ impl Audible {
         }
     }
 
-    /// So many times as large.
+    /// All three errors, multiplied by `by`.
     pub(in crate::plan) fn times(self, by: f64) -> Self {
         Self {
             cents: by * self.cents,
@@ -84,7 +84,7 @@ impl Audible {
         }
     }
 
-    /// The largest of the three, as a multiple of what a budget of pitch allows; 0 where the budget is another.
+    /// The largest of the three, as a multiple of what a budget of pitch allows; 0 for any other budget.
     pub(in crate::plan) fn excess(&self, budget: &Budget) -> f64 {
         match *budget {
             Budget::Cents { cents, .. } => {

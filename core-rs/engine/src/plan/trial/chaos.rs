@@ -1,9 +1,8 @@
-//! Runs that part for good: where the smallest difference grows, no method and no rate gives the same waveform twice.
+//! Runs that part for good (chaos): if the smallest difference grows, no two methods or rates give the same waveform.
 //!
-//! Such a beginning is known by a nudge: all speeds a little less for a moment, far below any error of a method. In
-//! what is linear the nudge stays as small; where pitches depend on amplitudes it grows with time, or its square;
-//! where it grows faster than that the part is chaotic. Then waveforms tell of the time until they part,
-//! and after it what is left to compare is the spectrum.
+//! Chaos is detected by a nudge: for a moment all speeds are reduced slightly, far below the error of any method. In a
+//! linear system the difference stays small; if pitches depend on amplitudes, it grows with time or its square; if it
+//! grows faster, the motion is chaotic. Waveforms are then compared only until the runs part, and spectra after that.
 
 use crate::island::inside::BodyPlan;
 use crate::maths::{log10, sqrt};
@@ -14,43 +13,43 @@ use crate::plan::trial::pilot_run::{Excerpt, LOOK, PilotRun, nudged};
 use crate::plan::trial::third_octaves::levels_apart;
 use crate::plan::trial::waveform_error::{ORDERS, Spans, errors};
 
-/// The first stretch that runs are compared over [s]; each is as long as all before it.
+/// Length of the first stretch over which runs are compared [s]; each later one is as long as all before it.
 const FIRST: f64 = 1.25e-3;
-/// A stroke is heard by its first [s].
+/// Duration of the attack of a stroke [s].
 const ATTACK: f64 = 0.02;
 /// Waveforms further apart than this have parted [dB].
 const PARTED: f64 = -10.0;
-/// A stretch that is so much quieter than the loudest tells nothing [power].
+/// A stretch this much quieter than the loudest is not compared [power].
 const QUIET: f64 = 1e-4;
-/// Speeds are so much less at each step of a nudge.
+/// The part of the motion that a nudge takes away at each step.
 const NUDGE: f64 = 1e-12;
-/// A nudge that grows with the square of time gains so much a stretch [dB]; and what two stretches may differ by.
+/// Growth a stretch of a nudge that grows with the square of time [dB], and the tolerance between two stretches [dB].
 const REGULAR: (f64, f64) = (12.04, 6.0);
-/// No method is right to this over a stroke's first millisecond [dB].
+/// The least error that a method can have over the first millisecond of a stroke [dB].
 const LEAST: f64 = -120.0;
 
-/// Stretches of time after the first sound, each up to twice the time.
+/// Stretches of time after the first sound, each ending at twice the time of the one before.
 #[derive(Clone, Debug)]
 pub(in crate::plan) struct Stretches {
     n_out: usize,
-    /// Frames: where the first begins, and where each ends.
+    /// Where the first begins, and where each ends [frames].
     edges: Vec<usize>,
 }
 
-/// How far two runs are apart, stretch by stretch [dB], all outputs together, each as loud as the others.
+/// How far two runs are apart, stretch by stretch [dB], over all outputs, each normalised to the same loudness.
 struct Profile {
-    /// In each alone; `None` where it is too quiet.
+    /// Over each stretch alone; `None` if it is too quiet.
     alone: Vec<Option<f64>>,
-    /// From the first to each.
+    /// From the start of the first to the end of each.
     upto: Vec<f64>,
 }
 
-/// What two runs, one of half the step, say of each other where they part for good.
+/// The comparison of two runs that part for good, the second at half the step.
 #[derive(Clone, Debug)]
 pub(in crate::plan) struct Parting {
     /// Error from the first sound to the end of each stretch [dB].
     upto: Vec<f64>,
-    /// Over the attack.
+    /// The error over the attack [dB].
     pub(in crate::plan) attack: f64,
     /// How much a nudge grows over the attack [dB].
     grows: f64,
@@ -58,7 +57,7 @@ pub(in crate::plan) struct Parting {
     pub(in crate::plan) spectral: f64,
 }
 
-/// Two runs of an island, the second one of half the step, and by which errors each is judged.
+/// Two runs of an island, the second at half the step, with the spans and stretches over which they are compared.
 #[derive(Clone, Copy)]
 pub(in crate::plan) struct Pair<'a> {
     pub(in crate::plan) run: &'a PilotRun,
@@ -68,7 +67,7 @@ pub(in crate::plan) struct Pair<'a> {
 }
 
 impl Stretches {
-    /// From the first sound after the event.
+    /// Stretches from the first sound after the event.
     pub(in crate::plan) fn of(sound: &[f64], spans: &Spans) -> Self {
         let (n_out, from) = (spans.n_out.max(1), spans.event());
         let start = &sound[(from * n_out).min(sound.len())..];
@@ -104,7 +103,7 @@ impl Stretches {
 
     fn apart(&self, a: &[f64], b: &[f64]) -> Profile {
         let n = self.edges.len() - 1;
-        // Of each stretch: how far apart, and how loud.
+        // For each stretch: squared difference, and squared sound.
         let mut sums = vec![(0.0, 0.0); n];
         for output in 0..self.n_out {
             let of = |x: &[f64], edges: &[usize]| -> Vec<f64> {
@@ -148,7 +147,7 @@ impl Stretches {
         }
     }
 
-    /// How many stretches end within so much time [s]; one at least.
+    /// How many stretches end within `seconds`; at least one.
     fn within(&self, seconds: f64, spans: &Spans) -> usize {
         let last = self.start() + (seconds * spans.rate) as usize;
         let ends = self.edges.iter().skip(1);
@@ -157,7 +156,7 @@ impl Stretches {
 }
 
 impl Pair<'_> {
-    /// The first stretch in which they have parted.
+    /// The first stretch in which the two runs have parted.
     fn parts_at(&self) -> Option<usize> {
         let alone = self
             .stretches
@@ -166,13 +165,13 @@ impl Pair<'_> {
         alone.iter().position(|db| db.is_some_and(|db| db > PARTED))
     }
 
-    /// Frames until they part; one stretch at least.
+    /// Frames until the runs part, at least one stretch; `None` if they do not part.
     pub(in crate::plan) fn together(&self) -> Option<usize> {
         Some(self.stretches.edges[self.parts_at()?.max(1)])
     }
 
-    /// What they say where they part, and a nudge has the run part from itself; `None` where that is not so: then
-    /// finer steps bring runs together.
+    /// Compares the runs if they part and a nudge shows chaos; `None` otherwise: then finer steps bring the runs
+    /// together.
     pub(in crate::plan) fn parting(
         &self,
         island_plan: &IslandPlan,
@@ -185,7 +184,7 @@ impl Pair<'_> {
         self.chaos(island_plan, contact_substeps, allowance)
     }
 
-    /// What they say where a nudge has the run part from itself; `None` where that is not so.
+    /// Compares the runs if a nudge shows chaos; `None` otherwise.
     pub(in crate::plan) fn chaos(
         &self,
         island_plan: &IslandPlan,
@@ -211,7 +210,8 @@ impl Pair<'_> {
         )))
     }
 
-    /// What they say, by the errors of the run or of the finer one; a nudge is known to grow.
+    /// Compares the runs, given that a nudge grows by `grows` over the attack [dB]; `of` selects the error of the run
+    /// or of the finer one.
     fn told(&self, grows: f64, of: fn((f64, f64)) -> f64) -> Parting {
         let (run, finer) = (&self.run.sound, &self.finer.sound);
         let upto = self.stretches.apart(run, finer).upto.into_iter();
@@ -228,7 +228,7 @@ impl Pair<'_> {
         }
     }
 
-    /// How far a nudge has the run from itself, stretch by stretch.
+    /// How far a nudge takes the run from itself, stretch by stretch [dB].
     fn nudge(
         &self,
         island_plan: &IslandPlan,
@@ -246,13 +246,13 @@ impl Pair<'_> {
             (from, 1.0 - NUDGE),
             allowance,
         )?;
-        // From then on it goes as it will.
+        // After the nudged block the run goes on freely.
         let after = Stretches::from(from + LOOK, n_frames, self.spans);
         Ok(after.apart(&nudged.sound, &self.run.sound).alone)
     }
 }
 
-/// Whether a nudge grows as nothing regular does.
+/// Whether a nudge grows faster than in any regular motion.
 fn is_chaotic(grown: &[Option<f64>]) -> bool {
     let (a_stretch, chance) = REGULAR;
     let grows = |(i, early): (usize, &Option<f64>)| {
@@ -268,7 +268,7 @@ fn is_chaotic(grown: &[Option<f64>]) -> bool {
 }
 
 impl Parting {
-    /// What another pair says of the same, by the errors of the finer one where `is_finer`.
+    /// The comparison of another pair of runs of the same island, by the errors of the finer run if `is_finer`.
     pub(in crate::plan) fn again(&self, pair: &Pair<'_>, is_finer: bool) -> Self {
         pair.told(
             self.grows,
@@ -280,12 +280,13 @@ impl Parting {
         )
     }
 
-    /// Whether an attack of so small an error [dB] is more than a wish.
+    /// Whether an attack with an error as small as `attack` [dB] is attainable: errors of the first stretch, at least
+    /// `LEAST`, grow by `grows`.
     pub(in crate::plan) fn may_have(&self, attack: f64) -> bool {
         attack - self.grows > LEAST
     }
 
-    /// With errors that something else adds.
+    /// Raises the error of each stretch to that of `other`, if that is larger.
     pub(in crate::plan) fn with(mut self, other: Option<&Self>) -> Self {
         for (own, other) in self
             .upto
@@ -297,8 +298,8 @@ impl Parting {
         self
     }
 
-    /// The error, and until what frame it is that: as long as it is what is `asked` for, or where it never is, as
-    /// long as runs agree at all.
+    /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `asked`; if it never
+    /// is, as long as the runs agree at all.
     pub(in crate::plan) fn until(&self, asked: f64, stretches: &Stretches) -> (f64, usize) {
         let of = |most: f64| self.upto.iter().take_while(|db| **db <= most).count();
         let n = [of(asked), of(PARTED), 1]

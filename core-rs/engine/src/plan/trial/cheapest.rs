@@ -1,8 +1,8 @@
-//! The cheapest way within a budget: when the search has found one that is, all others are tried in the order of what
-//! they cost, each held against the most exact run that is known.
+//! The cheapest way within a budget: once the search has found an island within it, all cheaper ways are tried in order
+//! of their cost, each compared with the most exact known run.
 //!
-//! The search goes from cheap to dear by what half a step changes, and believes of that the worst. So it often ends where
-//! less would do, and a method that it did not come to may be cheaper.
+//! The search goes from cheap to dear and estimates errors pessimistically from the change at half a step. So it often
+//! ends at an island dearer than necessary, and a method that it has not reached may be cheaper.
 
 use std::rc::Rc;
 
@@ -17,7 +17,7 @@ use crate::plan::trial::pilot_run::{PilotRun, is_worth};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::waveform_error::{DOUBLING, Held, ORDERS, difference, left_of, sum};
 
-/// All of an island by one method.
+/// Methods that are tried for meshes.
 const WAYS: [(MeshMethod, u32); 5] = [
     (MeshMethod::Ca2p, 1),
     (MeshMethod::Ca2p, 2),
@@ -25,51 +25,52 @@ const WAYS: [(MeshMethod, u32); 5] = [
     (MeshMethod::Bm4, 1),
     (MeshMethod::Bm4, 2),
 ];
-/// One that costs nearly as much is not worth a trial.
+/// A way is tried only if it costs at most this part of the cost of the island found.
 const WORTH: f64 = 0.9;
-/// Of the work that is left all this may take so much.
+/// The part of the remaining allowance that these trials may take.
 pub(in crate::plan) const SHARE: f64 = 0.25;
-/// Errors above this tell nothing of how fast they fall [dB].
+/// Errors above this say nothing about the order of convergence [dB].
 const ROUGH: f64 = -25.0;
-/// Two runs are compared over the pilot; of the same budget so much is left for what comes after [dB].
+/// Margin below the budget for what comes after the pilot, over which the runs are compared [dB].
 const MARGIN: f64 = 0.1;
-/// Where errors may grow after the pilot, so much.
+/// The same if errors may grow after the pilot.
 const MARGIN_OF_KEYS: f64 = 3.0;
-/// A more exact run is looked for so often.
+/// Most attempts to find a more exact reference.
 const SHARPER: usize = 6;
-/// Contacts are computed so many times as finely to see what error they have, and by their lowest order it is so much more
-/// than what that changes [dB].
+/// Contacts are refined by this factor to measure their error. By their lowest order the error is above the measured
+/// change by `MORE_THAN_CHANGE` [dB].
 const FINER_CONTACTS: usize = 4;
 const MORE_THAN_CHANGE: f64 = 2.5;
 
-/// A way of a kind that was not exact enough: nothing is expected of the same a little more often.
+/// A way that was not exact enough. Ways of the same shape at a little higher rate are then skipped.
 struct Refused {
     shape: Shape,
     oversampling: u32,
-    /// Its error at least [dB].
+    /// Lower bound of its error [dB].
     error: f64,
 }
 
-/// What ways are held against: the most exact run that is known.
+/// The reference that ways are compared with: the most exact known run.
 struct Truth {
     run: Rc<PilotRun>,
     /// Its error [dB].
     error: f64,
-    /// By what it was found.
+    /// The candidate that gave the reference run.
     best: Candidate,
-    /// The error that contacts and laws have by how finely the search computed them [dB].
+    /// The error of contacts and laws at the substeps of the search [dB].
     contacts: f64,
-    /// That was measured, not only stated.
+    /// Whether `contacts` was measured rather than taken from the search.
     are_measured: bool,
-    /// In it they were computed so many times as finely.
+    /// Factor by which contacts have been refined so far.
     times: usize,
-    /// A more exact one is looked for so often.
+    /// Attempts left to find a more exact reference.
     left: usize,
 }
 
 impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
-    /// The cheapest of all ways to compute the island that keep the budget, where `found` keeps it at a cost of so many
-    /// nanoseconds a frame, with an error that has that of contacts in it; `None` where there is none cheaper.
+    /// Returns the cheapest way to compute the island that keeps the budget; `None` if no way is cheaper. `found` keeps
+    /// the budget at `cost` [ns a frame]; `of_contacts` is the error of its contacts [dB], which the result's error
+    /// includes.
     pub(in crate::plan) fn cheapest(
         &self,
         (found, cost): (&Candidate, f64),
@@ -140,7 +141,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                     }));
                 }
                 let error = left_of(apart, truth.error);
-                // The truth may not be known well enough.
+                // The reference may not be exact enough.
                 if error > aim || !self.sharpen(&mut truth, found)? {
                     refused.push(Refused {
                         shape,
@@ -154,7 +155,8 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         Ok(None)
     }
 
-    /// Find a more exact run, by what costs least; whether there is one.
+    /// Tries to make the reference more exact, the cheapest means first. Returns whether there was anything left to
+    /// try.
     fn sharpen(&self, truth: &mut Truth, found: &Candidate) -> Result<bool, TrialError> {
         if truth.contacts > f64::NEG_INFINITY && !truth.are_measured {
             let finer = FINER_CONTACTS * found.contact_substeps;
@@ -168,7 +170,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             self.sharpen_contacts(truth)?;
             return Ok(true);
         }
-        // Where laws have kinks even what half the step changes is an error of theirs.
+        // If laws have kinks, the change at half the step is partly an error of the laws.
         if found.island.may_collocate && self.sharpen_contacts(truth)? {
             return Ok(true);
         }
@@ -186,7 +188,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         Ok(true)
     }
 
-    /// The same with contacts that are computed more finely, where that may be; whether it is more exact.
+    /// Tries the reference island with more contact substeps, if that is possible. Returns whether that is more exact.
     fn sharpen_contacts(&self, truth: &mut Truth) -> Result<bool, TrialError> {
         let times = FINER_CONTACTS * truth.times;
         let finely = Search {
@@ -213,7 +215,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         Ok(truth.take(run.clone(), sum([error, truth.contacts - falls])))
     }
 
-    /// All ways to compute an island for less than that, by what they cost.
+    /// All ways to compute an island that cost at most `most` [ns a frame], in order of their cost.
     fn ways(&self, most: f64) -> Vec<Assembled> {
         let times = (0..=TIMES_MAX.ilog2()).map(|doublings| 1 << doublings);
         let at = |times: u32| {
@@ -235,7 +237,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             way.island_plan.contact_substeps = self.contact_substeps(&way);
             let plan = &way.island_plan;
             let cost = plan.cost();
-            // One that costs the same to the last bit is the same by another name.
+            // A way with bit for bit the same cost is the same way under another name.
             let is_same =
                 |known: &Assembled| known.island_plan.contact_substeps == plan.contact_substeps;
             let is_known = (found.iter()).any(|(known, way)| *known == cost && is_same(way));
@@ -249,7 +251,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
 }
 
 impl Truth {
-    /// The most exact run of a search, whose contacts have such an error.
+    /// Starts with the most exact run of a search; `contacts` is the error of its contacts [dB].
     fn of(found: &Candidate, contacts: Option<f64>) -> Self {
         let (run, error) = found.finest();
         let contacts = contacts.unwrap_or(f64::NEG_INFINITY);
@@ -264,7 +266,7 @@ impl Truth {
         }
     }
 
-    /// A run with such an error [dB], where that is less; whether it is.
+    /// Takes a run as the reference if its error [dB] is smaller than the present one. Returns whether it is.
     fn take(&mut self, run: Rc<PilotRun>, error: f64) -> bool {
         let is_better = error < self.error;
         if is_better {

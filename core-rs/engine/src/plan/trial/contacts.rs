@@ -1,4 +1,5 @@
-//! How finely contacts and laws are computed: so often a step that twice as often makes no difference.
+//! Chooses the number of substeps for contacts and laws: the smallest at which doubling it no longer changes the
+//! result.
 
 use std::cell::OnceCell;
 use std::rc::Rc;
@@ -12,27 +13,28 @@ use crate::plan::trial::pilot_run::PilotRun;
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::waveform_error::{DOUBLING, ORDERS, Spans, difference, errors, with_kinks};
 
-/// Orders of the error of contacts, none the lower where they close or open, and of laws: many have a kink.
+/// Orders of the error of contacts, also where they close or open, and of laws, many of which have a kink.
 const CONTACT: f64 = 4.0;
 const LAW: f64 = 2.0;
-/// Contacts are not computed more finely where so many doublings one after the other gain less than this [dB]: what
-/// differs is then no error of theirs. (A steep law may begin to gain later.)
+/// Refinement stops after `IDLE` doublings in a row that each gain less than `GAIN` [dB]: the remaining difference does
+/// not come from contacts. (A steep law may begin to gain later.)
 const IDLE: usize = 2;
 const GAIN: f64 = 3.0;
 
-/// How finely contacts are computed: as finely as it takes for twice as often to make no difference.
+/// The contact substeps that were chosen, and the run with them.
 pub(in crate::plan) struct Contacts {
     pub(in crate::plan) contact_substeps: usize,
     pub(in crate::plan) error: Option<f64>,
     pub(in crate::plan) run: Rc<PilotRun>,
-    /// Where it is chaotic: then the error is that of the time until runs part.
+    /// How runs part, if the motion is chaotic; the error is then that of the time until they part.
     pub(in crate::plan) parting: Option<Parting>,
-    /// Computing them more finely gains nothing.
+    /// More contact substeps gain nothing.
     pub(in crate::plan) is_idle: bool,
 }
 
 impl Contacts {
-    /// What is heard of the error of contacts, where it stays above what they are to be right to.
+    /// The audible error of contacts; `None` if contacts are exact enough, the motion is chaotic, or the budget is not
+    /// one of pitch.
     pub(in crate::plan) fn audible(
         &self,
         island: &Assembled,
@@ -49,7 +51,7 @@ impl Contacts {
         Ok(Audible::of_budget(budget, (&self.run, &finer.sound), spans))
     }
 
-    /// Nothing is known but that a part of the island goes beyond all bounds.
+    /// The result of a run in which part of the island diverged: nothing else is known.
     fn lost(contact_substeps: usize, run: Rc<PilotRun>) -> Self {
         Self {
             contact_substeps,
@@ -61,8 +63,8 @@ impl Contacts {
     }
 }
 
-/// The fewest steps that are enough, or as many as are worth it. Laws that are computed once a step stay so unless
-/// they are to be fine.
+/// Finds the fewest contact substeps that are enough, or as many as are worth it. Laws that are computed once a step
+/// stay so unless `are_laws_fine`.
 pub(in crate::plan) fn contacts(
     island: &Assembled,
     (budget, are_laws_fine): (&Budget, bool),
@@ -88,11 +90,11 @@ pub(in crate::plan) fn contacts(
     let mut run = runs.play((island_plan, contact_substeps), allowance)?;
     let (mut last, mut before) = (None, None);
     let (mut parting, mut until) = (None, n_frames);
-    // What is known of the run: its error, and where it parts from others.
+    // The error of the present run, and how it parts from others, if known.
     let mut known: Option<(f64, Option<Parting>)> = None;
-    // The last run from which doubling gained something, and how often it has gained nothing since.
+    // The last run whose doubling still gained something; `idle` counts the doublings since then.
     let mut settled: Option<Contacts> = None;
-    // A run that may agree with the finer one by luck.
+    // A run that may agree with the finer one by chance.
     let mut unsure: Option<Contacts> = None;
     let mut idle = 0;
     loop {
@@ -122,13 +124,13 @@ pub(in crate::plan) fn contacts(
         if let Some(pair) = pair {
             let was_chaotic = parting.is_some();
             if was_chaotic && pair.together().is_none() {
-                // What diverged was computed too roughly.
+                // The runs seemed chaotic only because they were computed too roughly.
                 parting = None;
             } else if !was_chaotic {
                 parting = pair.parting(island_plan, contact_substeps, allowance)?;
             }
             if was_chaotic != parting.is_some() {
-                // Of what is chaotic only the time until runs part tells.
+                // Chaotic runs are compared only until they part.
                 let together = parting.as_ref().and_then(|_| pair.together());
                 (until, last, before) = (together.unwrap_or(n_frames), None, None);
             }
@@ -142,7 +144,7 @@ pub(in crate::plan) fn contacts(
         let change = difference(&run.sound, &finer.sound, &spans.within(until));
         let last_change = last;
         let (own, left) = errors(change, last, order);
-        // Once a step is another method: it tells nothing of how fast the error falls.
+        // One substep is a different method: its change says nothing about the order of convergence.
         let is_between = contact_substeps > 1;
         let has_kinks = island.may_collocate && is_between;
         let stated = with_kinks(own, before);
@@ -156,7 +158,7 @@ pub(in crate::plan) fn contacts(
                 ..found
             });
         }
-        // Where something sticks, or a law has a kink, two runs may agree by luck: three do not.
+        // With friction or a kinked law two runs may agree by chance; three in a row do not.
         let is_sure = last.is_some() || !(island.sticks() || island.may_collocate);
         let is_idle = !island.may_collocate && last.is_some_and(|last| change > last - GAIN);
         idle = if is_idle { idle + 1 } else { 0 };
@@ -172,7 +174,7 @@ pub(in crate::plan) fn contacts(
             });
         }
         contact_substeps *= 2;
-        // What a kink leaves is known of a run that a finer one was held against.
+        // With kinks, only a run that was compared with a finer one has a known error.
         let is_enough = left <= aim && is_sure && !island.may_collocate;
         if is_enough || 2 * contact_substeps > Budget::STEPS_MAX {
             return Ok(Contacts {
@@ -193,7 +195,7 @@ pub(in crate::plan) fn contacts(
                 ..settled
             });
         }
-        // If it stays at that, no finer run has shown that contacts are as good as smooth.
+        // If refinement ends here, no finer run has confirmed the order of smooth contacts.
         let (_, unproved) = errors(change, last_change, order.min(ORDERS.1));
         known = Some((stated_left.max(unproved), told(true)));
         let found = Contacts {

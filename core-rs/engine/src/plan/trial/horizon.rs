@@ -1,4 +1,4 @@
-//! How long an error holds: where keys meet what sounds again and again, runs may part long after a pilot's end.
+//! How long an error holds: if keys meet what sounds again and again, runs may part long after the end of a pilot.
 
 use crate::island::inside::BodyPlan;
 use crate::maths::log10;
@@ -12,25 +12,25 @@ use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::third_octaves::levels_apart;
 use crate::plan::trial::waveform_error::Spans;
 
-/// From one look at the error to the next [s].
+/// Time between two looks at the error [s].
 const LOOK: f64 = 0.1;
 /// Runs whose error is larger have no waveform in common [dB].
 const PARTED: f64 = -10.0;
-/// Up to here an error may grow beyond a pilot's and still be the same [dB].
+/// An error may grow this far above a pilot's and still count as the same [dB].
 const SAME: f64 = 3.0;
 
-/// What is played last is heard for so long [s].
+/// Time for which the last event is heard [s].
 const RINGS: f64 = 8.0;
-/// The part of the work that lies aside that is counted on: contacts and guards add to a run.
+/// The part of the reserve that is planned for: contacts and guards add to the cost of a run.
 const SHARE: f64 = 0.5;
 /// The part of what is left after the first run that the second may be expected to take.
 const FITS: f64 = 0.9;
 
-/// A way to play an island: its plan, and how often a step contacts are computed.
+/// A way to play an island: its plan, and its contact substeps a step.
 type Played<'a> = (&'a IslandPlan, usize);
 
-/// Whether errors may grow after a pilot: keys are led to contacts, so that each meeting begins where the one before it
-/// ended, or parts are slow.
+/// Whether errors may grow after a pilot: if keys are led to contacts, so that each contact begins where the one before
+/// it ended, or if parts are slow.
 pub(in crate::plan) fn may_grow(island_plan: &IslandPlan) -> bool {
     let runs = island_plan.network.runs().iter();
     let has_contacts = runs.clone().any(|run| !matches!(run.kind, LinkKind::Ref));
@@ -39,8 +39,9 @@ pub(in crate::plan) fn may_grow(island_plan: &IslandPlan) -> bool {
     is_slow || (has_contacts && !island_plan.timeline.gestures.is_empty())
 }
 
-/// An error that a pilot measured between two runs [dB], and until when it is no more than `most` [dB] or what it was:
-/// over all that is played where it stays so: the score, or as much of it as the work that is left allows.
+/// Measures how long the error of a pilot holds: plays both runs on, to the end of the score or as far as the reserve
+/// of work allows. Returns the error [dB] and the time until which it stays below `most` [dB] or close to what the
+/// pilot measured.
 pub(in crate::plan) fn held(
     measured: Measured,
     most: f64,
@@ -49,12 +50,12 @@ pub(in crate::plan) fn held(
 ) -> Result<Measured, TrialError> {
     let rate = own.0.timeline.rate.hertz() / f64::from(own.0.oversampling);
     if measured.db > PARTED {
-        return Ok(measured); // there is no waveform that could hold
+        return Ok(measured); // the runs have no waveform in common
     }
-    // What cannot be paid for leaves no trace: of the pilot everything is known.
+    // The reserve is separate: if it runs out, the pilot's result stands as it is.
     let aside = allowance.aside();
     let each = work(own.0) + work(other.0);
-    // The pilot has counted that rest.
+    // The pilot has already drawn the work of finding this rest.
     let Some(from) = unless_spent(rest(own.0, &allowance.aside()))? else {
         return Ok(measured);
     };
@@ -84,7 +85,7 @@ pub(in crate::plan) fn held(
     Ok(held)
 }
 
-/// A hash of all that [`over`] is a function of.
+/// A hash of all that the result of [`over`] depends on.
 fn key(measured: Measured, most: f64, played: [Played<'_>; 2], n_frames: usize) -> String {
     let [own, other] = played.map(|(island_plan, contact_substeps)| {
         let content = Content::of(island_plan).key(island_plan, (0, n_frames as u64), "");
@@ -95,7 +96,7 @@ fn key(measured: Measured, most: f64, played: [Played<'_>; 2], n_frames: usize) 
     ))
 }
 
-/// The same over an excerpt or its beginning, looked at now and then.
+/// The same over an excerpt or its beginning, with the error looked at every `look` frames.
 fn over(
     measured: Measured,
     most: f64,
@@ -107,7 +108,7 @@ fn over(
     let seconds = |n_frames: usize| (longest.from + n_frames) as f64 / rate;
     let pilot = ((measured.over * rate) as usize).saturating_sub(longest.from);
     let runs = play(own.0, own.1, longest, aside).and_then(|run| {
-        // What contacts added to the first run they add to each step of the other too.
+        // What contacts added to the first run is assumed to add to each step of the other too.
         let steps = f64::from(other.0.oversampling) / f64::from(own.0.oversampling);
         let share = aside.share_left(steps * aside.spent().0 / FITS);
         let n_frames = (share * longest.n_frames as f64) as usize;
@@ -128,7 +129,7 @@ fn over(
     let spans = Spans::of(own.0, n_frames);
     let changes = changes(&run.sound, &other.sound, spans.n_out, look);
     let change = |n: usize| changes[n.div_ceil(look).min(changes.len()) - 1];
-    // Of what was measured the change between the two is a part: by so much an error is more than it.
+    // By how much the measured error exceeds the change between the two runs [dB].
     let beyond = measured.db - change(pilot);
     let least = most.max(measured.db + SAME);
     let (mut until, mut db) = (pilot, measured.db);
@@ -160,10 +161,10 @@ fn over(
     })
 }
 
-/// ‖a − b‖ / ‖b‖ [dB] of the output where it is worst, from the start to each look; that something stands aside is no sound.
+/// ‖a − b‖ / ‖b‖ [dB] of the worst output, from the start to each look; the mean of `b` does not count as sound.
 fn changes(a: &[f64], b: &[f64], n_out: usize, look: usize) -> Vec<f64> {
     let n_out = n_out.max(1);
-    // Of each output: the difference, the sum and the square so far, both beside where it begins.
+    // Sums so far for each output: the squared difference, and b and its square, both relative to the first frame.
     let mut sums = vec![[0.0; 3]; n_out];
     let mut n = 0.0;
     let mut found = Vec::new();
@@ -186,7 +187,7 @@ fn changes(a: &[f64], b: &[f64], n_out: usize, look: usize) -> Vec<f64> {
     found
 }
 
-/// When nothing more will happen, and what did has been heard [s].
+/// When the last event has been played and heard [s].
 fn end(island_plan: &IslandPlan) -> f64 {
     let timeline = &island_plan.timeline;
     let gestures = timeline.gestures.iter();
@@ -208,7 +209,7 @@ mod tests {
             .collect();
         let found = changes(&a, &b, 1, 100);
         assert_eq!(found.len(), 4);
-        // Variance of 0 … 6: 4.
+        // The values 0 … 6 have a variance of 4.
         assert!((found[0] + 66.0).abs() < 0.1, "{}", found[0]);
         assert!((found[1] + 66.0).abs() < 0.1, "{}", found[1]);
         assert!((found[3] + 9.0).abs() < 0.1, "{}", found[3]);

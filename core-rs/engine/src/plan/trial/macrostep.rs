@@ -1,7 +1,8 @@
-//! What an island with slow parts does from kick to kick, as a linear map, and how much that grows.
+//! Stability of an island with slow parts: its motion from kick to kick as a linear map, and how much that grows. A
+//! kick is the pull of a slow part's own springs, once every macrostep.
 //!
-//! Contacts are taken open and closed, laws at their slopes at rest. A small island's eigenvalues are all computed; a
-//! large one is followed for a while from a motion that has some of everything.
+//! Contacts are taken once as open and once as closed, laws by their slopes at rest. A small island has all eigenvalues
+//! computed; a large one is simulated for a while from a motion that excites everything.
 
 use nalgebra::DMatrix;
 
@@ -13,31 +14,32 @@ use crate::plan::IslandPlan;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
-/// A map of so many numbers has all its eigenvalues computed.
+/// Largest state of which all eigenvalues are computed.
 const DENSE_MAX: usize = 240;
-/// Eigenvalues on the unit circle are off it by rounding, double ones (a mass that nothing holds) by its root.
+/// Tolerance for eigenvalues on the unit circle: rounding moves them off it, and double ones (a free mass) by the root
+/// of that.
 const ROUNDING: f64 = 3e-7;
-/// A large island is followed so many kicks, and may grow by so much at each: what its energy swings by.
+/// Kicks for which a large island is simulated, and its permitted growth at each: its energy fluctuates by that much.
 const KICKS: usize = 2_000;
 const BEATS: f64 = 3e-5;
-/// Kicks that fall together more seldom than this are not followed [frames].
+/// Longest time between common kicks of all slow parts [frames]; above it the map is not computed.
 const FRAMES_MAX: u64 = 20_000;
-/// Eigenvalues that would take more work than this are not computed: the island is followed. One that would take
-/// more to follow is not known to be stable. It is no allowance's rest: a plan that is kept decides as it did when it
-/// was made [s].
+/// Most work for one stability test [s]. If the eigenvalues would take more, the island is simulated instead; if that
+/// would take more too, its stability stays unknown. The bound does not depend on what is left of the allowance, so
+/// that a kept plan decides as it did when it was made.
 const WORK_MAX: f64 = 0.5;
-/// Work of the eigenvalues for each number of the map to the third, and of a number and a link in a frame [s].
+/// Work of the eigenvalues, for the cube of the state's size; work of a number of the state or a link in a frame [s].
 const EIGENVALUES: f64 = 8e-9;
 const NUMBER: f64 = 0.4e-9;
 
 /// How much an island grows from kick to kick.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::plan) struct Growth {
-    /// Largest eigenvalue; 0 where none is known.
+    /// Largest magnitude of an eigenvalue, for one kick; 0 if none is known.
     pub(in crate::plan) radius: f64,
-    /// It was followed for a while only, or some of it was left aside.
+    /// The island was only simulated for a while, or part of it was left out.
     pub(in crate::plan) is_tried: bool,
-    /// Work that it took to find out [s].
+    /// Work of the test [s].
     pub(in crate::plan) work: f64,
 }
 
@@ -47,7 +49,7 @@ impl Growth {
     }
 }
 
-/// How much an island grows, with its contacts open or closed; `None` where that would take long to find out.
+/// How much an island grows, the worse of contacts open and closed; `None` if the test would take too long.
 pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
     let mut found = Growth {
         radius: 0.0,
@@ -80,7 +82,7 @@ pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
     Some(found)
 }
 
-/// A linear link: ends, stiffness and viscosity.
+/// A linear link: its ends, stiffness and viscosity.
 struct Link {
     a: usize,
     b: usize,
@@ -88,27 +90,27 @@ struct Link {
     z: f64,
 }
 
-/// Modes of a body, and how they were one frame before.
+/// The modes of a body, and their state one frame before.
 struct Modes<'a> {
     modal: &'a Modal,
     now: Vec<f64>,
     before: Vec<f64>,
 }
 
-/// The map, and what it moves.
+/// The map from one common kick to the next, and the state that it acts on.
 struct Map<'a> {
     scheme: Scheme,
     links: Vec<Link>,
     body: Body,
-    /// MATs that go by the scheme.
+    /// MATs that the scheme steps.
     stepped: Vec<usize>,
     slow: Vec<RunningSlow>,
     modes: Vec<Modes<'a>>,
-    /// Frames from one time when all slow parts are kicked to the next.
+    /// Frames from one common kick of all slow parts to the next.
     frames: u64,
-    /// Kicks of the quickest in these frames.
+    /// Kicks of the quickest slow part in these frames.
     kicks: f64,
-    /// Something is taken for the masses of its ports.
+    /// Some body is replaced by the masses of its ports.
     is_partial: bool,
 }
 
@@ -137,7 +139,7 @@ impl<'a> Map<'a> {
         let every: Vec<u64> = slow.iter().map(|slow| slow.macrostep.into()).collect();
         let frames = every.iter().copied().fold(1, together);
         let quickest = every.iter().copied().min()?;
-        // What has no map is taken for the masses of its ports.
+        // A body without a linear map is replaced by the masses of its ports.
         let has_no_map = |inside: &&BodyPlan| match inside {
             BodyPlan::Mesh(_) => true,
             BodyPlan::Slow(slow) => !slow.is_linear(),
@@ -173,14 +175,14 @@ impl<'a> Map<'a> {
         })
     }
 
-    /// How many numbers it moves.
+    /// Size of the state.
     fn len(&self) -> usize {
         let slow: usize = self.slow.iter().map(RunningSlow::n_state).sum();
         let modes: usize = self.modes.iter().map(|modes| 2 * modes.now.len()).sum();
         2 * self.stepped.len() + slow + modes
     }
 
-    /// Each number in turn, in one order.
+    /// Visits each number of the state, always in the same order.
     fn each(&mut self, mut visit: impl FnMut(&mut f64)) {
         for &i in &self.stepped {
             visit(&mut self.body.x[i]);
@@ -193,7 +195,7 @@ impl<'a> Map<'a> {
         }
     }
 
-    /// From a state to the one when all are kicked again.
+    /// Takes a state from one common kick to the next.
     fn apply(&mut self, state: &mut [f64]) {
         let mut from = state.iter();
         self.each(|own| *own = *from.next().unwrap_or(&0.0));
@@ -254,13 +256,13 @@ impl<'a> Map<'a> {
         self.place();
     }
 
-    /// Work of one application [s].
+    /// Work of one application of the map [s].
     fn work(&self) -> f64 {
         let modes = self
             .modes
             .iter()
             .map(|own| own.now.len() * own.modal.ports.len());
-        // A slow body's springs are a dense product, once a kick.
+        // A slow body's springs are a dense product at each kick.
         let kicks = self.slow.iter().map(RunningSlow::n_state);
         let dense: usize = kicks.map(|n| n * n / 2).sum();
         let each = self.len() + 2 * self.links.len() + modes.sum::<usize>();
@@ -273,17 +275,17 @@ impl<'a> Map<'a> {
         n * self.work() + EIGENVALUES * n * n * n
     }
 
-    /// Work of following it for a while [s].
+    /// Work of simulating the island for a while [s].
     fn followed_work(&self) -> f64 {
         self.times() as f64 * self.work()
     }
 
-    /// Applications for which a large island is followed.
+    /// Applications of the map for which a large island is simulated.
     fn times(&self) -> usize {
         (KICKS as f64 / self.kicks).ceil().max(4.0) as usize
     }
 
-    /// The largest eigenvalue a kick.
+    /// The largest magnitude of an eigenvalue, for one kick.
     fn radius(&mut self) -> f64 {
         let n = self.len();
         let mut matrix = DMatrix::zeros(n, n);
@@ -309,8 +311,8 @@ impl<'a> Map<'a> {
         crate::maths::pow(largest, 1.0 / self.kicks)
     }
 
-    /// How much a motion that has some of everything grows a kick: between the most energy that it has in the second
-    /// quarter of a while, and in the last.
+    /// Growth at each kick of a motion that excites everything: from the largest energy in the second quarter of the
+    /// simulated time to that in the last.
     fn followed(&mut self) -> f64 {
         self.stir();
         let times = self.times();
@@ -331,12 +333,12 @@ impl<'a> Map<'a> {
         if quarters[1] <= 0.0 {
             return 0.0; // all of it has come to rest
         }
-        // Of the amplitude, half as fast as of the energy, over half the while.
+        // Amplitude grows as the root of the energy; the two quarters are half the time apart.
         let apart = times as f64 * self.kicks;
         crate::maths::pow(quarters[3] / quarters[1], 1.0 / apart)
     }
 
-    /// Everything at 0, and moving with about the same energy.
+    /// Sets all positions to 0 and random speeds of about equal energy.
     fn stir(&mut self) {
         let mut count = 0_u64;
         let mut chance = || {
@@ -358,7 +360,7 @@ impl<'a> Map<'a> {
         }
     }
 
-    /// About the energy of all [in units of a frame].
+    /// Approximate energy of the whole state [in units of a frame].
     fn energy(&self) -> f64 {
         let Body { x, d, .. } = &self.body;
         let Scheme { w, kappa, .. } = &self.scheme;
@@ -383,11 +385,11 @@ impl<'a> Map<'a> {
     }
 }
 
-/// A run as linear links; `None` where it is open, or computed finer than a frame.
+/// A run as linear links; `None` if it is open, is computed finer than a frame, or has no linear form.
 fn linear(run: &Run, closed: bool, is_fine: bool) -> Option<impl Iterator<Item = Link> + use<>> {
     let (k, z) = match &run.kind {
         Kind::Ref | Kind::Hardening(_) => (run.k, run.z),
-        // A slow part has none in space.
+        // These links have no linear form here and are left out of the map.
         Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => return None,
         Kind::But(_) if !closed || (is_fine && run.can_substep()) => {
             return None;

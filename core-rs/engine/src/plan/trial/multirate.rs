@@ -1,5 +1,5 @@
-//! Whether slow parts of an island may be slow, and which others could be (keys, what is only seen): they do not make it
-//! grow, and what they cost in exactness.
+//! Which parts of an island may be slow, among those that ask for it and others (keys, what is only seen): whether the
+//! island stays stable, and what error slow parts add.
 
 use std::collections::BTreeSet;
 
@@ -24,11 +24,12 @@ use crate::plan::trial::waveform_error::{Spans, difference};
 use crate::scheme::StabilityGuarantee;
 use crate::timeline::Timeline;
 
-/// A key is made slow where its modes turn by so much from kick to kick at most [rad]: R·√λ ≤ 1, R half of what its
-/// own stability would bear. In undamped scans none such grew.
+/// Largest turn of the modes of a key from kick to kick for which it is made slow [rad]: R·√λ ≤ 1, with R half the
+/// stability limit. No such key grew in scans without damping.
 const TURN: f64 = 1.0;
 
-/// An island with only those of its parts slow that may be, as far as one sees without playing; and the others.
+/// The island with only those slow parts that may be slow as far as can be seen without playing, and the others with
+/// reasons.
 pub(in crate::plan) fn settle(
     subset: &Subset,
     own: &OwnTimeline,
@@ -41,7 +42,7 @@ pub(in crate::plan) fn settle(
     (without(subset, &stay), stay)
 }
 
-/// The parts here that are to be slow, with a reason for all of them.
+/// All parts of the island that ask to be slow, each with the reason `why` not to be.
 pub(in crate::plan) fn all(subset: &Subset, why: &str) -> Vec<Stays> {
     let mats = subset.network.mats();
     let parts = subset.network.parts().iter().enumerate();
@@ -52,7 +53,7 @@ pub(in crate::plan) fn all(subset: &Subset, why: &str) -> Vec<Stays> {
         .collect()
 }
 
-/// The same island with some parts at every frame.
+/// The same island with the parts in `stay` computed at every frame.
 pub(in crate::plan) fn without(subset: &Subset, stay: &[Stays]) -> Subset {
     let stays = |name: &str| stay.iter().any(|(own, _)| own == name);
     Subset {
@@ -63,9 +64,9 @@ pub(in crate::plan) fn without(subset: &Subset, stay: &[Stays]) -> Subset {
     }
 }
 
-/// An island with some of its parts slow that have no rate of their own and may be; `None` where none is, or where that
-/// costs no less. What a part does to the sound is not known where hands or a session play, and where the discrete network
-/// is the truth a plan changes no more than rounding does.
+/// The island with further parts made slow that do not ask for it but may be; `None` if there are none, or if that
+/// saves nothing. Nothing is offered where hands or a session play, as the effect of a slow part on the sound is then
+/// unknown, nor where the discrete network is the reference: there a plan may change only rounding.
 pub(in crate::plan) fn offer(
     subset: &Subset,
     own: &OwnTimeline,
@@ -115,7 +116,7 @@ pub(in crate::plan) fn offer(
     })
 }
 
-/// Parts that a plan may make slow where nobody asks for it by their names.
+/// Parts that a plan may make slow without being asked.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::plan) enum Offered {
     /// Keys.
@@ -125,11 +126,11 @@ pub(in crate::plan) enum Offered {
 }
 
 impl Offered {
-    /// How far a mode of them may turn from kick to kick [rad].
+    /// Largest turn of their modes from kick to kick [rad].
     fn most_turn(self) -> f64 {
         match self {
             Self::Keys => TURN,
-            // As far as a slow body may at all: what it changes is measured.
+            // As much as any slow body may turn: its error is measured.
             Self::OnlySeen => f64::INFINITY,
         }
     }
@@ -172,7 +173,7 @@ fn heard(network: &Network) -> BTreeSet<usize> {
     parts
 }
 
-/// Whether more parts are slow.
+/// Whether more parts of `network` than of `than` are slow.
 fn is_more(network: &Network, than: &Network) -> bool {
     let count = |network: &Network| {
         let parts = network.parts().iter();
@@ -181,7 +182,7 @@ fn is_more(network: &Network, than: &Network) -> bool {
     count(network) > count(than)
 }
 
-/// How much an island with slow parts grows from kick to kick; `None`: it has none. Where it does grow, why they
+/// How much an island with slow parts grows from kick to kick; `None` if it has none. The error says why its parts
 /// cannot be slow.
 pub(in crate::plan) fn certify(
     island: &Assembled,
@@ -204,8 +205,8 @@ pub(in crate::plan) fn certify(
     ))
 }
 
-/// What slow parts change of the sound [dB], and over how long [s]: an island is played beside the same with kicks at
-/// every frame. `None` where that would take long.
+/// What slow parts change in the sound: their error, and how long it holds. The island is compared with the same island
+/// with kicks at every frame. `None` if that would take too long.
 pub(in crate::plan) fn error(
     subset: &Subset,
     own: &OwnTimeline,
@@ -245,7 +246,7 @@ pub(in crate::plan) fn error(
     unless_spent(horizon::held(found, budget.asked(), ways, known))
 }
 
-/// How far apart an island and the same with kicks at every frame are, over its beginning.
+/// The difference between an island and the same with kicks at every frame, over its beginning.
 fn beside(
     slow: &Assembled,
     single: &Assembled,
@@ -275,7 +276,7 @@ fn beside(
     }))
 }
 
-/// How sure a certificate is of an island whose other links say `word`.
+/// The certificate of an island with slow parts; `word` is that of its other links.
 pub(in crate::plan) fn word(growth: Growth, word: StabilityGuarantee) -> StabilityGuarantee {
     if growth.is_tried {
         StabilityGuarantee::Tried

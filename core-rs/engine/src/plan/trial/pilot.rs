@@ -1,8 +1,8 @@
-//! A pilot: the beginning of an island's music, played to see what it needs.
+//! A pilot: plays the beginning of an island to choose how it is computed.
 //!
-//! It lasts until a while after the first contact, or after the first event where nothing touches. From it follow how
-//! finely contacts are computed (the same stretch at S and 2S: what differs is the error), which modes of a body
-//! this score excites, and how often a frame the whole island is stepped (again by what differs).
+//! It ends a while after the first contact, or after the first event if nothing touches. It gives the contact substeps
+//! (the beginning at S and 2S substeps: the difference is the error), the modes of each body that this score excites,
+//! and the oversampling of the whole island (again by such a difference).
 
 use std::cell::{Cell, OnceCell};
 use std::rc::Rc;
@@ -25,11 +25,11 @@ use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::tried::{Beyond, Piloted, Tried};
 use crate::plan::trial::waveform_error::{PARTS, Spans, beside, left_of};
 
-/// A search takes so many times the work of its first run, where contacts make that dear: they are computed
-/// twice and four times as finely, and at half the step.
+/// Work of a search in multiples of its first run, if contacts dominate the cost: they are also computed twice and four
+/// times as finely, and at half the step.
 const RUNS: f64 = 12.0;
 
-/// The cheapest island within the budget; `assemble` puts it together at some times the rate.
+/// Finds the cheapest island within the budget; `assemble` puts the island together at some oversampling.
 pub(in crate::plan) fn pilot(
     assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
     budget: &Budget,
@@ -58,7 +58,7 @@ pub(in crate::plan) fn pilot(
         let fineness = (budget, are_laws_fine);
         unless_spent(contacts(&island, fineness, &runs, heard, allowance))
     };
-    // Of what no waveform is promised laws are right as they are.
+    // If the budget does not promise a waveform, laws are exact enough at one computation a step.
     let is_by_waveform = matches!(budget, Budget::Error(_));
     let Some(mut found) = contacts(is_by_waveform)? else {
         return Ok(Piloted::untried(island).into());
@@ -130,7 +130,7 @@ pub(in crate::plan) fn pilot(
             ..best
         };
     }
-    // What is lost, or by what cannot be lost, was held against nothing.
+    // An island that is lost, or whose meshes cannot diverge, was compared with nothing.
     let own = Some(best.error).filter(|own| own.is_finite());
     let parting = match best.parting.clone() {
         Some(parting) => Some(parting.with(found.parting.as_ref())),
@@ -150,7 +150,7 @@ pub(in crate::plan) fn pilot(
         allowance.spend_part(&part, cheapest::SHARE);
         if let Some(cheaper) = cheaper {
             best = cheaper;
-            // What contacts add is in it.
+            // This error includes that of contacts.
             error = error.map(|error| Measured {
                 db: best.error,
                 ..error
@@ -173,8 +173,8 @@ pub(in crate::plan) fn pilot(
     })
 }
 
-/// Runs of an island, and where they are compared: as long as the allowance pays for a search. What a waveform is promised
-/// of is better known for a short time than not at all.
+/// Chooses the runs of an island and the spans over which they are compared: as long as the allowance pays for a
+/// search. For an error budget a short comparison is better than none.
 fn begun(
     island: &Assembled,
     excerpt: Excerpt,
@@ -188,7 +188,7 @@ fn begun(
     }
     let (before, _) = allowance.spent();
     let share = Cell::new(1.0);
-    // A run that is ended on its way is not kept: a shorter one is played anew, from its beginning to its end.
+    // A run that was stopped early is not kept: the shorter excerpt is played again as a whole.
     let heard = |frames: usize| frames.saturating_sub(spans.event()) as f64;
     let played = (plan, plan.contact_substeps);
     runs.play_while(played, allowance, |frames, _| {
@@ -209,10 +209,11 @@ fn begun(
     Ok((Runs::new(excerpt), spans))
 }
 
-/// An island whose meshes cannot diverge, and how it plays, if that is known.
+/// An island whose meshes cannot diverge, and its run, if the allowance paid for one.
 type Safe = (Assembled, Option<Rc<PilotRun>>);
 
-/// An island whose meshes cannot diverge, and how it plays, where the allowance lets it; `None` where it is lost too.
+/// Assembles the island with meshes that cannot diverge, and plays it if the allowance lets it; `None` if it is lost
+/// too.
 fn safe(
     assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
     runs: &Runs,
@@ -227,12 +228,12 @@ fn safe(
     Ok((!is_lost).then_some((island, run)))
 }
 
-/// An island at the lowest rate at which it is stable.
+/// The island at the lowest oversampling at which it is stable.
 fn first(
     assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
 ) -> Result<Assembled, Error> {
     match assemble((1, MethodChoice::ByBudget)) {
-        // Where it diverges at this rate it may not at a higher one.
+        // An island that diverges at this rate may be stable at a higher one.
         Err(error @ Error::Unstable { .. }) => {
             let higher = [2, 4, 8, 2 * TIMES_MAX].into_iter();
             let mut stable = higher

@@ -1,4 +1,4 @@
-//! Playing the beginning of an island, and for how long that is worth it.
+//! Plays the beginning of an island, and decides for how long that is worth it.
 
 use crate::derivative::Derivatives;
 use crate::island::{Island, OnFault, Options};
@@ -8,27 +8,27 @@ use crate::plan::cost::Costs;
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::{IslandPlan, cost};
 
-/// How long after the first contact [s]: long enough to hear it, short enough to cost nothing.
+/// Time that a pilot plays after the first contact or event [s]: long enough to hear it, short enough to cost little.
 pub(in crate::plan) const AFTER: f64 = 0.3;
-/// No contact until then: there is nothing to learn of contacts [s].
+/// Longest excerpt [s]: if nothing touches within it, there is nothing to learn about contacts.
 const LONGEST: f64 = 10.0;
-/// A pilot that would take longer than this is not played [s].
+/// Most work of a pilot [s].
 const WORTH: f64 = 0.5;
-/// A sample of an output is compared with others [s].
+/// Work of comparing one sample of an output with others [s].
 const HEARD: f64 = 2e-8;
-/// Frames between two looks at the modes.
+/// Frames of a block, after each of which the modes are looked at.
 pub(in crate::plan) const LOOK: usize = 64;
 /// Frames that it takes to see whether an island rests from its beginning on.
 const AT_REST: usize = 1024;
 /// Frames of a rest that are played at once.
 const PASSED: usize = 1 << 14;
 
-/// Frames that trials compare.
+/// The frames that trials compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::plan) struct Excerpt {
     /// The first of them: the island rests until then.
     pub(in crate::plan) from: usize,
-    /// How many they are.
+    /// The number of frames.
     pub(in crate::plan) n_frames: usize,
 }
 
@@ -39,7 +39,7 @@ impl Excerpt {
     }
 }
 
-/// An excerpt of what an island plays, played once.
+/// One run of an excerpt.
 #[derive(Clone)]
 pub(in crate::plan) struct PilotRun {
     /// The first frame of the sound.
@@ -48,7 +48,7 @@ pub(in crate::plan) struct PilotRun {
     pub(in crate::plan) sound: Vec<f64>,
     /// Square of the amplitude that each mode of each body reached.
     pub(in crate::plan) squares: Vec<Vec<f64>>,
-    /// A part went beyond all bounds.
+    /// A part of the island diverged.
     pub(in crate::plan) is_lost: bool,
 }
 
@@ -63,7 +63,7 @@ pub(in crate::plan) fn is_worth(island_plan: &IslandPlan, n_frames: usize) -> bo
     work(island_plan) * n_frames as f64 <= WORTH
 }
 
-/// How many frames an island rests from its beginning on; 0 where it would take long to see.
+/// How many frames an island rests from its beginning on; 0 if finding that out would take too long.
 ///
 /// # Errors
 ///
@@ -78,18 +78,18 @@ pub(in crate::plan) fn rest(
     let mut meter = Meter::new(island_plan, allowance);
     let mut island = island(island_plan, island_plan.contact_substeps)?;
     let mut sound = vec![0.0; AT_REST * island.n_out()];
-    // Faults are muted: a pilot says nothing of them.
+    // Faults are muted: a pilot does not report them.
     let _ = island.process(&mut sound, AT_REST, &mut ThreadTeam::alone());
     meter.draw(&island, island.computed() as usize)?;
     let last = island.rests_until().unwrap_or(0) / u64::from(island_plan.oversampling);
     Ok(usize::try_from(last).unwrap_or(0))
 }
 
-/// What a pilot plays; no frames where that would take long.
+/// The excerpt that a pilot plays; it has no frames if that would take too long.
 ///
 /// # Errors
 ///
-/// [`TrialError::Engine`] where the island cannot be played, [`TrialError::AllowanceSpent`] where the allowance ends first.
+/// [`TrialError::Engine`] if the island cannot be played, [`TrialError::AllowanceSpent`] if the allowance ends first.
 pub(in crate::plan) fn length(
     island_plan: &IslandPlan,
     allowance: &Allowance,
@@ -100,7 +100,7 @@ pub(in crate::plan) fn length(
         n_frames: ((WORTH / work(island_plan)) as usize).min((LONGEST * rate) as usize),
     };
     let found = length_within(island_plan, (most, rate), allowance);
-    // Where there is no answer it is known that nothing happens for long.
+    // If no length was found, the decision depends on all of `most`.
     let looked = match found {
         Ok(n_frames) if n_frames > 0 => n_frames,
         _ => most.n_frames,
@@ -112,7 +112,7 @@ pub(in crate::plan) fn length(
     })
 }
 
-/// How many frames after the rest; 0 where they would take long.
+/// How many frames a pilot plays after the rest; 0 if that would take too long.
 fn length_within(
     island_plan: &IslandPlan,
     (excerpt, rate): (Excerpt, f64),
@@ -130,13 +130,13 @@ fn length_within(
         meter.pass(&mut island, from)?;
         for at in (0..most).step_by(LOOK) {
             meter.draw(&island, LOOK)?;
-            // Faults are muted: a pilot says nothing of them.
+            // Faults are muted: a pilot does not report them.
             let _ = island.process(&mut sound, LOOK, &mut ThreadTeam::alone());
             if island.has_touched() {
                 return Ok((at + after).min(most));
             }
         }
-        // Nothing touches: what there is to hear is the rest.
+        // Nothing touches: the first event decides instead.
     }
     let timeline = &island_plan.timeline;
     let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
@@ -158,13 +158,13 @@ fn length_within(
     Ok(if n_frames <= most { n_frames } else { 0 })
 }
 
-/// Draws from an allowance what a trial costs, block by block: frames before they are played, and what contacts and
-/// guards added to them after.
+/// Draws the work of a trial from an allowance, block by block: frames before they are played, and what contacts and
+/// guards added to them afterwards.
 struct Meter<'a> {
     allowance: &'a Allowance,
     /// Work of a frame [s].
     frame: f64,
-    /// Work of a step that a guard adds [s].
+    /// Work of one step that a guard adds [s].
     step: f64,
     /// What contacts and guards have cost so far [s].
     added: f64,
@@ -184,7 +184,7 @@ impl<'a> Meter<'a> {
         }
     }
 
-    /// Play the rest before an excerpt. Steps that an island passes over cost nothing.
+    /// Plays the rest before an excerpt. Steps that the island skips cost nothing.
     fn pass(&mut self, island: &mut Island, n_frames: usize) -> Result<(), TrialError> {
         let mut sound = vec![0.0; PASSED.min(n_frames) * island.n_out()];
         for at in (0..n_frames).step_by(PASSED) {
@@ -228,11 +228,11 @@ fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, E
     )
 }
 
-/// An excerpt of what an island plays.
+/// Plays an excerpt of an island.
 ///
 /// # Errors
 ///
-/// [`TrialError::Engine`] where the island cannot be played, [`TrialError::AllowanceSpent`] where the allowance ends first.
+/// [`TrialError::Engine`] if the island cannot be played, [`TrialError::AllowanceSpent`] if the allowance ends first.
 pub(in crate::plan) fn play(
     island_plan: &IslandPlan,
     contact_substeps: usize,
@@ -243,7 +243,8 @@ pub(in crate::plan) fn play(
     nudged(played, excerpt, (excerpt.n_frames, 1.0), allowance)
 }
 
-/// The same, as far as `goes_on` holds of so many frames of it and of their sound; `None` where it does not.
+/// The same, but stops as soon as `goes_on`, given the frames played and their sound, is false; `None` if it was
+/// stopped.
 ///
 /// # Errors
 ///
@@ -257,7 +258,8 @@ pub(in crate::plan) fn play_while(
     run(played, excerpt, (excerpt.n_frames, 1.0), allowance, goes_on)
 }
 
-/// The same to the end, with all speeds so many times as large at each step of a block.
+/// Plays an excerpt to its end; in the block that begins at frame `nudge.0` all motion fades by the factor `nudge.1` at
+/// each step.
 ///
 /// # Errors
 ///
@@ -282,7 +284,7 @@ fn run(
     let n_frames = excerpt.n_frames;
     allowance.plays(excerpt.end());
     let mut meter = Meter::new(island_plan, allowance);
-    // What cannot be paid for is not begun.
+    // A run that the allowance cannot pay for is not begun.
     meter
         .allowance
         .affords(work(island_plan) * n_frames as f64)?;
@@ -338,7 +340,7 @@ mod tests {
     /// When the key begins to move [s].
     const BEGINS: f64 = 0.3;
 
-    /// A key beside a plate, which is struck later, too; `rests`: whether the key begins where its spring holds it.
+    /// A key beside a plate, which is also struck later; `rests`: the key begins where its spring holds it.
     fn plan(budget: &Budget, rests: bool) -> Plan {
         let mut network = Network::new();
         let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
@@ -376,7 +378,7 @@ mod tests {
         Plan::new(Arc::new(network), &timeline, budget, None).unwrap()
     }
 
-    /// Sound, state and work of an island, and how many of its frames were passed over.
+    /// Sound, state and work of an island, and how many of its frames were skipped.
     fn played(island_plan: &IslandPlan, may_rest: bool) -> (Vec<u64>, Vec<u8>, [u64; 3], u64) {
         let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
         let mut heard = Vec::new();
@@ -411,7 +413,8 @@ mod tests {
                     let (sound, state, work, _) = played(island_plan, false);
                     let (rested, left, counted, passed) = played(island_plan, true);
                     assert!(sound == rested && state == left && work == counted);
-                    // All but its first frames and a few before the gesture; none where a spring moves it.
+                    // All frames before the gesture are skipped but the first and a few before it; none if a spring
+                    // moves the key.
                     let frames = (BEGINS * 44_100.0) as u64;
                     let expected = if rests { frames - 2_560..frames } else { 0..1 };
                     assert!(expected.contains(&passed), "{budget:?} {passed}");

@@ -1,4 +1,4 @@
-//! Which modes of the bodies in an island are computed: those that are heard, by what a pilot told.
+//! Which modes of the bodies in an island are computed: those that are heard, according to the pilot.
 
 use crate::island::inside::BodyPlan;
 use crate::island::modal::Modal;
@@ -12,12 +12,12 @@ use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, is_worth, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
 
-/// So often fewer modes are tried, each time quieter ones by at least so much [dB].
+/// Most attempts to leave modes out; each failed one lowers the permitted loudness by at least `QUIETER` [dB].
 const TRIES: usize = 4;
 const QUIETER: f64 = 2.0;
 
-/// An island without the modes that are not heard, `most` of loudness together [dB]: those that energies tell, then
-/// tested by ear.
+/// The island without the modes that are not heard, together at most `most` loud [dB]: chosen by their energies, then
+/// checked by playing.
 pub(in crate::plan) fn fewer(
     island: &Assembled,
     (contact_substeps, run): (usize, &PilotRun),
@@ -46,7 +46,7 @@ pub(in crate::plan) fn fewer(
     if !is_worth(&island.island_plan, 2 * excerpt.n_frames) {
         return Ok(with(Some(most)));
     }
-    // What nobody can hear is no error.
+    // The reference has no modes above hearing: leaving them out is no error.
     let all = with(None);
     let sound = if count(&all) == count(island) {
         run.sound.clone()
@@ -79,7 +79,7 @@ pub(in crate::plan) fn fewer(
     Ok(all)
 }
 
-/// The modes of a body that its outputs hear and its ports feel.
+/// The modes of a body that its outputs hear and its ports need.
 fn keep(
     island_plan: &IslandPlan,
     body: &Modal,
@@ -87,7 +87,8 @@ fn keep(
     allowed: Option<f64>,
     budget: &Budget,
 ) -> KeptModes {
-    // The two parts of a complex mode stand and fall together, and take less than a pilot that tells which may.
+    // All complex modes stay: the two parts of one can only be dropped together, and computing them costs less than a
+    // pilot to choose among them.
     if body.answers.is_some() {
         return KeptModes {
             modes: (0..body.modes.len()).collect(),
@@ -100,7 +101,7 @@ fn keep(
     let mut kept = choose(&ways(body, squares), &rows, allowed, budget, |mode| {
         body.frequency(mode)
     });
-    // Where the whole body goes is no matter of loudness.
+    // Rigid motion of the body stays, however quiet it is.
     let loose = (0..body.modes.len()).filter(|&mode| body.compliance(mode).is_none());
     kept.modes.extend(loose);
     kept.modes.sort_unstable();
@@ -108,7 +109,7 @@ fn keep(
     let Some(db) = budget.left_out() else {
         return kept;
     };
-    // Modes that fall no longer give way: as long as a contact does not notice.
+    // Modes that are left out make the ports stiffer: that has to stay too small for a contact to notice.
     let enough = pow(10.0, db / 20.0);
     let mut fallen: Vec<usize> = (0..body.modes.len())
         .filter(|mode| kept.modes.binary_search(mode).is_err())
@@ -120,7 +121,7 @@ fn keep(
             stiff * port.shape[mode] * port.shape[mode] * compliance
         };
         let mut lost: f64 = fallen.iter().map(|&mode| give(mode)).sum();
-        // The lowest give most; those that nothing moves give nothing.
+        // The lowest modes yield most; those that do not move the port yield nothing.
         fallen.retain(|&mode| {
             if lost <= enough || give(mode) == 0.0 {
                 return true;
@@ -134,8 +135,8 @@ fn keep(
     kept
 }
 
-/// Ways that modes get their energies: what the pilot heard, and what may come after it. That is a strike on
-/// every place that is struck at all, and a touch of a port that may not have been touched.
+/// Ways in which modes get their energies: as the pilot measured, and as may happen later, by a strike at each place
+/// that is ever struck and by a touch of each port that the pilot may have missed.
 fn ways(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
     let by = |shape: &Vec<f64>| -> Vec<f64> {
         let each = shape.iter().enumerate();

@@ -1,8 +1,9 @@
-//! What trials found, kept from one plan to the next, so that an island whose beginning did not change is not tried again.
+//! What trials found, kept from one plan to the next, so that an island whose beginning did not change is not tried
+//! again.
 //!
-//! A series of trials plays the beginning of an island, and how far it plays is known only afterwards. So what it found is
-//! kept by two hashes: that of what is always so tells how far earlier series of such an island played, and that of all which
-//! happens until there tells what they found.
+//! A series of trials plays the beginning of an island, and how far it plays is known only afterwards. So there are two
+//! keys: the hash of all that does not depend on time leads to the lengths that earlier series of the island played,
+//! and the hash of that and of the events up to one such length leads to what the series found.
 
 use crate::network::Error;
 use crate::plan::report::content::{IslandContent, hex_of};
@@ -10,21 +11,21 @@ use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, Taken};
 use crate::plan::trial::audible::Audible;
 
-/// Of an island so many different lengths are remembered.
+/// Most lengths that are remembered for one island.
 const LENGTHS_MAX: usize = 8;
 
 /// What a series of trials took and found, as numbers that can be written and read.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrialRecord {
-    /// Finite, or none.
+    /// Work, errors and loudness; each finite, or `None`.
     pub numbers: Vec<Option<f64>>,
-    /// Steps, and the modes of bodies.
+    /// Steps, then the kept modes of each body.
     pub counts: Vec<Vec<u32>>,
-    /// Why a body goes by no modes.
+    /// Why a body does not go by modes.
     pub reason: Option<String>,
 }
 
-/// Where records are kept. What it gives back may be broken or another's: whoever asks has to look.
+/// Where records are kept. A record may be damaged or belong to something else: the caller has to check it.
 pub trait TrialStore {
     /// The record that was kept under a key (64 hex digits).
     fn get(&self, key: &str) -> Option<TrialRecord>;
@@ -34,7 +35,7 @@ pub trait TrialStore {
 }
 
 impl TrialRecord {
-    /// With what was taken at its head.
+    /// The record with `taken` at its head.
     fn with(mut self, taken: &Taken) -> Self {
         let head = [Some(taken.drawn), Some(taken.needed), taken.left];
         self.numbers.splice(0..0, head);
@@ -42,7 +43,7 @@ impl TrialRecord {
         self
     }
 
-    /// What was taken, and the rest.
+    /// Splits a record into what was taken and the rest; `None` if it is not valid.
     fn apart(mut self) -> Option<(Taken, Self)> {
         let numbers = self.numbers.iter().flatten();
         let are_good = numbers.clone().all(|number| number.is_finite());
@@ -77,7 +78,7 @@ impl TrialRecord {
         ]
     }
 
-    /// Of an error and nothing else.
+    /// A record of an error and nothing else.
     pub(in crate::plan) fn of_error(error: Option<Measured>) -> Self {
         Self {
             numbers: Self::numbers_of(error),
@@ -85,14 +86,14 @@ impl TrialRecord {
         }
     }
 
-    /// The error that it is of, where it is of nothing else.
+    /// The error, if the record holds nothing else.
     pub(in crate::plan) fn error_alone(&self) -> Option<Option<Measured>> {
         let (error, rest) = self.error()?;
         let is_alone = rest.is_empty() && self.counts.is_empty() && self.reason.is_none();
         is_alone.then_some(error)
     }
 
-    /// The error that stands at its head, and the numbers after it.
+    /// The error at the head of the record, and the numbers after it.
     pub(in crate::plan) fn error(&self) -> Option<(Option<Measured>, &[Option<f64>])> {
         let [db, over, spectral, cents, t60, level, rest @ ..] = &self.numbers[..] else {
             return None;
@@ -111,7 +112,7 @@ impl TrialRecord {
     }
 }
 
-/// Series of trials of one island, and where what they find is kept.
+/// The series of trials of one island, and the store of their results.
 pub(in crate::plan) struct Series<'a> {
     store: &'a dyn TrialStore,
     content: IslandContent<'a>,
@@ -145,13 +146,13 @@ impl<'a> Series<'a> {
         lengths.into_iter().map(u64::from).collect()
     }
 
-    /// What an earlier series took and found that would go the same way now.
+    /// Finds an earlier series that would go the same way now: what it took and its record.
     pub(in crate::plan) fn find(&self, allowance: &Allowance) -> Option<(Taken, TrialRecord)> {
         let mut lengths = self.lengths().into_iter();
         lengths.find_map(|frames| find(self.store, &self.key(frames), allowance))
     }
 
-    /// Keep what the series found that began with so much `left`.
+    /// Keeps the record of the current series, which began with `left` of the allowance [s].
     pub(in crate::plan) fn keep(&self, allowance: &Allowance, left: f64, record: TrialRecord) {
         let frames = allowance.taken(left).frames;
         keep(self.store, &self.key(frames), (allowance, left), record);
@@ -169,7 +170,7 @@ impl<'a> Series<'a> {
     }
 }
 
-/// The error that a series of trials measures, or that an earlier plan measured by the same.
+/// Returns the error that `measure` finds in a series of trials, or that an earlier plan recorded for the same series.
 pub(in crate::plan) fn measured(
     series: Option<Series<'_>>,
     allowance: &Allowance,
@@ -189,7 +190,7 @@ pub(in crate::plan) fn measured(
     Ok(found)
 }
 
-/// What trials of known length took and found that would go the same way now.
+/// Finds the record of trials of known length, if they would go the same way now, and what they took.
 pub(in crate::plan) fn find(
     store: &dyn TrialStore,
     key: &str,
@@ -202,7 +203,7 @@ pub(in crate::plan) fn find(
     })
 }
 
-/// Keep what trials of known length found that began with so much `left`.
+/// Keeps the record of trials of known length, which began with `left` of the allowance [s].
 pub(in crate::plan) fn keep(
     store: &dyn TrialStore,
     key: &str,
@@ -214,7 +215,7 @@ pub(in crate::plan) fn keep(
     store.put(of_left.as_deref().unwrap_or(key), record.with(&taken));
 }
 
-/// The key of what trials found that were bound by what was left.
+/// The key for trials whose results depend on what was left.
 fn of_left(key: &str, left: f64) -> String {
     hex_of(format_args!("{key} {:016x}", left.to_bits()))
 }

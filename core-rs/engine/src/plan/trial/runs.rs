@@ -1,4 +1,4 @@
-//! Runs of one island that were played: what is asked for again is not played again.
+//! Runs of one island: a run that is asked for again is not played again.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -9,13 +9,13 @@ use crate::plan::IslandPlan;
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, play_while, work};
 
-/// Samples of sound that are kept at most.
+/// Most samples of sound that are kept.
 const MOST: usize = 1 << 24;
 
-/// What tells one way to play an island from others.
+/// What distinguishes one way to play an island from others.
 #[derive(Clone, PartialEq)]
 struct Way {
-    /// What a frame costs, to the last bit: it differs where outputs or events are computed in another way.
+    /// The cost of a frame, bit for bit: it differs between ways that compute outputs or events differently.
     cost: u64,
     /// Steps a frame.
     oversampling: u32,
@@ -26,19 +26,19 @@ struct Way {
 /// How one body of an island is computed.
 #[derive(Clone, PartialEq)]
 struct BodyWay {
-    /// Of a mesh: its method, and steps a frame.
+    /// The method of a mesh, and its steps a frame.
     method: Option<(MeshMethod, u32)>,
     ports: Vec<usize>,
 }
 
-/// Runs of one excerpt.
+/// Runs of one excerpt of an island.
 pub(in crate::plan) struct Runs {
     excerpt: Excerpt,
     kept: RefCell<Vec<(Way, Rc<PilotRun>)>>,
 }
 
 impl Runs {
-    /// None of them played yet.
+    /// Begins without any run.
     pub(in crate::plan) fn new(excerpt: Excerpt) -> Self {
         Self {
             excerpt,
@@ -46,7 +46,7 @@ impl Runs {
         }
     }
 
-    /// What of the island they play.
+    /// The excerpt that the runs play.
     pub(in crate::plan) fn excerpt(&self) -> Excerpt {
         self.excerpt
     }
@@ -59,7 +59,7 @@ impl Runs {
         }
     }
 
-    /// The run of an island, played where it was not.
+    /// Returns the run of an island, and plays it if that has not been done.
     ///
     /// # Errors
     ///
@@ -73,7 +73,8 @@ impl Runs {
         Ok(run.unwrap_or_else(|| unreachable!("nothing ends it")))
     }
 
-    /// The same, as far as `goes_on` holds of so many frames and of the sound; `None` where it ended a run.
+    /// The same, but stops as soon as `goes_on`, given the frames played and their sound, is false; `None` if it was
+    /// stopped.
     ///
     /// # Errors
     ///

@@ -1,5 +1,5 @@
-//! The search for an island that is exact enough: other methods for its meshes, then more steps a frame for all of it.
-//! How finely contacts are computed is found before, by the `pilot`.
+//! The search for an island that is exact enough: first other methods for its meshes, then more steps a frame for the
+//! whole island. The `pilot` has chosen the contact substeps before.
 
 use std::cell::OnceCell;
 use std::rc::Rc;
@@ -20,9 +20,9 @@ use crate::plan::trial::waveform_error::{
     DOUBLING, Held, ORDERS, Spans, difference, errors, left_of, with_kinks,
 };
 
-/// An island is stepped at most so often a frame.
+/// Most steps a frame that the search tries.
 pub(in crate::plan) const TIMES_MAX: u32 = 8;
-/// Methods of meshes where the budget's first is not exact enough, each dearer than the one before.
+/// Methods of meshes to try if the budget's first choice is not exact enough, in rising order of cost.
 const RUNGS: [(MeshMethod, u32); 5] = [
     (MeshMethod::Ca2p, 1),
     (MeshMethod::Ca2p, 2),
@@ -34,11 +34,11 @@ const RUNGS: [(MeshMethod, u32); 5] = [
 pub(in crate::plan) struct Search<'a, F> {
     pub(in crate::plan) assemble: &'a F,
     pub(in crate::plan) spans: &'a Spans,
-    /// Of the first run that was not lost.
+    /// The stretches of the first run that was not lost.
     pub(in crate::plan) stretches: &'a OnceCell<Stretches>,
-    /// What is known of chaos before the search.
+    /// A chaotic parting that was found before the search.
     pub(in crate::plan) chaos: Option<&'a Parting>,
-    /// Contact substeps a frame, whatever the oversampling.
+    /// Contact substeps a frame, at any oversampling.
     pub(in crate::plan) once: usize,
     pub(in crate::plan) n_frames: usize,
     pub(in crate::plan) runs: &'a Runs,
@@ -50,38 +50,38 @@ pub(in crate::plan) struct Search<'a, F> {
 #[derive(Clone)]
 pub(in crate::plan) struct Candidate {
     pub(in crate::plan) island: Assembled,
-    /// Which of `RUNGS` its meshes go by; `None`: as the budget said.
+    /// Index into `RUNGS` of the method of its meshes; `None`: the method that the budget gave.
     pub(in crate::plan) rung: Option<usize>,
     pub(in crate::plan) oversampling: u32,
     pub(in crate::plan) contact_substeps: usize,
     pub(in crate::plan) run: Rc<PilotRun>,
-    /// Its error by what half the step changes [dB]; infinite where it is lost.
+    /// Its error, estimated from the change at half the step [dB]; infinite if the run is lost.
     pub(in crate::plan) error: f64,
-    /// What that change was.
+    /// The change at half the step [dB].
     pub(in crate::plan) change: f64,
-    /// What is heard at half the step, and its error [dB].
+    /// The run at half the step, and its error [dB].
     pub(in crate::plan) finer: (Rc<PilotRun>, f64),
-    /// Where it is chaotic.
+    /// How the two runs part; `None` if the motion is not chaotic.
     pub(in crate::plan) parting: Option<Parting>,
-    /// What is heard of its error, where pitch is what counts and it is not chaotic.
+    /// The audible error; `None` unless the budget is one of pitch and the motion is not chaotic.
     pub(in crate::plan) audible: Option<Audible>,
 }
 
-/// A step on the way is worth it where it gains so much [dB]: by another method, and by a higher rate.
+/// Least gain that makes a step of the search worth its cost [dB]: for another method, and for a higher rate.
 const GAINS: (f64, f64) = (6.0, 3.0);
-/// Or where what is heard of its error is so many times less.
+/// A step is also worth its cost if it divides the audible error by at least this.
 const AUDIBLE_GAIN: f64 = 1.5;
-/// Third octaves of runs that have parted: two that differ by rounding alone are up to 2 dB apart over 0.3 s (the
-/// bundled tamtam, struck softly to hard), so what is within that is as good as the same; beyond it a step has to
-/// gain so much [dB].
+/// Differences of third octaves between runs that have parted [dB]. Two runs that differ by rounding alone are up to 2
+/// dB apart over 0.3 s (the bundled tamtam, struck softly to hard), so differences below `ALIKE` are as good as none;
+/// above it a step has to gain `GAIN`.
 const ALIKE: f64 = 2.0;
 const GAIN: f64 = 1.0;
 
-/// How an island is put together, what of it was played, the budget, and the work that is left.
+/// How to assemble an island, the runs already played, the budget, and the allowance of work.
 type Trial<'a, F> = (&'a F, &'a Runs, &'a Budget, &'a Allowance);
 
 impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, F> {
-    /// From an island whose contacts are computed as finely as was found.
+    /// Starts from an island whose contact substeps `found` holds.
     pub(in crate::plan) fn new(
         (assemble, runs, budget, allowance): Trial<'a, F>,
         (spans, stretches): (&'a Spans, &'a OnceCell<Stretches>),
@@ -93,7 +93,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
             stretches,
             spans,
             allowance,
-            // What is computed once a step stays so at any rate.
+            // Contacts that are computed once a step stay so at any oversampling.
             once: match found.contact_substeps {
                 1 => 1,
                 some => some * island.island_plan.oversampling as usize,
@@ -104,7 +104,8 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         }
     }
 
-    /// The island as it was played, with its measured error; `None` where half the step is not worth playing.
+    /// Returns the island as it was played, with its measured error; `None` if playing half the step is not worth its
+    /// work.
     pub(in crate::plan) fn start(
         &self,
         island: &Assembled,
@@ -118,8 +119,8 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         Ok(unless_spent(held)?.flatten())
     }
 
-    /// Assemble an island and measure its error by waveform, where that is less than that of `best` by more than `gain` [dB];
-    /// `None` where it is not, if it would take too long, or the island is unstable.
+    /// Assembles an island and measures its error. Returns `None` if its waveform error is not below that of `best` by
+    /// more than `gain` [dB], if it would take too long, or if the island is unstable.
     fn measure(
         &self,
         (oversampling, choice): (u32, MethodChoice<'_>),
@@ -133,7 +134,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         let Some(finer) = self.finer(&island) else {
             return Ok(None);
         };
-        // What is chaotic, or what is heard, is judged by more than the waveform.
+        // Chaotic motion and audible errors are not judged by the waveform alone.
         let is_by_waveform = matches!(self.budget, Budget::Error(_)) && best.parting.is_none();
         let most = if is_by_waveform && !best.run.is_lost {
             best.error - gain
@@ -155,8 +156,8 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         self.compare_with_finer(island, run, &finer, (rung, last, most))
     }
 
-    /// Half the step by the same methods, else a finer plan could be the same one; `None` where it would take long to
-    /// play, or is not stable.
+    /// Assembles the island at half its step by the same methods: by other methods the result might be the same island
+    /// again. `None` if it would take too long to play, or is not stable.
     pub(in crate::plan) fn finer(&self, island: &Assembled) -> Option<Assembled> {
         let finer = (self.assemble)((
             2 * island.island_plan.oversampling,
@@ -166,7 +167,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         is_worth(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
     }
 
-    /// Measure the error of an island that was played by playing it at half its step; `None` where it is above `most` [dB].
+    /// Measures the error of a played island by playing it at half its step; `None` if the error is above `most` [dB].
     pub(in crate::plan) fn compare_with_finer(
         &self,
         island: Assembled,
@@ -236,7 +237,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         }))
     }
 
-    /// How often a step contacts are computed.
+    /// Contact substeps a step.
     pub(in crate::plan) fn contact_substeps(&self, island: &Assembled) -> usize {
         if matches!(island.shape, Shape::Plain | Shape::PlainStepped) {
             return island.island_plan.contact_substeps;
@@ -246,16 +247,16 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         (self.once / oversampling as usize).max(least)
     }
 
-    /// Improve the island until the budget is met, nothing helps any more, or the allowance is spent.
+    /// Improves the island until the budget is met, nothing helps any more, or the allowance is spent.
     pub(in crate::plan) fn improve(
         &self,
         mut best: Candidate,
         budget: &Budget,
     ) -> Result<Candidate, Error> {
         let is_short = |best: &Candidate| match (budget, &best.parting) {
-            // Contacts and modes have their share too.
+            // The rest of the budget is for contacts and left-out modes.
             (Budget::Error(_), None) => best.error > budget.contact(),
-            // No waveform can be kept: of it the attack counts, and of all the spectrum.
+            // No waveform can be kept: the attack is judged by its waveform, the whole by its spectrum.
             (Budget::Error(_), Some(parting)) => {
                 let most = budget.contact();
                 (parting.attack > most && parting.may_have(most)) || parting.spectral > ALIKE
@@ -272,7 +273,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
             let is_fair = |parting: &Parting| parting.spectral <= ALIKE;
             fair = fair.or_else(|| last.parting.as_ref().is_some_and(is_fair).then_some(last));
         }
-        // An attack that cannot be had is worth no work.
+        // If the attack is missed in any case, the cheaper island with a good spectrum is taken.
         let is_missed = |parting: &Parting| parting.attack > budget.asked();
         Ok(match fair {
             Some(fair) if best.parting.as_ref().is_some_and(is_missed) => fair,
@@ -284,8 +285,8 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         &self,
         best: &Candidate,
     ) -> Result<Option<Candidate>, TrialError> {
-        // Where links of order 1 hold a body's ports its modes gain nothing. What is led keeps its method: by CA its
-        // amplitude goes another way, and the pilot may end before that is heard.
+        // If the links at a body's ports are of order 1 only, its modes gain no accuracy. A led body keeps its method:
+        // by CA its amplitude would change differently, and the pilot may end before that is heard.
         let is_led = !best.island.island_plan.timeline.leads.is_empty();
         if best.island.has_modes() && best.oversampling == 1 && !is_led {
             let gain = (best, GAINS.0);
@@ -331,14 +332,14 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
 }
 
 impl Candidate {
-    /// Whether it is chaotic and its spectrum differs by more than rounding makes it differ.
+    /// Whether the motion is chaotic and its spectrum differs by more than rounding explains.
     pub(in crate::plan) fn differs_by_spectrum(&self) -> bool {
         self.parting
             .as_ref()
             .is_some_and(|parting| parting.spectral > ALIKE)
     }
 
-    /// The most exact run that is known, and its error.
+    /// The most exact known run, and its error.
     pub(in crate::plan) fn finest(&self) -> (&Rc<PilotRun>, f64) {
         let (finer, error) = &self.finer;
         if *error < self.error {
@@ -348,12 +349,13 @@ impl Candidate {
         }
     }
 
-    /// What is heard of its error, as a multiple of what a budget of pitch allows.
+    /// The audible error, as a multiple of what a budget of pitch allows.
     fn excess(&self, budget: &Budget) -> f64 {
         self.audible.map_or(0.0, |audible| audible.excess(budget))
     }
 
-    /// Whether it is worth its work: by waveform, or where both are chaotic by the attack or the spectrum.
+    /// Whether this candidate is enough better than `other` to be worth its work: by waveform or audible error or, if
+    /// both are chaotic, by the attack or the spectrum.
     fn beats(&self, other: &Self, gain: f64, budget: &Budget) -> bool {
         let (Some(own), Some(others)) = (&self.parting, &other.parting) else {
             let (excess, others) = (self.excess(budget), other.excess(budget));

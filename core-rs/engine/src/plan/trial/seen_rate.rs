@@ -1,4 +1,4 @@
-//! How far what is only seen moves at a rate of its own from how it moves at the rate of the score.
+//! How far the motion of what is only seen, computed at a lower rate, is from its motion at the rate of the score.
 
 use crate::network::{Error, Subset};
 use crate::plan::IslandPlan;
@@ -14,8 +14,9 @@ use crate::plan::trial::pilot_run::{Excerpt, length, play};
 use crate::plan::trial::record::{Series, TrialStore, measured};
 use crate::plan::trial::waveform_error::{Spans, difference};
 
-/// How far apart the two are over the beginning, in the sum of all positions by weights of their own; `None` where nobody knows
-/// what will happen, or the allowance ends first.
+/// The difference of the two motions over the beginning, in a sum of all positions with a weight of its own each.
+/// `None` if it is not known what will happen, if the allowance ends first, or if the island cannot be played at both
+/// rates.
 pub(in crate::plan) fn error(
     slow: &IslandPlan,
     (subset, own, budget): (&Subset, &OwnTimeline, &Budget),
@@ -40,7 +41,7 @@ pub(in crate::plan) fn error(
     })
 }
 
-/// How far an island is from the same at every frame, over its beginning.
+/// The difference between an island at the lower rate and the same at every frame, over its beginning.
 fn apart(
     slow: &IslandPlan,
     each: &IslandPlan,

@@ -5,20 +5,22 @@ use std::ops::Range;
 
 use crate::maths::{log10, pow, sincos};
 
-/// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to what is heard, if the rate carries it.
+/// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to 20 kHz, or up to `CARRIED` of the rate if that
+/// is lower.
 const CENTRE: f64 = 1_000.0;
 const LOWEST: i32 = -16;
 const HIGHEST: f64 = 20_000.0;
 const CARRIED: f64 = 0.45;
-/// A level is the mean of as many numbers as width × duration says; with fewer it is chance (two runs that
-/// differ by rounding alone are then 2 to 4 dB apart).
+/// Least width × duration of a band: its level is the mean of about as many independent values. With fewer the level is
+/// chance (two runs that differ by rounding alone are then 2 to 4 dB apart).
 const FEWEST: f64 = 8.0;
-/// Bands so far below the strongest are not compared, and one that is missing is as far off as this [power].
+/// Bands are compared if their power is above the part `HEARD` of the strongest band's; a missing band counts as the
+/// ratio `MISSING` [power].
 const HEARD: f64 = 1e-6;
 const MISSING: f64 = 1e-10;
 
-/// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: third octaves
-/// within 60 dB of its strongest, of all outputs together, each as loud as the others there.
+/// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: over the third octaves
+/// within 60 dB of its strongest, summed over outputs that are normalised to equal power.
 pub(in crate::plan) fn levels_apart(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
     let n_frames = b.len() / n_out.max(1);
     let bands = bands(n_frames, rate, FEWEST);
@@ -48,7 +50,7 @@ pub(in crate::plan) fn levels_apart(a: &[f64], b: &[f64], n_out: usize, rate: f6
     sum / f64::from(n.max(1))
 }
 
-/// That something stands aside is no sound.
+/// Removes the mean, which is not audible.
 fn level(mut sound: Vec<f64>) -> Vec<f64> {
     let mean = sound.iter().sum::<f64>() / sound.len().max(1) as f64;
     sound.iter_mut().for_each(|x| *x -= mean);
@@ -61,7 +63,7 @@ pub(super) struct Band {
     pub(super) bins: Range<usize>,
 }
 
-/// The bands whose width times duration is `fewest` at least.
+/// The bands whose width times duration is at least `fewest`.
 pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
     let seconds = n_frames as f64 / rate;
     let bin = rate / length(n_frames) as f64;
@@ -78,12 +80,12 @@ pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
         .collect()
 }
 
-/// A sound is filled up with silence to a power of two.
+/// Length of the transform: sounds are zero-padded to a power of two.
 pub(super) fn length(n_frames: usize) -> usize {
     n_frames.max(2).next_power_of_two()
 }
 
-/// |X|² of a sound up to half its rate.
+/// |X|² of a sound, from 0 to half its rate.
 pub(super) fn powers(mut re: Vec<f64>) -> Vec<f64> {
     let n = length(re.len());
     re.resize(n, 0.0);
@@ -93,7 +95,8 @@ pub(super) fn powers(mut re: Vec<f64>) -> Vec<f64> {
     half.map(|(re, im)| re * re + im * im).collect()
 }
 
-/// Fourier's transform of 2^k numbers in place (Cooley and Tukey), by sines of our own: a plan rests on it.
+/// In-place Fourier transform of 2^k numbers (Cooley and Tukey). It uses the engine's own sines, so that a plan is the
+/// same on every machine.
 fn transform(re: &mut [f64], im: &mut [f64]) {
     let n = re.len();
     let unused = usize::BITS - n.ilog2();
@@ -129,7 +132,8 @@ fn transform(re: &mut [f64], im: &mut [f64]) {
 mod tests {
     use super::*;
 
-    /// Partials of 60 Hz up to 20 kHz, 0.4 s, two outputs: what stands before a partial, and where it begins.
+    /// Partials at multiples of 60 Hz up to 20 kHz, 0.4 s, two outputs; `size` gives a partial's amplitude, `phase` its
+    /// phase.
     fn sound(size: impl Fn(f64) -> f64, phase: f64) -> Vec<f64> {
         let at = |n: usize| {
             let each = (1..=333).map(|k| {
@@ -167,7 +171,7 @@ mod tests {
         assert!((0.001..1.0).contains(&other), "{other}");
         let louder: Vec<f64> = b.iter().map(|x| 2.0 * x).collect();
         assert!((apart(&louder, &b) - 6.02).abs() < 0.01);
-        // 6 dB less in the upper half: of the 20 bands that are wide enough and full, ten.
+        // 6 dB less in the upper half: ten of the 20 bands that are wide enough and not empty.
         let darker = apart(
             &sound(|hertz| if hertz > 890.0 { 0.5 } else { 1.0 }, 1.0),
             &b,

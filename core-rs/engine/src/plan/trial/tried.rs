@@ -1,4 +1,4 @@
-//! What a trial found of an island: how it goes and its error, kept as a record that a later plan reads again.
+//! The result of a trial: an island and its error, kept as a record that a later plan can read.
 
 use crate::island::inside::BodyPlan;
 use crate::network::Error;
@@ -15,7 +15,7 @@ use crate::plan::trial::horizon;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 use crate::plan::trial::search::TIMES_MAX;
 
-/// Contacts are computed at most so often a step.
+/// Most contact substeps a step that a record may hold.
 const SUBSTEPS_MAX: usize = 2 * TIMES_MAX as usize * Budget::STEPS_MAX;
 
 /// An island that meets its budget as far as possible, and its remaining error.
@@ -25,7 +25,7 @@ pub(in crate::plan) struct Piloted {
 }
 
 impl Piloted {
-    /// An island as it was put together, of whose error nothing is known.
+    /// An assembled island whose error is not known.
     pub(in crate::plan) fn untried(island: Assembled) -> Self {
         Self {
             island,
@@ -34,7 +34,7 @@ impl Piloted {
     }
 }
 
-/// What a plan decided before; `None` where it does not fit.
+/// The island with what an earlier plan decided; `None` if that does not fit it.
 pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Piloted> {
     if pin.kept.len() != island.bodies.len() {
         return None;
@@ -50,23 +50,23 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Piloted
     Some(Piloted::untried(island.only(substeps, kept)))
 }
 
-/// An island as its pilot left it, whose error may not hold for long.
+/// The island that a pilot chose, whose error may grow after the pilot's end.
 pub(in crate::plan) struct Tried {
     pub(in crate::plan) piloted: Piloted,
-    /// How to play on, to see how long it holds.
+    /// What to play on to see how long the error holds; `None` if it need not be checked.
     pub(in crate::plan) beyond: Option<Beyond>,
 }
 
-/// An island with all its modes and the same at half its step, to be played beside each other.
+/// The island with all its modes and the same at half its step, to be played and compared.
 pub(in crate::plan) struct Beyond {
     pub(in crate::plan) own: Assembled,
     pub(in crate::plan) finer: Assembled,
-    /// Contact substeps a step, of each.
+    /// Contact substeps a step of each.
     pub(in crate::plan) contact_substeps: [usize; 2],
 }
 
 impl Tried {
-    /// With the error that holds, and over how long.
+    /// Checks how long the error holds, and returns the island with that error.
     pub(in crate::plan) fn held(
         self,
         budget: &Budget,
@@ -88,7 +88,7 @@ impl Tried {
         Ok(piloted)
     }
 
-    /// As a record that [`Tried::recalled`] reads.
+    /// The record that [`Tried::recalled`] reads.
     pub(in crate::plan) fn record(&self) -> TrialRecord {
         let Assembled {
             island_plan,
@@ -116,7 +116,7 @@ impl Tried {
         }
     }
 
-    /// As an earlier pilot left it; `None` where the record does not fit. `assemble` takes what was decided, too.
+    /// What an earlier pilot found; `None` if the record does not fit. `assemble` also takes a choice to repeat.
     pub(in crate::plan) fn recalled(
         record: &TrialRecord,
         assemble: &impl Fn((u32, MethodChoice<'_>), Option<&Choice>) -> Result<Assembled, Error>,

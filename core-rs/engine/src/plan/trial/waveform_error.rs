@@ -1,24 +1,25 @@
-//! How far apart two runs of one beginning are, and what errors that tells.
+//! How far apart two runs of the same beginning are, and which errors follow from that.
 
 use crate::maths::{decibels, log10, pow, sqrt};
 use crate::plan::IslandPlan;
 use crate::plan::trial::pilot_run::AFTER;
 
-/// Errors fall with the square of the step at best, with its first power at least.
+/// Orders of convergence between which errors are assumed to fall with the step.
 pub(in crate::plan) const ORDERS: (f64, f64) = (1.0, 2.0);
-/// By so much an error of order 1 falls with a doubling [dB].
+/// What an error of order 1 falls by when the step is halved [dB].
 pub(in crate::plan) const DOUBLING: f64 = 6.02;
 
-/// The time after the first event is cut so finely where all of it is too long: 50 ms are the least that tell
-/// of a sound.
+/// Parts into which the time after the first event is divided if all of it is too long to play: 50 ms, the shortest
+/// time that says anything about a sound.
 pub(in crate::plan) const PARTS: usize = 6;
 
-/// A run is first looked at when so large a part of the time to its first look is over (one of so many), and is then
-/// further from what it is held against than it will be by so much at most [dB].
+/// A run is first compared after one part in `EARLY.0` of its first span; its difference there exceeds the final one by
+/// at most `EARLY.1` [dB].
 const EARLY: (usize, f64) = (4, 12.0);
 
-/// Errors of S and of 2S [dB] by what they differ by, and S/2 and S before them: a change that falls faster than
-/// by the order `most` is luck, for it matters where between two instants a contact closes.
+/// Errors [dB] of the runs at S and at 2S steps, from the `change` between them and from that between S/2 and S before
+/// (`last`). If the change falls faster than by the order `most`, that is chance: it depends on where within a step a
+/// contact closes.
 pub(in crate::plan) fn errors(change: f64, last: Option<f64>, most: f64) -> (f64, f64) {
     let least = ORDERS.0;
     let believed = last.map_or(change, |last| change.max(last - most * DOUBLING));
@@ -32,29 +33,30 @@ pub(in crate::plan) fn errors(change: f64, last: Option<f64>, most: f64) -> (f64
     )
 }
 
-/// What is stated of an error where a law has kinks or friction lets go, by the error `before` of twice the step: where
-/// such an instant lies within a step is luck, so what it leaves falls with the first power of the step at most.
+/// The error to state if a law has kinks or friction lets go, given the error `before` at twice the step. Where such an
+/// instant lies within a step is chance, so the stated error falls by the first power of the step at most.
 pub(in crate::plan) fn with_kinks(error: f64, before: Option<f64>) -> f64 {
     before.map_or(error, |before| error.max(before - DOUBLING))
 }
 
-/// Two errors that have nothing to do with each other, together [dB].
+/// The sum of two independent errors, by power [dB].
 pub(in crate::plan) fn beside(one: f64, other: f64) -> f64 {
     let power = |db: f64| pow(10.0, db / 10.0);
     10.0 * log10(power(one) + power(other))
 }
 
-/// An error that is made of several.
+/// The sum of several errors in the worst case, by amplitude [dB].
 pub(in crate::plan) fn sum(errors: impl IntoIterator<Item = f64>) -> f64 {
     20.0 * log10(errors.into_iter().map(decibels).sum::<f64>().max(1e-15))
 }
 
-/// What is left of a budget beside an error; nothing where that is above it.
+/// What is left of a budget after an error [dB]; practically nothing if the error is larger.
 pub(in crate::plan) fn left_of(budget: f64, error: f64) -> f64 {
     20.0 * log10((decibels(budget) - decibels(error)).max(1e-15))
 }
 
-/// Where sounds are compared: from the start to a third of the time after the first event, to two thirds, to all.
+/// The spans over which sounds are compared: from the start to one third of the time after the first event, to two
+/// thirds, and to the end.
 pub(in crate::plan) struct Spans {
     pub(in crate::plan) n_out: usize,
     /// Frames a second [Hz].
@@ -79,7 +81,7 @@ impl Spans {
         first.saturating_sub(all - second)
     }
 
-    /// Of less time after the first event: so many of `PARTS` of it, and one at least.
+    /// The same spans over a shorter time after the first event: `parts` of `PARTS`, at least one.
     pub(in crate::plan) fn only(&self, parts: usize) -> Self {
         let event = self.event();
         let third = (self.end() - event) * parts.clamp(1, PARTS) / PARTS / 3;
@@ -90,13 +92,13 @@ impl Spans {
         }
     }
 
-    /// Where the last of them ends [frames].
+    /// Where the last span ends [frames].
     pub(in crate::plan) fn end(&self) -> usize {
         self.frames[2]
     }
 
-    /// Frames from the start that a run is looked at, that all of it need not be played: to the end of all
-    /// spans but the last, and of the early part of the first.
+    /// Frames after which an unfinished run is compared, so that it may be stopped early: one in the first span, and
+    /// the ends of all spans but the last.
     pub(in crate::plan) fn looks(&self) -> [usize; 3] {
         let [first, second, _] = self.frames;
         [
@@ -106,7 +108,7 @@ impl Spans {
         ]
     }
 
-    /// Only so many frames.
+    /// The same spans, cut off at `n_frames`.
     pub(in crate::plan) fn within(&self, n_frames: usize) -> Self {
         Self {
             frames: self.frames.map(|n| n.min(n_frames)),
@@ -115,13 +117,13 @@ impl Spans {
     }
 }
 
-/// A run that is held against another one while it is played.
+/// A run that is compared with another one while it is played.
 pub(in crate::plan) struct Held<'a> {
     against: &'a [f64],
     spans: &'a Spans,
-    /// Looks that lie behind.
+    /// Looks already made.
     n_looks: usize,
-    /// By so much all of it will be apart at least [dB].
+    /// Lower bound of the difference over the whole run [dB].
     pub(in crate::plan) least: f64,
 }
 
@@ -135,8 +137,8 @@ impl<'a> Held<'a> {
         }
     }
 
-    /// The least that the whole run will be apart, where so many frames of its sound tell more of it than was
-    /// known [dB].
+    /// Returns the lower bound of the difference over the whole run [dB] if a new look is due after `n_frames` of its
+    /// sound.
     pub(in crate::plan) fn look(&mut self, n_frames: usize, sound: &[f64]) -> Option<f64> {
         let looks = self.spans.looks();
         let n = looks.iter().filter(|look| **look <= n_frames).count();
@@ -152,7 +154,7 @@ impl<'a> Held<'a> {
     }
 }
 
-/// ‖a − b‖ / ‖b‖ [dB] of the output and over the span where it is worst; that something stands aside is no sound.
+/// ‖a − b‖ / ‖b‖ [dB], the worst over outputs and spans; the mean of `b` does not count as sound.
 pub(in crate::plan) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
     let of = |output: usize, n_frames: usize| {
         let own = |x: &[f64]| -> Vec<f64> {
@@ -173,7 +175,7 @@ pub(in crate::plan) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
 mod tests {
     use super::*;
 
-    /// Of one output at 1 kHz: an event after 60 ms, and 0.3 s.
+    /// One output at 1 kHz: an event after 60 ms, then 0.3 s.
     fn spans() -> Spans {
         Spans {
             n_out: 1,
@@ -201,7 +203,7 @@ mod tests {
         }
     }
 
-    /// Two notes that begin at the event; the second one's pitch is off, or an early part of it is.
+    /// Two notes that begin at the event, of which the first also has the error `apart`.
     fn notes(apart: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
         let own = |n: usize| crate::maths::sin(0.7 * n.saturating_sub(60) as f64);
         let all = 0..360_usize;

@@ -1,4 +1,4 @@
-//! All that is seen of a simulation at one frame, in room that is made beforehand.
+//! A snapshot of what can be seen of a simulation at one frame, in memory that is allocated beforehand.
 
 use super::Look;
 use crate::island::Record;
@@ -9,7 +9,7 @@ use crate::simulation::Simulation;
 pub struct Push {
     /// The frame in which it pushed most.
     pub frame: u64,
-    /// Force then, above 0 where it pushes its first end up [N]; 0: it did not touch.
+    /// The force in that frame [N], above 0 if the contact pushes its first end up; 0 if it did not touch.
     pub force: f64,
 }
 
@@ -18,21 +18,21 @@ pub struct Push {
 pub struct Glance {
     /// The frame.
     pub frame: u64,
-    /// Displacements, as [`Simulation::look`] tells them [m]   (2 · n_tracks)
+    /// Displacements, as [`Simulation::look`] writes them [m]   (2 · n_tracks)
     pub tracks: Vec<f64>,
-    /// Where the gesture of each key wants it [m]; NaN where none runs   (n_keys)
+    /// Position that the gesture of each key asks for [m]; NaN for keys without a running gesture   (n_keys)
     pub asked: Vec<f64>,
-    /// What each contact did since the last glance   (n_contacts)
+    /// Strongest push of each contact since the last glance   (n_contacts)
     pub pushes: Vec<Push>,
     /// Whether each link that may break is broken   (n_breakable)
     pub broken: Vec<bool>,
-    /// What written hands struck since the last glance, as it is seen: the first `n_sparks` of them
+    /// Strikes of written hands since the last glance, as they are drawn: the first `n_sparks` are valid
     sparks: Vec<Record>,
     n_sparks: usize,
 }
 
 impl Glance {
-    /// Room for what is seen of a simulation.
+    /// Memory for what is seen of a simulation.
     pub fn new(simulation: &Simulation, look: &Look) -> Self {
         Self {
             frame: 0,
@@ -45,14 +45,14 @@ impl Glance {
         }
     }
 
-    /// What written hands struck since the last glance, as [`Simulation::take_sparks`] tells it.
+    /// Strikes of written hands since the last glance, as [`Simulation::take_sparks`] reports them.
     pub fn sparks(&self) -> &[Record] {
         &self.sparks[..self.n_sparks]
     }
 }
 
 impl Simulation {
-    /// See what it is now, and what touched since the last glance. Only copies.
+    /// Fills `into` with the state at this frame and the contacts and strikes since the last glance. Only copies.
     pub fn glance(&mut self, look: &Look, into: &mut Glance) {
         into.frame = self.frame;
         self.look(look, &mut into.tracks);

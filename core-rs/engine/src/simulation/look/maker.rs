@@ -1,4 +1,4 @@
-//! Where the number of each mass and mode is found: made once, outside real time.
+//! Makes a [`Look`]: finds where the number of each mass and mode is computed. Done once, outside real time.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -10,10 +10,10 @@ use crate::network::{MatKind, Network};
 use crate::plan::{BankPlan, IslandPlan, ModalTransform, ModeShapes, Plan, whole};
 use crate::units::Rate;
 
-/// Most modes of a body that are looked at, the lowest: those that can be seen.
+/// Largest number of modes of a body that are looked at: the lowest, whose displacements are large enough to be seen.
 const MODES_MAX: usize = 256;
 
-/// What is found of one MAT: how it moves, from where, and where its numbers are.
+/// What is known of one MAT: how it moves, its rest position, its unit, and which numbers of the unit are its own.
 struct Found {
     how: How,
     rest: f64,
@@ -21,7 +21,7 @@ struct Found {
     from: Origin,
 }
 
-/// What holds the numbers of a MAT, and which of them are its.
+/// What computes the position of a MAT, and the MAT's index there.
 #[derive(Clone, Copy)]
 enum Origin {
     Mass(usize),
@@ -31,22 +31,22 @@ enum Origin {
     Body,
 }
 
-/// A body by its modes: its MATs with the rows of its shapes, rising, and its modes.
+/// A body by its modes: pairs of a MAT and its row in the mode shapes, by rising MAT; and the modes.
 struct FoundBody {
     mats: Vec<(usize, usize)>,
     modes: Vec<FoundMode>,
 }
 
-/// A mode, where it is computed, and how much each row sees of it.
+/// A mode: its oscillation, where it is computed, and the share of each row in it.
 struct FoundMode {
     oscillation: Oscillation,
-    /// Its unit, and which body of that, if not all of it.
+    /// Its unit, and the index of its body in that unit; `None` if the unit is a bank of modes.
     place: (usize, Option<usize>),
     mode: usize,
     shape: Vec<f64>,
 }
 
-/// Goes through the units of a plan, and finds what each computes.
+/// Goes through the units of a plan, and collects what each computes.
 pub(super) struct Maker<'a> {
     network: &'a Network,
     rate: f64,
@@ -58,12 +58,12 @@ pub(super) struct Maker<'a> {
     touched: Vec<(usize, Vec<u32>)>,
     played: Vec<(usize, Option<Vec<u32>>)>,
     breakable: Vec<usize>,
-    /// Which of them joins two MATs; of several the first, the second …
+    /// Index in `breakable` of the link between two MATs.
     by_ends: HashMap<Ends, u32>,
     breaking: Vec<(usize, Vec<(u32, u32)>)>,
 }
 
-/// Two MATs of the whole network, and how many links that may break were between them before.
+/// Two MATs of the whole network, and the number of breakable links between them that come before this one.
 type Ends = (usize, usize, u32);
 
 impl<'a> Maker<'a> {
@@ -73,7 +73,8 @@ impl<'a> Maker<'a> {
         let contacts = contacts.flat_map(|run| {
             (0..run.len).map(|i| {
                 let (a, b) = run.pair(i, 0);
-                // One of all pairs tells of its own point, whichever others touch it.
+                // Where all pairs of two sets may touch, each contact belongs to a point of the second set, whichever
+                // point touches it.
                 let a = if run.pairwise().is_some() { b } else { a };
                 Contact {
                     name: network.link_name(run.first + i),
@@ -133,7 +134,7 @@ impl<'a> Maker<'a> {
     pub(super) fn island(&mut self, at: usize, island: &IslandPlan) {
         let network = &*island.network;
         for (mat, kind) in network.mats().kind.iter().enumerate() {
-            // A point that is held is another island's guest too; whoever is first tells where it is.
+            // A held point may be a guest of several islands; the first of them gives its position.
             let global = whole(&island.to_whole.mats, mat);
             if !kind.is_held() || self.found[global].is_none() {
                 self.sampled(Some(global), at, Origin::Mass(mat));
@@ -233,7 +234,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// A body by its modes, or more modes of one that is known.
+    /// Adds a body by its modes, or more modes of a body that is known already.
     fn body(
         &mut self,
         place: (usize, Option<usize>),
@@ -349,7 +350,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Where the numbers of points and modes come from, source by source.
+    /// Where the numbers of points and modes come from, grouped by source.
     fn sources(&self, points: &[Point], bodies: &[SeenBody]) -> Vec<(usize, Source)> {
         type Key = (usize, u8, usize);
         let mut by_key: BTreeMap<Key, Source> = BTreeMap::new();
@@ -407,7 +408,7 @@ impl<'a> Maker<'a> {
     }
 }
 
-/// The order of points within a part.
+/// Sort key of points within a part.
 fn kind(how: How) -> (u8, usize) {
     match how {
         How::Free(_) => (0, 0),
@@ -417,7 +418,7 @@ fn kind(how: How) -> (u8, usize) {
     }
 }
 
-/// LIAs that may break, each with its ends by their numbers in the whole network.
+/// LIAs that may break, each with its ends as MATs of the whole network.
 fn may_break(
     network: &Network,
     to_whole: impl Fn(usize) -> usize,
@@ -433,7 +434,7 @@ fn may_break(
     })
 }
 
-/// MATs of links in space: a fixed point is seen where something in space hangs on it   (n_mat)
+/// Whether a MAT belongs to a link in space: a fixed point is seen only if a link in space holds on to it   (n_mat)
 fn holding(network: &Network) -> Vec<bool> {
     let mut holds = vec![false; network.n_mat()];
     for run in network.runs().iter().filter(|run| run.n_axes() > 1) {

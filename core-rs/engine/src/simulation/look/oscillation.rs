@@ -1,8 +1,9 @@
-//! A free oscillation: what it is of a recurrence, where it goes, and how it goes on from two frames.
+//! A free oscillation: its frequency and damping from a recurrence, its state from two frames, and its state at a later
+//! time.
 
 use crate::maths;
 
-/// e^−σt (a cos ωt + b sin ωt) [m], or e^−σt (a + bt) where ω is 0.
+/// e^−σt (a cos ωt + b sin ωt) [m], or e^−σt (a + bt) if ω is 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Oscillation {
     /// ω [rad/s]
@@ -12,7 +13,7 @@ pub struct Oscillation {
 }
 
 impl Oscillation {
-    /// Of x[n+1] = a·x[n] − b·x[n−1].
+    /// The oscillation of x[n+1] = a·x[n] − b·x[n−1].
     pub(super) fn of(a: f64, b: f64, rate: f64) -> Self {
         if b <= 0.0 {
             let fall = if a > 0.0 && a < 1.0 {
@@ -36,7 +37,8 @@ impl Oscillation {
         Self { omega, sigma }
     }
 
-    /// a and b of its motion from here on, from where it is and was a step of `step` [s] before [m].
+    /// The coefficients a and b of its motion from now on; `now` is its displacement [m], `before` that of `step` [s]
+    /// earlier.
     pub fn phase(&self, now: f64, before: f64, step: f64) -> (f64, f64) {
         let turn = self.omega * step;
         let was = before * maths::exp(-self.sigma * step);
@@ -46,7 +48,7 @@ impl Oscillation {
         (now, (now * maths::cos(turn) - was) / maths::sin(turn))
     }
 
-    /// a and b as they are `t` [s] later, which may be below 0.
+    /// The coefficients a and b `t` [s] later; `t` may be negative.
     pub fn later(&self, (a, b): (f64, f64), t: f64) -> (f64, f64) {
         let fade = maths::exp(-self.sigma * t);
         if self.omega == 0.0 {

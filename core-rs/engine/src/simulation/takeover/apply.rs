@@ -1,4 +1,4 @@
-//! The take-over itself: what was found beforehand is passed on, without allocating.
+//! The takeover itself: transfers what [`Takeover::new`] has found, without allocating.
 
 use std::sync::Arc;
 
@@ -10,12 +10,12 @@ use crate::simulation::{RunningUnit, Simulation};
 
 impl Simulation {
     /// Transfer the state of `old`, consuming it. Returns false, and transfers nothing, if the two are at different
-    /// frames or have other plans than those that `takeover` was made for. Allocates nothing.
+    /// frames or have other plans than those that `takeover` was made for. Does not allocate.
     pub fn take_over(&mut self, old: &mut Self, takeover: &mut Takeover) -> bool {
         let is_made_for = |[before, after]: &[Arc<Plan>; 2]| {
             Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan)
         };
-        // One that was made for none takes nothing over: a simulation that begins anew.
+        // A takeover without plans (`Takeover::default`) transfers no modules: the new simulation begins anew.
         if self.frame != old.frame || !takeover.plans.as_ref().is_none_or(is_made_for) {
             return false;
         }
@@ -68,7 +68,7 @@ impl Simulation {
         &mut self.groups[group].units[unit]
     }
 
-    /// One MAT goes on.
+    /// Transfers the motion of one MAT.
     fn pass(&mut self, old: &mut Self, room: &mut Room, from: MatLocation, to: MatLocation) {
         let motion = match from {
             MatLocation::Room(slot) => room.mats[slot],

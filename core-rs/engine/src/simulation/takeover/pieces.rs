@@ -1,4 +1,5 @@
-//! What passes from one island to another piece by piece, and not as a whole island: voices with their gestures' reports, gates, hands, silence.
+//! What passes from one island to another item by item: voices with the reports of their gestures, gates, hands, and
+//! which parts are muted.
 
 use std::collections::HashMap;
 
@@ -8,11 +9,11 @@ use crate::island::{Island, ItemTakeover};
 use crate::plan::IslandPlan;
 use crate::simulation::side::{At, Side};
 
-/// A voice of an island that is known.
+/// A voice of an old island: the island's place, the island, its plan, and the index of the voice.
 type Known<'a> = (At, &'a Island, &'a IslandPlan, usize);
 
 impl Takeover {
-    /// Voices by the MATs that they strike, with their gestures' reports.
+    /// Matches voices by the MATs that they strike, and the reports of the gestures that both have.
     pub(super) fn voices(&mut self, there: &Side<'_>, here: &Side<'_>, n: u64) {
         let mut by_name: HashMap<(String, bool), Vec<Known<'_>>> = HashMap::new();
         for &(from, island, island_plan) in &there.islands {
@@ -32,7 +33,7 @@ impl Takeover {
                 let Some(candidates) = by_name.get_mut(&name) else {
                     continue;
                 };
-                // A layer is its one gesture; a key has one voice for the others.
+                // A layer holds one gesture, so it is matched by that; all other gestures of a key share one voice.
                 let mut same = None;
                 for (at, &(from, old, other, there)) in candidates.iter().enumerate() {
                     let their = &old.script().voices[there];
@@ -88,7 +89,8 @@ impl Takeover {
         }
     }
 
-    /// Gates by their links, hands by their MATs, parts that may be mute.
+    /// Matches gates by their links, hands by their MATs, and, in islands that are the same, the parts that may be
+    /// muted.
     pub(super) fn holds(&mut self, there: &Side<'_>, here: &Side<'_>) {
         let mut gates = HashMap::new();
         let mut hands: HashMap<String, Vec<(At, usize)>> = HashMap::new();
@@ -96,7 +98,7 @@ impl Takeover {
             for (gate, own) in island.script().gates.iter().enumerate() {
                 gates.insert(island_plan.network.link_name(own.link), (from, gate));
             }
-            // A hand that several islands touch has a part in each of them.
+            // A hand that several islands touch has a binding in each of them.
             for (hand, own) in island.script().hand_bindings.iter().enumerate() {
                 let name = island_plan.network.mat_name(own.mat());
                 hands.entry(name).or_default().push((from, hand));

@@ -26,7 +26,7 @@ pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
         let length = copysign(sqrt(rest + first * first), first);
         mirror[k + 1] += length;
         let scale = 2.0 / dot(&mirror[below.clone()], &mirror[below.clone()]);
-        // From the left: rows below k.
+        // From the left: changes the rows below k.
         along.fill(0.0);
         for i in below.clone() {
             add(mirror[i], &matrix[i * n..(i + 1) * n], &mut along);
@@ -34,7 +34,7 @@ pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
         for i in below.clone() {
             add(-scale * mirror[i], &along, &mut matrix[i * n..(i + 1) * n]);
         }
-        // From the right: columns beyond k.
+        // From the right: changes the columns beyond k.
         for i in 0..n {
             let row = &mut matrix[i * n + k + 1..(i + 1) * n];
             let by = -scale * dot(row, &mirror[below.clone()]);

@@ -3,7 +3,7 @@
 use crate::interrupt;
 use crate::spectrum::vector::add;
 
-/// The inverse of `matrix` (n, n), row after row; `None` where it has none.
+/// The inverse of `matrix` (n, n), row after row; `None` if it is singular.
 pub(crate) fn inverse(mut matrix: Vec<f64>) -> Option<Vec<f64>> {
     let n = matrix.len().isqrt();
     let mut found = vec![0.0; n * n];

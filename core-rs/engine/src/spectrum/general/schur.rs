@@ -1,13 +1,13 @@
-//! A Hessenberg matrix to real Schur form by Francis' double-shift QR.
+//! Reduction of a Hessenberg matrix to real Schur form by Francis' double-shift QR.
 
 use crate::interrupt;
 use crate::maths::{copysign, sqrt};
 
-/// Rounds of QR for one eigenvalue or pair; two to four are the rule.
+/// Largest number of QR rounds for one eigenvalue or pair; two to four are usual.
 const ROUNDS: usize = 60;
 
-/// Bring `h` (n, n) to real Schur form, `turned` (n, n) along; returns the eigenvalues, `None` where that does not
-/// converge.
+/// Bring `h` (n, n) to real Schur form, and apply the same rotations to `turned` (n, n). Returns the eigenvalues, or
+/// `None` if the iteration does not converge.
 pub(super) fn iterate(h: &mut [f64], n: usize, turned: &mut [f64]) -> Option<Vec<(f64, f64)>> {
     let mut values = vec![(0.0, 0.0); n];
     let size: f64 = h.iter().map(|x| x.abs()).sum();
@@ -33,7 +33,7 @@ pub(super) fn iterate(h: &mut [f64], n: usize, turned: &mut [f64]) -> Option<Vec
     Some(values)
 }
 
-/// The first row of the last block that hangs together, up to row `last`.
+/// First row of the unreduced block that ends at row `last`; the small subdiagonal element before it is set to 0.
 fn split(h: &mut [f64], n: usize, last: usize, size: f64) -> usize {
     for l in (1..=last).rev() {
         let beside = h[(l - 1) * n + l - 1].abs() + h[l * n + l].abs();
@@ -46,7 +46,7 @@ fn split(h: &mut [f64], n: usize, last: usize, size: f64) -> usize {
     0
 }
 
-/// The eigenvalues of the block at rows k and k + 1, which is made triangular where they are real.
+/// The eigenvalues of the 2 × 2 block at rows k and k + 1. If they are real, the block is made triangular.
 fn pair(h: &mut [f64], n: usize, k: usize, turned: &mut [f64]) -> [(f64, f64); 2] {
     let at = |i: usize, j: usize| (k + i) * n + k + j;
     let (a, b, c, d) = (h[at(0, 0)], h[at(0, 1)], h[at(1, 0)], h[at(1, 1)]);
@@ -60,7 +60,7 @@ fn pair(h: &mut [f64], n: usize, k: usize, turned: &mut [f64]) -> [(f64, f64); 2
     let far = p + copysign(root, p);
     let one = d + far;
     let other = if far == 0.0 { one } else { d - b * c / far };
-    // The eigenvector of `one` becomes the first direction.
+    // Rotate the eigenvector of `one` into the first axis.
     let length = sqrt(far * far + c * c);
     let (cosine, sine) = (far / length, c / length);
     rotate(h, n, k, turned, [cosine, sine]);
@@ -86,7 +86,8 @@ fn rotate(h: &mut [f64], n: usize, k: usize, turned: &mut [f64], [c, s]: [f64; 2
 /// One double step on the block of rows `first` to `last`.
 fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turned: &mut [f64]) {
     let at = |i: usize, j: usize| i * n + j;
-    // The sum and product of the two shifts: eigenvalues of the last corner, but for a round that is stuck.
+    // Sum and product of the two shifts: the eigenvalues of the last 2 × 2 block, or exceptional shifts in every tenth
+    // round, in case the iteration is stuck.
     let (sum, product) = if round.is_multiple_of(10) {
         let size = h[at(last, last - 1)].abs() + h[at(last - 1, last - 2)].abs();
         (1.5 * size, size * size)
@@ -97,7 +98,7 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
     };
     let mut start = first;
     let mut column = [0.0; 3];
-    // Two small subdiagonals one after the other part the block as well.
+    // Two consecutive small subdiagonal elements also split the block.
     for m in (first..=last - 2).rev() {
         let (a, b, c) = (h[at(m, m)], h[at(m, m + 1)], h[at(m + 1, m)]);
         let (d, e) = (h[at(m + 1, m + 1)], h[at(m + 2, m + 1)]);
@@ -134,7 +135,7 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
         } else if start > first {
             h[at(k, k - 1)] = -h[at(k, k - 1)];
         }
-        // I − v wᵀ with v₀ = 1.
+        // The reflection is I − v wᵀ with v₀ = 1.
         let head = column[0] + length;
         let v = [1.0, column[1] / head, column[2] / head];
         let w = [head / length, column[1] / length, column[2] / length];

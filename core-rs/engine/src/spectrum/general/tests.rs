@@ -1,7 +1,7 @@
 use super::{General, general, inverse};
 use crate::chance::Chance;
 
-/// ‖A·V − V·B‖ over ‖A‖, and the sum of the eigenvalues over that of the diagonal.
+/// Largest element of A·v − λ·v over all eigenpairs, relative to ‖v‖·‖A‖.
 fn residual(matrix: &[f64], found: &General) -> f64 {
     let n = found.values.len();
     let apply = |x: &[f64]| -> Vec<f64> {
@@ -55,7 +55,7 @@ fn eigenvectors_of_any_matrix_are_turned_by_their_eigenvalues_alone() {
 
 #[test]
 fn roots_of_a_polynomial_are_the_eigenvalues_of_its_companion() {
-    // (x − 1)(x − 2)(x + 3)(x² + 2x + 5), multiplied out from the last factor.
+    // The companion matrix of (x − 1)(x − 2)(x + 3)(x² + 2x + 5).
     let mut matrix = vec![0.0; 25];
     for i in 0..4 {
         matrix[(i + 1) * 5 + i] = 1.0;
@@ -92,7 +92,7 @@ fn roots_of_a_polynomial_are_the_eigenvalues_of_its_companion() {
 
 #[test]
 fn equal_eigenvalues_have_eigenvectors_of_their_own() {
-    // Twice the same rotation, coupled by nothing, seen from turned axes.
+    // The same rotation twice, in two planes that are not coupled.
     let mut matrix = vec![0.0; 16];
     for (i, j, x) in [(0, 2, 3.0), (2, 0, -3.0), (1, 3, 3.0), (3, 1, -3.0)] {
         matrix[i * 4 + j] = x;

@@ -3,8 +3,8 @@
 use crate::interrupt;
 use crate::spectrum::vector::{add, dot};
 
-/// An eigenvector in each row of the matrix whose Schur form is `h` and whose directions are the rows of `turned`; of a
-/// pair its real part, then its imaginary part   (n, n).
+/// Eigenvectors, one a row, of the matrix whose Schur form is `h` and whose Schur vectors are the rows of `turned`; a
+/// conjugate pair has two rows, the real and the imaginary part   (n, n).
 pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]) -> Vec<f64> {
     let size = h.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let mut found = vec![0.0; n * n];
@@ -12,7 +12,7 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]
     for last in (0..n).rev() {
         interrupt::poll();
         let (value, imaginary) = values[last];
-        // The first of a pair is done with its second.
+        // A pair is solved when its second eigenvalue comes.
         if imaginary > 0.0 {
             continue;
         }
@@ -24,7 +24,7 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]
             solve(h, n, last, (shift, size), values, [&mut re, &mut im]);
             combine(&re, turned, last + 1, &mut found[last * n..(last + 1) * n]);
         } else {
-            // (a − s) x + b = 0, or c x + (d − s) = 0, of the block in the corner: the larger coefficient divides.
+            // The last block gives (a − s) x + b = 0 and c x + (d − s) = 0; use the one with the larger of b and c.
             let k = last - 1;
             let (a, b) = (h[k * n + k], h[k * n + last]);
             let (c, d) = (h[last * n + k], h[last * n + last]);
@@ -42,7 +42,7 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]
     found
 }
 
-/// Rows above `below` of (H − s) x = 0.
+/// Solves the rows above `below` of (H − s) x = 0.
 fn solve(
     h: &[f64],
     n: usize,
@@ -51,7 +51,7 @@ fn solve(
     values: &[(f64, f64)],
     [re, im]: [&mut [f64]; 2],
 ) {
-    // A pivot that is none is as large as rounding.
+    // A pivot that vanishes is replaced by one of the size of rounding.
     let pivot = |x: (f64, f64)| {
         if x.0.abs() + x.1.abs() <= f64::EPSILON * size {
             (f64::EPSILON * size, 0.0)
@@ -71,7 +71,7 @@ fn solve(
             let own = pivot((h[i * n + i] - s.0, -s.1));
             (re[i], im[i]) = divide(right, own);
         } else {
-            // A block of two: [a b; c d] − s.
+            // A 2 × 2 block: [a b; c d] − s.
             let (k, l) = (i - 1, i);
             let (f, g) = (rest(k, l + 1, re, im), rest(l, l + 1, re, im));
             let (b, c) = (h[k * n + l], h[l * n + k]);
@@ -96,7 +96,7 @@ fn solve(
     }
 }
 
-/// Σ x·row of the first `n_rows` rows.
+/// Adds Σ x·row over the first `n_rows` rows to `sum`.
 fn combine(x: &[f64], rows: &[f64], n_rows: usize, sum: &mut [f64]) {
     let n = sum.len();
     for (x, row) in x.iter().zip(rows.chunks_exact(n)).take(n_rows) {
@@ -108,7 +108,7 @@ fn times(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
 }
 
-/// A quotient of complex numbers (Smith 1962).
+/// Quotient of two complex numbers (Smith 1962).
 fn divide(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     if b.1 == 0.0 {
         (a.0 / b.0, a.1 / b.0)

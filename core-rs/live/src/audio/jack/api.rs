@@ -1,4 +1,4 @@
-//! libjack, looked up when it is first needed: nothing is linked, so nothing is missing where there is no JACK.
+//! libjack, loaded when it is first needed: the program is not linked to it, and also runs where there is no JACK.
 
 use std::ffi::{c_char, c_int, c_uint, c_ulong, c_void};
 use std::sync::OnceLock;
@@ -53,7 +53,7 @@ type OnMessage = unsafe extern "C" fn(*const c_char);
 
 macro_rules! api {
     ($($name:ident = $symbol:literal: $kind:ty;)*) => {
-        /// The functions that are used, by their names without `jack_`.
+        /// The functions of libjack in use, by their names without `jack_`.
         pub(super) struct Api {
             $(pub(super) $name: $kind,)*
             _library: Library,
@@ -115,7 +115,7 @@ api! {
 
 unsafe extern "C" fn unsaid(_: *const c_char) {}
 
-/// The library, if there is one.
+/// The library, if it is installed.
 pub(super) fn api() -> Result<&'static Api, AudioError> {
     static API: OnceLock<Result<Api, String>> = OnceLock::new();
     let found = API.get_or_init(|| {
@@ -124,7 +124,7 @@ pub(super) fn api() -> Result<&'static Api, AudioError> {
             // SAFETY: libjack's initialisers do nothing that this program would not bear.
             match unsafe { Library::new(name) }.and_then(Api::load) {
                 Ok(api) => {
-                    // A missing server is told in our words, not by libjack on the terminal.
+                    // A missing server is reported by our own message, not by libjack on the terminal.
                     // SAFETY: the function lives as long as the program.
                     unsafe {
                         (api.set_error_function)(unsaid);

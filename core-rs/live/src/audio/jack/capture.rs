@@ -1,4 +1,4 @@
-//! A second JACK client that records what another one sends, as the loudspeakers would get it.
+//! A second JACK client that records another client, as the loudspeakers would get it.
 
 use std::ffi::CString;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use super::api::{Api, PORT_IS_INPUT, PORT_IS_OUTPUT};
 use super::client::{Active, Client, Port, Process};
 use crate::audio::AudioError;
 
-/// A recording that runs.
+/// A running recording.
 pub struct Capture {
     active: Active<Recorder>,
     ports: Vec<Port>,
@@ -24,8 +24,8 @@ struct Recorder {
 }
 
 impl Capture {
-    /// Record up to `frames` frames of `channels` from the first sound after `connect` on: a server that runs as fast as
-    /// its clients do makes minutes of silence while they begin.
+    /// Record up to `frames` frames of `channels`, beginning with the first sound after `connect`: a freewheeling
+    /// server makes minutes of silence while its clients start.
     ///
     /// # Errors
     ///
@@ -75,12 +75,12 @@ impl Capture {
         self.recorded.load(Ordering::Acquire)
     }
 
-    /// Let the server run as fast as its clients do, or by its clock again; whether it does.
+    /// Let the server run as fast as its clients, or by its clock again; whether it agreed.
     pub fn freewheel(&self, on: bool) -> bool {
         self.active.client().set_freewheel(on)
     }
 
-    /// End; the interleaved frames.
+    /// End the recording; the interleaved frames.
     #[must_use]
     pub fn finish(self) -> Vec<f32> {
         let channels = self.ports.len();

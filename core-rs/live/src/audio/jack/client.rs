@@ -1,4 +1,4 @@
-//! A client of a JACK server: opened, told of news, closed.
+//! A client of a JACK server: opening, callbacks for server events, closing.
 
 use std::ffi::{CStr, CString, c_char, c_int, c_uint, c_ulong, c_void};
 use std::ptr;
@@ -10,7 +10,7 @@ use crate::audio::AudioError;
 use crate::audio::shared::Shared;
 use crate::realtime;
 
-/// What the server's own threads tell; atomics only.
+/// State that the server's own threads update; atomics only.
 struct ServerEvents {
     shared: Arc<Shared>,
     gone: AtomicBool,
@@ -18,9 +18,9 @@ struct ServerEvents {
     block: AtomicU32,
 }
 
-/// What a process callback does.
+/// A process callback.
 pub(super) trait Process: Send + 'static {
-    /// One cycle of `frames`. No allocation, lock, wait or panic.
+    /// One cycle of `frames`. No allocation, lock or panic; waits only while the server freewheels.
     fn cycle(&mut self, api: &Api, frames: u32);
 }
 
@@ -42,7 +42,7 @@ unsafe impl Send for Client {}
 // SAFETY: as above.
 unsafe impl Sync for Client {}
 
-/// A port of a client of ours; good while that is open.
+/// A port of a client; valid while the client is open.
 #[derive(Clone, Copy)]
 pub(super) struct Port(pub(super) *mut RawPort);
 
@@ -51,10 +51,10 @@ unsafe impl Send for Port {}
 // SAFETY: as above.
 unsafe impl Sync for Port {}
 
-/// How often a server is asked that had no time for a client: each time it has some seconds.
+/// Attempts to open a client on a server that is too busy; each attempt waits some seconds.
 const ATTEMPTS: usize = 4;
 
-/// What `open` gives, which fails with a status: where the server was there and too busy, it is asked again.
+/// Calls `open` until it succeeds; tries again if its status says that the server is there but too busy.
 fn admitted<T>(mut open: impl FnMut(&mut c_uint) -> Option<T>) -> Result<T, AudioError> {
     let mut status = 0;
     for _ in 0..ATTEMPTS {
@@ -80,7 +80,7 @@ fn admitted<T>(mut open: impl FnMut(&mut c_uint) -> Option<T>) -> Result<T, Audi
 }
 
 impl Client {
-    /// Connect to the server that runs; starts none.
+    /// Connects to the running server; starts no server.
     pub(super) fn open(name: &CStr, shared: Arc<Shared>) -> Result<Self, AudioError> {
         let api = api::api()?;
         let raw = admitted(|status| {
@@ -123,7 +123,7 @@ impl Client {
         &self.news.shared
     }
 
-    /// Whether the server is there, at the rate that it had.
+    /// Whether the server still runs, at the rate that it had.
     pub(super) fn alive(&self) -> bool {
         !self.news.gone.load(Ordering::Acquire) && self.rate() == self.opened_at
     }
@@ -136,7 +136,7 @@ impl Client {
         self.news.block.load(Ordering::Acquire)
     }
 
-    /// The name that the server gave: another where ours was taken.
+    /// The name that the server gave the client; it differs from ours if that was taken.
     pub(super) fn name(&self) -> String {
         // SAFETY: the client is open; the name lives as long.
         unsafe { text((self.api.get_client_name)(self.raw)) }
@@ -172,7 +172,8 @@ impl Client {
         unsafe { text((self.api.port_name)(port.0)) }
     }
 
-    /// Frames from a port of ours to the loudspeaker, or to one of ours from the microphone, as the server tells.
+    /// Frames from one of our ports to the loudspeaker, or from the microphone to one of our ports, as the server
+    /// reports.
     pub(super) fn latency(&self, port: Port, way: c_uint) -> u32 {
         let mut range = LatencyRange::default();
         // SAFETY: the port is one of this open client; the range lives through the call.
@@ -182,7 +183,7 @@ impl Client {
         range.max
     }
 
-    /// Names of the ports that match a pattern (all where it is empty) and have these properties.
+    /// Names of the ports that match a pattern (empty: all) and have these properties.
     pub(super) fn find(&self, pattern: &str, flags: c_ulong) -> Vec<String> {
         let pattern = CString::new(pattern).unwrap_or_default();
         let mut names = Vec::new();
@@ -212,13 +213,13 @@ impl Client {
         done == 0 || done == EXISTS
     }
 
-    /// Let the server run as fast as its clients do, or by its clock again.
+    /// Let the server run as fast as its clients, or by its clock again; whether it agreed.
     pub(super) fn set_freewheel(&self, on: bool) -> bool {
         // SAFETY: the client is open.
         unsafe { (self.api.set_freewheel)(self.raw, on.into()) == 0 }
     }
 
-    /// Begin: `process` is called for every cycle until the client is closed.
+    /// Start: `process` is called for every cycle until the client is closed.
     pub(super) fn activate<P: Process>(self, process: P) -> Result<Active<P>, (P, AudioError)> {
         let callback = Box::new(Callback {
             api: self.api,
@@ -256,7 +257,7 @@ impl Drop for Client {
     }
 }
 
-/// A client whose callback runs.
+/// A client with a running callback.
 pub(super) struct Active<P: Process> {
     client: Option<Client>,
     callback: *mut Callback<P>,
@@ -272,7 +273,7 @@ impl<P: Process> Active<P> {
         self.client.as_ref().expect("it is open until it is closed")
     }
 
-    /// End, and give back what processed.
+    /// Close the client and return its `process`.
     pub(super) fn close(mut self) -> P {
         self.client = None;
         let callback = std::mem::replace(&mut self.callback, ptr::null_mut());
@@ -293,7 +294,7 @@ impl<P: Process> Drop for Active<P> {
 
 /// # Safety
 ///
-/// Null, or a string that lives through the call.
+/// `string` is null, or a string that lives through the call.
 unsafe fn text(string: *const c_char) -> String {
     if string.is_null() {
         return String::new();
@@ -313,7 +314,7 @@ unsafe extern "C" fn cycle<P: Process>(frames: u32, arg: *mut c_void) -> c_int {
 
 /// # Safety
 ///
-/// `arg` is what `listen` gave.
+/// `arg` is the pointer that `listen` passed.
 unsafe fn news<'a>(arg: *mut c_void) -> &'a ServerEvents {
     // SAFETY: by contract; the client, which lives longer than its callbacks, holds it.
     unsafe { &*arg.cast::<ServerEvents>() }

@@ -1,4 +1,4 @@
-//! A JACK client that hears: named `ergon_in`, with ports `in_1` to `in_n`.
+//! A JACK client for inputs: named `ergon_in`, with ports `in_1` to `in_n`.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::audio::shared::Shared;
 use crate::audio::source::{InputFailure, OpenedInput, Source};
 use crate::audio::{AudioError, Spec};
 
-/// A client of the server that runs; starts none.
+/// Opens a client of the running server; starts no server.
 pub(in crate::audio) fn open(
     spec: &Spec,
     channels: usize,
@@ -59,7 +59,7 @@ fn start(
     Ok(Box::new(Hearing { active, ports }))
 }
 
-/// What runs in the server's thread.
+/// The process callback, which runs in the server's thread.
 struct HearingCallback {
     feed: Feed,
     ports: Box<[Port]>,

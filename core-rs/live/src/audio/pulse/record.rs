@@ -1,4 +1,4 @@
-//! A recording stream: the server sends bytes, a thread of ours hands them to the ring.
+//! A recording stream: the server sends bytes, and our thread writes them to the ring.
 
 use std::ffi::{CStr, CString};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use crate::realtime;
 
 const LOOK: Duration = Duration::from_millis(50);
 
-/// A stream of the source that is named, or of the default one; starts no server.
+/// Opens a stream from the named source, or from the default one; starts no server.
 pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<OpenedInput, AudioError> {
     let mut wire = Wire::connect(c"ergon").map_err(missing)?;
     let source = find(&mut wire, spec.device.as_deref())?;
@@ -79,7 +79,7 @@ fn start(
         .spawn(move || {
             let mut feed = feed;
             realtime::scheduled_at(PRIORITY);
-            // A server that went away is told by the supervisor, which sees that the thread has ended.
+            // The error is not reported here: the supervisor sees that the thread has ended.
             let _ = stream.run(&mut feed, &told);
             feed
         })
@@ -91,7 +91,7 @@ fn start(
     }))
 }
 
-/// A stream of all channels of a source: its number, and how late it is [frames].
+/// Creates a stream of all channels of a source: its number, and its latency [frames].
 fn begin(
     wire: &mut Wire,
     source: &SourceInfo,
@@ -156,7 +156,7 @@ impl RecordingStream {
         Ok(())
     }
 
-    /// Hand on the first channels of whole frames, and silence where there are fewer.
+    /// Write whole frames to the ring: the first channels of the source, and silence for those that it lacks.
     fn take(&mut self, bytes: &[u8], feed: &mut Feed) {
         let channels = feed.channels();
         self.samples.clear();

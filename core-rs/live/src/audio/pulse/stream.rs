@@ -1,4 +1,4 @@
-//! A playback stream: the server asks for bytes, a thread of ours answers.
+//! A playback stream: the server asks for bytes, and our thread sends them.
 
 use std::ffi::{CStr, CString};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,9 +12,9 @@ use crate::audio::sink::{Opened, PRIORITY, Sink, ThreadSink};
 use crate::audio::{AudioError, Spec};
 use crate::realtime;
 
-/// What the protocol's channel maps can hold.
+/// Most channels of a channel map of the protocol.
 const CHANNELS_MAX: usize = 32;
-/// Below this PulseAudio loses frames now and then; it was exact from here on.
+/// With smaller blocks PulseAudio loses frames now and then; from this size on, tests lost none.
 pub(super) const BLOCK: u32 = 1024;
 const LOOK: Duration = Duration::from_millis(50);
 const LATENCY_EVERY: Duration = Duration::from_secs(1);
@@ -26,7 +26,7 @@ pub(super) fn missing(why: String) -> AudioError {
     }
 }
 
-/// A stream on the sink that is named, or on the default one; starts no server.
+/// Opens a stream to the named sink, or to the default one; starts no server.
 pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, AudioError> {
     if channels > CHANNELS_MAX {
         let why = "PulseAudio's protocol carries 32 at most: use jack (any number) or file:PATH";
@@ -122,7 +122,7 @@ impl PlayingStream {
             },
             props,
             flags: protocol::stream::StreamFlags {
-                // One or two channels are spread over what there is; more go out by number.
+                // One or two channels are mixed to all channels of the sink; more are sent by number.
                 no_remap_channels: channels > 2,
                 no_remix_channels: channels > 2,
                 adjust_latency: true,
@@ -183,7 +183,7 @@ impl PlayingStream {
         Ok(())
     }
 
-    /// Send what was asked for; whether anything was.
+    /// Send the bytes that the server asked for; whether it had asked for any.
     fn answer(&mut self, drain: &mut Drain) -> Result<bool, String> {
         let frames = (self.wanted / (4 * self.channels)).min(self.samples.len() / self.channels);
         if frames == 0 {
@@ -208,7 +208,7 @@ impl PlayingStream {
     }
 }
 
-/// Speakers of our channels: the sink's own where it has as many, else their numbers.
+/// Channel positions of our channels: those of the sink if it has as many channels, else numbered ones.
 fn map(sink: &SinkInfo, channels: usize) -> ChannelMap {
     if channels == usize::from(sink.channel_map.num_channels()) {
         return sink.channel_map;
@@ -229,7 +229,7 @@ const AUX: [ChannelPosition; CHANNELS_MAX] = aux! {
     Aux16 Aux17 Aux18 Aux19 Aux20 Aux21 Aux22 Aux23 Aux24 Aux25 Aux26 Aux27 Aux28 Aux29 Aux30 Aux31
 };
 
-/// What the server that runs would play on.
+/// What the running server would play on.
 pub(in crate::audio) fn survey() -> Result<String, AudioError> {
     let mut wire = Wire::connect(c"ergon").map_err(missing)?;
     let server: protocol::ServerInfo = wire.ask(&Command::GetServerInfo).map_err(missing)?;

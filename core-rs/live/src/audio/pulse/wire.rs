@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use pulseaudio::protocol::{self, Command, CommandReply, Prop};
 
-/// A server that does not answer so long is taken for dead.
+/// A server that does not answer for this long counts as dead.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// An authorised connection.
@@ -16,12 +16,12 @@ pub(super) struct Wire {
     socket: UnixStream,
     version: u16,
     serial: u32,
-    /// What came and is no whole message yet.
+    /// Received bytes that are not a whole message yet.
     came: Vec<u8>,
     piece: Box<[u8]>,
 }
 
-/// A message: the stream that its samples are of (none: a command), and what stands behind its header.
+/// A message: the stream that its samples belong to (`COMMAND`: a command), and the bytes after its header.
 pub(super) struct Message {
     channel: u32,
     bytes: Vec<u8>,
@@ -31,7 +31,7 @@ pub(super) struct Message {
 const COMMAND: u32 = u32::MAX;
 
 impl Wire {
-    /// Connect to the server that the environment names; starts none. The error is a sentence.
+    /// Connects to the server that the environment names; starts no server. The error is a sentence.
     pub(super) fn connect(name: &CStr) -> Result<Self, String> {
         let path = socket_path()?;
         let socket = UnixStream::connect(&path).map_err(|error| match error.kind() {
@@ -55,7 +55,7 @@ impl Wire {
             version: protocol::MAX_VERSION,
             supports_shm: false,
             supports_memfd: false,
-            // Of this length even where there is none, or the server hangs up.
+            // The server hangs up unless the cookie has this length, even if there is none.
             cookie: cookie.unwrap_or_else(|| vec![0; 256]),
         }))?;
         wire.version = wire.version.min(auth.version);
@@ -65,7 +65,7 @@ impl Wire {
         Ok(wire)
     }
 
-    /// Send a command; returns the number that its reply will have.
+    /// Send a command; returns the serial number of its reply.
     pub(super) fn send(&mut self, command: &Command) -> Result<u32, String> {
         self.serial += 1;
         protocol::write_command_message(&mut self.socket, self.serial, command, self.version)
@@ -73,7 +73,7 @@ impl Wire {
         Ok(self.serial)
     }
 
-    /// Send a command and wait for its reply; what comes in between is passed over.
+    /// Send a command and wait for its reply; other messages in between are skipped.
     pub(super) fn ask<R: CommandReply>(&mut self, command: &Command) -> Result<R, String> {
         let serial = self.send(command)?;
         let until = Instant::now() + PATIENCE;
@@ -92,7 +92,7 @@ impl Wire {
         Err("the PulseAudio server does not answer".into())
     }
 
-    /// The command in a message: (number, command); `None` for what is not known here.
+    /// The command in a message: (number, command); `None` if it is not known here.
     pub(super) fn read(&self, message: &Message) -> Option<(u32, Command)> {
         message.command(self.version)
     }
@@ -102,7 +102,7 @@ impl Wire {
         message.reply(self.version)
     }
 
-    /// Samples for a stream.
+    /// Send samples to a stream.
     pub(super) fn samples(&mut self, channel: u32, bytes: &[u8]) -> Result<(), String> {
         protocol::write_memblock(&mut self.socket, channel, bytes, 0)
             .map_err(|error| error.to_string())
@@ -166,7 +166,7 @@ impl Message {
         (self.channel != COMMAND).then_some(self.channel)
     }
 
-    /// What stands behind the header.
+    /// The bytes after the header.
     pub(super) fn bytes(&self) -> &[u8] {
         &self.bytes
     }
@@ -188,11 +188,11 @@ impl Message {
     }
 }
 
-/// Where the server's socket is: PULSE_SERVER, else the places that PulseAudio itself looks at.
+/// The path of the server's socket: PULSE_SERVER, else the places where PulseAudio itself looks.
 fn socket_path() -> Result<PathBuf, String> {
     let variable = |name| std::env::var(name).ok().filter(|text| !text.is_empty());
     if let Some(server) = variable("PULSE_SERVER") {
-        // Several may be named; each may begin with a {machine id}.
+        // It may list several servers; each may begin with a {machine id}.
         let local = server.split_whitespace().find_map(|one| {
             let one = one.rsplit_once('}').map_or(one, |(_, one)| one);
             let path = one.strip_prefix("unix:").unwrap_or(one);

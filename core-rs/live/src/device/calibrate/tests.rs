@@ -11,7 +11,7 @@ fn device(hand: Hand) -> Emulated {
     Emulated::new(keys, key)
 }
 
-/// A motor wired the other way round, its sensor in other metres and from another zero.
+/// A device with a motor of reversed polarity, and a sensor with another scale and another zero.
 fn odd(device: Emulated) -> Calibrated<Emulated> {
     let axis = Axis {
         sign: -1.0,
@@ -29,7 +29,7 @@ fn a_pulse_tells_the_direction() {
     assert_eq!(direction(&mut straight, 0, pulse, PERIOD, &GO), Ok(1.0));
     let mut wired = odd(device(Hand::Resting));
     assert_eq!(direction(&mut wired, 0, pulse, PERIOD, &GO), Ok(-1.0));
-    // Applied, what was found makes it right.
+    // The calibration that was found corrects the device.
     let found = Axis {
         sign: -1.0,
         ..Axis::plain(wired.spec())
@@ -84,7 +84,7 @@ fn ends_give_zero_and_gain() {
         (ends[0] + 0.03).abs() < 2e-3 && (ends[1] - 0.01).abs() < 2e-3,
         "{ends:?}"
     );
-    // The ruler says it was 80 mm: the device's metres are halves.
+    // By the ruler, the ends are 80 mm apart: the device reports half the true distance.
     let axis = Axis::plain(device.spec()).between(ends, 0.08);
     let mut right = Calibrated::new(device, vec![axis]);
     let mut sample = Sample::default();

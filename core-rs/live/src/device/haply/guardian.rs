@@ -1,5 +1,5 @@
-//! The guardian: a process of its own that holds the connection to the service. Whatever becomes of the host, a
-//! force on a hand is taken back: where the host falls silent or is stopped, and where it is gone.
+//! The guardian: a separate process that holds the connection to the service. It sets the force to zero if the host
+//! falls silent, is stopped, or is gone.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -14,11 +14,11 @@ pub use super::start::{Program, start_with};
 use crate::device::{FIRST_REPLY, Gone, LOCKSTEP_PATIENCE};
 use crate::realtime;
 
-/// At the end the zero is sent so often, unless a state answers it.
+/// Number of zeros that are sent at the end, unless a state answers one of them.
 const FAREWELLS: usize = 3;
 const FAREWELL: Duration = Duration::from_millis(20);
 
-/// What the host wants first.
+/// The host's first message: which device to open.
 pub(super) struct HostRequest<'a> {
     pub(super) target: &'a str,
     pub(super) id: Option<&'a str>,
@@ -31,13 +31,13 @@ impl HostRequest<'_> {
     }
 }
 
-/// What it is told.
+/// The guardian's answer to it.
 pub(super) enum Reply {
-    /// Where the device is [m].
+    /// The device is open; its position [m].
     Open([f64; 3]),
     OpenError(String),
     NoAnswer,
-    /// Lockstep was asked for, and the device has its own time.
+    /// Lockstep was asked for, but the device runs by its own clock.
     OwnTime,
 }
 
@@ -68,11 +68,11 @@ impl Reply {
     }
 }
 
-/// Be the guardian of one Haply until its host is gone. For a program that does nothing else: all files but the
-/// three standard ones are closed, signals that end a program are ignored.
+/// Run as the guardian of one Haply until its host is gone. For a program that does nothing else: signals that end or
+/// stop a program are ignored, and on Linux all files but the three standard ones are closed.
 ///
 /// # Errors
-/// Where no host is at the other end of the standard input.
+/// If the standard input is not a host.
 pub fn serve() -> io::Result<()> {
     alone();
     let mut stream = start::inherited()?;
@@ -89,7 +89,7 @@ pub fn serve() -> io::Result<()> {
     };
     put_text(&mut stream, &reply.text())?;
     if let (Reply::Open(_), Some(service)) = (&reply, &mut service) {
-        // Above the physics thread: one that hangs may not keep its guardian waiting.
+        // Above the physics thread, so that a hanging physics thread cannot block its guardian.
         realtime::ask(realtime::PHYSICS + 1);
         let mut line = Line::new(stream)?;
         attend(&mut line, service, lockstep);
@@ -100,11 +100,11 @@ pub fn serve() -> io::Result<()> {
     Ok(())
 }
 
-/// Pass orders on and states back, until either side is gone; at the end the force is zero.
+/// Pass orders on and states back until either side is gone; at the end the force is zero.
 fn attend(line: &mut Line, service: &mut Service, lockstep: bool) {
     let mut rules = Rules::new(lockstep, Instant::now());
     if !lockstep {
-        // What a former host left may still stand. Where this fails, the service is gone, which is noticed below.
+        // A force that a former host left may still act. If this fails, the service is gone, which `pass` detects.
         let _ = service.command([0.0; 3]);
     }
     let Err(gone) = pass(line, service, &mut rules) else {
@@ -118,10 +118,10 @@ fn attend(line: &mut Line, service: &mut Service, lockstep: bool) {
     let _ = line.put(&GuardianReply::Gone(gone).bytes());
 }
 
-/// Fails where the service is gone, and ends where the host is.
+/// Pass orders and states; fails when the service is gone, and returns when the host is gone.
 fn pass(line: &mut Line, service: &mut Service, rules: &mut Rules) -> Result<(), Gone> {
     loop {
-        // What has come is heard before somebody is judged silent, by the clock as it was before.
+        // Messages that have arrived are read before a silence is judged, and all with the time from before the reads.
         let now = Instant::now();
         let host = line.take(|bytes| rules.order(ForceCommand::parse(bytes), now));
         let more = service.read(|state| {
@@ -131,7 +131,7 @@ fn pass(line: &mut Line, service: &mut Service, rules: &mut Rules) -> Result<(),
                 position: state.position,
                 let_go,
             };
-            // A host that is gone is noticed where orders are read.
+            // Errors are ignored here; a host that is gone is detected when orders are read.
             let _ = line.put(&answer.bytes());
         })?;
         loop {
@@ -150,7 +150,7 @@ fn pass(line: &mut Line, service: &mut Service, rules: &mut Rules) -> Result<(),
     }
 }
 
-/// Zero, until a state answers; in lockstep a command is a period, and one is enough.
+/// Send zero until a state answers; in lockstep a command is a period, so one is enough.
 fn farewell(service: &mut Service, lockstep: bool) {
     let (times, patience) = if lockstep {
         (1, LOCKSTEP_PATIENCE)
@@ -174,7 +174,7 @@ fn farewell(service: &mut Service, lockstep: bool) {
     }
 }
 
-/// Nothing of the host's is held open here, and what ends the host's terminal does not end its guardian.
+/// Close the files that were inherited from the host, and ignore the signals of the host's terminal.
 #[cfg(unix)]
 fn alone() {
     const IGNORED: [i32; 8] = [

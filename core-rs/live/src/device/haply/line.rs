@@ -1,4 +1,4 @@
-//! The line between a host and its guardian: messages of one length over a stream of this machine.
+//! The line between a host and its guardian: messages of fixed length over a local stream.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
@@ -10,42 +10,42 @@ pub(super) type Stream = std::os::unix::net::UnixStream;
 #[cfg(not(unix))]
 pub(super) type Stream = std::net::TcpStream;
 
-/// Length of an order and of an answer.
+/// Length of an order and of a reply [bytes].
 pub(super) const LEN: usize = 32;
 /// Messages that are read at once.
 const BATCH: usize = 64;
-/// Longest text, at the beginning.
+/// Longest text at the beginning of the connection [bytes].
 const TEXT: usize = 4096;
-/// Where there is no poll(2), how often a stream is looked at.
+/// Time between two checks of a stream, on systems without poll(2).
 #[cfg(not(unix))]
 const LOOK: Duration = Duration::from_micros(200);
 
 pub(super) type Bytes = [u8; LEN];
 
-/// To the guardian: the force of all axes [N].
+/// A message to the guardian: the force of all axes [N].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ForceCommand {
     pub(crate) number: u16,
     pub(crate) force: [f64; 3],
 }
 
-/// From the guardian.
+/// A message from the guardian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum GuardianReply {
-    /// A state that the service told.
+    /// A state that the service reported.
     State {
-        /// Of the latest order that was passed on before it.
+        /// Number of the latest order that was passed on before it.
         number: u16,
         /// [m]
         position: [f64; 3],
         /// Whether the guardian had set the force to zero by itself.
         let_go: bool,
     },
-    /// No state will come any more.
+    /// The service is gone; no more states will come.
     Gone(Gone),
 }
 
-/// Kinds of an answer.
+/// Kinds of a reply.
 const STATE: u8 = 0;
 const CLOSED: u8 = 1;
 const SILENT: u8 = 2;
@@ -141,17 +141,17 @@ impl Line {
         })
     }
 
-    /// Send a message. One that finds no room is dropped: the other end is stopped, and reads no message anyway.
+    /// Send a message. It is dropped if the stream is full: then the other end is stopped and does not read.
     pub(super) fn put(&mut self, message: &Bytes) -> Result<(), Gone> {
         match self.stream.write(message) {
             Ok(LEN) => Ok(()),
-            // Part of a message: what comes after it would be read wrongly.
+            // Only part of the message was written: the following messages would be read wrongly.
             Ok(_) => Err(Gone::Closed),
             Err(error) => is_quiet(&error).then_some(()).ok_or(Gone::Closed),
         }
     }
 
-    /// Hand on all messages that are there; fails where the other end is gone and all its messages are read.
+    /// Hand all messages that are there to `each`; fails once the other end is gone and all its messages are read.
     pub(super) fn take(&mut self, mut each: impl FnMut(&Bytes)) -> Result<(), Gone> {
         loop {
             let got = match self.stream.read(&mut self.bytes[self.len..]) {
@@ -187,7 +187,7 @@ pub(super) fn is_quiet(error: &io::Error) -> bool {
     matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
 }
 
-/// What may be waited for.
+/// A stream that `wait` can wait for.
 #[cfg(unix)]
 pub(super) trait Waits: std::os::fd::AsRawFd {}
 #[cfg(unix)]
@@ -197,7 +197,7 @@ pub(super) trait Waits {}
 #[cfg(not(unix))]
 impl<T> Waits for T {}
 
-/// Wait until there is something to read in one of these, or until a moment.
+/// Wait until one of the streams can be read, or until `until`.
 pub(super) fn wait<const N: usize>(streams: [&dyn Waits; N], until: Instant) {
     let left = until.saturating_duration_since(Instant::now());
     if left.is_zero() {
@@ -212,7 +212,7 @@ pub(super) fn wait<const N: usize>(streams: [&dyn Waits; N], until: Instant) {
     }
 }
 
-/// Send a text; the stream blocks.
+/// Send a text over a blocking stream.
 pub(super) fn put_text(stream: &mut Stream, text: &str) -> io::Result<()> {
     let len = text.len().min(TEXT);
     let mut bytes = (len as u32).to_le_bytes().to_vec();
@@ -220,7 +220,7 @@ pub(super) fn put_text(stream: &mut Stream, text: &str) -> io::Result<()> {
     stream.write_all(&bytes)
 }
 
-/// Read a text; the stream blocks, for `patience` at most.
+/// Read a text from a blocking stream, for at most `patience`.
 pub(super) fn take_text(stream: &mut Stream, patience: Duration) -> io::Result<String> {
     let until = Instant::now() + patience;
     let mut len = [0; 4];
@@ -296,7 +296,7 @@ mod tests {
                 .unwrap();
         }
         assert_eq!(found, (0..300).map(order).collect::<Vec<_>>());
-        // All at once, more than one batch, and then the end.
+        // Everything at once, more than one batch, followed by the end of the stream.
         from.write_all(&sent).unwrap();
         drop(from);
         let mut n = 0;

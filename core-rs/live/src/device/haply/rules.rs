@@ -1,4 +1,4 @@
-//! Which force the guardian sends, and when. It knows no clock but the one it is told.
+//! The guardian's rules: which force it sends, and when. They use only the times that the caller passes.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -6,17 +6,17 @@ use std::time::{Duration, Instant};
 use super::line::ForceCommand;
 use crate::device::LOCKSTEP_PATIENCE;
 
-/// Silence of the host after which the force is zero.
+/// Silence of the host after which the force is set to zero.
 pub(super) const HOST_SILENT: Duration = Duration::from_millis(50);
-/// A command that has no state so long after it was sent: the service is silent, and the force is zero. The host's
-/// own limit for old positions is 20 ms: it is the first to act, and fades its forces in again.
+/// Time without a state after a command, after which the service counts as silent and the force is set to zero. The
+/// host's own limit for old positions is 20 ms: the host acts first, and fades its forces in again.
 pub(super) const SERVICE_SILENT: Duration = Duration::from_millis(30);
-/// How often a silent service is told zero again.
+/// Time between two zeros sent to a silent service.
 const AGAIN: Duration = Duration::from_millis(20);
-/// Silence of the service after which it is gone.
+/// Silence after which the service counts as gone.
 const SERVICE_GONE: Duration = LOCKSTEP_PATIENCE;
 
-/// What is to be done now.
+/// What the guardian has to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Action {
     Nothing,
@@ -28,15 +28,15 @@ pub(crate) enum Action {
 
 pub(crate) struct Rules {
     lockstep: bool,
-    /// When the host was last heard.
+    /// When the last order came from the host.
     heard: Instant,
-    /// Orders that are not yet passed on: by a clock the newest, in lockstep all.
+    /// Orders that were not passed on yet: the newest one, in lockstep all.
     orders: VecDeque<ForceCommand>,
     /// Number of the latest order that was passed on.
     number: u16,
-    /// Numbers of the commands that have no state yet.
+    /// In lockstep: numbers of the commands that were not answered by a state yet.
     unanswered: VecDeque<u16>,
-    /// When the first of them was sent.
+    /// Start of the wait for a state, since the first command without one; `None`: all commands are answered.
     asked: Option<Instant>,
     /// When the latest command was sent.
     sent: Instant,
@@ -52,7 +52,7 @@ impl Rules {
             lockstep,
             heard: now,
             orders: VecDeque::new(),
-            // Of no order: the first has number 0.
+            // The number before the first order, which is 0.
             number: u16::MAX,
             unanswered: VecDeque::new(),
             asked: None,
@@ -62,7 +62,7 @@ impl Rules {
         }
     }
 
-    /// The host orders a force.
+    /// Take an order of the host.
     pub(crate) fn order(&mut self, order: ForceCommand, now: Instant) {
         self.heard = now;
         if !self.lockstep {
@@ -71,7 +71,7 @@ impl Rules {
         self.orders.push_back(order);
     }
 
-    /// The service tells a state: the number of the order that it answers, and whether the guardian let go.
+    /// Take a state of the service; returns the number of the order that it answers, and whether the guardian let go.
     pub(crate) fn state(&mut self, now: Instant) -> (u16, bool) {
         if self.lockstep {
             // Every command has its own state.
@@ -84,10 +84,10 @@ impl Rules {
         (self.number, self.let_go)
     }
 
-    /// What is to be done now; to be asked again until it is nothing.
+    /// The next action; to be called until it is `Nothing`.
     pub(crate) fn due(&mut self, now: Instant) -> Action {
         if self.lockstep {
-            // Time is the host's, and nobody is late.
+            // In lockstep the host sets the time, so nothing is late.
             return match self.orders.pop_front() {
                 Some(order) => self.pass(order, now),
                 None => Action::Nothing,
@@ -108,7 +108,8 @@ impl Rules {
             }
             return Action::Nothing;
         }
-        // One force at a time, or a slow service would be ever farther behind. A zero that ends a force goes at once.
+        // Only one unanswered force at a time, otherwise a slow service would fall further and further behind. A zero
+        // that ends a force is sent at once.
         let free = |order: &ForceCommand| self.asked.is_none() || (order.is_zero() && self.pushes);
         match self.orders.front().copied().filter(free) {
             Some(order) => {
@@ -119,7 +120,7 @@ impl Rules {
         }
     }
 
-    /// When `due` is to be asked again, though nothing comes.
+    /// When `due` must be called again if no message comes.
     pub(super) fn next(&self, now: Instant) -> Instant {
         let host = self.pushes.then_some(self.heard + HOST_SILENT);
         let service = self.asked.map(|asked| {
@@ -134,7 +135,7 @@ impl Rules {
         nexts.fold(now + AGAIN, Instant::min)
     }
 
-    /// Whether a force may stand: one was sent, or a zero that no state has answered.
+    /// Whether a force may still act: the latest command was a force, or no state has answered the zero yet.
     pub(super) fn is_unsure(&self) -> bool {
         self.pushes || self.asked.is_some()
     }

@@ -11,7 +11,7 @@ use super::line::{Waits, is_quiet, wait};
 use crate::device::{ASK_AGAIN, FIRST_REPLY, Gone};
 use crate::wire::haply as wire;
 
-/// Messages that are read before the clock is looked at again: a service may send without end.
+/// Messages that are read before the clock is checked again, because a service may send without pause.
 const AT_ONCE: usize = 64;
 
 pub(super) struct Service {
@@ -20,15 +20,15 @@ pub(super) struct Service {
     id: String,
 }
 
-/// Why there is none.
+/// Why the service could not be opened.
 pub(super) enum OpenError {
     Because(String),
-    /// It tells no state.
+    /// It reports no state.
     NoAnswer,
 }
 
 impl Service {
-    /// Connect and wait for the first state, of the device `id` or of any.
+    /// Connects and waits for the first state of the device `id`, or of any device.
     pub(super) fn open(target: &str, id: Option<&str>) -> Result<(Self, wire::State), OpenError> {
         let socket = connect(target, FIRST_REPLY).map_err(OpenError::Because)?;
         let mut this = Self {
@@ -54,13 +54,14 @@ impl Service {
         Err(OpenError::NoAnswer)
     }
 
-    /// Command a force [N]. Where the service reads too slowly, it waits in a buffer and goes with what is sent next.
+    /// Command a force [N]. If the service reads too slowly, the command stays in a buffer and is sent with the next
+    /// one.
     pub(super) fn command(&mut self, force: [f64; 3]) -> Result<(), Gone> {
         let command = Message::text(wire::command(&self.id, force));
         sent(self.socket.send(command))
     }
 
-    /// Hand on the states that are there; whether there may be more.
+    /// Hand the states that are there to `each`; returns whether there may be more.
     pub(super) fn read(&mut self, mut each: impl FnMut(wire::State)) -> Result<bool, Gone> {
         sent(self.socket.flush())?;
         let id = (!self.id.is_empty()).then_some(self.id.as_str());
@@ -86,7 +87,7 @@ impl Service {
         self.socket.get_ref()
     }
 
-    /// Zero again on a new connection: the old one ended, and the force may still stand.
+    /// Send zero on a new connection, because the old one has ended and the force may still act.
     pub(super) fn zero_anew(&mut self) {
         const PATIENCE: Duration = Duration::from_secs(1);
         if let Ok(socket) = connect(&self.target, PATIENCE) {
@@ -95,7 +96,7 @@ impl Service {
         }
     }
 
-    /// Say goodbye, and wait a little for the answer: what was sent has arrived then.
+    /// Close the WebSocket and wait briefly for the answer, which shows that all commands have arrived.
     pub(super) fn close(mut self) {
         const PATIENCE: Duration = Duration::from_millis(200);
         let until = Instant::now() + PATIENCE;
@@ -109,7 +110,7 @@ impl Service {
 fn sent(done: Result<(), Error>) -> Result<(), Gone> {
     match done {
         Err(Error::Io(error)) if is_quiet(&error) => Ok(()),
-        // Its buffer is full: a service that reads nothing is silent, which is judged elsewhere.
+        // The write buffer is full: the service reads nothing. `Rules` judge its silence.
         Err(Error::WriteBufferFull(_)) => Ok(()),
         done => done.map_err(|error| gone(&error)),
     }
@@ -122,7 +123,7 @@ fn gone(error: &Error) -> Gone {
     }
 }
 
-/// A connection that never blocks from here on; or why there is none.
+/// A WebSocket connection in non-blocking mode; or a sentence on why there is none.
 fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, String> {
     let address = target.strip_prefix("ws://").unwrap_or(target);
     let host = address.split('/').next().unwrap_or(address);
@@ -147,7 +148,7 @@ fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, Str
     Ok(socket)
 }
 
-/// A name may have several addresses.
+/// Connects to the first address of `host` that can be reached.
 fn reach(host: &str, patience: Duration) -> io::Result<TcpStream> {
     let mut last = io::Error::from(io::ErrorKind::AddrNotAvailable);
     for address in host.to_socket_addrs()? {

@@ -1,4 +1,4 @@
-//! How a host starts the guardian of its Haply, and how the two find each other.
+//! How a host starts the guardian of its Haply, and how the two connect.
 
 use std::ffi::OsString;
 use std::io;
@@ -9,27 +9,27 @@ use std::time::{Duration, Instant};
 
 use super::line::Stream;
 
-/// How long a guardian may take to end after its host let go; what it does is bounded by less.
+/// Longest time for a guardian to end after its host let go; its own waits are shorter.
 const PATIENCE: Duration = Duration::from_secs(3);
 const LOOK: Duration = Duration::from_millis(2);
 
 /// A program that calls [`serve`](super::guardian::serve) and then ends.
 #[derive(Clone, Debug)]
 pub struct Program {
-    /// The file.
+    /// The path of the program.
     pub path: PathBuf,
-    /// What it is started with.
+    /// Its arguments.
     pub arguments: Vec<OsString>,
 }
 
 static PROGRAM: RwLock<Option<Program>> = RwLock::new(None);
 
-/// Say once in a process what is started to guard a Haply: only then one can be opened.
+/// Set the program that guards a Haply, once in a process; without it no Haply can be opened.
 pub fn start_with(program: Program) {
     *PROGRAM.write().unwrap_or_else(PoisonError::into_inner) = Some(program);
 }
 
-/// A guardian that runs. It ends when the line to it is closed; this waits for its end.
+/// A running guardian. It ends when the line to it is closed; dropping this waits for its end.
 pub(super) struct Started(Child);
 
 impl Drop for Started {
@@ -46,7 +46,7 @@ impl Drop for Started {
     }
 }
 
-/// Start a guardian; it waits for what its host wants.
+/// Start a guardian, which waits for its host's first message.
 pub(super) fn start() -> io::Result<(Stream, Started)> {
     let program = PROGRAM
         .read()
@@ -70,7 +70,7 @@ pub(super) fn start() -> io::Result<(Stream, Started)> {
     })
 }
 
-/// The guardian's standard input is its end of a pair of sockets; Ctrl-C in the host's terminal passes it by.
+/// The guardian's standard input is one end of a socket pair; Ctrl-C in the host's terminal does not reach it.
 #[cfg(unix)]
 fn launch(mut command: Command) -> io::Result<(Stream, Started)> {
     use std::os::fd::OwnedFd;
@@ -90,7 +90,7 @@ pub(super) fn inherited() -> io::Result<Stream> {
     use std::os::fd::AsFd;
 
     let stream = Stream::from(io::stdin().as_fd().try_clone_to_owned()?);
-    // Whatever else a standard input may be is none.
+    // Fails if the standard input is not a socket.
     stream.peer_addr().map(|_| stream)
 }
 
@@ -119,7 +119,7 @@ pub(super) fn inherited() -> io::Result<Stream> {
     loopback::join(&mut io::stdin().lock())
 }
 
-/// Where there are no pairs of sockets: a connection on this machine, by a token that only the two know.
+/// Replacement where there are no socket pairs: a local connection with a token that only host and guardian know.
 #[cfg(any(not(unix), test))]
 mod loopback {
     use std::hash::{BuildHasher, RandomState};
@@ -130,7 +130,7 @@ mod loopback {
     /// Two bytes of port, 16 of token.
     const LEN: usize = 18;
     const PATIENCE: Duration = Duration::from_secs(15);
-    /// A stranger is not waited for.
+    /// Longest wait for the token of an unknown peer.
     const STRANGER: Duration = Duration::from_millis(200);
     const LOOK: Duration = Duration::from_millis(2);
 
@@ -140,11 +140,11 @@ mod loopback {
     }
 
     impl Rendezvous {
-        /// The meeting, and what the other is to be told of it.
+        /// The meeting point, and the bytes that the other side needs to find it.
         pub(super) fn new() -> io::Result<(Self, [u8; LEN])> {
             let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
             listener.set_nonblocking(true)?;
-            // The keys of a new hasher are the system's random numbers.
+            // The keys of a new hasher come from the system's random numbers.
             let random = || RandomState::new().hash_one(0).to_le_bytes();
             let mut told = [0; LEN];
             told[..2].copy_from_slice(&listener.local_addr()?.port().to_le_bytes());
@@ -155,7 +155,7 @@ mod loopback {
             Ok((Self { listener, token }, told))
         }
 
-        /// Wait for the one who knows the token, as long as it `lives`.
+        /// Wait for the peer that knows the token, as long as `lives` is true.
         pub(super) fn wait(self, mut lives: impl FnMut() -> bool) -> io::Result<TcpStream> {
             let until = Instant::now() + PATIENCE;
             while lives() && Instant::now() < until {
@@ -175,7 +175,7 @@ mod loopback {
         }
     }
 
-    /// Come to the meeting that was told of.
+    /// Connect to the meeting point that `told` describes.
     pub(super) fn join(told: &mut impl Read) -> io::Result<TcpStream> {
         let mut bytes = [0; LEN];
         told.read_exact(&mut bytes)?;

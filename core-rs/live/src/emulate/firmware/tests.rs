@@ -48,7 +48,7 @@ fn no_finger_no_force() {
         assert_eq!((reply.position, reply.cap), ([128; 2], [0; 2]));
     }
     let mut touched = firmware(board(Protocol::FireFader, true), 2, Hand::Resting);
-    // The gate is a filter over packets: 5, 9.8, 14.5, 19.1, 23.5 of 20.
+    // The gate is a filter over packets with threshold 20: 5, 9.8, 14.5, 19.1, 23.5.
     for n in 1..=20 {
         firefader_reply(&mut touched, [1.0, -1.0], ms(0));
         let pushed = touched.forces()[0] > 0.0;
@@ -159,7 +159,7 @@ fn a_frame_says_who_it_is() {
 }
 
 proptest! {
-    /// No bytes from a host make a board fail, or push harder than its motors can.
+    /// Whatever bytes a host sends, a board does not panic, and does not push harder than its motors can.
     #[test]
     fn any_bytes_are_heard(
         pieces in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..100), 0..20),

@@ -17,7 +17,8 @@ fn push(force: f64) -> [f64; MAX_AXES] {
     forces
 }
 
-/// A CEL and a mass on a spring, in one network; and the same CEL as a key that is told the spring's force.
+/// Compares a CEL that a spring pulls, in one network with a mass, with the same CEL as a key that gets the spring's
+/// force.
 #[test]
 fn a_key_is_a_cel_to_the_last_bit() {
     let rate = 44_100.0 / 44.0;
@@ -57,7 +58,8 @@ fn a_key_is_a_cel_to_the_last_bit() {
     assert!(moved > 1e-3, "{moved}");
 }
 
-/// A hand that pulls is a spring and a damper to a place that moves: beside the closed solution of a held place.
+/// A hand is a spring and a damper to a moving point; for a point that stands still, the motion is compared with the
+/// closed solution.
 #[test]
 fn a_hand_pulls_to_its_path() {
     let rate = 10_000.0;
@@ -81,7 +83,7 @@ fn a_hand_pulls_to_its_path() {
         let t = f64::from(n) / rate;
         let (sin, cos) = maths::sincos(omega * t);
         let x = to * (1.0 - maths::exp(-sigma * t) * (cos + sigma / omega * sin));
-        // A damper by backward differences is late by half a period, and the first step starts late.
+        // A damper by backward differences is half a period late, and so is the first step.
         assert!(
             (key.positions()[0] - x).abs() < 0.02 * to,
             "{n}: {} {x}",
@@ -127,7 +129,7 @@ fn a_key_with_a_model_goes_as_the_model() {
         assert_eq!(key.positions()[0], x);
         key.step(&push(*force));
     }
-    // It ends where it ends, too.
+    // A key that moves by a model also stops at its end.
     (0..2000).for_each(|_| key.step(&push(20.0)));
     assert_eq!(key.positions()[0], 0.05);
 }

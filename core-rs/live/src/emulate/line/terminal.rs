@@ -1,4 +1,4 @@
-//! A pseudo-terminal: its other side is a path that opens like a serial port.
+//! A pseudo-terminal: the other side is a path that a host opens like a serial port.
 
 use std::ffi::CStr;
 use std::io;
@@ -31,7 +31,7 @@ impl Terminal {
             if opened != 0 {
                 return Err(io::Error::last_os_error());
             }
-            // Closed again, so that the host's closing can be seen.
+            // Closed at once, so that a hang-up of the host can be detected.
             drop(OwnedFd::from_raw_fd(slave));
             let fd = OwnedFd::from_raw_fd(master);
             let flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
@@ -68,7 +68,7 @@ impl Terminal {
             if std::mem::take(&mut self.connected) {
                 return Ok(LineEvent::Disconnected);
             }
-            // Nobody has opened it yet, which poll does not wait for.
+            // No host has opened it yet: poll then returns at once instead of waiting.
             std::thread::sleep(wait.min(Duration::from_millis(1)));
             return Ok(LineEvent::Nothing);
         }

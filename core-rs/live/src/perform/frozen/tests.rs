@@ -1,4 +1,4 @@
-//! Frames of files beside frames of a simulation: every one in its place, or silent and counted.
+//! Frames of files beside frames of a simulation: each is in its place, or silent and counted.
 
 use std::io::Write;
 use std::time::Instant;
@@ -10,7 +10,7 @@ use super::*;
 #[global_allocator]
 static ALLOCATOR: assert_no_alloc::AllocDisabler = assert_no_alloc::AllocDisabler;
 
-/// A file of its own, gone with its guard.
+/// A file for one test, removed when it ends.
 struct TempFile(PathBuf);
 
 impl Drop for TempFile {
@@ -19,7 +19,7 @@ impl Drop for TempFile {
     }
 }
 
-/// What output `o` is at frame `i`.
+/// The value of output `o` at frame `i`.
 fn sample(o: usize, i: u64) -> f64 {
     o as f64 + 1.0 + i as f64 * 1e-7
 }
@@ -82,11 +82,11 @@ fn what_comes_too_late_is_left_out_and_the_rest_is_in_its_place() {
     let n = 100_000;
     let (_a, a) = stem("late", n, n, &[0]);
     let (mut frozen, reader) = open(vec![a], 0).unwrap();
-    drop(reader); // it reads nothing more than the ring held at first
+    drop(reader); // the ring keeps only what it held at first
     let held = frozen.ring.slots() as u64;
     assert!(held < n);
     let mut frames = vec![0.0; 100];
-    // A tick was left out: its frames are dropped.
+    // A tick was skipped: its frames are dropped.
     assert_eq!(frozen.join(&mut frames, 1, 500), 0);
     assert_eq!(frames[0], sample(0, 500));
     let mut frames = vec![0.0; 100];
@@ -94,7 +94,7 @@ fn what_comes_too_late_is_left_out_and_the_rest_is_in_its_place() {
     assert_eq!(frames[39], sample(0, held - 1));
     assert_eq!(frames[40], 0.0);
     assert_eq!(frozen.join(&mut frames, 1, held + 60), 100);
-    assert!(frozen.is_ready(held + 160, 100)); // there is nothing to wait for
+    assert!(frozen.is_ready(held + 160, 100)); // no further frames will come
 }
 
 #[test]

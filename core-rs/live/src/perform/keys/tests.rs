@@ -1,9 +1,9 @@
-//! A device that is gone and found again.
+//! A device that is lost and found again.
 
 use super::*;
 use crate::perform::tests::unplugged::Unplugged;
 
-/// A motor stays as hot as it is when its cable is pulled out and put back.
+/// A motor keeps its heat while its cable is unplugged and plugged in again.
 #[test]
 fn a_device_that_comes_back_is_still_hot() {
     let url = Url::parse("emul:?mass=0.05&damping=1&stiffness=1000").unwrap();
@@ -36,6 +36,6 @@ fn a_device_that_comes_back_is_still_hot() {
     };
     let heat = back.memory().heat()[0];
     drop(reconnector);
-    // At full force for 3 s, after two seconds' rise: 1 - exp(-3.6/10), and half a second cooler.
+    // Three seconds at full force after a rise of two seconds: 1 - exp(-3.6/10), then half a second of cooling.
     assert!((0.1..0.4).contains(&heat), "{heat}");
 }

@@ -1,7 +1,7 @@
 //! Changes at a frame: another simulation, mixer, gain, stand-ins, guidance or bounds of forces.
 //!
-//! A change is prepared in an ordinary thread and sent to the physics thread in a box; what it replaces goes back in the
-//! same box, and is freed in the ordinary thread.
+//! A change is prepared in an ordinary thread and sent to the physics thread in a box. What it replaces goes back in
+//! the same box and is freed in the ordinary thread.
 
 use ergon_engine::mix::mixer::Mixer;
 use ergon_engine::simulation::{Simulation, Takeover};
@@ -12,13 +12,13 @@ use crate::perform::guidance::GuidanceStep;
 use crate::perform::scale::Bound;
 use crate::perform::status::EventKind;
 
-/// Most changes that may wait.
+/// Greatest number of changes that may wait.
 pub(in crate::perform) const SCHEDULED_MAX: usize = 64;
 
 /// A change; fields that are `None` or empty change nothing.
 #[derive(Default)]
 pub struct Change {
-    /// Another simulation, at the frame of the change, and the state that it takes over.
+    /// Another simulation, at the frame of the change, and the takeover of state from the playing one.
     pub simulation: Option<(Simulation, Takeover)>,
     /// Another mixer, with the same number of channels.
     pub mixer: Option<Mixer>,
@@ -28,8 +28,7 @@ pub struct Change {
     pub gain: Option<f64>,
     /// Frames at which bars begin, rising.
     pub bars: Option<Vec<u64>>,
-    /// For each hand its stand-in positions at each tick from the change on [m]; an empty list keeps the old
-    /// ones.
+    /// Stand-in positions of each hand, at each tick from the change on [m]; an empty list keeps the old ones.
     pub standins: Option<Vec<Vec<f64>>>,
     /// Steps of each hand's loose guidance; a hand without steps keeps its factors.
     pub guidance_steps: Option<Vec<Vec<GuidanceStep>>>,
@@ -49,7 +48,7 @@ pub(crate) struct ScheduledChange {
 }
 
 impl Player {
-    /// Let a change wait for its frame, after earlier changes of the same frame.
+    /// Queue a change until its frame, after earlier changes of the same frame.
     pub(super) fn wait_for(&mut self, due: Box<ScheduledChange>) {
         if self.waiting.len() == SCHEDULED_MAX {
             self.tell(EventKind::Late(due.ticket));
@@ -60,7 +59,7 @@ impl Player {
         self.waiting.insert(at, due);
     }
 
-    /// Make the changes that are due at the first frame of this tick; changes of earlier frames are late, and not made.
+    /// Make the changes that are due at the first frame of this tick. Changes of earlier frames are late, and not made.
     pub(super) fn changes(&mut self) {
         while self.waiting.first().is_some_and(|due| due.at <= self.frame) {
             let mut due = self.waiting.remove(0);
@@ -76,8 +75,8 @@ impl Player {
         }
     }
 
-    /// Make a change; false, with nothing changed, where the simulation is at another frame, takes over from another
-    /// simulation than plays, or has other outputs than the mixer.
+    /// Make a change. Return false, with nothing changed, if its simulation cannot take over from the playing one, or
+    /// if the numbers of outputs of simulation and mixer differ.
     fn change(&mut self, due: &mut ScheduledChange) -> bool {
         let ScheduledChange { change, heard, .. } = due;
         let stage = &mut self.stage;
@@ -153,7 +152,7 @@ impl Player {
         true
     }
 
-    /// Advance the force scale of each hand, with regard to the bounds of changes that wait.
+    /// Advance the force scale of each hand, with the bounds of changes that wait.
     pub(super) fn scale(&mut self) {
         let tick_frames = self.stage.tick_frames as u64;
         for (hand, scale) in self.scales.iter_mut().enumerate() {
@@ -176,7 +175,7 @@ impl Player {
         self.throw_away(Garbage::Change(due));
     }
 
-    /// Send a box back to be freed; where there is no room it is leaked, not freed here.
+    /// Send a box back to be freed; if there is no room it is leaked, not freed here.
     pub(super) fn throw_away(&mut self, garbage: Garbage) {
         if let Err(rtrb::PushError::Full(garbage)) = self.connections.garbage.push(garbage) {
             std::mem::forget(garbage);

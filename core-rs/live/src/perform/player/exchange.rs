@@ -1,4 +1,4 @@
-//! Keys and hands in a tick: forces go out, positions come in, and each hand goes to its next place.
+//! The keys in a tick: forces are sent, positions are received, and each hand moves to its next position.
 
 use std::sync::atomic::Ordering;
 
@@ -7,7 +7,7 @@ use crate::perform::keys::Slot;
 use crate::perform::status::EventKind;
 
 impl Player {
-    /// Take the positions of all hands before the first force is sent.
+    /// Receive the positions of all hands before the first force is sent.
     pub(in crate::perform) fn begin(&mut self) {
         self.has_positions = true;
         self.positions();
@@ -18,7 +18,7 @@ impl Player {
                 if self.tick == 0 {
                     (mover.real, mover.x) = (true, x);
                 } else {
-                    // In the middle of a piece the key is where its part has taken it.
+                    // In the middle of a piece the key starts at the position of its stand-in.
                     mover.x = self.stage.hands[hand].stands_at(self.tick);
                     mover.change(true, x);
                 }
@@ -65,12 +65,13 @@ impl Player {
         }
     }
 
-    /// Where a keyboard has gone, let its hands be played by their stand-ins.
+    /// If a keyboard was lost, let the stand-ins of its hands play.
     fn note_presence(&mut self, slot: usize, there: bool) {
         if there {
             return;
         }
-        // A performance that ends waits for no reply: that one did not come says nothing of the device then.
+        // While a performance ends, devices are not waited for: a missing reply then does not mean that the device is
+        // lost.
         if !self.connections.flags.stop.load(Ordering::Acquire) {
             self.tell(EventKind::Gone(slot));
         }
@@ -82,7 +83,7 @@ impl Player {
         }
     }
 
-    /// Move every hand to its place in this tick.
+    /// Move every hand to its position in this tick.
     pub(super) fn hands(&mut self) {
         for slot in 0..self.slots.len() {
             if self.returns_at[slot].is_none_or(|tick| self.tick < tick)
@@ -110,7 +111,7 @@ impl Player {
         }
     }
 
-    /// The first tick of the next bar; where there is none, the next tick.
+    /// The first tick of the next bar, or of a bar that begins now; the present tick if no bar follows.
     pub(super) fn next_bar(&self) -> u64 {
         let bars = &self.stage.bars;
         let next = bars.partition_point(|&bar| bar < self.frame);

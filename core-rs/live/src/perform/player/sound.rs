@@ -7,11 +7,11 @@ use super::{PATIENCE, Player};
 use crate::perform::Stage;
 use crate::perform::frozen::Frozen;
 
-/// Peaks fall by half within about this time [s].
+/// Time constant of the decay of peaks [s].
 const PEAKS: f64 = 0.3;
 
 impl Player {
-    /// The frames of the tick, mixed and limited.
+    /// Compute the frames of the tick, mixed and limited.
     pub(super) fn step(&mut self, n: usize) {
         let stage = &mut self.stage;
         let channels = stage.mixer.n_channels();
@@ -23,14 +23,14 @@ impl Player {
                 let is_playing = self.connections.shared.played() > 0;
                 hearing.tick(&mut stage.simulation, self.frame, n, is_playing);
             }
-            // Faults are muted, part by part: nothing is returned.
+            // A part that diverges is muted by itself: the result is not needed.
             let _ = if n_out == 0 {
                 stage.simulation.skip(n as u64)
             } else {
                 stage.simulation.process(outputs)
             };
             if let Some(frozen) = &mut self.connections.frozen {
-                // Where no clock presses, the disk is waited for.
+                // If no clock sets the pace, wait for the disk.
                 let asked = Instant::now();
                 let is_there = |frozen: &Frozen| frozen.is_ready(self.frame, n);
                 let is_over = || self.connections.flags.stop.load(Ordering::Acquire);
@@ -64,7 +64,7 @@ impl Player {
         self.frame += n as u64;
     }
 
-    /// Frames to the card, without those of the limiter's delay.
+    /// Send frames to the card, without those of the limiter's initial delay.
     pub(super) fn feed(&mut self, n: usize, is_tail: bool) {
         let channels = self.stage.n_heard();
         let heard = match self.stage.fold {
@@ -83,7 +83,7 @@ impl Player {
         let falls = (1.0 - self.clock.period() / PEAKS).max(0.0) as f32;
         self.status.peaks.iter_mut().for_each(|peak| *peak *= falls);
         if self.panicked {
-            // Nothing of it is heard.
+            // After a panic nothing is heard.
             self.status.peaks.fill(0.0);
         }
         let heard = if self.panicked { 0 } else { n };
@@ -105,7 +105,7 @@ impl Player {
             if rest.is_empty() || is_over {
                 break;
             }
-            // Who has a hand on a key is not kept waiting by a card.
+            // Keys are not kept waiting by a card: the frames are dropped.
             if self.clock.is_by_keys() || asked.elapsed() > PATIENCE {
                 self.status.dropped += (rest.len() / channels) as u64;
                 break;
@@ -115,7 +115,7 @@ impl Player {
     }
 }
 
-/// Make of mixed channels what is heard, in `folded` where a fold makes it.
+/// Fold the mixed channels into `folded` if there is a fold, and limit those that are heard.
 fn limit(stage: &mut Stage, mixed: &mut [f64], folded: &mut [f64]) {
     let Some(fold) = &mut stage.fold else {
         stage.limiter.process(mixed);

@@ -1,4 +1,4 @@
-//! What other threads learn of a tick: status, events, and the recording of the hands.
+//! What the physics thread reports of a tick: status, events, and the recording of the hands.
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -11,7 +11,7 @@ use crate::recording::{self, flag};
 const AVERAGE: f64 = 1.0;
 
 impl Player {
-    /// Record a row of all hands, where there is a recording.
+    /// Record a row of all hands, if there is a recording.
     pub(super) fn record(&mut self) {
         let Some(sink) = &mut self.connections.record else {
             return;
@@ -38,7 +38,7 @@ impl Player {
                 clock: sample.and_then(|(sample, _)| sample.t_dev_us).unwrap_or(0),
             };
         }
-        // Where no clock presses, the disk is waited for.
+        // If no clock sets the pace, wait for the disk.
         let asked = Instant::now();
         let is_over = || self.connections.flags.stop.load(Ordering::Acquire);
         while !self.paced && !sink.has_room() && asked.elapsed() < PATIENCE && !is_over() {
@@ -49,7 +49,7 @@ impl Player {
         }
     }
 
-    /// Note the load of the tick that `took` so long, and tell of parts that were muted or computed finer.
+    /// Note the load of the tick, which `took` this long, and report parts that were newly muted or computed finer.
     pub(super) fn load(&mut self, took: Duration) {
         let period = self.clock.period();
         let load = took.as_secs_f64() / period;
@@ -72,7 +72,7 @@ impl Player {
         }
     }
 
-    /// Note the state of every hand, and tell of axes that tripped.
+    /// Note the state of every hand, and report axes that tripped.
     pub(super) fn watch(&mut self) {
         for (hand, mover) in self.movers.iter().enumerate().take(HANDS_MAX) {
             let own = &mut self.status.hands[hand];
@@ -99,7 +99,7 @@ impl Player {
         }
     }
 
-    /// Tell of an event; it is lost where nobody reads events.
+    /// Send an event; it is lost if the queue is full.
     pub(in crate::perform) fn tell(&mut self, kind: EventKind) {
         let frame = self.frame;
         let _ = self.connections.events.push(Event { frame, kind });

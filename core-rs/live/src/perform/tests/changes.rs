@@ -1,4 +1,4 @@
-//! Versions that take over, and frames that are computed finer.
+//! Versions that take over, and parts that are computed in finer steps.
 
 use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
 use ergon_engine::law::Law;
@@ -6,8 +6,7 @@ use ergon_engine::simulation::Takeover;
 
 use super::*;
 
-/// Versions that strike otherwise, one of them too late: what is heard is what a replay of them gives, and no tick
-/// allocates.
+/// Versions with other strikes, one of them too late: the sound equals that of a replay, and no tick allocates.
 #[test]
 fn changes_are_done_at_their_frames() {
     let path = std::env::temp_dir().join(format!("ergon-changes-{}.wav", std::process::id()));
@@ -114,7 +113,7 @@ fn changes_are_done_at_their_frames() {
     assert!(played.iter().any(|x| *x != 0));
 }
 
-/// A spring that is struck until it stiffens beyond what a frame bears: it plays on, and it is told once.
+/// A spring that is struck until it is too stiff for one step per frame: it plays on, and this is reported once.
 #[test]
 fn what_is_computed_finer_is_told_once() {
     let mut network = Network::new();

@@ -1,11 +1,11 @@
-//! Keys: what they bear, what leads them, and how they are lost and found.
+//! Keys: their greatest stable force, their guidance, and their loss and return.
 
 use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
 
 use super::*;
 use crate::recording::{Axis, flag, read};
 
-/// What may lead a hand counts before it does: a key that could not bear it gets less force.
+/// Guidance counts even before it acts: a key that could not bear it gets less force.
 #[test]
 fn a_loose_guide_is_borne() {
     let scale = |guidance: Option<(f64, bool)>| {
@@ -21,13 +21,13 @@ fn a_loose_guide_is_borne() {
     };
     assert_eq!(scale(None), 1.0);
     assert_eq!(scale(Some((100.0, true))), 1.0);
-    // The key bears 2b/T = 2 kN/m.
+    // The greatest stable stiffness of the key is 2b/T = 2 kN/m.
     let least = scale(Some((5e3, true)));
     assert!((0.3..0.5).contains(&least), "{least}");
     assert_eq!(least, scale(Some((5e3, false))));
 }
 
-/// What a calibration says of a key counts where its device tells nothing, and where less is stable by it.
+/// A value of a calibration counts if the device reports none, or if it makes the loop less stable.
 #[test]
 fn a_measured_key_bears_what_it_was_measured_for() {
     let limit = |measured: Option<MeasuredKey>| {
@@ -47,25 +47,25 @@ fn a_measured_key_bears_what_it_was_measured_for() {
         .limit
     };
     let told = limit(None).limit;
-    // The device tells 1 N·s/m and no delay; a file does not make it safer than that.
+    // The device reports 1 N·s/m and no delay; a calibration does not make it safer.
     assert_eq!(measured(0.05, 2.0, None), told);
     assert_eq!(measured(10.0, 1.0, Some(0.0)), told);
     assert!(measured(0.05, 0.5, None) < 0.6 * told);
     assert!(measured(0.05, 1.0, Some(1e-3)) < 0.5 * told);
-    // A delay that was measured as a little more than a tick is that tick.
+    // A measured delay slightly above a tick counts as one tick.
     let ticks = |delay| measured(0.05, 1.0, Some(delay));
     assert_eq!(ticks(1.01e-3), ticks(0.99e-3));
     assert!(ticks(2e-3) < ticks(1e-3));
 }
 
-/// A guide that is taken up and let go: the key goes where it leads, and back.
+/// Guidance that comes and goes: the key follows its path, and is then left alone.
 #[test]
 fn a_key_is_led_and_let_go() {
     let config = config("null:fast");
     let mut stage = stage();
     for hand in &mut stage.hands {
         hand.standin = vec![0.0];
-        hand.reach = 0.0; // the scene is out of it
+        hand.reach = 0.0; // the scene has no effect
         hand.guidance = Some(Guidance {
             k: 500.0,
             z: 1.0,
@@ -107,15 +107,15 @@ fn a_key_is_led_and_let_go() {
     this.close(PATIENCE).unwrap();
     assert!(x[..500].iter().all(|x| *x == 0.0));
     assert!((x[1_990] - 4e-3).abs() < 1e-5, "{}", x[1_990]);
-    // The second change took the steps of the first away.
+    // The second change replaced the steps of the first one.
     assert!((x[3_990] + 3e-3).abs() < 1e-5, "{}", x[3_990]);
-    // Nothing but the lead moves it: it stays, and gets no force.
+    // Only guidance moves the key: without it the key stays and gets no force.
     assert!((x[5_990] - x[4_300]).abs() < 1e-5, "{}", x[5_990]);
     assert_eq!(status.hands[0].sent, 0.0);
     assert!(status.hands[0].real);
 }
 
-/// A key is pulled out and comes back, a panic is called and taken back, the gain changes, all is recorded.
+/// A key is unplugged and comes back, a panic begins and ends, the gain changes, and everything is recorded.
 #[test]
 fn a_tick_does_not_allocate() {
     let path = std::env::temp_dir().join(format!("ergon-ticks-{}.take", std::process::id()));
@@ -136,7 +136,7 @@ fn a_tick_does_not_allocate() {
     let boards = vec![keyboard(0, u32::MAX), keyboard(1, 1_000)];
     let (mut this, mut player) = Performance::prepare(stage(), boards, config).unwrap();
     player.begin();
-    // From here on the second key gets no force: nor does the one that comes back in its place.
+    // From here on the second key gets no force, and nor does the device that comes back in its place.
     let none = vec![Bound { at: 0, scale: 0.0 }];
     let change = Change {
         bounds: Some(vec![Vec::new(), none]),
@@ -148,7 +148,7 @@ fn a_tick_does_not_allocate() {
         for tick in 0..TICKS {
             assert!(player.tick());
             match tick {
-                // The key is looked for by a thread that waits; ticks here do not, until it is found.
+                // The search runs in another thread, which may wait; here the ticks stop until the device is found.
                 2_000 => {
                     while !player.slots[1].is_there() && player.connections.commands.is_empty() {
                         std::thread::yield_now();
@@ -193,7 +193,7 @@ fn a_tick_does_not_allocate() {
         .collect();
     let from = stood_in.iter().position(|stood| *stood != 0).unwrap();
     let to = stood_in.iter().rposition(|stood| *stood != 0).unwrap();
-    // The first position comes without a force; a bar is 4,410 frames.
+    // The first position comes without a force; a bar has 4,410 frames.
     assert_eq!(from, 1_001);
     assert!((to + 1) * EVERY % 4_410 < EVERY, "{to}");
     assert!(stood_in[from..=to].iter().all(|stood| *stood != 0));

@@ -1,11 +1,11 @@
-//! What is heard: a fold, an input, a file beside.
+//! The sound: a fold, an input, a file of the sound.
 
 use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
 use ergon_engine::timeline::{DriveKind, InputSource, SoundInSettings};
 
 use super::*;
 
-/// What is heard of a fold is the mix through it, to the end of its filters; no tick allocates.
+/// The sound through a fold is the folded mix, to the end of its filters; no tick allocates.
 #[test]
 fn a_fold_sounds_to_its_end() {
     let path = std::env::temp_dir().join(format!("ergon-fold-{}.wav", std::process::id()));
@@ -77,7 +77,7 @@ fn pushed_by_sound() -> Simulation {
     Simulation::planned(Arc::new(plan), OPTIONS).unwrap()
 }
 
-/// What an input gives, with gaps in it: what is heard is what the file of the input makes of the piece, no tick allocates.
+/// An input with gaps: the sound equals that of the piece with the recorded file as its input, and no tick allocates.
 #[test]
 fn an_input_is_what_its_recording_says() {
     let path = |what: &str| {
@@ -149,7 +149,7 @@ fn an_input_is_what_its_recording_says() {
     }
 }
 
-/// Strikes that were not known act in the tick after they came; what is heard goes into a file for so many ticks.
+/// Live strikes act in the tick after they were sent; the sound of some ticks is written to a file.
 #[test]
 fn strikes_and_a_file_of_sound_do_not_allocate() {
     let network = Arc::new(network());

@@ -5,7 +5,7 @@ use std::time::Instant;
 use crate::device::{Device, Gone, Sample, Spec};
 use crate::safety::SafeForce;
 
-/// A key whose cable is pulled out once `left` forces have been sent.
+/// A key that is unplugged after `left` forces have been sent.
 pub(in crate::perform) struct Unplugged {
     pub(in crate::perform) key: Box<dyn Device>,
     pub(in crate::perform) left: u32,

@@ -1,4 +1,5 @@
-//! Windows on a performance, tick by tick: what pages are told, and that the physics neither allocates nor waits for them.
+//! Windows on a performance, tick by tick: the messages to pages, and that the physics thread neither allocates nor
+//! waits for pages.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
@@ -27,7 +28,7 @@ mod rig;
 
 use rig::*;
 
-/// A strike by MIDI or by hand is told as those of a score are: on its target, at the frame at which it acts, with its sign.
+/// A strike by MIDI or by hand is reported like a strike of the score: with its target, its frame and its sign.
 #[test]
 fn pages_are_told_strikes_that_nobody_knew() {
     let mut scene = scene(&[]);
@@ -47,7 +48,7 @@ fn pages_are_told_strikes_that_nobody_knew() {
         }
         wanted.push((shown.frame() as f64 / RATE, mat, impulse));
         shown.this.strike(point, impulse).unwrap();
-        shown.this.strike(8, impulse).unwrap(); // no point of this piece
+        shown.this.strike(8, impulse).unwrap(); // not a point of this piece
     }
     for _ in 0..100 {
         shown.tick(1);
@@ -58,8 +59,8 @@ fn pages_are_told_strikes_that_nobody_knew() {
     shown.end();
 }
 
-/// What strikes between a takeover and the first picture of its window is told by that picture, be it written or by hand; so is
-/// what a hand struck after the last picture before. What the new score has before the takeover struck in nothing.
+/// Strikes between a takeover and the first picture of its window are in that picture, written ones and live ones; so
+/// are live strikes since the last picture before. Written strikes of the new score before the takeover did not happen.
 #[test]
 fn strikes_before_the_first_picture_of_a_version_are_told() {
     let with_points = |struck: &[f64]| {
@@ -72,7 +73,7 @@ fn strikes_before_the_first_picture_of_a_version_are_told() {
     let every = EVERY as u64;
     let (taken, opened) = (600_u64, 640_u64);
     let second = |tick: u64| (tick * every) as f64 / RATE;
-    // Cells 0 to 3: before the takeover, at it, between it and the first picture, after that.
+    // Cells 0 to 3 are struck before the takeover, at it, between it and the first picture, and after that picture.
     let written = [second(590), second(taken), second(613), second(700)];
     let (first, after) = (with_points(&[]), with_points(&written));
     let (old, new) = (planned(&first, 0), planned(&after, taken * every));
@@ -87,7 +88,7 @@ fn strikes_before_the_first_picture_of_a_version_are_told() {
     let mut bytes = Vec::new();
     for tick in 0..720_u64 {
         let by_hand = match tick {
-            599 => Some((7, 3, 1e-5)), // the picture before is that of tick 584
+            599 => Some((7, 3, 1e-5)), // the previous picture was made at tick 584
             600 => Some((9, 5, -2e-5)),
             620 => Some((7, 3, -3e-5)),
             _ => None,
@@ -115,7 +116,7 @@ fn strikes_before_the_first_picture_of_a_version_are_told() {
     shown.end();
 }
 
-/// What a written gesture strikes is told as it is seen, also where pages have missed pictures: no impulse is lost.
+/// The strikes of a written gesture are reported with the pictures, even if pages missed some: no impulse is lost.
 #[test]
 fn pages_are_told_what_a_gesture_strikes() {
     let scene = gesture();
@@ -135,7 +136,7 @@ fn pages_are_told_what_a_gesture_strikes() {
     let ticks = 900;
     for tick in 0..ticks {
         shown.tick(1);
-        // For a while nobody fetches a picture.
+        // For a while no picture is fetched.
         if !(200..350).contains(&tick) {
             shown.relay.turn();
             bytes.extend(messages(&shown.server, &mut cursor).concat());
@@ -157,7 +158,7 @@ fn pages_are_told_what_a_gesture_strikes() {
     shown.end();
 }
 
-/// A page that comes after a thread tore is told so with the first key state that it gets, and a window that opens then tells it too.
+/// A page that joins after a thread tore learns this from its first key state; so does a window that is opened then.
 #[test]
 fn pages_that_come_late_are_told_what_broke() {
     let scene = torn();
@@ -203,7 +204,7 @@ fn pages_that_come_late_are_told_what_broke() {
         "{told:?}"
     );
     assert_eq!(told[0].2, early[0].2);
-    // Another window on what plays, as a session opens one.
+    // Another window on the playing simulation, as a session opens one.
     let (window, scene) = window_on(&simulation, &scene.1, "late");
     assert!(shown.this.open(window));
     shown.coming.send((scene, shown.this.ear())).unwrap();
@@ -215,7 +216,7 @@ fn pages_that_come_late_are_told_what_broke() {
     shown.end();
 }
 
-/// What a page that misses nothing is told is where the engine has its masses, once in each video frame.
+/// A page that misses nothing gets the positions of the engine's masses, once per video frame.
 #[test]
 fn pages_are_told_what_the_engine_has() {
     let scene = scene(&strikes());
@@ -240,7 +241,7 @@ fn pages_are_told_what_the_engine_has() {
     }
     assert_eq!(shown.relay.skipped(), 0);
     let seconds: Vec<f64> = frames.iter().map(|frame| *frame as f64 / RATE).collect();
-    // Each video frame has one picture, at its first tick.
+    // Each video frame has one picture, made at the first tick of the frame.
     let numbers: Vec<u64> = seconds.iter().map(|t| (t * FPS) as u64).collect();
     let n = (2_000 * EVERY) as f64 / RATE * FPS;
     assert_eq!(numbers, (0..=n as u64).collect::<Vec<_>>());
@@ -256,7 +257,7 @@ fn pages_are_told_what_the_engine_has() {
     assert_eq!(of(kind::STATE).len(), 2, "one in a second");
     assert!(of(kind::CLOCK).is_empty(), "no clock takes these frames");
     assert!(!of(kind::CONTACTS).is_empty());
-    // Every strike is told once.
+    // Every strike is reported once.
     let mut told: Vec<f64> = of(kind::ERGONS)
         .iter()
         .flat_map(|(_, t, payload)| {
@@ -269,7 +270,7 @@ fn pages_are_told_what_the_engine_has() {
     wanted.sort_by(f64::total_cmp);
     assert_eq!(told.len(), wanted.len());
     assert!(told.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-6));
-    // Levels: the first channel is the output as it is. The window was opened in the first tick, which it did not hear.
+    // Levels: the first channel is the output itself. The window was opened in the first tick and has no level of it.
     let levels = of(kind::LEVELS);
     assert_eq!(levels.len(), frames.len() - 1);
     for (at, (_, t, payload)) in levels.iter().enumerate() {
@@ -283,7 +284,7 @@ fn pages_are_told_what_the_engine_has() {
         );
     }
 
-    // Where points are, by the reader of files.
+    // Positions of points, as read by the reader of files.
     let look = simulation.looked_at();
     let file = MotionFile::new(bytes).expect("a motion file");
     let displacements = file.displacements(&seconds).expect("frames");
@@ -326,7 +327,7 @@ fn pages_are_told_what_the_engine_has() {
     shown.end();
 }
 
-/// What is heard is the same to the bit without a window, with one, and with one that nobody looks through.
+/// The sound is the same to the bit without a window, with a window, and with a window whose pictures nobody fetches.
 #[test]
 fn a_window_changes_no_sample() {
     let scene = scene(&strikes());
@@ -359,7 +360,7 @@ fn a_window_changes_no_sample() {
         drop(shown.player);
         shown.this.close(PATIENCE).unwrap();
     }
-    // A picture waits for who does not come, and all others are counted.
+    // One picture waits to be fetched, and all others are counted as skipped.
     let looks = (1_000 * EVERY) as f64 / RATE * FPS;
     assert_eq!(skipped, [0, looks as u64]);
     let heard = paths.map(|path| {
@@ -372,7 +373,7 @@ fn a_window_changes_no_sample() {
     assert!(heard[0] == heard[2], "with one that nobody looks through");
 }
 
-/// Contacts and levels of frames that were skipped are in the next picture.
+/// Contacts and levels of skipped pictures are in the next picture.
 #[test]
 fn what_happens_while_nobody_looks_is_told_afterwards() {
     let scene = scene(&[]);
@@ -387,7 +388,8 @@ fn what_happens_while_nobody_looks_is_told_afterwards() {
             .iter()
             .any(|chunk| chunk.0 == kind::CONTACTS)
     );
-    // The hammer meets the skin after 25 ms, when the picture of 17 ms has not been fetched, and is gone after some more.
+    // The hammer meets the skin after 25 ms, while the picture of 17 ms has not been fetched, and leaves it some
+    // milliseconds later.
     shown.tick(400);
     shown.relay.turn();
     shown.tick(20);
@@ -406,7 +408,7 @@ fn what_happens_while_nobody_looks_is_told_afterwards() {
     shown.end();
 }
 
-/// A new version has its own manifest from its first picture on; one that came too late is never shown.
+/// A new version has its own manifest from its first picture on; a version that came too late is never shown.
 #[test]
 fn a_version_that_takes_over_is_shown_from_then_on() {
     let first = scene(&strikes());
@@ -453,9 +455,9 @@ fn a_version_that_takes_over_is_shown_from_then_on() {
         (600..620).contains(&titles[1].0) && titles[1].1 == "second",
         "{titles:?}"
     );
-    // A window may come at any time, also after its version.
+    // A window may be opened at any time, also after its version has begun.
     assert!((800..820).contains(&titles[2].0) && titles[2].1 == "again");
-    // Who comes now knows nothing of the first.
+    // A page that joins now gets nothing of the first version.
     let late = messages(&shown.server, &mut shown.server.hub().join());
     let kinds: Vec<u16> = late
         .iter()
@@ -489,12 +491,12 @@ fn page(server: &Server) -> WebSocket<TcpStream> {
     }
     assert!(answer.starts_with(b"HTTP/1.1 101"));
     let mut page = WebSocket::from_raw_socket(stream, Role::Client, None);
-    // It is answered once it has joined.
+    // The reply shows that the page has joined.
     page.send(Message::text("ping 0")).unwrap();
     page
 }
 
-/// Reads up to the picture of an instant.
+/// Read up to the picture of an instant.
 fn read_until(page: &mut WebSocket<TcpStream>, seconds: f64) -> Vec<u8> {
     let mut bytes = Vec::new();
     loop {
@@ -510,7 +512,8 @@ fn read_until(page: &mut WebSocket<TcpStream>, seconds: f64) -> Vec<u8> {
     }
 }
 
-/// Four pages over sockets in lockstep, one that comes late, and one that takes nothing: nobody waits for it, and it is dropped.
+/// Four pages over sockets in lockstep, a page that joins late, and a page that reads nothing: nobody waits for the
+/// latter, and it is dropped.
 #[test]
 fn a_page_that_stalls_keeps_nobody() {
     let scene = scene(&strikes());
@@ -542,7 +545,7 @@ fn a_page_that_stalls_keeps_nobody() {
     assert!(shown.server.hub().bytes() <= 16 << 20);
     let (late, prompt) = all.split_last().unwrap();
     assert!(prompt[0].starts_with(&MAGIC) && late.starts_with(&MAGIC));
-    // Three pages see the same, and the late one from some key state on what they see.
+    // Three pages get the same, and the late page gets the same from a key state on.
     let file = |bytes: &[u8]| MotionFile::new(bytes.to_vec()).expect("a motion file");
     let (first, last) = (file(&prompt[0]), file(late));
     let instants = [1.3, 1.4, 1.45];
@@ -554,7 +557,7 @@ fn a_page_that_stalls_keeps_nobody() {
     let found = last.displacements(&instants).unwrap();
     let off = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs());
     assert!(off.fold(0.0, f64::max) <= 1e-3 * peak && peak > 0.0);
-    // What the stalled page is sent fills its socket, and then it is gone.
+    // Messages fill the socket of the stalled page, which is then dropped.
     let blob = vec![0; 1 << 20];
     let tally = shown.server.tally();
     while tally.dropped.load(Ordering::Relaxed) == 0 {

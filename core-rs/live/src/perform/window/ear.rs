@@ -1,12 +1,12 @@
-//! The instants at which frames are heard, by what the sound card says.
+//! The instants at which frames are heard, from the timing that the sound card reports.
 
 use std::collections::VecDeque;
 
 use crate::audio::{News, Sounding};
 
-/// A card's blocks come late, never early: the earliest of so many seconds is the true one [s].
+/// Reports of a card's blocks come late, never early: the earliest start within this time is taken as the true one [s].
 const MEMORY: f64 = 1.0;
-/// By which only another time line differs: a server came back, the machine was suspended [s].
+/// Difference beyond which a report begins a new line: a sound server was restarted, or the machine was suspended [s].
 const JUMP: f64 = 0.02;
 
 /// The instants at which frames of a performance are heard.
@@ -16,26 +16,27 @@ pub struct Ear {
 }
 
 impl Ear {
-    /// Of an output whose first frame is `start`, at `rate` frames a second.
+    /// The ear of an output whose first frame is `start`, at `rate` frames per second.
     pub(in crate::perform) fn new(news: News, rate: f64, start: u64) -> Self {
         let line = Line::new(rate, start);
         Self { news, line }
     }
 
-    /// When a frame is heard, by the clock that says `now` [s]; `dropped` frames before it never are. `None` where no clock says it.
+    /// The instant at which a frame is heard, by the clock that says `now` [s]; `dropped` frames before it are never
+    /// heard. `None` if the output has no clock.
     pub(super) fn when(&mut self, frame: u64, dropped: u64, now: f64) -> Option<f64> {
         self.line.take(self.news.sounding(), dropped, now);
         self.line.when(frame, dropped)
     }
 }
 
-/// A line through instants and frames.
+/// A linear relation between instants and frames.
 struct Line {
     rate: f64,
     start: u64,
-    /// When it was looked at, and when frame `start` was heard by that look [s].
+    /// Pairs: the instant of a report, and the instant at which frame `start` was heard according to it [s].
     seen: VecDeque<(f64, f64)>,
-    /// What makes another line of it: gaps, frames that were dropped, whether a card plays.
+    /// A change of these values begins a new line: gaps, dropped frames, whether a card plays.
     state: Option<(u64, u64, bool)>,
 }
 
@@ -84,7 +85,7 @@ mod tests {
     const RATE: f64 = 44_100.0;
     const BLOCK: u64 = 256;
 
-    /// A card that began to play frame 0 at 3 s and is heard 10 ms later, looked at after `age` seconds of a block.
+    /// The report of a card that began to play frame 0 at 3 s with 10 ms of latency; the report itself is `late` [s].
     fn sounding(now: f64, late: f64, gaps: u64) -> Sounding {
         Sounding {
             since: now - 3.0 - late,
@@ -98,7 +99,7 @@ mod tests {
     fn the_earliest_of_a_second_says_when_a_frame_is_heard() {
         let mut line = Line::new(RATE, 4_410);
         assert_eq!(line.when(0, 0), None);
-        // Each block is told up to a block late; some are told at once.
+        // Most reports of a block come up to a block late; some come at once.
         for look in 0..240_u64 {
             let now = 4.0 + look as f64 / 60.0;
             let late = (look % 7) as f64 / 7.0 * BLOCK as f64 / RATE;
@@ -106,7 +107,7 @@ mod tests {
         }
         let when = line.when(4_410 + 44_100, 0).expect("a clock");
         assert!((when - 4.01).abs() < 1e-9, "{when}");
-        // Frames that were dropped are not heard: those after them come sooner.
+        // Dropped frames are not heard: the frames after them come sooner.
         line.take(Some(sounding(9.0, 0.0, 0)), 441, 9.0);
         let when = line.when(4_410 + 44_100, 441).expect("a clock");
         assert!((when - 4.0).abs() < 1e-9, "{when}");
@@ -116,11 +117,11 @@ mod tests {
     fn a_gap_begins_another_line() {
         let mut line = Line::new(RATE, 0);
         line.take(Some(sounding(4.0, 0.0, 0)), 0, 4.0);
-        // 5 ms of silence were put in: all after them is heard later, from now on.
+        // 5 ms of silence were inserted: everything after them is heard later.
         line.take(Some(sounding(4.1, 0.005, 1)), 0, 4.1);
         let when = line.when(0, 0).expect("a clock");
         assert!((when - 3.015).abs() < 1e-9, "{when}");
-        // What is not told keeps what was.
+        // Without a report the line stays.
         line.take(None, 0, 4.2);
         assert_eq!(line.when(0, 0), Some(when));
     }

@@ -1,4 +1,4 @@
-//! The plain thread between a performance and its pages.
+//! The thread that carries pictures from a performance to its pages.
 
 use std::io;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -13,7 +13,8 @@ use ergon_view::serve::{Keep, Server};
 use super::{Ear, Scene};
 use crate::safety;
 
-/// Between two looks for a picture: a quarter of a video frame. Nobody wakes this thread, for that would cost the physics a call of the system.
+/// Time between two checks for a picture, a quarter of a video frame. The thread polls, because waking it would cost
+/// the physics thread a system call.
 const NAP: Duration = Duration::from_millis(4);
 
 /// Shows performances to pages, one version after the other, until it is dropped.
@@ -25,8 +26,10 @@ pub struct Showing {
 }
 
 impl Showing {
+    /// Start the thread.
+    ///
     /// # Errors
-    /// Where the system has no thread.
+    /// The system could not start a thread.
     pub fn start(server: Arc<Server>) -> io::Result<Self> {
         let (to_scenes, coming) = channel();
         let mut relay = Relay::new(server, coming);
@@ -49,14 +52,14 @@ impl Showing {
         })
     }
 
-    /// Show a version from its first picture on; until then the one before it.
+    /// Show a version from its first picture on; until then the previous version is shown.
     pub fn show(&self, scene: Scene, ear: Ear) {
         let scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
-        // Where the thread is gone there is nobody to show it to.
+        // If the thread has ended, there is nobody to show it to.
         let _ = scenes.send((scene, ear));
     }
 
-    /// Pictures that were not made because the one before had not been fetched.
+    /// Number of pictures that were skipped because the one before had not been fetched.
     pub fn skipped(&self) -> u64 {
         self.skipped.load(Ordering::Relaxed)
     }
@@ -71,15 +74,15 @@ impl Drop for Showing {
     }
 }
 
-/// What the thread does, turn by turn.
+/// The work of the thread.
 pub(in super::super) struct Relay {
     server: Arc<Server>,
     coming: Receiver<(Scene, Ear)>,
-    /// First the one that is shown, then those that will be.
+    /// The scene that is shown, then those that wait for their first picture.
     scenes: Vec<(Scene, Ear)>,
     is_greeted: bool,
     skipped: Arc<AtomicU64>,
-    /// Of scenes that are gone.
+    /// Skipped pictures of scenes that were dropped.
     skipped_before: u64,
 }
 
@@ -95,7 +98,7 @@ impl Relay {
         }
     }
 
-    /// Send what is new.
+    /// Send new pictures.
     pub(in super::super) fn turn(&mut self) {
         self.scenes.extend(self.coming.try_iter());
         let is_new = |own: &(Scene, Ear)| own.0.pictures.updated();
@@ -106,7 +109,7 @@ impl Relay {
                 .sum::<u64>();
             self.tell();
         }
-        // The one that is shown stays for its count; others that are over were never played.
+        // The shown scene stays, because its count is still needed; other scenes that are over were never played.
         let mut at = 0;
         self.scenes.retain(|(scene, _)| {
             at += 1;

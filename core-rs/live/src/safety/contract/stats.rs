@@ -1,13 +1,13 @@
-//! What a device's wire did: counted always, judged by nobody here.
+//! Statistics of a device's wire; they are counted here and judged elsewhere.
 
 use std::time::{Duration, Instant};
 
-/// Durations in powers of two of a microsecond.
+/// A histogram of durations, by powers of two of a microsecond.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Histogram {
-    /// How many took at least 2^i µs and less than 2^(i+1); the first also less than 1 µs.
+    /// Number of durations of at least 2^i µs and less than 2^(i+1) µs; the first also counts those below 1 µs.
     pub counts: [u64; 24],
-    /// The longest.
+    /// The longest duration.
     pub longest: Duration,
 }
 
@@ -19,12 +19,12 @@ impl Histogram {
         self.longest = self.longest.max(took);
     }
 
-    /// How many there are.
+    /// Number of durations.
     pub fn total(&self) -> u64 {
         self.counts.iter().sum()
     }
 
-    /// No more than this was taken by `part` (0 to 1) of them; to a factor of two.
+    /// A duration that the share `part` (0 to 1) of them does not exceed, accurate to a factor of two.
     pub fn within(&self, part: f64) -> Duration {
         let wanted = (self.total() as f64 * part).ceil() as u64;
         let mut seen = 0;
@@ -38,31 +38,31 @@ impl Histogram {
     }
 }
 
-/// What a device's wire did so far.
+/// Statistics of a device's wire so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stats {
     /// Packets sent.
     pub sent: u64,
-    /// Replies that came whole.
+    /// Complete replies.
     pub received: u64,
-    /// Requests that a later one's reply overtook.
+    /// Requests without a reply.
     pub lost: u64,
-    /// Bytes that belonged to no packet.
+    /// Bytes that do not belong to a packet.
     pub garbage: u64,
-    /// From a force sent to its reply; true for protocols that echo a number, else from the latest force.
+    /// Time from a force sent to its reply. For protocols that echo no number: from the latest force sent.
     pub round_trip: Histogram,
-    /// How much faster the device's clock goes than ours [1e-6], once a second has passed.
+    /// How much faster the device's clock runs than the host's [1e-6]; known after a second.
     pub drift_ppm: Option<f64>,
 }
 
 impl Stats {
-    /// A reply took so long.
+    /// Add the time that a reply took.
     pub(crate) fn timed(&mut self, took: Duration) {
         self.round_trip.add(took);
     }
 }
 
-/// The device's clock beside ours.
+/// The drift of the device's clock against the host's.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Drift {
     first: Option<(Instant, u32)>,
@@ -70,7 +70,7 @@ pub(crate) struct Drift {
 }
 
 impl Drift {
-    /// Take a reading; returns the drift so far.
+    /// Add a reading of the device's clock; returns the drift so far.
     pub(crate) fn add(&mut self, now: Instant, t_us: u32) -> Option<f64> {
         let Some((start, before)) = self.first else {
             self.first = Some((now, t_us));
@@ -84,17 +84,18 @@ impl Drift {
     }
 }
 
-/// A reply to one of so many latest requests is late, not another's.
+/// A reply to one of this many latest requests is late; otherwise it belongs to another program.
 const LATE: u16 = 8192;
-/// So many replies to another are no leftovers of a session before.
+/// Value of `Sent::strange` above which the device is shared; fewer may be leftovers of an earlier session.
 const SHARED: u32 = 32;
 
-/// When the latest requests were sent, by their number.
+/// When the latest requests were sent, by their numbers.
 #[derive(Clone, Debug)]
 pub(crate) struct Sent {
     at: [Option<Instant>; 256],
     next: u16,
-    /// Replies to requests that nobody here sent, less half of those to ours; none before the first of ours.
+    /// Twice the number of replies to requests of others, less the number of replies to our own, at least 0; `None`
+    /// before our first reply.
     strange: Option<u32>,
 }
 
@@ -109,7 +110,7 @@ impl Default for Sent {
 }
 
 impl Sent {
-    /// The number of the request that is sent now.
+    /// Number a request that is sent now.
     pub(crate) fn number(&mut self, now: Instant, stats: &mut Stats) -> u16 {
         let number = self.next;
         let slot = &mut self.at[usize::from(number % 256)];
@@ -120,11 +121,11 @@ impl Sent {
         number
     }
 
-    /// The reply to a request has come; says whether it is one of the latest and not one again.
+    /// Note a reply; returns whether it answers one of the latest requests, for the first time.
     pub(crate) fn answered(&mut self, number: u16, now: Instant, stats: &mut Stats) -> bool {
         let age = self.next.wrapping_sub(number);
         if age > 256 && age <= LATE && u64::from(age) <= stats.sent {
-            // A board that was held up answers what nobody waits for any more.
+            // A board that was held up answers old requests, for which nobody waits any more.
             return false;
         }
         if age == 0 || age > 256 {
@@ -140,7 +141,7 @@ impl Sent {
         true
     }
 
-    /// Whether the device answers somebody else as often as us.
+    /// Whether the device answers other programs more than half as often as this one, for some time.
     pub(crate) fn is_shared(&self) -> bool {
         self.strange.is_some_and(|strange| strange > SHARED)
     }
@@ -164,7 +165,7 @@ mod tests {
             }
         }
         assert_eq!((stats.sent, stats.received), (1000, 900));
-        // What was lost is known once its place is taken anew.
+        // A lost request is counted when its slot is used again.
         assert_eq!(stats.lost, (0..744).filter(|i| i % 10 == 0).count() as u64);
         assert_eq!(stats.round_trip.total(), 900);
         assert_eq!(stats.round_trip.within(0.5), Duration::from_micros(100));
@@ -174,7 +175,7 @@ mod tests {
     fn replies_to_another_are_noticed_and_leftovers_are_not() {
         let (mut sent, mut stats) = (Sent::default(), Stats::default());
         let now = Instant::now();
-        // What another session left behind comes first.
+        // Leftover replies of another session come first.
         for number in 30_000..30_100 {
             assert!(!sent.answered(number, now, &mut stats));
         }

@@ -1,4 +1,4 @@
-//! A key, a hand and a piece in virtual time: what the tests here play on.
+//! A key, a hand and a piece in virtual time, for tests of plausibility.
 
 use std::time::Instant;
 
@@ -16,7 +16,7 @@ pub(super) struct Grip {
     pub(super) k: f64,
     /// [N·s/m]
     pub(super) z: f64,
-    /// Where it holds at an instant [m].
+    /// Position of the hand at an instant [m].
     pub(super) at: fn(f64) -> f64,
 }
 
@@ -35,7 +35,7 @@ pub(super) struct Key {
     pub(super) time: f64,
     shown: f64,
     pub(super) grip: Option<Grip>,
-    /// -1: wired the other way.
+    /// 1, or -1: wired the other way.
     pub(super) motor: f64,
     pub(super) frozen: bool,
     /// Dry friction [N].
@@ -83,7 +83,7 @@ impl Key {
                 grip.k * (now - self.x) + grip.z * ((now - before) / h - self.v)
             });
             let push = force * self.motor + pull - b * self.v;
-            // Dry friction holds what it can.
+            // Dry friction holds the key up to its level.
             let v = self.v + push / m * h;
             let held = self.friction / m * h;
             self.v = if v.abs() <= held {
@@ -122,16 +122,16 @@ impl Device for Key {
     fn zero(&mut self) {}
 }
 
-/// What a piece asks for at an instant, for a key at x that goes with v [N].
+/// The force [N] that a piece asks for, at a time, position and velocity of the key.
 pub(super) type Scene = fn(f64, f64, f64) -> f64;
 
-/// A key that is played.
+/// A key that is played by a hand and a piece.
 pub(super) struct Play {
     pub(super) guarded: Guarded<Key>,
     pub(super) scene: Scene,
     before: f64,
     sample: Sample,
-    /// Trips so far, and when.
+    /// Trips so far, each with its time.
     pub(super) trips: Vec<(f64, Trip)>,
     /// What was sent last [N].
     pub(super) sent: f64,

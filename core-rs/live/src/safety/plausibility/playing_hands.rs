@@ -1,17 +1,17 @@
-//! Hands that play, whom nothing may stop.
+//! Hands that play normally: none of them may trip.
 
 use super::Trip;
 use super::played::{Grip, Key, Play, Scene};
 
 const FINE: f64 = 1e-5;
 
-/// From 0 to 1 as a hand goes, without a jolt.
+/// A smooth step from 0 to 1, as a hand moves.
 fn smooth(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * t * (10.0 + t * (6.0 * t - 15.0))
 }
 
-/// A number from 0 to 1 that a whole number gives.
+/// A pseudo-random number from 0 to 1 for an integer.
 fn chance(n: f64, salt: f64) -> f64 {
     let x = libm::sin(n * 12.9898 + salt * 78.233) * 43_758.547;
     x - libm::floor(x)
@@ -21,7 +21,7 @@ fn tremor(t: f64) -> f64 {
     5e-5 * libm::sin(57.0 * t) + 3e-5 * libm::sin(71.3 * t + 1.0)
 }
 
-/// Strokes of 60 to 200 ms to -5 to `deepest` m, one in every so many seconds, each held for a while.
+/// Strokes of 60 to 200 ms to a depth between -5 mm and `deepest` [m], one every `every` [s], each held for a while.
 fn strokes(t: f64, every: f64, deepest: f64) -> f64 {
     let n = libm::floor(t / every);
     let (in_it, length) = (t - n * every, 0.06 + 0.14 * chance(n, 1.0));
@@ -34,7 +34,7 @@ fn grip(k: f64, z: f64, at: fn(f64) -> f64) -> Option<Grip> {
     Some(Grip { k, z, at })
 }
 
-/// A stiff wall from 5 mm on.
+/// A stiff wall that begins at 5 mm.
 fn wall(x: f64, v: f64) -> f64 {
     if x > 5e-3 {
         (2_000.0 * (5e-3 - x) - 2.0 * v).min(0.0)
@@ -43,7 +43,7 @@ fn wall(x: f64, v: f64) -> f64 {
     }
 }
 
-/// A bell that hangs 2 mm away and rings.
+/// A ringing bell at a distance of 2 mm.
 fn bell(t: f64, x: f64) -> f64 {
     let gap = x - 2e-3 - 5e-4 * libm::sin(1_382.0 * t);
     -900.0 * gap.max(0.0)
@@ -185,7 +185,7 @@ fn play_cases() -> Vec<PlayCase> {
     ]
 }
 
-/// Trips and probes of each hand that plays for so long [s].
+/// Trips and number of probes of each case, played for `seconds`.
 #[allow(clippy::type_complexity)]
 fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
     let all = std::sync::Mutex::new(play_cases());
@@ -217,7 +217,7 @@ fn nobody_who_plays_is_stopped() {
 
 #[test]
 #[ignore = "an hour of each, by a minute of the machine: --ignored --nocapture"]
-#[allow(clippy::print_stdout)] // a table for whoever asks
+#[allow(clippy::print_stdout)] // prints a table on request
 fn nobody_who_plays_for_an_hour_is_stopped() {
     let found = played(3_600.0);
     for (name, trips, probes) in &found {

@@ -1,58 +1,59 @@
-//! A probe: a force that differs from the piece's for some milliseconds, and what the key answers.
+//! A probe: for some milliseconds the force differs from the piece's, and the answer of the key is judged.
 
 use super::signs::{AxisParameters, OVER, Signs, Suspicion};
 
-/// How fast a probe grows [N/s], how great it is at most [N] (at a stop beside the force that is there), and how long it
-/// lasts at most [s].
+/// For each kind of suspicion: the growth of a probe [N/s], its greatest force [N] (at a stop in addition to the
+/// present force), and its longest duration [s].
 const SHAPES: [(f64, f64, f64); 3] = [
     (100.0, 1.2, 0.04),
     (1_000.0, 1.0, 0.04),
     (1_000.0, 3.0, 0.008),
 ];
-/// Between two probes the key goes by itself for so many steps, so that its course is known.
+/// Steps between two probes without an offset, so that the course of the key is known.
 const SETTLES: u32 = 2 * OVER as u32;
-/// A key that leaves its course by so much has answered [m].
+/// Least deviation from its course that counts as an answer [m].
 const ANSWER: f64 = 1e-4;
 
-/// And by so much of the way that a free key would go, but no more than so many times it.
+/// Factors of the way of a free key under the probe: an answer is at least the first, a wrong answer to a probe of
+/// `Run` at most the second.
 const PART: (f64, f64) = (0.25, 2.5);
 
-/// What a key said.
+/// The answer of the key to a probe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Answer {
-    /// Nothing yet.
+    /// No answer yet.
     Waiting,
-    /// It went the way it was pushed.
+    /// The key went the way it was pushed.
     Right,
-    /// It could not be told.
+    /// The answer could not be told.
     Untold,
-    /// It went the other way.
+    /// The key went the other way.
     Wrong,
     /// The sensor did not change at all.
     Frozen,
 }
 
-/// A probe that goes on.
+/// A probe under way.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Probe {
     pub(super) kind: Suspicion,
     way: f64,
     most: f64,
-    /// Steps until it begins, and since then.
+    /// Steps until it begins, and steps since then.
     settles: u32,
     steps: u32,
-    /// What it adds to the piece's force now, or gives instead of it [N].
+    /// Its force now [N]; and whether that replaces the piece's force instead of being added to it.
     pub(super) offset: f64,
     pub(super) instead: bool,
-    /// The course of the key if nothing had changed: position, velocity, acceleration.
+    /// The course of the key without the probe: position, velocity, acceleration.
     course: [f64; 3],
-    /// The force when it began, and velocity and way of a free key by what differs from it.
+    /// The force at the beginning; and velocity and way of a free key under the difference from that force.
     pub(super) force: f64,
     driven: [f64; 2],
-    /// The greatest change of the force that was really sent [N], and whether the sensor changed.
+    /// The greatest change of the force that was really sent [N], and whether the sensor has changed.
     most_sent: f64,
     moved: bool,
-    /// The sensor did not change in the probe before.
+    /// Whether the sensor did not change in the previous probe.
     pub(super) unmoved: bool,
 }
 
@@ -88,7 +89,8 @@ impl Probe {
         probe
     }
 
-    /// The same once more, from no offset at once: a hand that goes along with a force that grows does not with that.
+    /// The same probe once more, whose offset begins at zero again: a hand that yields to a growing force does not
+    /// follow that jump.
     pub(super) fn repeated(self, signs: &Signs, force: f64, own: &AxisParameters) -> Self {
         Self {
             unmoved: true,
@@ -96,7 +98,8 @@ impl Probe {
         }
     }
 
-    /// The next one, soon, from however the key moves then; until it is over the piece's force does not act.
+    /// Another probe of the kind `Run` after a few steps, in the direction in which the key then moves. Until it is
+    /// over, the piece's force does not act.
     pub(super) fn again(self) -> Self {
         Self {
             kind: Suspicion::Run,
@@ -111,14 +114,14 @@ impl Probe {
     fn begin(&mut self, signs: &Signs, force: f64, own: &AxisParameters) {
         let (v, a) = (signs.velocity(own), signs.acceleration(own));
         self.course = match self.kind {
-            // The mean velocity over some steps is that of half of them ago.
+            // The mean velocity over `OVER` steps is the velocity of half as many steps ago.
             Suspicion::Run => [signs.past[0], v + 0.5 * OVER as f64 * own.step * a, a],
             Suspicion::Still | Suspicion::Stop => [signs.past[0], 0.0, 0.0],
         };
         (self.steps, self.force, self.driven) = (0, force, [0.0; 2]);
     }
 
-    /// A step: the key is where `signs` has it, by the force `sent`.
+    /// Advance by a step: `signs` has the position of the key, `sent` is the force sent.
     pub(super) fn step(&mut self, signs: &Signs, sent: f64, own: &AxisParameters) -> Answer {
         if self.settles > 0 {
             self.settles -= 1;
@@ -133,7 +136,7 @@ impl Probe {
         self.moved |= !signs.is_still();
         let t = f64::from(self.steps) * own.step;
         let push = if self.kind == Suspicion::Stop {
-            // Until the force would push it into the stop, the key may be held there by the force.
+            // As long as the force does not push into the stop, the old force may hold the key there.
             self.way * (self.way * sent).max(0.0)
         } else {
             sent - self.force
@@ -144,8 +147,8 @@ impl Probe {
         let [x, v, a] = self.course;
         let off = signs.past[0] - (x + (v + 0.5 * a * t) * t);
         let enough = ANSWER.max(3.0 * own.resolution);
-        // By a force that hardly changed, or a sensor that does not, nothing is told; nor by what is a small part of the
-        // way that the force drives a free key, for so much a hand does meanwhile.
+        // Nothing can be told if the force hardly changed, if the sensor does not change, or if the deviation is a
+        // small part of the way of a free key: a hand moves that much meanwhile.
         let driven = self.driven[1];
         let told = off.abs() >= enough.max(PART.0 * driven.abs()) && !signs.is_still();
         if told && off * driven > 0.0 && driven.abs() >= 0.3 * enough {

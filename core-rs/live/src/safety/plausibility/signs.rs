@@ -1,45 +1,47 @@
-//! What the motion of a key shows by itself: what is evident, and what has to be probed.
+//! The signs that watching a key gives: evident faults, and suspicions that have to be probed.
 
 use super::{AxisSpec, Trip};
 
-/// A device that says nothing of its mass is taken for a light fader [kg].
+/// Mass assumed for a device that does not report it: a light fader [kg].
 const LIGHT: f64 = 0.05;
-/// Positions that are kept.
+/// Number of positions that are kept.
 const PAST: usize = 2 * OVER + 1;
-/// Velocity is taken over so many steps.
+/// Number of steps over which velocity is taken.
 pub(super) const OVER: usize = 4;
 
-/// This part of the range beside a stop belongs to it.
+/// Part of the range beside a stop that counts as the stop.
 const MARGIN: f64 = 0.02;
-/// A key that moves less within the dwell rests [m].
+/// A key that moves less than this during the dwell is at rest [m].
 const RESTS: f64 = 1e-4;
-/// A key rests at its stop for so long before that is a suspicion, and before it is a fault [s].
+/// Time at rest at a stop after which it is a suspicion, and after which it is a fault [s].
 const DWELL: [f64; 2] = [0.1, 0.15];
-/// Above such a force [N].
+/// Least force for both [N].
 const STOP_FORCE: f64 = 2.0;
 
-/// A position that keeps its last bit for so long is a suspicion [s], above such a force [N].
+/// Time for which a position keeps its last bit before it is a suspicion [s], and least force for that [N].
 const STILL: f64 = 0.09;
 const STILL_FORCE: f64 = 0.3;
-/// It is a fault where the force, averaged over so long [s], changed by so much [N] meanwhile, for so long at least [s].
+/// A position that keeps its last bit is a fault after `CHANGED_OVER` [s] if the force, averaged over `SMOOTH` [s],
+/// changed by `CHANGED` [N] meanwhile.
 const SMOOTH: f64 = 0.02;
 const CHANGED: f64 = 1.0;
 const CHANGED_OVER: f64 = 0.05;
-/// The stiffest grip of a hand [N/m]: a force that changes by this many times the sensor's step shows in it.
+/// The stiffest grip of a hand [N/m]; it gives the change of force that must show in the sensor.
 const FIRM: f64 = 5_000.0;
 
-/// A key that is slower does not run [m/s].
+/// Least speed of a run [m/s].
 const SLOW: f64 = 0.01;
-/// The first length of a run that is looked at [m]; each further one is twice as long.
+/// Length at which the velocity of a run is first noted [m]; each further length is twice as long.
 const RUN: f64 = 3e-4;
-/// The growth of the velocity from one length to the next that is a suspicion, above such a force [N]. A hand that
-/// begins a stroke smoothly reaches 2^(2/3) = 1.59, a constant push 1.41; a key that runs away reaches 2.
+/// The growth of velocity from one length to the next that is a suspicion, and the least opposing force for it [N]. A
+/// hand that begins a stroke smoothly reaches 2^(2/3) = 1.59, a constant push 1.41, a key that runs away 2.
 const RUNS: [(f64, f64); 2] = [(1.65, 0.1), (1.38, 0.8)];
 
-/// So is a key that is accelerated against the force by this part of it, above such a force [N].
+/// It is also a suspicion if a key is accelerated against the force by this part of the force; and the least force for
+/// that [N].
 const DRIVEN: (f64, f64) = (0.4, 0.8);
 
-/// What the motion of a key may mean, and what a probe has to decide.
+/// A possible fault, which a probe has to confirm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Suspicion {
     /// The position keeps its last bit under a force.
@@ -50,10 +52,10 @@ pub(super) enum Suspicion {
     Run,
 }
 
-/// What an axis is, with what follows from it.
+/// The properties of an axis, and values derived from them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AxisParameters {
-    /// Of a step [s].
+    /// Length of a step [s].
     pub(super) step: f64,
     pub(super) mass: f64,
     pub(super) resolution: f64,
@@ -61,7 +63,7 @@ pub(super) struct AxisParameters {
     margin: f64,
     run: f64,
     slow: f64,
-    /// What the sensor's step makes of an acceleration [N].
+    /// Error of mass times acceleration by the sensor's resolution [N].
     noise: f64,
 }
 
@@ -82,7 +84,7 @@ impl AxisParameters {
         }
     }
 
-    /// The least force whose change shows in the sensor through the firmest grip [N].
+    /// The least change of force that shows in the sensor through the firmest grip [N].
     pub(super) fn shows(&self) -> f64 {
         3.0 * self.resolution * FIRM
     }
@@ -91,7 +93,7 @@ impl AxisParameters {
         (seconds / self.step).ceil() as u32
     }
 
-    /// 1 at the upper stop, -1 at the lower one.
+    /// 1 at the upper stop, -1 at the lower one, `None` elsewhere.
     fn side(&self, x: f64) -> Option<f64> {
         let [low, high] = self.range;
         if x >= high - self.margin {
@@ -108,24 +110,24 @@ struct Run {
     way: f64,
     from: f64,
     next: f64,
-    /// The velocity at the length before [m/s].
+    /// The velocity at the previous length [m/s].
     before: Option<f64>,
     suspicious: bool,
-    /// Against a force of some newtons for two lengths.
+    /// Whether in this step it passed a second or later length, against a force of at least `DRIVEN.1`.
     against: bool,
 }
 
-/// What was seen of an axis lately.
+/// The recent observations of an axis.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Signs {
     /// Positions, the newest first.
     pub(super) past: [f64; PAST],
     n: usize,
-    /// Steps with the same position, and the least and greatest smoothed force in them.
+    /// Number of steps with the same position, the smoothed force, and its least and greatest value in those steps.
     still: u32,
     smooth: f64,
     forces: [f64; 2],
-    /// Steps at a stop, which stop, and where.
+    /// Number of steps at a stop, the side of the stop, and the position there.
     dwell: u32,
     side: f64,
     at: f64,
@@ -133,7 +135,7 @@ pub(super) struct Signs {
 }
 
 impl Signs {
-    /// A step: where the key is, and the force that took it there.
+    /// Add a step: the position of the key, and the force that was sent before it.
     pub(super) fn add(&mut self, x: f64, sent: f64, own: &AxisParameters) {
         if self.n == 0 {
             (self.past, self.smooth) = ([x; PAST], sent);
@@ -183,18 +185,18 @@ impl Signs {
         (self.past[0] - 2.0 * self.past[OVER] + self.past[2 * OVER]) / (step * step)
     }
 
-    /// Whether the newest position is the one before.
+    /// Whether the newest position equals the one before.
     pub(super) fn is_still(&self) -> bool {
         self.still > 0
     }
 
-    /// Suspicions begin anew.
+    /// Restart all suspicions.
     pub(super) fn forget(&mut self) {
         (self.still, self.dwell, self.run) = (0, 0, None);
         self.forces = [self.smooth; 2];
     }
 
-    /// A movement that grows as its force does.
+    /// Follow a movement in one direction, and judge whether it accelerates against the force.
     fn follow(&mut self, x: f64, sent: f64, own: &AxisParameters) {
         let (v, push) = (self.velocity(own), own.mass * self.acceleration(own));
         let run = match &mut self.run {
@@ -212,7 +214,7 @@ impl Signs {
             }
         };
         if run.way * sent >= 0.0 {
-            // With the force it may go as it likes.
+            // A movement along the force is never suspicious.
             (run.from, run.next, run.before) = (x, own.run, None);
         }
         run.against = false;
@@ -229,13 +231,13 @@ impl Signs {
         }
     }
 
-    /// Which stop the key rests at while `force` pushes it further.
+    /// The side of the stop at which the key rests while `force` pushes it further in, if it does.
     pub(super) fn pushed_out(&self, force: f64, own: &AxisParameters) -> Option<f64> {
         let long = self.dwell >= own.steps(DWELL[1]);
         (long && force * self.side >= STOP_FORCE).then_some(self.side)
     }
 
-    /// A fault that needs no probe.
+    /// A fault that is certain without a probe.
     pub(super) fn evident(&self, sent: f64, own: &AxisParameters) -> Option<Trip> {
         if self.pushed_out(sent, own).is_some() {
             return Some(Trip::AtStop);
@@ -245,7 +247,8 @@ impl Signs {
         (frozen && self.side == 0.0).then_some(Trip::Frozen)
     }
 
-    /// A fault that may be, and the way in which its probe pushes; `confirmed`: which way the motor pushes was seen before.
+    /// A suspicion, and the direction in which to probe it; `confirmed`: whether a probe has shown the right direction
+    /// of the motor before.
     pub(super) fn suspected(
         &self,
         sent: f64,

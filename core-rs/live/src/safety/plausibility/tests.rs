@@ -1,21 +1,22 @@
-//! Faults of a board, each within its time and its way.
+//! Faults of a board: each is found within a time and a travel of the key.
 
 use super::played::{Grip, HAND, Key, Play, Scene};
 use super::{AxisSpec, Plausibility, Trip};
 
 const FINE: f64 = 1e-5;
 
-/// What a fault did.
+/// The effect of a fault.
 #[derive(Debug)]
 struct FaultOutcome {
-    /// How long there was a force after it [ms].
+    /// Time after the fault in which there was a force [ms].
     lasted: f64,
-    /// How far the key went beyond where the scene or the hand alone would have taken it [mm].
+    /// How far the key moved beyond its positions without the fault and without any force [mm].
     travel: f64,
     why: Option<Trip>,
 }
 
-/// A fault at an instant of a play, beside the same without it, and without any force from then on.
+/// The effect of a fault at an instant, by comparison with the same play without the fault, and without any force from
+/// that instant on.
 fn harm(fault: fn(&mut Key), at: f64, grip: Option<Grip>, scene: Scene) -> FaultOutcome {
     let play = || {
         let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), scene);
@@ -64,7 +65,7 @@ const SPRINGS: [(&str, Scene); 5] = [
 ];
 const INSTANTS: [f64; 3] = [3.0, 3.1, 3.25];
 
-/// The harm of a fault in every scene at every instant.
+/// The effect of a fault in every scene at every instant.
 fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, FaultOutcome)> {
     let all = SPRINGS.iter().flat_map(|of| INSTANTS.map(|at| (of, at)));
     all.map(|(&(name, scene), at)| (name, at, harm(fault, at, grip, scene)))
@@ -85,20 +86,20 @@ fn a_motor_that_turns_round_under_a_hand_is_off_before_it_goes_far() {
 #[test]
 fn so_is_one_under_a_hand_that_goes_or_under_none() {
     for (name, at, harm) in harms(REVERSED, Some(SINE)) {
-        // A spring that is weaker than the hand cannot run away with it.
+        // A spring weaker than the hand cannot drive the hand away.
         if name.starts_with("200") {
             continue;
         }
         assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {at} {harm:?}");
         assert!(harm.lasted < 300.0, "{name} {at} {harm:?}");
-        // Turned round while it was asked already, it answered once as if nothing had happened.
+        // In this case the motor is reversed while a probe is under way, which first gets a right answer.
         assert!(
             harm.travel < 5.0 || (name.starts_with("1500") && at == 3.25),
             "{name} {at} {harm:?}"
         );
     }
     for (name, at, harm) in harms(REVERSED, None) {
-        // Where the scene is at rest there is no force that could be the wrong one.
+        // If the scene is at rest there is no force that could have the wrong sign.
         let moves = name.ends_with("8 mm");
         assert!(
             !moves || harm.why == Some(Trip::WrongWay),
@@ -116,7 +117,7 @@ fn a_sensor_that_freezes_lets_go() {
     for grip in [Some(HAND), Some(SINE)] {
         for (name, at, harm) in harms(FROZEN, grip) {
             if harm.why.is_none() {
-                // It froze where nothing shows it yet: no force to speak of, or just after the key had answered.
+                // The sensor froze when nothing could show it: with hardly any force, or just after a right answer.
                 assert!(harm.travel < 1.0, "{name} {at} {harm:?}");
                 continue;
             }
@@ -154,7 +155,7 @@ fn one_wired_wrongly_from_the_start_is_off_at_its_first_movement() {
 
 #[test]
 fn a_key_pushed_into_its_stop_is_let_go_and_gets_its_force_back() {
-    // The scene is somewhere else than the key can go, for a while.
+    // For a while the scene pulls the key to a position beyond its range.
     let scene: Scene = |t, x, _| 100.0 * (if t < 4.0 { 0.09 } else { 0.0 } - x);
     let mut play = Play::new(Key::new(FINE, 20.0, None), scene);
     play.key().grip = None;
@@ -207,7 +208,7 @@ fn after_three_trips_only_the_player_lets_it_push() {
 
 #[test]
 #[ignore = "figures for docs/live.md: --ignored --nocapture"]
-#[allow(clippy::print_stdout)] // a table for whoever asks
+#[allow(clippy::print_stdout)] // prints a table on request
 fn figures() {
     for (fault, name) in [(REVERSED, "reversed"), (FROZEN, "frozen")] {
         for (grip, hand) in [
@@ -233,7 +234,7 @@ fn figures() {
     }
 }
 
-/// A key keeps its place until it is probed; then the host is stopped: what follows is what the scene asks for.
+/// A key keeps its position until it is probed; then the host is stopped. Afterwards the force equals the scene's.
 #[test]
 fn a_stall_ends_a_probe_and_every_suspicion() {
     let built = AxisSpec {
@@ -253,7 +254,7 @@ fn a_stall_ends_a_probe_and_every_suspicion() {
     }
     assert_eq!(axis.probes(), 1);
     axis.restart();
-    // The position after a stop is another, and the force of before is gone.
+    // After the stop the position is another, and the earlier force is gone.
     for i in 0..50 {
         let x = -2e-3 + 1e-6 * f64::from(i);
         assert_eq!(axis.tick(asked(x), 0.0, Some(x)), asked(x));

@@ -1,16 +1,16 @@
-//! A force that comes back from zero.
+//! The fade of a force from zero.
 
 /// A factor that rises from 0 to 1.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::safety) struct Fade(f64);
 
 impl Fade {
-    /// At zero.
+    /// No force passes.
     pub(in crate::safety) const ZERO: Self = Self(0.0);
-    /// The whole force.
+    /// The whole force passes.
     pub(in crate::safety) const WHOLE: Self = Self(1.0);
 
-    /// One tick of `period` on; from zero to the whole it takes `length` [s].
+    /// Advance by a tick of `period`; the whole rise takes `length` [s].
     pub(in crate::safety) fn rise(&mut self, period: f64, length: f64) {
         self.0 = if length > 0.0 {
             (self.0 + period / length).min(1.0)
@@ -30,7 +30,7 @@ impl Fade {
     }
 }
 
-/// A factor below 1 is a stage that acts; 1 must not even round.
+/// Scale a force. A factor below 1 counts as an action of the stage; a factor of 1 must not even round.
 pub(in crate::safety) fn scaled(force: f64, factor: f64, count: &mut u64) -> f64 {
     if factor >= 1.0 {
         return force;

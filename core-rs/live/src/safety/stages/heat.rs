@@ -1,16 +1,16 @@
-//! What a motor bears for long.
+//! The limit of a motor's continuous load.
 
 use super::super::counts::Counts;
 
 /// The heat of a motor's coil, by a first-order model.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::safety) struct Heat {
-    /// Mean of (force / continuous force)²; above 1 it is too hot.
+    /// Mean of (force / continuous force)²; above 1 the motor is too hot.
     pub(in crate::safety) level: f64,
 }
 
 impl Heat {
-    /// A motor that is too hot, by the model or as its board says (`told`), gets its continuous force at most.
+    /// Limit the force to the continuous force if the motor is too hot, by the model or as its board reports (`told`).
     pub(in crate::safety) fn pass(
         self,
         force: f64,
@@ -25,7 +25,7 @@ impl Heat {
         force
     }
 
-    /// A force acts for a tick of `period`; `constant`: of the coil's time [s].
+    /// Add the load of a force over a tick of `period`; `constant`: time constant of the coil [s].
     pub(in crate::safety) fn bear(
         &mut self,
         force: f64,
@@ -37,7 +37,7 @@ impl Heat {
         self.level += (load - self.level) * (period / constant);
     }
 
-    /// What is left of a heat after so long without force [s].
+    /// The heat that is left after `elapsed` [s] without force.
     pub(in crate::safety) fn cooled(self, elapsed: f64, constant: f64) -> Self {
         Self {
             level: self.level * ergon_engine::maths::exp(-elapsed / constant),

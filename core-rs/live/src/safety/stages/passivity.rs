@@ -1,56 +1,56 @@
 //! A passivity observer and controller in the time domain (B. Hannaford, J.-H. Ryu, "Time-Domain Passivity Control of
 //! Haptic Interfaces", IEEE Trans. Robotics and Automation 18(1), 2002).
 //!
-//! The observer adds up the work of the motor on the key, f·Δx (their eq. 5). A partner may move a hand, so the work
-//! may be positive: there is an allowance, and a power that fills it up. The delay of a force is known to some ticks at
-//! best, and a wrong pairing of force and motion hides work. So the work is added up for every delay that can be, and
-//! the greatest sum counts. A position is off by half a step of its sensor at most, which hides the work Σ f·Δe, by parts
-//! Σ e·Δf: half a step times every change of force, at most. So much is added.
+//! The observer sums the work of the motor on the key, f·Δx (their eq. 5). A partner may move a hand, so the work may
+//! be positive: there is an allowance, and a power that refills it. The delay of a force is known to some ticks at
+//! best, and a wrong pairing of force and motion hides work. So the work is summed for every possible delay, and the
+//! greatest sum counts. A position is off by at most half a step of its sensor, which hides the work Σ f·Δe, by parts Σ
+//! e·Δf: at most half a step times every change of force. This amount is added.
 //!
-//! Their controller is a damper that takes back what was too much, one tick later. Here forces are under way for some
-//! ticks: a damper α that is so late is unstable by itself from α = π·m/(2·delay) on, and the velocity of a coarse sensor
-//! makes it push by noise. So this controller acts beforehand: a force passes as far as the work that it and the forces
-//! under way can still do fits into the rest of the allowance. A force that brakes the key passes.
+//! Their controller is a damper that removes excess work one tick later. Here forces are under way for some ticks: such
+//! a late damper α is itself unstable from α = π·m/(2·delay) on, and the velocity of a coarse sensor makes it push by
+//! noise. So this controller acts in advance: a force passes as far as the work that it and the forces under way can
+//! still do fits into the rest of the allowance. A force that brakes the key passes.
 
 use super::super::limits::Limits;
 use crate::safety::contract::Spec;
 use crate::wire::MAX_AXES;
 
-/// Forces and positions that are remembered.
+/// Number of forces and positions that are remembered.
 const HISTORY: usize = 64;
-/// Delays beyond the one that the device names: a reply that misses its tick, a queue on the board [ticks].
+/// Delays tried beyond the one that the device reports [ticks]: a reply may miss its tick, a board may have a queue.
 const MORE: usize = 4;
 /// The longest delay that is tried [ticks].
 const LONGEST: usize = 31;
-/// Most ticks between two positions over which forces are averaged.
+/// Greatest number of ticks between two positions over which forces are averaged.
 const GAP: u64 = (HISTORY - LONGEST - 1) as u64;
-/// Mass of a key that does not tell it [kg]. A light key reacts most, so this is lighter than any.
+/// Mass of a key whose device does not report it [kg]. A light key reacts most, so this is lighter than any real key.
 const LIGHT: f64 = 0.01;
-/// Part of a mass that is told which is counted on: a force that brakes a lighter key drives it back.
+/// Part of a reported mass that is relied on: a braking force drives a key back if it is lighter than assumed.
 const SURE: f64 = 0.5;
-/// A velocity is taken over as many ticks as make one step of the sensor slower than this [m/s].
+/// Velocity is taken over as many ticks as are needed for one sensor step to be slower than this [m/s].
 const SLOW: f64 = 0.05;
 
-/// The work of a device's motors.
+/// The work of a device's motors on the hands.
 #[derive(Clone, Debug)]
 pub(in crate::safety) struct Passivity {
-    /// What the work may reach [J], and how fast that is filled up [W].
+    /// The allowance for the work [J], and the power that refills it [W].
     energy: f64,
     power: f64,
-    /// Of a tick [s].
+    /// Period of the ticks [s].
     period: f64,
-    /// Moving mass, the least that it may be [kg].
+    /// Assumed moving mass, a lower bound of the real one [kg].
     mass: f64,
     /// Step of the position sensor [m].
     step: f64,
-    /// Positions that a velocity is taken over.
+    /// Number of positions over which a velocity is taken.
     span: u64,
     /// The longest delay of a force [ticks].
     delay: usize,
-    /// Forces sent so far, and how many of them when the newest position came.
+    /// Number of forces sent so far, and how many of them had been sent when the newest position came.
     sent: u64,
     seen: u64,
-    /// Positions so far, and their times [s].
+    /// Number of positions so far, and their times [s].
     n: u64,
     times: [f64; HISTORY],
     axes: [Axis; MAX_AXES],
@@ -60,14 +60,14 @@ pub(in crate::safety) struct Passivity {
 struct Axis {
     forces: [f64; HISTORY],
     positions: [f64; HISTORY],
-    /// Work on the key by the delay, less what the power has filled up [J].
+    /// Work on the key for each delay, less what the power has refilled [J].
     work: [f64; LONGEST + 1],
-    /// [m/s], and how far off it may be for the sensor's step.
+    /// Velocity [m/s], and its possible error by the sensor's step.
     velocity: f64,
     blur: f64,
 }
 
-/// Where a number's entry is.
+/// Index of an entry in the ring of `HISTORY` entries.
 fn slot(number: u64) -> usize {
     (number % HISTORY as u64) as usize
 }
@@ -80,7 +80,8 @@ impl Passivity {
         in_lockstep: bool,
     ) -> Self {
         let own = (spec.loop_delay_s.unwrap_or(0.0) / period).ceil() as usize;
-        // By a clock a reply says where the key was when the force arrived; in lockstep, where the force took it.
+        // Outside lockstep a reply has the position at which the force arrived; in lockstep the position to which the
+        // force moved the key.
         let delay = own + usize::from(!in_lockstep) + MORE;
         let longest = (limits.velocity_over / period).clamp(1.0, GAP as f64);
         let span = (spec.pos_lsb / (SLOW * period)).ceil().clamp(1.0, longest);
@@ -106,7 +107,7 @@ impl Passivity {
         }
     }
 
-    /// Forces go out (n_axes,) [N].
+    /// Note the forces that are sent (n_axes,) [N].
     pub(in crate::safety) fn send(&mut self, forces: &[f64]) {
         for (axis, force) in self.axes.iter_mut().zip(forces) {
             axis.forces[slot(self.sent)] = *force;
@@ -114,14 +115,14 @@ impl Passivity {
         self.sent += 1;
     }
 
-    /// The forces that were about to go out did not.
+    /// Note that the latest forces were replaced by zero.
     pub(in crate::safety) fn withdraw(&mut self) {
         for axis in &mut self.axes {
             axis.forces[slot(self.sent.wrapping_sub(1))] = 0.0;
         }
     }
 
-    /// Positions came (n_axes,) [m], `since` [s] after those before.
+    /// Take positions (n_axes,) [m], received `since` [s] after the previous ones.
     pub(in crate::safety) fn receive(&mut self, positions: &[f64], since: f64) {
         let ticks = (self.sent - self.seen).clamp(1, GAP);
         let (last, at) = (slot(self.n.wrapping_sub(1)), slot(self.n));
@@ -149,18 +150,18 @@ impl Passivity {
         (self.n, self.seen) = (self.n + 1, self.sent);
     }
 
-    /// The work on an axis [J], for the delay that makes it greatest.
+    /// The work on an axis [J], for the delay with the greatest work.
     pub(in crate::safety) fn work(&self, axis: usize) -> f64 {
         let works = &self.axes[axis].work[..=self.delay];
         works.iter().copied().fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// An axis had done this work [J] before.
+    /// Continue with work [J] that was done on an axis before.
     pub(in crate::safety) fn resume(&mut self, axis: usize, work: f64) {
         self.axes[axis].work = [work; LONGEST + 1];
     }
 
-    /// The least and the greatest force that may go out now [N]; zero is between them.
+    /// The least and the greatest force that may be sent now [N]; zero lies between them.
     ///
     /// A force f that acts for a tick T on a mass m which then moves with w does the work f·w·T + f²T²/(2m).
     pub(in crate::safety) fn room(&self, axis: usize) -> [f64; 2] {
@@ -168,7 +169,7 @@ impl Passivity {
         let force = |ago: u64| own.forces[slot(self.sent.wrapping_sub(ago))];
         let unseen = (self.delay as u64 + self.sent - self.seen).min(HISTORY as u64);
         let felt = (unseen + self.span).min(HISTORY as u64);
-        // How far the forces under way, and those since the velocity was taken, may change it.
+        // Greatest change of the velocity by forces under way and by forces since it was taken.
         let push: f64 = (1..=felt).map(|ago| force(ago).abs()).sum();
         let change = push * self.period / self.mass + own.blur;
         let towards = |side: f64| side * own.velocity + change;
@@ -184,8 +185,8 @@ impl Passivity {
     }
 }
 
-/// Work that is drawn towards zero by what was filled up. What a hand gave pays for what it gets back, as a spring
-/// gives it, but up to the allowance and not for long.
+/// Draw work towards zero by the refilled amount. Work that a hand put in (negative) may be returned to it, as a spring
+/// returns it, but only up to the allowance and not for long.
 fn filled_up(work: f64, filled: f64, allowance: f64) -> f64 {
     if work > 0.0 {
         (work - filled).max(0.0)

@@ -1,4 +1,4 @@
-//! How fast a force may change: the last stage.
+//! The limit on how fast a force may change: the last stage.
 
 /// The force that was sent last.
 #[derive(Clone, Copy, Debug, Default)]
@@ -7,11 +7,11 @@ pub(in crate::safety) struct Slew {
 }
 
 impl Slew {
-    /// Go towards `wish` by `step` [N] at most, and stay within `room`, which holds zero.
+    /// Go towards `wish` by at most `step` [N], and stay within `room`, which contains zero.
     ///
-    /// No tick changes a force by more than the step, but for one case: where the room has become too small for the
-    /// force before, the force falls towards zero at once, and never through it. So every rise, and every change of
-    /// sign, is within the step. A room without width is a force that has to end now: trip, stale position, panic.
+    /// No tick changes a force by more than the step, with one exception: if the previous force is outside the room,
+    /// the force falls towards zero at once, and never through it. So every rise, and every change of sign, is within
+    /// the step. A room without width ends the force now: trip, stale position, panic.
     pub(in crate::safety) fn pass(
         &mut self,
         wish: f64,
@@ -29,7 +29,7 @@ impl Slew {
         force
     }
 
-    /// The force before was zero.
+    /// Note that the previous force was zero.
     pub(in crate::safety) fn forget(&mut self) {
         self.last = 0.0;
     }

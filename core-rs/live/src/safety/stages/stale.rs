@@ -1,24 +1,25 @@
 //! Ages: of the position that a force was computed from, and of the force itself.
 //!
-//! Three things make a force stale. No position came for too long. The host itself was stopped, so that its force is
-//! as old as the stop: it finds that out by the time between two of its own calls. Or the board had heard nothing for
-//! too long and let go, as its reply says. The force is then zero, and fades in from zero.
+//! A force is stale in three cases. No position came for too long. The host itself was stopped, so that its force is as
+//! old as the stop; the time between two of its own calls shows this. Or the board had received nothing for too long
+//! and let go, as its reply reports. The force is then zero, and fades in from zero.
 
 use std::time::Duration;
 
 use super::super::counts::Counts;
 use super::fade::Fade;
 
-/// How old things are.
+/// The ages of positions and of the host's calls.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::safety) struct Ages {
-    /// What is older is stale.
+    /// Age above which they are stale.
     limit: Duration,
-    /// When the newest position came, and when the host was last here.
+    /// When the newest position came, and when the host made its last call.
     seen: Option<Duration>,
     here: Option<Duration>,
     fade: Fade,
-    /// The next force is zero whatever else holds: the slew limit begins there, not at what was sent before the stall.
+    /// Whether the next force must be zero whatever else holds: the slew limit then starts at zero, not at the force
+    /// before the stall.
     owes_zero: bool,
 }
 
@@ -33,7 +34,7 @@ impl Ages {
         }
     }
 
-    /// Whether the host was stopped since it was last here.
+    /// Whether the host was stopped since its last call.
     pub(in crate::safety) fn was_stopped(&self, now: Duration) -> bool {
         self.is_old(self.here, now)
     }
@@ -47,12 +48,12 @@ impl Ages {
         !self.fade.is_whole()
     }
 
-    /// What follows fades in from zero.
+    /// Let later forces fade in from zero.
     pub(in crate::safety) fn restart(&mut self) {
         self.fade = Fade::ZERO;
     }
 
-    /// The host looks, with or without finding a position.
+    /// Note a call of the host, with or without a new position.
     fn look(&mut self, now: Duration, counts: &mut Counts) {
         if self.was_stopped(now) {
             counts.stalls += 1;
@@ -62,7 +63,8 @@ impl Ages {
         self.here = Some(now);
     }
 
-    /// A force is about to go out; fades in over `fade` [s] by ticks of `period`. Says whether it is stale.
+    /// Advance before a force is sent; the fade takes `fade` [s] in ticks of `period`. Returns whether the force is
+    /// stale.
     pub(in crate::safety) fn sending(
         &mut self,
         now: Duration,
@@ -80,7 +82,7 @@ impl Ages {
         is_stale
     }
 
-    /// A position came, from a board that had `let_go` before; returns the time since the one before [s].
+    /// Note a position, from a board that may have `let_go` before; returns the time since the previous position [s].
     pub(in crate::safety) fn received(
         &mut self,
         now: Duration,

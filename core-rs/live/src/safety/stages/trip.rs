@@ -1,11 +1,11 @@
-//! An axis that is held at zero for a while.
+//! A trip: an axis is held at zero for a while.
 
 use super::fade::Fade;
 
-/// Whether an axis has tripped.
+/// The state of a trip of one axis.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::safety) struct Trip {
-    /// How long it is still held [s].
+    /// Time for which it is still held [s].
     left: f64,
     fade: Fade,
 }
@@ -16,7 +16,7 @@ impl Trip {
         fade: Fade::WHOLE,
     };
 
-    /// Hold the axis at zero for `hold` [s] from now on; counts how often that begins.
+    /// Hold the axis at zero for `hold` [s] from now on; count it if the axis was not held before.
     pub(in crate::safety) fn start(&mut self, hold: f64, count: &mut u64) {
         *count += u64::from(!self.is_held());
         self.left = hold;
@@ -26,7 +26,8 @@ impl Trip {
         self.left > 0.0
     }
 
-    /// One tick of `period` on; held, or fading in afterwards over `fade` [s]. Says whether it is held in this tick.
+    /// Advance by a tick of `period`: the axis is held, or fades in afterwards over `fade` [s]. Returns whether it is
+    /// held in this tick.
     pub(in crate::safety) fn tick(&mut self, period: f64, fade: f64) -> bool {
         let is_held = self.is_held();
         if is_held {

@@ -1,4 +1,4 @@
-//! A host that is stopped, a board that lets go, a motor that is hot: by a clock that the test sets.
+//! A host that is stopped, a board that lets go, a hot motor: with a clock that the test sets.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -9,19 +9,19 @@ use crate::safety::clock::Clock;
 use crate::safety::contract::{Device, Gone, Sample, Spec};
 use crate::safety::{Guarded, Limits, SafeForce};
 
-/// A board of 20 N by a clock of its own: it lets go after 50 ms of silence.
+/// A board of 20 N with a clock of its own: it lets go after 50 ms of silence.
 struct Board {
     spec: Spec,
-    /// [ns]
+    /// Time [ns].
     time: Arc<AtomicU64>,
     heard: u64,
-    /// Whether it says what it can say of itself.
+    /// Whether it reports its own state, such as heat and letting go.
     says: bool,
-    /// The host is stopped for so long [ns] right before its next write.
+    /// Time for which the host is stopped right before its next write [ns].
     stop: u64,
     sample: Sample,
     answers: bool,
-    /// What the motor gave, packet by packet [N].
+    /// The force of the motor after each packet [N].
     felt: Vec<f64>,
 }
 
@@ -83,7 +83,7 @@ fn limits(board: &Board) -> Limits {
     }
 }
 
-/// A host on the board, after a second of a force.
+/// A host and its board, after a constant force for a second.
 struct Host {
     guarded: Guarded<Board>,
     time: Arc<AtomicU64>,
@@ -135,7 +135,7 @@ impl Host {
         *self.felt().last().unwrap()
     }
 
-    /// From a packet on the force begins at zero and comes back by small steps.
+    /// From packet `from` on the force begins at zero and returns in small steps.
     fn fades_in(&mut self, from: usize, force: f64) {
         (0..400).for_each(|_| self.tick(force));
         let felt = &self.felt()[from..];
@@ -148,7 +148,7 @@ impl Host {
 }
 
 const STOPS: [f64; 5] = [0.03, 0.06, 0.3, 2.0, 10.0];
-/// The last one is more than the slew limit takes away in a tick.
+/// The last force is more than the slew limit can remove in a tick.
 const FORCES: [f64; 3] = [2.03, -4.0, 10.0];
 
 #[test]
@@ -165,7 +165,7 @@ fn a_host_that_was_stopped_between_ticks_fades_in() {
     }
 }
 
-/// The reply that is read then was sent before the stop.
+/// The reply that is read after the stop was sent before it.
 #[test]
 fn a_host_that_was_stopped_before_the_reply_fades_in() {
     for stop in STOPS {
@@ -183,7 +183,7 @@ fn a_host_that_was_stopped_before_the_reply_fades_in() {
     }
 }
 
-/// The one place where nothing can be done beforehand: zero follows at once.
+/// The only place where nothing can be done in advance: zero follows at once.
 #[test]
 fn a_force_that_was_stopped_at_the_write_is_taken_back_at_once() {
     for stop in STOPS {
@@ -210,7 +210,7 @@ fn a_host_that_is_a_little_late_changes_nothing() {
 fn a_position_grows_old_by_the_clock() {
     let mut host = Host::new(Board::new(), 4.0);
     host.guarded.device.answers = false;
-    // Ticks of 10 ms: two of them are not too old, three are.
+    // With ticks of 10 ms, an age of two ticks is allowed, one of three is not.
     let felt: Vec<f64> = (0..4)
         .map(|_| {
             host.wait(0.009);
@@ -225,7 +225,7 @@ fn a_position_grows_old_by_the_clock() {
     host.fades_in(from, 4.0);
 }
 
-/// A board lets go for reasons of its own too: its host was never late.
+/// A board may let go for reasons of its own, although its host was never late.
 #[test]
 fn a_board_that_let_go_is_faded_in() {
     for force in FORCES {
@@ -256,7 +256,7 @@ fn a_board_that_is_hot_gets_what_it_bears() {
     assert_eq!(host.last(), -10.0);
 }
 
-/// In lockstep the wall clock says nothing: the same run, however long the machine was held up.
+/// In lockstep the wall clock does not count: the run is the same, however long the machine was held up.
 #[test]
 fn in_lockstep_only_ticks_count() {
     let mut bench = Bench::new();
@@ -304,7 +304,7 @@ fn heat_is_kept_and_cools() {
     }
 }
 
-/// A number that is none would stay in every mean for ever.
+/// A position of NaN must not enter the means, where it would stay for ever.
 #[test]
 fn a_position_that_is_no_number_trips_and_passes() {
     let mut host = Host::new(Board::new(), 4.0);
@@ -317,7 +317,7 @@ fn a_position_that_is_no_number_trips_and_passes() {
     let from = host.felt().len() - 1;
     host.fades_in(from, 4.0);
     assert_eq!(host.guarded.counts().trips_not_finite, 1);
-    // Its velocity is a number again: a key that flies trips.
+    // The velocity is finite again: a key that is too fast trips.
     host.guarded.device.sample.position[0] = 0.05;
     (0..2).for_each(|_| host.tick(4.0));
     assert_eq!(host.last(), 0.0);

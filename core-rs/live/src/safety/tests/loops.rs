@@ -1,4 +1,4 @@
-//! Loops of a key and a host that swing up by themselves: what the motor does on the hand beyond what is allowed.
+//! Unstable loops of a key and a host: the work of the motor on the hand must not exceed the allowance.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -9,10 +9,10 @@ use crate::safety::clock::Clock;
 use crate::safety::contract::{Device, Sample};
 use crate::safety::{Counts, Guarded, Limits};
 
-/// What the host computes from positions now and before, and the tick.
+/// The force that the host computes from the positions now and one tick ago, and the tick.
 pub(super) type Scene = fn(x: f64, before: f64, tick: u32) -> f64;
 
-/// Force is asked for without bounds; the stages clamp it.
+/// The forces are unlimited; the stages clamp them.
 pub(super) const SCENES: [(&str, Scene); 10] = [
     ("spring 300 N/m", |x, _, _| -300.0 * x),
     ("spring 3 kN/m", |x, _, _| -3e3 * x),
@@ -32,17 +32,17 @@ pub(super) const SCENES: [(&str, Scene); 10] = [
     }),
 ];
 
-/// What a run came to.
+/// The outcome of a run.
 pub(super) struct Outcome {
-    /// Most work beyond what is allowed [J].
+    /// Greatest work beyond the allowance [J].
     pub(super) beyond: f64,
-    /// Work in all [J], and the greatest deflection [m].
+    /// Total work [J], and greatest deflection [m].
     pub(super) work: f64,
     pub(super) widest: f64,
     pub(super) counts: Counts,
 }
 
-/// Play a loop for so many ticks.
+/// Run a loop for a number of ticks.
 pub(super) fn play(setup: Setup, scene: Scene, ticks: u32) -> Outcome {
     let mut key = Sampled::new(setup);
     let limits = Limits {
@@ -77,7 +77,7 @@ pub(super) fn play(setup: Setup, scene: Scene, ticks: u32) -> Outcome {
     }
 }
 
-/// The most work beyond what is allowed [J], and the loops in which the stage acted.
+/// The greatest work beyond the allowance [J], and the number of loops in which the stage acted.
 fn sweep(mass: f64, steps: &[f64], delays: &[usize], seconds: u32) -> (f64, usize) {
     let (mut worst, mut acted) = (0.0_f64, 0);
     for (name, scene) in SCENES {
@@ -121,7 +121,7 @@ fn no_loop_does_more_work_than_is_allowed() {
 #[test]
 #[ignore = "a minute: make test-long"]
 fn no_loop_does_more_work_than_is_allowed_for_long() {
-    // As heavy as the device tells, lighter, and with a hand's mass on it.
+    // The mass that the device reports, a smaller one, and one with the mass of a hand added.
     for mass in [MASS, 0.03, 0.2] {
         let (worst, acted) = sweep(mass, &[0.0, 1e-5, 0.39e-3], &[0, 1, 2, 3, 4], 10);
         eprintln!("{mass} kg: at most {worst} J beyond, {acted} loops held back");
@@ -129,7 +129,8 @@ fn no_loop_does_more_work_than_is_allowed_for_long() {
     }
 }
 
-/// Springs and walls that a key bears, a partner who leads a hand, by hands that go to and fro.
+/// Normal playing is not held back: springs and walls that a key bears, and a partner who leads a hand, under hands
+/// that move to and fro.
 #[test]
 fn what_players_do_is_not_held_back() {
     let scenes: [(&str, Scene); 4] = [

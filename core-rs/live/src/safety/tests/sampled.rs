@@ -1,4 +1,4 @@
-//! A key that is simulated in this process: exact, with a known delay, and the true work of its motor.
+//! A key that is simulated in this process, exactly and with a known delay; it records the true work of its motor.
 
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -6,29 +6,29 @@ use std::time::Instant;
 use crate::safety::SafeForce;
 use crate::safety::contract::{Device, Gone, Sample, Spec, Unit};
 
-/// Moving mass, as the device tells it [kg].
+/// Moving mass that the device reports [kg].
 pub(super) const MASS: f64 = 0.05;
-/// Where it ends on either side [m].
+/// End of the travel on either side [m].
 const END: f64 = 0.05;
 
-/// What is tried.
+/// The parameters of a run.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Setup {
-    /// Of a tick [s].
+    /// Period of the ticks [s].
     pub(super) period: f64,
-    /// Moving mass, truly [kg].
+    /// True moving mass [kg].
     pub(super) mass: f64,
     /// Friction of the key [N·s/m].
     pub(super) friction: f64,
-    /// Ticks that a force is late, besides the exchange of a device by a clock.
+    /// Delay of a force [ticks], besides the exchange of a device outside lockstep.
     pub(super) delay: usize,
-    /// Whether the device tells its delay and its mass.
+    /// Whether the device reports its delay and its mass.
     pub(super) tells: bool,
-    /// Whether a reply shows what its own force did; by a clock it shows what the force before did.
+    /// Whether a reply shows the effect of its own force; outside lockstep it shows that of the previous force.
     pub(super) lockstep: bool,
     /// Spring and damper of the hand that holds it [N/m, N·s/m].
     pub(super) hand: Option<[f64; 2]>,
-    /// How far and how often the hand goes to and fro [m, Hz].
+    /// Amplitude and frequency of the hand's motion [m, Hz].
     pub(super) sine: [f64; 2],
     /// Step of the position sensor [m].
     pub(super) step: f64,
@@ -41,7 +41,7 @@ pub(super) struct Sampled {
     flow: [[f64; 3]; 3],
     pub(super) x: f64,
     pub(super) v: f64,
-    /// Forces that do not act yet.
+    /// Forces that do not act yet, because of the delay.
     late: VecDeque<f64>,
     shown: f64,
     ticks: u32,
@@ -140,7 +140,7 @@ impl Device for Sampled {
     fn zero(&mut self) {}
 }
 
-/// Of a matrix, by its series and squaring.
+/// Exponential of a matrix, by its series and repeated squaring.
 fn exp(a: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     const SQUARED: u32 = 12;
     let times = |a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]| -> [[f64; 3]; 3] {

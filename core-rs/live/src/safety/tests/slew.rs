@@ -1,4 +1,4 @@
-//! Whatever happens, no force rises faster than it may.
+//! Whatever happens, no force rises faster than the slew limit.
 
 use std::time::Instant;
 
@@ -17,18 +17,18 @@ impl Draw {
         self.0
     }
 
-    /// Between -1 and 1.
+    /// A number between -1 and 1.
     fn even(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
-    /// Once in `n`.
+    /// True once in `n` draws on average.
     fn once_in(&mut self, n: u64) -> bool {
         self.next().is_multiple_of(n)
     }
 }
 
-/// A board that does what boards do when all goes wrong.
+/// A board with all kinds of faults at random.
 struct Wild {
     spec: Spec,
     sample: Sample,
@@ -52,7 +52,7 @@ impl Device for Wild {
     fn zero(&mut self) {}
 }
 
-/// Ticks in which a force rose, or changed its sign, by more than its limit.
+/// Number of ticks in which a force rose, or changed its sign, by more than the limit.
 fn too_fast(ticks: u64, seed: u64) -> u64 {
     let mut draw = Draw(seed);
     let mut board = Wild {

@@ -1,4 +1,4 @@
-//! Draws, and damaged copies of bytes and text.
+//! Random numbers, and damaged copies of bytes and text.
 
 /// Splitmix64: the same numbers on every machine.
 pub(super) struct Dice(u64);
@@ -28,7 +28,7 @@ impl Dice {
     }
 }
 
-/// A copy with one to four damages: bits flipped, bytes set, cut, removed, doubled, numbers at their edges.
+/// A copy with one to four kinds of damage: bits flipped, bytes set, cut, removed or doubled, numbers at their limits.
 pub(super) fn damaged(dice: &mut Dice, whole: &[u8]) -> Vec<u8> {
     const EDGES: [&[u8]; 6] = [
         &[0; 8],
@@ -68,7 +68,7 @@ pub(super) fn damaged(dice: &mut Dice, whole: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Words in no order, or a line with damaged bytes.
+/// Words in random order, or a line with damaged bytes.
 pub(super) fn text(dice: &mut Dice, lines: &[&str], words: &[&str]) -> String {
     if dice.below(2) == 0 {
         let line = dice.one_of(lines);

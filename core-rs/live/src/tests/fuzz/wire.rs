@@ -1,4 +1,4 @@
-//! Bytes of devices, and an emulated board that is fed with them.
+//! Bytes from devices, and an emulated board that is fed with bytes.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use crate::wire::{Inbox, Parsed, firefader, frame, haply};
 
 use super::dice::{Dice, damaged, text};
 
-/// Feed bytes in pieces; the calls of the parser are counted, for they are its work.
+/// Feed bytes in pieces. The calls of the parser are counted, as a measure of its work.
 fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Parsed<T>, mut each: impl FnMut(T)) {
     let calls = std::cell::Cell::new(0_usize);
     let mut inbox = Inbox::<512>::new();
@@ -26,12 +26,12 @@ fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Parsed<T>, mut ea
     for piece in bytes.chunks(piece) {
         inbox.feed(piece, counted, &mut each);
     }
-    // At most one call for each byte that is passed over, and one more for each piece.
+    // At most one call for each byte that is skipped, and one more for each piece.
     let most = bytes.len() + bytes.len().div_ceil(piece) + 512;
     assert!(calls.get() <= most, "{} calls of {most}", calls.get());
 }
 
-/// A stream of sound packets, damaged.
+/// A stream of valid packets with damage.
 fn stream(dice: &mut Dice, packet: impl Fn(&mut Dice) -> Vec<u8>) -> (Vec<u8>, usize) {
     let packets = 1 + dice.below(4);
     let whole: Vec<u8> = (0..packets).flat_map(|_| packet(dice)).collect();
@@ -98,7 +98,7 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
     };
     let mut packet = bytes[..len].to_vec();
     if dice.below(3) == 0 {
-        // Damage that the check sum does not tell: what stands behind it is read too.
+        // Damage that passes the checksum, so that the bytes after it are read too.
         let at = 2 + dice.below(len - 4);
         packet[at] = dice.byte();
         let crc = frame::crc(&packet[2..len - 2]).to_le_bytes();

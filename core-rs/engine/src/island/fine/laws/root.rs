@@ -1,20 +1,21 @@
-//! The zero of a function by halving, and the inverse of a 3 × 3 matrix.
+//! The zero of a function by bisection, and the inverse of a 3 × 3 matrix.
 
 use super::{STAGES, Square};
 
-/// How often an interval is doubled and halved, and the first one relative to what is unmet.
+/// Most evaluations while the interval is widened, and most bisections; first width of the interval, relative to the
+/// value at the guess.
 const HALVINGS: u64 = 64;
 const FIRST_LOOK: f64 = 0.01;
 
-/// Where a function that rises in the end is zero, near a guess; and how often it was asked. The guess where it is zero
-/// nowhere.
+/// The zero near a guess of a function that rises at large arguments, and the number of evaluations. Returns the guess
+/// if no zero is found.
 pub(super) fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
     let at_guess = f(guess);
     let mut asked = 1;
     if at_guess == 0.0 || !at_guess.is_finite() {
         return (guess, asked);
     }
-    // It is zero towards where it has the other sign: look ever further.
+    // The zero lies in the direction of the other sign: widen the interval until the sign changes.
     let mut far = guess;
     let mut near;
     let mut by = -FIRST_LOOK * at_guess;
@@ -69,14 +70,14 @@ mod tests {
 
     #[test]
     fn a_root_is_found_however_steep_a_law_is() {
-        // A smooth bow whose slope at rest is 10⁴ times what Newton's step bears.
+        // A smooth bow whose slope at rest is 10⁴ times what Newton's method can solve.
         let bow = |v: f64| v * 1e4 / (1.0 + 1e8 * v * v);
         for v in [-0.3, -1e-5, 0.0, 1e-6, 0.02] {
             let unmet = |f: f64| f - bow(v - 0.5 * f);
             let (force, _) = root(&unmet, 0.0);
             assert!(unmet(force).abs() < 1e-6, "{v}: {force}");
         }
-        // Nothing is zero: what was known stays.
+        // Without a zero, the guess is returned.
         assert_eq!(root(&|_| 1.0, 7.0).0, 7.0);
     }
 }

@@ -1,4 +1,4 @@
-//! One law: its forces and slopes at the Gauss points, and what it keeps from frame to frame.
+//! One law: its forces and slopes at the Gauss points, and the state that it keeps from frame to frame.
 
 use super::{STAGES, Square, Stages, WEIGHTS, inverse};
 use crate::island::fine::basis::dot;
@@ -6,10 +6,10 @@ use crate::law::Scratch;
 use crate::network::Bristle;
 use crate::scheme::Kind;
 
-/// Steps of the differences that tell a law's slopes, relative to what is looked at and at least [m, m/s].
+/// Steps of the finite differences for a law's slopes: relative to the argument, and at least [m, m/s].
 const NEAR: (f64, f64) = (1e-6, 1e-9);
 
-/// What rates at the Gauss points make of a value there, in parts (Gauss's method of order 6).
+/// Integrals up to each Gauss point, as weights of the rates at the Gauss points, in parts (Gauss's method of order 6).
 const MEANS: Square = [
     [
         5.0 / 36.0,
@@ -28,24 +28,24 @@ const MEANS: Square = [
     ],
 ];
 
-/// A law that plays.
+/// The state of a running law.
 #[derive(Clone, Debug, Default)]
 pub(in crate::island::fine) struct LawState {
-    /// At the Gauss points of the last part [N], and what is known of this one's.
+    /// Forces at the Gauss points of a part [N]; elongations and their rates there without the forces of that part.
     pub(super) force: [f64; STAGES],
     pub(super) elongation: [f64; STAGES],
     pub(super) rate: [f64; STAGES],
-    /// How far its bristles are bent at the start of a part, by its end, and before a step that may be taken again [m].
+    /// Bend of its bristles at the start of a part, at its end, and before a step that may be repeated [m].
     pub(super) bend: f64,
     pub(super) bend_at_end: f64,
     pub(super) saved_bend: f64,
-    /// At the start of the frame [N].
+    /// Force at the start of the frame [N].
     pub(super) begin: f64,
-    /// The largest of the last frames [N].
+    /// The largest force of the last frames [N].
     pub(super) largest: f64,
     /// Elongation at the instants of the frame if the forces of the parts to come are zero [m]   (n)
     pub(super) path: Vec<f64>,
-    /// The inverse of what a change of the forces leaves unmet, and for which division it was found.
+    /// Inverse of the derivative of the residual by the forces, and the division for which it was computed.
     pub(super) inverse: Square,
     pub(super) known: Option<usize>,
     pub(super) scratch: Scratch,
@@ -69,15 +69,15 @@ pub(super) struct LawNow<'a> {
     pub(super) kind: &'a Kind,
     /// How far its gate is open.
     pub(super) open: f64,
-    /// Of a law whose K and Z are led: [N/m, N·frame/m].
+    /// K and Z of a law for which they are led: [N/m, N·frame/m].
     pub(super) k: f64,
     pub(super) z: f64,
-    /// How far its bristles are bent [m].
+    /// Bend of its bristles [m].
     pub(super) bend: f64,
 }
 
 impl LawNow<'_> {
-    /// A rate of elongation [m/frame] times this is what the law takes.
+    /// Factor from a rate of elongation [m/frame] to the rate that the law takes.
     pub(super) fn rate(&self) -> f64 {
         match self.kind {
             Kind::Lnl { rate, .. } | Kind::Bristle { rate, .. } => *rate,
@@ -104,7 +104,7 @@ impl LawNow<'_> {
         }
     }
 
-    /// The same halfway through `h` frames over which it does not change.
+    /// Its force halfway through `h` frames of constant elongation and rate.
     pub(super) fn halfway(&self, e: f64, v: f64, h: f64) -> f64 {
         match self.bristle() {
             Some(by) => {
@@ -117,14 +117,14 @@ impl LawNow<'_> {
 }
 
 impl LawState {
-    /// Go on as the same law of another version stands.
+    /// Take over the state of the same law in another version.
     pub(in crate::island::fine) fn continue_from(&mut self, old: &Self) {
         (self.force, self.elongation, self.rate) = (old.force, old.elongation, old.rate);
         (self.begin, self.largest, self.bend) = (old.begin, old.largest, old.bend);
         (self.inverse, self.known) = (old.inverse, old.known);
     }
 
-    /// How far its bristles are bent at the start of a frame [m].
+    /// Bend of its bristles at the start of a frame [m].
     pub(in crate::island::fine) fn bend_at_start(&self) -> f64 {
         self.bend
     }
@@ -133,12 +133,12 @@ impl LawState {
         self.bend = bend;
     }
 
-    /// Keep what a step changes that may be taken again.
+    /// Save what a step changes, if it may be repeated.
     pub(in crate::island::fine) fn save(&mut self) {
         self.saved_bend = self.bend;
     }
 
-    /// Take the last step back.
+    /// Undo the last step.
     pub(in crate::island::fine) fn restore(&mut self) {
         self.bend = self.saved_bend;
     }
@@ -164,7 +164,7 @@ impl LawState {
         }
     }
 
-    /// What a change of its forces leaves unmet, by what they make of its elongation and rate.
+    /// Derivative of the residual by the forces, from the response of elongation and rate to them.
     pub(super) fn left(
         &mut self,
         now: &[LawNow<'_>; STAGES],
@@ -175,7 +175,7 @@ impl LawState {
         let rate = now[0].rate();
         let mut left = [[0.0; STAGES]; STAGES];
         if now[0].bristle().is_some() {
-            // A rate at one instant bends the bristles at all later ones.
+            // A rate at one instant bends the bristles at all later instants.
             let slopes = bent_slopes(now, v, (force, h));
             for stage in 0..STAGES {
                 for column in 0..STAGES {
@@ -232,8 +232,8 @@ impl LawState {
     }
 }
 
-/// Forces [N] of bristles at three instants of a part of `h` frames, by the rates of their ends there [m/s], and how far
-/// they are bent at the end of the part [m]; `None` for other laws.
+/// Forces [N] of bristles at three instants of a part of `h` frames, from the rates of their ends there [m/s], and
+/// their bend at the end of the part [m]; `None` for other laws.
 fn bent(now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<(Stages, f64)> {
     let by = [now[0].bristle()?, now[1].bristle()?, now[2].bristle()?];
     let (start, h) = (now[0].bend, h / now[0].rate());
@@ -258,7 +258,7 @@ fn bent(now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<(Stages, f64)>
     Some((forces, start + h * dot(&WEIGHTS, &rates)))
 }
 
-/// How the forces of bristles at three instants change with the rate of their ends at each [N·s/m].
+/// Derivatives of the forces of bristles at three instants by the rates of their ends at each [N·s/m].
 fn bent_slopes(now: &[LawNow<'_>; STAGES], v: &Stages, (force, h): (&Stages, f64)) -> Square {
     let mut slopes = [[0.0; STAGES]; STAGES];
     for from in 0..STAGES {

@@ -1,4 +1,4 @@
-//! What does not change of laws between frames: what the force of each law makes of the others' elongations.
+//! Constant tables of laws between frames: the response of each law's elongation to the forces of the others.
 
 use super::state::LawState;
 use super::{POINTS, STAGES, Square, WEIGHTS};
@@ -6,37 +6,38 @@ use crate::island::fine::Script;
 use crate::island::fine::basis::{At, dot};
 use crate::scheme::Kind;
 
-/// A frame in so many parts, which are solved one after the other.
+/// A frame in `parts` parts, which are solved one after the other.
 #[derive(Clone, Debug)]
 pub(super) struct Division {
     pub(super) parts: usize,
     /// Instants of the Gauss points   (parts·3)
     pub(super) s: Vec<f64>,
-    /// What each value at the instants of a frame counts in the value, and in the slope, at each Gauss point   (parts·3, n)
+    /// Weights of the values at the instants of a frame in the value, and in the slope, at each Gauss point   (parts·3,
+    /// n)
     pub(super) value: Vec<f64>,
     pub(super) slope: Vec<f64>,
-    /// What the force of one law makes of another's elongation and rate at the Gauss points of its part   (n_laws²)
+    /// Response of one law's elongation and rate at the Gauss points of a part to the force of another in that part
+    /// (n_laws²)
     pub(super) moves: Vec<[Square; 2]>,
-    /// What an impulse of one law at each Gauss point makes of another's elongation at the instants of a frame, for the
-    /// parts after it   (n_laws², parts·3, n)
+    /// Response of one law's elongation at the instants of a frame to an impulse of another at each Gauss point, for
+    /// the parts after it   (n_laws², parts·3, n)
     pub(super) later: Vec<f64>,
 }
 
-/// What does not change.
+/// The constant data of laws.
 #[derive(Clone, Debug)]
 pub(in crate::island::fine) struct LawScript {
-    /// Which of the script's links are laws.
+    /// Indices of the script's links that are laws.
     pub(in crate::island::fine) links: Vec<usize>,
     /// Parts of a frame: 1, 2, 4, and so on.
     pub(super) divisions: Vec<Division>,
-    /// What each value at the instants of a frame counts in the value, and in the slope, at its ends   (n each)
+    /// Weights of the values at the instants of a frame in the value, and in the slope, at its ends   (n each)
     pub(super) ends: [[Vec<f64>; 2]; 2],
-    /// What the force of one law makes of another's elongation and rate at the end of a frame that is taken as a
-    /// whole   (n_laws²)
+    /// Response of one law's elongation and rate at the end of a whole frame to the force of another   (n_laws²)
     pub(super) moves_end: Vec<[[f64; STAGES]; 2]>,
-    /// Of the polynomial of a part's forces: what each counts at the next part's Gauss points.
+    /// Weights of a part's forces in their extrapolation to the next part's Gauss points.
     pub(super) ahead: Square,
-    /// The same, at both ends of the part.
+    /// Weights of a part's forces in their extrapolation to both its ends.
     pub(super) at_ends: [[f64; STAGES]; 2],
 }
 
@@ -137,7 +138,7 @@ impl Division {
     }
 }
 
-/// Of the polynomial through the Gauss points: what each value counts at `s`, in parts.
+/// Weights of the values at the Gauss points in the value at `s` of the polynomial through them, in parts.
 pub(super) fn shares(s: f64) -> [f64; STAGES] {
     let mut shares = [1.0; STAGES];
     for (own, share) in shares.iter_mut().enumerate() {
@@ -149,14 +150,14 @@ pub(super) fn shares(s: f64) -> [f64; STAGES] {
 }
 
 impl Script {
-    /// What the force of a law between `from` makes of the elongation between `to` and of its rate, at the Gauss points
-    /// of a part of `h` frames.
+    /// Response of the elongation between `to`, and of its rate, to the force of a law between `from`, at the Gauss
+    /// points of a part of `h` frames.
     fn coupled(&self, [to, from]: [(usize, usize); 2], h: f64) -> [Square; 2] {
         let n = self.basis.n();
         let mut found = [[[0.0; STAGES]; STAGES]; 2];
         for (row, c) in POINTS.into_iter().enumerate() {
             let end = At::new(n, c * h);
-            // Gauss points again, of the time up to this one: exact for what is smooth to order 6.
+            // Gauss quadrature over each half of the time up to this point: of order 6.
             for half in 0..2 {
                 for (point, weight) in POINTS.into_iter().zip(WEIGHTS) {
                     let part = 0.5 * (half as f64 + point) * c;
@@ -173,8 +174,8 @@ impl Script {
         found
     }
 
-    /// What an impulse of a law between `from` makes of the elongation between `to` [m/N·s] and of its rate
-    /// [m/frame per N·s].
+    /// Response of the elongation between `to` [m/N·s] and of its rate [m/frame per N·s] to an impulse of a law between
+    /// `from`.
     fn between(&self, [to, from]: [(usize, usize); 2], instants: [&At; 2]) -> [f64; 2] {
         let mut found = [0.0; 2];
         for (sign_to, to) in [(-1.0, to.0), (1.0, to.1)] {
@@ -187,7 +188,7 @@ impl Script {
         found
     }
 
-    /// What an impulse at one joint makes of another's position [m/N·s] and velocity [m/frame per N·s].
+    /// Response of one joint's position [m/N·s] and velocity [m/frame per N·s] to an impulse on another.
     fn answer(&self, [from, to]: [usize; 2], [start, end]: [&At; 2]) -> [f64; 2] {
         let n = self.basis.n();
         let mut found = [0.0; 2];

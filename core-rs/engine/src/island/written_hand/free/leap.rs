@@ -1,17 +1,17 @@
-//! Many frames of a linear key at once: what one frame does is an affine map, and its powers are found by squaring.
+//! Many frames of a linear key at once: one frame is an affine map, and its powers are computed by squaring.
 
 use super::{FreeKey, Motion};
 use crate::kernel::Laws;
 use crate::state::Target;
 use crate::timeline::Source;
 
-/// From so many frames on the powers are used; what lasts less is computed frame by frame.
+/// Least number of frames for which powers are used; fewer are computed one by one.
 pub(super) const FRAMES_MIN: u64 = 1 << 18;
 /// A key of more MATs than this is computed frame by frame.
 const MATS_MAX: usize = 8;
 
-/// The map of some frames less the identity, on (x, d, 1) of all MATs: what a slow key moves in one frame is far
-/// below 1, and its digits would be lost beside it.
+/// The map of some frames minus the identity, on (x, d, 1) of all MATs. A slow key changes by far less than 1 in one
+/// frame, and the digits of that change would be lost beside the identity.
 #[derive(Clone, Debug)]
 pub(crate) struct Leap {
     n_mat: usize,
@@ -24,7 +24,8 @@ pub(crate) struct Leap {
 }
 
 impl Leap {
-    /// Room for the powers of a key's frame; `None` where a frame is no constant affine map, or a large one.
+    /// Buffers for the powers of a key's frame; `None` if a frame is not a constant affine map, or the key has more
+    /// MATs than [`MATS_MAX`].
     pub(crate) fn new(free: &FreeKey) -> Option<Self> {
         let scheme = &*free.scheme;
         let n_mat = scheme.n_mat();
@@ -47,7 +48,7 @@ impl Leap {
         2 * self.n_mat + 1
     }
 
-    /// Move a key so many frames on that nothing strikes.
+    /// Advance a key by `frames` frames without strikes.
     pub(super) fn forward(
         &mut self,
         free: &FreeKey,
@@ -74,7 +75,7 @@ impl Leap {
         motion.body.d.copy_from_slice(&self.state[n..last]);
     }
 
-    /// The change that one frame makes: of each number by itself, beyond what it makes of all at 0.
+    /// Set `change` to that of one frame: for each state variable the effect of 1 alone, less that of the zero state.
     fn one_frame(
         &mut self,
         free: &FreeKey,
@@ -96,7 +97,7 @@ impl Leap {
             free.strike_and_move(motion, 0, 0.0, targets);
             for (mat, &step) in motion.body.d.iter().enumerate() {
                 let before = f64::from(u8::from(column == n + mat));
-                // A position changes by its last step, to the last digit.
+                // The change of a position is exactly its last step.
                 for (row, change) in [(mat, step), (n + mat, step - before)] {
                     let constant = self.change[row * size + size - 1];
                     self.change[row * size + column] =
@@ -106,7 +107,7 @@ impl Leap {
         }
     }
 
-    /// The state moves by the map.
+    /// Apply the map to the state.
     fn apply(&mut self) {
         let size = self.size();
         for (moved, row) in self.moved.iter_mut().zip(self.change.chunks_exact(size)) {
@@ -208,7 +209,7 @@ mod tests {
         }
     }
 
-    /// Frame by frame it would take minutes.
+    /// Frame by frame this would take minutes.
     #[test]
     fn a_throw_of_a_day_arrives() {
         let free = key();

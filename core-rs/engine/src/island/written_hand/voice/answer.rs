@@ -1,4 +1,4 @@
-//! From what is asked of a key to the ergon that does it.
+//! Computes the ergon that makes a key do what is asked.
 
 use super::super::ergons_for_view::Sparks;
 use super::{Ask, Scene, TrackedFrame, Voice, VoiceScript};
@@ -9,21 +9,21 @@ use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 use crate::{kernel, maths};
 
-/// An ergon that strikes, as it is told to report and stream.
+/// An ergon, as it is added to report, stream and sparks.
 struct Blow {
     frame: u64,
     mat: usize,
     source: u32,
     force: f64,
-    /// Mass [kg] and velocity [m/s] of a particle; an event's follow from the force.
+    /// Mass [kg] and velocity [m/s] of a particle; those of an event follow from the force.
     particle: Option<(f64, f64)>,
     /// Whether it is one of many that lead along a path.
     is_stream: bool,
 }
 
 impl Voice {
-    /// Strike the key so that it does what is asked; returns the force on the free key [N].
-    /// `here` is where it was wanted at this very frame, NaN where nowhere.
+    /// Strike the key so that it does what is asked; returns the force on the free key [N]. `here` is the position
+    /// asked for at this very frame, NaN if none.
     pub(super) fn answer(
         &mut self,
         script: &VoiceScript,
@@ -65,7 +65,7 @@ impl Voice {
                 source,
                 x: *x,
             });
-            // The free copy goes where the key goes.
+            // The free copy follows the key.
             return script
                 .free
                 .needed(&self.free, *x, &self.targets, &mut self.room);
@@ -106,8 +106,8 @@ impl Voice {
 
     /// The force within the limit that brings the free key back onto a path that it fell behind [N].
     ///
-    /// It closes the distance e no faster than half the limit can brake, √(2·½a·|e|): pushing with
-    /// all force until the path is crossed would swing far beyond it, again and again.
+    /// The distance e is closed no faster than half the limit can brake, √(2·½a·|e|): pushing with all force until the
+    /// path is crossed would make the key swing far beyond it, again and again.
     fn catch_up(&self, script: &VoiceScript, [here, next]: [f64; 2], limit: f64) -> f64 {
         let (scheme, i) = (&script.free.scheme, script.free.struck);
         let here = if here.is_nan() { next } else { here };
@@ -136,7 +136,7 @@ impl Voice {
         }
     }
 
-    /// The force that does what is asked, whatever it takes [N].
+    /// The force that does what is asked, without a limit [N].
     fn wanted(&mut self, script: &VoiceScript, scene: &Scene<'_>, n: u64, ask: &Ask) -> f64 {
         let Some(now) = &self.now else { return 0.0 };
         let free = &script.free;
@@ -149,7 +149,7 @@ impl Voice {
             }
             (Ask::Aim { to, x }, touch) => {
                 if touch == Touch::Tracked {
-                    // Aim from where the loaded key is.
+                    // Aim from the position of the scene's key, with its loads.
                     for (local, &member) in free.members.iter().enumerate() {
                         self.free.body.x[local] = scene.body.x[member];
                         self.free.body.d[local] = scene.body.d[member];
@@ -163,7 +163,7 @@ impl Voice {
 }
 
 impl Blow {
-    /// Into the report, the stream and what is seen, before the force is added to the sum.
+    /// Add the ergon to the report, the stream and the sparks, before its force is added to the sum.
     fn tell(
         &self,
         scheme: &Scheme,
@@ -186,7 +186,7 @@ impl Blow {
             record
         };
         if stream.is_kept() {
-            // Without the ergon, whose force is not in the sum yet.
+            // The velocity without the ergon: its force is not in the sum yet.
             let velocity = kernel::centred(scheme, body, self.mat);
             stream.push(self.frame, record(velocity));
         }

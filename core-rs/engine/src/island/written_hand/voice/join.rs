@@ -1,10 +1,10 @@
-//! How a gesture begins: where the key agrees with it, or by a curve that leads onto its path.
+//! How a gesture begins: directly, if the key is where it begins, or by a curve that leads onto its path.
 
 use super::{Running, Scene, Voice, VoiceScript};
 use crate::gesture::quintic::{Knot, Quintic};
 use crate::island::written_hand::framed::{FramedGesture, Leg};
 
-/// Closer than this a key is where the gesture begins, and needs no joining curve [m].
+/// A key closer than this to the beginning of a gesture needs no joining curve [m].
 const AGREES: f64 = 1e-9;
 /// A joining curve shorter than this is worse than a late one [s]: 3 mm in 5 ms are 3,600 m/s².
 const JOIN_MIN: f64 = 5e-3;
@@ -65,7 +65,7 @@ impl Voice {
         }
     }
 
-    /// The curve by which a gesture that begins elsewhere joins its own path after its start.
+    /// The curve by which a gesture joins its own path after its start, if the key is elsewhere.
     fn late_joining(
         &self,
         script: &VoiceScript,
@@ -77,8 +77,8 @@ impl Voice {
             return None;
         };
         let from = self.motion(script, scene, gesture.gesture.manner.touch, n);
-        // Where one gesture ends as the next begins, off the grid of frames, the key has not quite
-        // come to the point they share.
+        // If one gesture ends as the next begins, off the grid of frames, the key has not quite reached the point that
+        // they share.
         let before = self
             .begun
             .checked_sub(2)

@@ -1,4 +1,4 @@
-//! A voice that begins in the middle, or goes on where one of another version stands.
+//! Starting a voice at a later frame, and continuing one from the state of another version.
 
 use std::collections::HashMap;
 
@@ -8,24 +8,24 @@ use crate::island::written_hand::framed::FramedGesture;
 /// What one voice passes on to another.
 #[derive(Clone, Debug)]
 pub(crate) struct VoiceTakeover {
-    /// Which voice of the island before, and of this one.
+    /// Index of the voice in the old island, and in this one.
     pub(crate) from: usize,
     pub(crate) to: usize,
-    /// MATs of the free key here and there, where the two are not alike in all.
+    /// Pairs of MATs of the free keys, here and there; `None`: the two keys are alike.
     pub(crate) mats: Option<Vec<(usize, usize)>>,
-    /// The same gestures, there and here; rising.
+    /// Pairs of equal gestures, there and here; rising.
     pub(crate) gestures: Vec<(usize, usize)>,
 }
 
 impl VoiceTakeover {
-    /// Here, a gesture of there.
+    /// Index here of a gesture there.
     fn gesture(&self, there: usize) -> Option<usize> {
         let at = self.gestures.binary_search_by_key(&there, |pair| pair.0);
         at.ok().map(|at| self.gestures[at].1)
     }
 }
 
-/// The gestures of one voice that are also in another: there and here, rising.
+/// Pairs of equal gestures of two voices: there and here, rising.
 pub(crate) fn shared(
     (own, gestures): (&VoiceScript, &[FramedGesture]),
     (their, others): (&VoiceScript, &[FramedGesture]),
@@ -52,15 +52,15 @@ pub(crate) fn shared(
 }
 
 impl Voice {
-    /// Begin at frame `n`: gestures that began before it have gone by.
+    /// Begin at frame `n`: gestures that began before it are skipped.
     pub(crate) fn seek(&mut self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) {
         let past = |&own: &usize| gestures[own].first < n;
         self.begun = script.gestures.partition_point(past);
         self.free.seek(n);
     }
 
-    /// Continue as `old` does, with the gesture that it plays where it is still to be played. Where it is not, the key
-    /// goes on by itself, and what comes next joins it there.
+    /// Take over the state of `old`, with the gesture that it plays if this voice has it too. If not, the key moves
+    /// freely, and the next gesture joins it there.
     pub(crate) fn continue_from(
         &mut self,
         script: &VoiceScript,
@@ -89,7 +89,8 @@ impl Voice {
             let gesture = takeover.gesture(now.gesture)?;
             Some(Running { gesture, ..now })
         });
-        // What is due at this very frame is held against what comes of it in the same gesture's report.
+        // The position asked for at this very frame is kept only if the comparison goes into the report of the same
+        // gesture.
         let is_same = before == Some(latest(self, script));
         self.asked = if is_same { old.asked } else { f64::NAN };
     }

@@ -4,7 +4,7 @@ use super::{COUPLED_MAX, Complex, ComplexModes, Coordinates, ERROR_MAX, NOTHING,
 use crate::plan::passes::linear::NoModes;
 use crate::spectrum::{General, general, inverse};
 
-/// Sets of undamped modes that `damping` (n, n) couples, each rising.
+/// Sets of undamped modes that `damping` (n, n) couples, each in rising order.
 pub(super) fn all(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
     let most = damping.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let least = (ROUNDING * most).max(NOTHING / n as f64);
@@ -32,10 +32,10 @@ pub(super) fn all(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
     found
 }
 
-/// The state of a block: p of its modes that a spring holds, then v of all.
+/// The state of a block: p of the modes that a spring holds, then v of all.
 struct State<'a> {
     block: &'a [usize],
-    /// How many of them no spring holds: the first ones.
+    /// How many of them no spring holds; these come first.
     n_rigid: usize,
     omega: Vec<f64>,
 }
@@ -66,8 +66,7 @@ impl State<'_> {
         matrix
     }
 
-    /// The sum Σ row·x over an eigenvector y: of positions, of those that no spring holds as integrals of their
-    /// velocities.
+    /// The sum Σ row·x over an eigenvector y; positions that no spring holds are integrals of their velocities.
     fn positions(&self, row: &[f64], y: &impl Fn(usize) -> Complex, s: Complex) -> Complex {
         let (mut held, mut rigid) = ([0.0; 2], [0.0; 2]);
         for (i, &mode) in self.block.iter().enumerate() {
@@ -121,7 +120,7 @@ pub(super) fn add(
     if error(&matrix, &found, [&vectors, &left]) > ERROR_MAX {
         return Err(NoModes::Inexact);
     }
-    // What the body is at t = 0, and what an impulse adds: through the inverse.
+    // The state at t = 0 and the effect of an impulse, in the modes: through the inverse.
     let through = |row: usize, state: &dyn Fn(usize) -> f64| -> f64 {
         let own = &left[row * size..(row + 1) * size];
         own.iter().enumerate().map(|(i, by)| by * state(i)).sum()
@@ -144,7 +143,7 @@ pub(super) fn add(
             }
         }
     };
-    // What rigid modes have moved on the whole when all else has died away.
+    // How far rigid modes have moved in total when everything else has died away.
     let n_points = coordinates.struck.len();
     let mut went = vec![vec![0.0; n_points + 1]; n_rigid];
     for (k, &(re, im)) in found.values.iter().enumerate() {
@@ -211,8 +210,8 @@ pub(super) fn add(
     Ok(())
 }
 
-/// Eigenvectors as the columns of a real matrix: of a pair the real part and minus the imaginary part   (n, n). With them
-/// y = V·(Re z, Im z).
+/// Eigenvectors as the columns of a real matrix: for a pair, the real part and minus the imaginary part   (n, n). With
+/// them y = V·(Re z, Im z).
 fn columns(found: &General) -> Vec<f64> {
     let n = found.values.len();
     let mut columns = vec![0.0; n * n];
@@ -230,7 +229,7 @@ fn columns(found: &General) -> Vec<f64> {
     columns
 }
 
-/// ‖E‖: A + E has the computed eigenvalues and eigenvectors exactly, E = (V·B − A·V)·V⁻¹.
+/// ‖E‖, where A + E has exactly the computed eigenvalues and eigenvectors: E = (V·B − A·V)·V⁻¹.
 fn error(matrix: &[f64], found: &General, [vectors, left]: [&[f64]; 2]) -> f64 {
     let n = found.values.len();
     let mut off = vec![0.0; n * n];

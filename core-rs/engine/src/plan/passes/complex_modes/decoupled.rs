@@ -1,13 +1,13 @@
-//! An undamped mode that damping couples with no other: its poles are the roots of s² + c·s + ω².
+//! An undamped mode that damping does not couple with others: its poles are the roots of s² + c·s + ω².
 
 use super::{ComplexModes, Coordinates, ERROR_MAX, NOTHING, Pole};
 use crate::plan::passes::linear::NoModes;
 
-/// Two roots that are this near, relative to their sum, are taken as a pair that hardly swings: apart, their residues
-/// would cancel each other.
+/// Two real roots this close, relative to their sum, are taken as a pair that hardly swings: as separate roots their
+/// residues would cancel each other.
 const CRITICAL: f64 = 1e-7;
 
-/// Add the modes that undamped mode `at` with damping `c` [1/s] has.
+/// Adds the modes that belong to undamped mode `at` with damping `c` [1/s].
 pub(super) fn add(
     modes: &mut ComplexModes,
     coordinates: &Coordinates,
@@ -51,7 +51,7 @@ pub(super) fn add(
         return Ok(());
     }
     let fast = decay + (-square).sqrt();
-    // Not the difference of two near numbers.
+    // Avoids the difference of two nearly equal numbers.
     let slow = lambda / fast;
     let gap = fast - slow;
     for (own, other, sign) in [(slow, fast, 1.0), (fast, slow, -1.0)] {

@@ -16,9 +16,10 @@ use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
 use crate::units::Rate;
 
-/// More masses than this are hardly cheaper by dense products, and their flow takes seconds to compute.
+/// Most masses of a body: with more, dense products are hardly cheaper than stepping, and computing the flow takes
+/// seconds.
 const MASSES_MAX: usize = 120;
-/// Stiffness below this part of the stiffest is rounding: nothing holds a body in such a mode.
+/// Stiffness below this part of the largest is rounding: nothing holds the body in such a mode.
 const LOOSE: f64 = 1e-12;
 
 /// A body of linear springs, or why it has no flow; `is_struck`: whether a MAT of the island may be struck.
@@ -80,12 +81,13 @@ pub(super) fn slow(
     Ok(slow)
 }
 
-/// What pushes of a mass at each frame between two kicks leave undone.
+/// For pushes at each frame between two kicks: the part of their effect that is still missing at the end.
 fn missing(flow: &Flow, frame: &Square, own: usize, is_discrete: bool) -> Vec<[Vec<f64>; 2]> {
     let n = flow.keep.n;
     let mut moved = vec![0.0; 2 * n];
     moved[n + own] = 1.0;
-    // The CA network has moved on by a push at the very next frame; motion follows it from where it is.
+    // State one frame after a push: in a CA network only the pushed mass has moved; continuous motion follows the flow
+    // of a frame.
     if is_discrete {
         moved[own] = 1.0;
     } else {
@@ -101,7 +103,7 @@ fn missing(flow: &Flow, frame: &Square, own: usize, is_discrete: bool) -> Vec<[V
     found
 }
 
-/// What holds masses together, in units of a frame.
+/// Springs and dampers of the body as matrices, in units of a frame.
 struct Matrices {
     /// MATs that move, by their index in the subset.
     free: Vec<usize>,
@@ -158,12 +160,12 @@ impl Matrices {
         let n = self.w.len();
         let root: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
         let entry = |row: usize, column: usize| self.k.get(row, column) * root[column] / root[row];
-        // Rounding has made it a little unsymmetric.
+        // Rounding makes the matrix slightly unsymmetric.
         let even = |row, column| 0.5 * (entry(row, column) + entry(column, row));
         DMatrix::from_fn(n, n, even).symmetric_eigen()
     }
 
-    /// Where the springs balance: K·x = force, and x = 0 along what nothing holds.
+    /// The equilibrium of the springs: K·x = force, and x = 0 along modes that nothing holds.
     fn rest(&self, values: &nalgebra::DVector<f64>, vectors: &DMatrix<f64>) -> Vec<f64> {
         let n = self.w.len();
         let mut rest = vec![0.0; n];

@@ -10,7 +10,7 @@ use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
 use crate::units::Rate;
 
-/// A body with links in space, or why it is not stable so seldom.
+/// A body with links in space, or why it is not stable at that rate.
 pub(super) fn slow(
     rate: Rate,
     (part, every): (usize, u32),

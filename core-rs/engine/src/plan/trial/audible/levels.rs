@@ -1,25 +1,26 @@
-//! Third octaves that are heard beside each other.
+//! Levels of third octaves that are heard in the presence of the others.
 //!
-//! A band is heard where it is above what the others mask. They spread over the basilar membrane by
-//! 15.81 + 7.5·(Δ + 0.474) − 17.5·√(1 + (Δ + 0.474)²) dB at a distance of Δ Bark (Schroeder, Atal & Hall, J. Acoust. Soc.
-//! Am. 66, 1979), and mask what lies 14.5 + z dB below, z the Bark of the band: the offset of tones, which mask least (Johnston,
-//! IEEE J. Sel. Areas Commun. 6, 1988). z = 26.81·f/(1960 + f) − 0.53 (Traunmüller, J. Acoust. Soc. Am. 88, 1990).
+//! A band is heard if it is above what the others mask. Maskers spread over the basilar membrane by 15.81 + 7.5·(Δ +
+//! 0.474) − 17.5·√(1 + (Δ + 0.474)²) dB at a distance of Δ Bark (Schroeder, Atal & Hall, J. Acoust. Soc. Am. 66, 1979),
+//! and mask what lies 14.5 + z dB below, z the Bark of the band: the offset of tones, which mask least (Johnston, IEEE
+//! J. Sel. Areas Commun. 6, 1988). z = 26.81·f/(1960 + f) − 0.53 (Traunmüller, J. Acoust. Soc. Am. 88, 1990).
 
 use std::f64::consts::PI;
 
 use crate::maths::{log10, pow, sincos, sqrt};
 use crate::plan::trial::third_octaves::{Band, bands, powers};
 
-/// A level is the mean of as many numbers as width × duration says: here the same sound is looked at twice, and one
-/// number will do.
+/// Least width × duration of a band: its level is the mean of about as many independent values. Here both runs are the
+/// same sound, so one is enough.
 const FEWEST: f64 = 1.0;
-/// Bands so far below the strongest are not compared, and one that is missing is as far off as this [power].
+/// Bands are compared if their power is above the part `HEARD` of the strongest band's; a missing band counts as the
+/// ratio `MISSING` [power].
 const HEARD: f64 = 1e-6;
 const MISSING: f64 = 1e-10;
-/// One part of so many of a sound fades.
+/// The last part of a sound that fades out is one in this many.
 const FADED: usize = 4;
 
-/// The largest difference of a third octave that is heard in `b` [dB].
+/// The largest level difference among the third octaves that are heard in `b` [dB].
 pub(super) fn apart(a: &[f64], b: &[f64], rate: f64) -> f64 {
     let bands = bands(b.len(), rate, FEWEST);
     let of = |x: &[f64]| -> Vec<f64> {
@@ -37,7 +38,7 @@ pub(super) fn apart(a: &[f64], b: &[f64], rate: f64) -> f64 {
     })
 }
 
-/// A sound that ends by fading: cut off it would be heard in every band.
+/// The sound with its end faded out: an abrupt end would be heard in every band.
 fn faded(x: &[f64]) -> Vec<f64> {
     let n = x.len() / FADED;
     let from = x.len() - n;
@@ -49,7 +50,7 @@ fn faded(x: &[f64]) -> Vec<f64> {
     x
 }
 
-/// Which bands, of these centres [Hz] and powers, are not masked.
+/// Which bands are not masked, given their centres [Hz] and powers.
 fn heard(centres: &[f64], powers: &[f64]) -> Vec<bool> {
     let strongest = powers.iter().fold(0.0_f64, |most, power| most.max(*power));
     let barks: Vec<f64> = centres.iter().map(|f| bark(*f)).collect();
@@ -68,13 +69,13 @@ fn bark(f: f64) -> f64 {
     26.81 * f / (1960.0 + f) - 0.53
 }
 
-/// How much of a masker reaches so far above it [Bark]; in dB.
+/// Level of a masker at a distance of `bark` above it, relative to its own [dB].
 fn spreads(bark: f64) -> f64 {
     let d = bark + 0.474;
     15.81 + 7.5 * d - 17.5 * sqrt(1.0 + d * d)
 }
 
-/// A level [dB] as a power.
+/// The ratio of powers for a level [dB].
 fn decibels(db: f64) -> f64 {
     pow(10.0, 0.1 * db)
 }
@@ -88,7 +89,8 @@ mod tests {
 
     const RATE: f64 = 44_100.0;
 
-    /// Sines of a frequency [Hz] and an amplitude, 0.3 s that fade in: a sudden beginning would be heard in every band.
+    /// Sines, each of a frequency [Hz] and an amplitude, 0.3 s that fade in: an abrupt beginning would be heard in
+    /// every band.
     fn tones(of: &[(f64, f64)]) -> Vec<f64> {
         let at = |n: usize| {
             let rise = sincos(0.5 * PI * (n as f64 / 3_300.0).min(1.0)).0;
@@ -110,7 +112,7 @@ mod tests {
 
     #[test]
     fn what_is_masked_counts_nothing() {
-        // 50 dB below a strong tone: next to it nothing is heard of that, two octaves away it is.
+        // 50 dB below a strong tone: masked if next to it, heard two octaves above.
         let (near, far) = ((1_260.0, 3e-3), (4_000.0, 3e-3));
         let loud = (1_000.0, 1.0);
         let b = tones(&[loud, near, far]);

@@ -1,25 +1,28 @@
-//! Pitch and decay of the strongest partials in two runs, by demodulation: both are shifted by −f and smoothed; of their
-//! ratio the slopes of argument and logarithm, weighted by power, are the difference of frequency and of decay.
+//! Pitch and decay of the strongest partials in two runs, by demodulation: both are shifted by −f and smoothed. The
+//! slopes of the argument of their ratio and of their log levels, weighted by power, give the differences of frequency
+//! and decay.
 
 use std::f64::consts::{PI, TAU};
 
 use crate::maths::{atan2, log, log2, sincos};
 use crate::plan::trial::third_octaves::{length, powers};
 
-/// Partials of which there are so many at most, so far below the strongest at most [power].
+/// Most partials that are compared, and the weakest relative to the strongest [power].
 const COUNT: usize = 5;
 const WEAKEST: f64 = 1e-4;
-/// A Hann window of so long [s]: partials 40 Hz apart do not mix.
+/// Length of the Hann window [s]: partials 40 Hz apart do not mix.
 const WINDOW: f64 = 0.05;
-/// From window to window [s].
+/// Time from window to window [s].
 const HOP: f64 = 5e-3;
-/// A decay is told where a straight line through the level is as near [nepers], and falls by so much at least.
+/// A decay is compared only if a straight line fits its level this closely (rms) [nepers] and the level falls by at
+/// least `FALLS` [nepers].
 const STRAIGHT: f64 = 0.1;
 const FALLS: f64 = 0.1;
-/// A pitch is told of so many windows.
+/// Fewest windows from which a pitch is measured.
 const FEWEST: usize = 8;
 
-/// Largest error of a pitch [cents] and of a T60, of itself, up to `upto` [Hz]; `b` is the reference.
+/// Largest error of a pitch [cents], and of a T60 relative to itself, among partials up to `upto` [Hz]; `b` is the
+/// reference.
 pub(super) fn apart(a: &[f64], b: &[f64], rate: f64, upto: f64) -> (f64, f64) {
     let found = strongest(b, rate, upto).into_iter();
     found.fold((0.0, 0.0), |(cents, t60), f| {
@@ -28,7 +31,7 @@ pub(super) fn apart(a: &[f64], b: &[f64], rate: f64, upto: f64) -> (f64, f64) {
     })
 }
 
-/// Frequencies of the strongest partials [Hz], each the strongest around it.
+/// Frequencies of the strongest partials [Hz], each a maximum within the resolution of the window.
 fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
     let window = hann(x.len());
     let powers = powers(x.iter().zip(window).map(|(x, w)| x * w).collect());
@@ -47,14 +50,15 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
     tops.into_iter().map(|top| top as f64 * bin).collect()
 }
 
-/// Error of the pitch [cents] and of the T60 of the partial near `f` [Hz]; `None` where there is too little of it.
+/// Error of the pitch [cents] and of the T60, relative to itself, of the partial near `f` [Hz]; `None` if the sound is
+/// too short.
 fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
     let (ours, theirs) = (baseband(a, f, rate), baseband(b, f, rate));
     if theirs.len() < FEWEST {
         return None;
     }
     let weights: Vec<f64> = theirs.iter().map(|[re, im]| re * re + im * im).collect();
-    // ours/theirs, and theirs by its own step before: arguments that turn little from one to the next.
+    // ours/theirs: its argument turns little from one window to the next.
     let ratios = ours.iter().zip(&theirs);
     let ratios: Vec<[f64; 2]> = ratios.map(|(a, b)| times(*a, [b[0], -b[1]])).collect();
     let drift = slope(&unwrapped(&ratios), &weights).0 / (TAU * HOP);
@@ -64,7 +68,7 @@ fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
     let (ours, _) = slope(&levels(&ours), &weights);
     let cents = 1200.0 * log2((1.0 + drift / f).max(f64::MIN_POSITIVE)).abs();
     let is_decay = rest < STRAIGHT && -falls * theirs.len() as f64 > FALLS;
-    // T60 over T60.
+    // The ratio of the T60s, less 1.
     let t60 = if is_decay && ours < 0.0 {
         (falls / ours - 1.0).abs()
     } else {
@@ -110,7 +114,7 @@ fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
 }
 
-/// Arguments without jumps.
+/// The arguments, unwrapped.
 fn unwrapped(of: &[[f64; 2]]) -> Vec<f64> {
     let mut last = [1.0, 0.0];
     let mut sum = 0.0;
@@ -127,7 +131,8 @@ fn unwrapped(of: &[[f64; 2]]) -> Vec<f64> {
     of.iter().map(turn).collect()
 }
 
-/// Of the straight line that fits best by weighted least squares: its slope a step, and how far it is off (rms).
+/// The straight line that fits best by weighted least squares: its slope from one value to the next, and its residual
+/// (rms).
 fn slope(values: &[f64], weights: &[f64]) -> (f64, f64) {
     let total: f64 = weights.iter().sum();
     if total <= 0.0 {
@@ -157,7 +162,7 @@ mod tests {
 
     const RATE: f64 = 44_100.0;
 
-    /// Two partials with a decay each [1/s].
+    /// Two partials, each with its frequency [Hz] and decay [1/s].
     fn sound(low: (f64, f64), high: (f64, f64)) -> Vec<f64> {
         let one = |t: f64, (f, decay): (f64, f64)| exp(-decay * t) * sincos(TAU * f * t).0;
         (0..13_230)
@@ -176,7 +181,7 @@ mod tests {
         let (cents, t60) = apart(&a, &b, RATE, 5_000.0);
         assert!((cents - 5.0).abs() < 0.2, "{cents}");
         assert!((t60 - 0.1).abs() < 0.01, "{t60}");
-        // Where pitch is not asked for it is not told.
+        // Partials above `upto` are not compared.
         assert!(apart(&a, &b, RATE, 1_000.0).0 < 0.3);
     }
 

@@ -14,7 +14,7 @@ fn order(number: u16, force: f64) -> ForceCommand {
     }
 }
 
-/// Rules by a clock, and a service that has just answered a push of 1 N; at the returned moment.
+/// Rules without lockstep, and the time at which the service has just answered a push of 1 N.
 fn pushing() -> (Rules, Instant) {
     let start = Instant::now();
     let mut rules = Rules::new(false, start);
@@ -37,7 +37,7 @@ fn a_silent_host_lets_go_once() {
     for later in 51..5000 {
         assert_eq!(rules.due(start + ms(later)), Action::Nothing, "{later}");
     }
-    // It is back, and its forces with it.
+    // The service is back, and forces are passed on again.
     rules.order(order(2, 1.0), start + ms(5000));
     assert_eq!(rules.due(start + ms(5000)), PUSH);
     assert_eq!(rules.state(start + ms(5001)), (2, false));

@@ -1,4 +1,4 @@
-//! A scene, a window on it, and a performance whose ticks and pages go on by hand.
+//! A scene, a window on it, and a performance whose ticks and pages are advanced by the test.
 
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner};
@@ -46,7 +46,7 @@ pub(super) fn scene(struck: &[f64]) -> (Arc<Network>, Timeline) {
     (network, timeline)
 }
 
-/// A key that goes up 4 mm and back for 0.74 s, and a bell that it pulls.
+/// A key that moves up by 4 mm and back within 0.74 s, and a bell that it pulls.
 pub(super) fn gesture() -> (Arc<Network>, Timeline) {
     let mut network = Network::new();
     let tie = |k, z| Tie::Physical { k, z };
@@ -80,7 +80,7 @@ pub(super) fn gesture() -> (Arc<Network>, Timeline) {
     (Arc::new(network), timeline)
 }
 
-/// A ball of 1 kg that tears off a thread of 1 kN/m at 0.4 m/s.
+/// A ball of 1 kg that tears a thread of 1 kN/m at 0.4 m/s.
 pub(super) fn torn() -> (Arc<Network>, Timeline) {
     let mut network = Network::new();
     network.part("w", None);
@@ -116,12 +116,12 @@ pub(super) fn planned(scene: &(Arc<Network>, Timeline), from: u64) -> Simulation
     Simulation::planned_from(Arc::new(plan), OPTIONS, from).unwrap()
 }
 
-/// Strikes of a second and a half, some of them at once.
+/// Strikes within a second and a half, some at the same instant.
 pub(super) fn strikes() -> Vec<f64> {
     (0..40).map(|i| f64::from(i * i % 53) / 36.0).collect()
 }
 
-/// A window as a performance has it, with a manifest of what a reader needs.
+/// A window as a performance has it, with the manifest that a reader needs.
 pub(super) fn window_on(
     simulation: &Simulation,
     timeline: &Timeline,
@@ -175,7 +175,7 @@ pub(super) fn served(limits: Limits) -> Arc<Server> {
     Arc::new(Server::start(options).expect("a server"))
 }
 
-/// A performance whose ticks and pages go on by hand.
+/// A performance whose ticks and pages are advanced by the test.
 pub(super) struct Shown {
     pub(super) this: Performance,
     pub(super) player: Player,
@@ -185,7 +185,7 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    /// As fast as it goes, into no file.
+    /// A performance that runs as fast as it can, without an output file.
     pub(super) fn fast(simulation: &Simulation, timeline: &Timeline) -> Self {
         let config = config("null:fast");
         Self::new(simulation, timeline, config, Limits::default())
@@ -215,7 +215,7 @@ impl Shown {
         }
     }
 
-    /// So many ticks without a page that takes anything.
+    /// Run `n` ticks; no page reads meanwhile.
     pub(super) fn tick(&mut self, n: u64) {
         reset_violation_count();
         assert_no_alloc(|| (0..n).for_each(|_| assert!(self.player.tick())));
@@ -232,7 +232,7 @@ impl Shown {
     }
 }
 
-/// All messages that a viewer gets by now.
+/// All messages for a viewer so far.
 pub(super) fn messages(server: &Server, cursor: &mut Cursor) -> Vec<Vec<u8>> {
     let mut all = Vec::new();
     loop {
@@ -244,7 +244,7 @@ pub(super) fn messages(server: &Server, cursor: &mut Cursor) -> Vec<Vec<u8>> {
     }
 }
 
-/// The kinds and instants of chunks, one after the other.
+/// Kind, instant and payload of consecutive chunks.
 pub(super) fn chunks(mut bytes: &[u8]) -> Vec<(u16, f64, Vec<u8>)> {
     let mut all = Vec::new();
     bytes = bytes.strip_prefix(&MAGIC[..]).unwrap_or(bytes);
@@ -256,7 +256,7 @@ pub(super) fn chunks(mut bytes: &[u8]) -> Vec<(u16, f64, Vec<u8>)> {
     all
 }
 
-/// Ergons that chunks tell, by rising instant: [s], MAT, impulse [N·s].
+/// The ergons in chunks, by rising instant: [s], MAT, impulse [N·s].
 pub(super) fn ergons(bytes: &[u8], look: &Look) -> Vec<(f64, usize, f64)> {
     let word = |own: &[u8], at: usize| <[u8; 4]>::try_from(&own[at..at + 4]).unwrap();
     let mut told = Vec::new();
@@ -271,7 +271,7 @@ pub(super) fn ergons(bytes: &[u8], look: &Look) -> Vec<(f64, usize, f64)> {
     told
 }
 
-/// Instants are those of the strikes to a hundredth of a frame.
+/// Instants must agree with those of the strikes to a hundredth of a frame.
 pub(super) fn assert_ergons(told: &[(f64, usize, f64)], wanted: &[(f64, usize, f64)]) {
     assert_eq!(told.len(), wanted.len(), "{told:?}, {wanted:?}");
     for (own, wanted) in told.iter().zip(wanted) {
