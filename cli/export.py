@@ -33,6 +33,8 @@ FORMATS: Mapping[str, Callable[..., Sequence[ExportedPart]]] = {
     "csound": csound_orchestras,
 }
 _ENDINGS = {"modal": ".csv", "faust": ".dsp", "mdl": ".mdl", "csound": ".csd"}
+# A new folder is not given a name that ends as files do which are written here.
+_FILES = {*_ENDINGS.values(), ".wav", ".mid"}
 _OPTIONS = {
     "daw": ("--no-stems", "--bits"),
     "modal": ("PART", "--upto"),
@@ -109,6 +111,10 @@ def export(
     for name, value in given.items():
         if value is not None and name not in _OPTIONS[to]:
             raise Refused(f"{name} cannot be used with --to {to}; leave it out")
+    if output.suffix in _FILES and not output.is_dir():
+        raise Refused(
+            f"-o: {output} has the name of a file; name a folder, for example {output.stem}"
+        )
     if to == "daw":
         _for_workstation(console, score_path, output, stems is not False, bits, force, trust)
         return

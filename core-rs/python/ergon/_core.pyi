@@ -245,7 +245,7 @@ class Law:
     def potential(self, d: float) -> float:
         """Stored energy [J] at elongation d [m]; zero at d = 0."""
     def is_active(self, d_max: float, v_max: float) -> bool:
-        """Whether the link can give energy: damping·v < 0 somewhere in |d| <= d_max, |v| <= v_max."""
+        """Whether the link can give energy: damping·v < 0 for some |d| <= d_max, |v| <= v_max."""
 
 def law_functions() -> list[LawFunction]:
     """The functions of the core that native code of a law calls."""
@@ -345,7 +345,7 @@ class Elements(NamedTuple):
 
 @final
 class ReachableNetwork:
-    """The part of a network that a hand can move, made linear and at rest, with all contacts closed."""
+    """The part of a network that a hand can move: linear, at rest, all contacts closed."""
 
     @property
     def others(self) -> int:
@@ -427,7 +427,7 @@ class Network:
     ) -> None:
         """Let the mass of a MAS follow another MAT, as in `following_lnl`. Raises EngineError."""
     def proxy(self, name: str, shares: Sequence[tuple[int, float]]) -> int:
-        """A massless point between masses, each (index, share): its position is their sum by shares.
+        """A massless point at the weighted sum of masses, each (index, share).
 
         A force on it is divided among them by the same shares. Raises EngineError.
         """
@@ -725,7 +725,7 @@ class Network:
     def space_lnl(
         self, name: str, a: Sequence[int], b: Sequence[int], law: Law, rest: float
     ) -> int:
-        """A link between two points in space with a law of distance - `rest` [m]; the LIA's index."""
+        """A link between two points in space with a law of distance - `rest` [m]; its index."""
     def lnl(self, name: str, a: int, b: int, law: Law, *, rest: float = 0.0) -> int:
         """A link between MATs a and b with a law, at `rest` [m]; the LIA's index."""
     def following_lnl(
@@ -841,7 +841,8 @@ class PathPoint(NamedTuple):
 class Take:
     """A recorded movement: the natural quintic spline through samples (t [s], x [m]), both (n,).
 
-    `trim` keeps t in [from, to] and sets `from` to zero; `smooth` is a 4th-order Butterworth low-pass
+    `trim` keeps t in [from, to] and sets `from` to zero; `smooth` is a 4th-order Butterworth
+    low-pass
     [Hz], forward and backward. Raises EngineError unless t rises, all numbers are finite, and there
     are at most 20,000,000 samples.
     """
@@ -918,7 +919,7 @@ class Recording:
     def clocks(self) -> NDArray[np.uint32]:
         """The devices' own clocks [µs], as the devices send them, (n_ticks, n_axes)."""
     def held(self) -> _Floats:
-        """Positions [m] at every tick from the first to the last, (n, n_axes); a gap holds its last value."""
+        """Positions [m] at every tick, (n, n_axes); a gap holds its last value."""
     def to_bytes(self) -> bytes:
         """The bytes of a complete `.take` file. Raises EngineError."""
 
@@ -974,7 +975,7 @@ class Timeline:
     def open(self) -> None:
         """Mark the timeline as incomplete (a session): no plan may rely on what is absent."""
     def key(self, name: str, struck: int) -> int:
-        """Declare the part `name`, whose MAT `struck` gestures move, as a key; returns its index."""
+        """Declare the part `name` as a key, moved at the MAT `struck`; returns its index."""
     def gesture(
         self,
         key: int,
@@ -1028,7 +1029,7 @@ class Timeline:
         speed: float | None = None,
         source: int = 0,
     ) -> None:
-        """A strike on a MAT at `at` [s]: an impulse [N·s], or a mass [kg] that arrives at a speed [m/s]."""
+        """A strike on a MAT at `at` [s]: an impulse [N·s], or a mass [kg] and speed [m/s]."""
     def rain(
         self,
         mats: Sequence[int],
@@ -1591,7 +1592,7 @@ class FrozenOutputs:
 
 @final
 class Mixer:
-    """Routes of outputs to channels, with gains and second-order high-passes. Raises EngineError."""
+    """Routes of outputs to channels, with gains and high-passes. Raises EngineError."""
 
     def __new__(cls, rate: float, n_out: int, n_channels: int) -> Self: ...
     def route(
@@ -1629,14 +1630,14 @@ class Mixer:
         the energy of the click in each channel. Raises EngineError.
         """
     def freeze(self, frozen: FrozenOutputs, outputs: Sequence[int], begins: int) -> None:
-        """Add frozen outputs to `outputs` (from 0), one each; their first frame is heard at frame `begins`.
+        """Add frozen outputs to `outputs` (from 0), one each, from frame `begins` on.
 
         Raises EngineError.
         """
     def fade(self, curve: Sequence[tuple[int, float, bool]]) -> None:
         """Set a gain of all channels over the frames of the piece, as the `curve` of a route."""
     def set_gain(self, group: int, gain: float) -> None:
-        """Let the gain of a group glide to `gain` in 20 ms, from the next multiple of GRID frames on."""
+        """Glide the gain of a group to `gain` in 20 ms, from the next multiple of GRID on."""
     def take_over(self, old: Mixer, outputs: Sequence[int | None] | None = None) -> None:
         """Take the gains and filters of `old` over; `outputs`: for each output of `old` the output
         here, as Simulation.take_over returns them, if they differ.
@@ -1772,7 +1773,7 @@ class AudioOut:
     def set_prefill(self, n_frames: int) -> None:
         """Begin, and begin again after an underrun, once the ring holds `n_frames`."""
     def push(self, frames: NDArray[np.float32]) -> int:
-        """Write frames (n_frames, n_channels) without waiting; the number of frames that were taken."""
+        """Write frames (n_frames, n_channels) without waiting; returns how many were taken."""
     def play(self, frames: NDArray[np.float32]) -> None:
         """Write all frames (n_frames, n_channels), waiting for room."""
     def finish(self, limit: float) -> bool:
@@ -2248,7 +2249,7 @@ def checkup(seconds: float, period: float) -> Checkup:
 
 @final
 class Device:
-    """An open device, for tests and calibration. Every method raises EngineError once it is closed."""
+    """An open device, for tests and calibration. A closed one raises EngineError."""
 
     def __new__(cls, url: str, calibration: Sequence[AxisCalibration] = ...) -> Self:
         """Open the device. Raises EngineError if it does not answer."""
@@ -2356,7 +2357,7 @@ def measure_faults() -> list[FaultMeasurement]:
 
 @final
 class FaultMeasurement:
-    """One fault on one emulated device: how soon its force is zero, and how great the force gets."""
+    """One fault on an emulated device: how soon its force is zero, and its greatest force."""
 
     fault: str  # in words
     device: str  # the kind of device, as in a URL
