@@ -1,4 +1,4 @@
-"""Mechanical admittances: how fast points move for a force that swings, by its frequency."""
+"""Mechanical admittances: the velocity of points under a sinusoidal force, by frequency."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ LOW, HIGH = 20.0, 5000.0  # [Hz]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdmittanceOptions(ReadOptions):
-    """At which frequencies an admittance is computed.
+    """The frequencies at which an admittance is computed.
 
-    They are `count` from `low` to `high`, even by logarithm, or in Hz where they are `linear`; both
-    ends are numbers [Hz] or texts such as "5kHz" and "A3". With `peaks` those of the modes between
-    are added, so that no resonance falls between two. `frequencies` (n,) [Hz] replace all of these.
+    These are `count` frequencies from `low` to `high`, spaced evenly by logarithm, or in Hz if
+    `linear`; both ends are numbers [Hz] or texts such as "5kHz" and "A3". With `peaks` the
+    resonances in between are added, so that none falls between two frequencies. `frequencies`
+    (n,) [Hz] replace all of these.
     """
 
     low: float | str = LOW
@@ -42,7 +43,7 @@ class AdmittanceOptions(ReadOptions):
     frequencies: Sequence[float] | NDArray[np.float64] | None = None
 
     def axis(self) -> NDArray[np.float64]:
-        """The frequencies [Hz] (n,), without those of modes. Raises OptionError."""
+        """The frequencies [Hz] (n,), without those that `peaks` adds. Raises OptionError."""
         import numpy as np
 
         if self.frequencies is not None:
@@ -61,12 +62,13 @@ class AdmittanceOptions(ReadOptions):
 
 @dataclass(frozen=True, slots=True)
 class Admittance:
-    """Velocities of points over a force at one, of parts by themselves.
+    """Velocities of points under a force at one point, of parts taken by themselves.
 
-    `values` (n_heard, n_frequencies) [(m/s)/N] are complex: the velocity leads the force by their
-    angle. `frequencies` (n_frequencies,) [Hz] rise. `forced` is the name of the point where the
-    force acts, `heard` those whose velocity is told; of several masses each gets the force, and
-    their velocities are added up. A value is infinite at a resonance that nothing damps.
+    `values` (n_heard, n_frequencies) [(m/s)/N] are complex: the velocity leads the force by
+    their angle. `frequencies` (n_frequencies,) [Hz] rise. `forced` is the name of the point
+    where the force acts, `heard` are the points whose velocity is given. If a point is several
+    masses, the force acts on each, and their velocities are added up. A value is infinite at an
+    undamped resonance.
 
     `n_laws` links with a law were taken at their slope at rest, `n_contacts` contacts as open.
     `inputs` are the files that the admittance was computed from.
@@ -91,13 +93,13 @@ class Admittance:
 
     @property
     def phases(self) -> NDArray[np.float64]:
-        """By how much the velocity leads the force [degrees] (n_heard, n_frequencies)."""
+        """The angle by which the velocity leads the force [degrees] (n_heard, n_frequencies)."""
         import numpy as np
 
         return np.degrees(np.angle(self.values))
 
     def peaks(self, row: int) -> NDArray[np.intp]:
-        """Which frequencies are local maxima of a point's level, from the highest level down."""
+        """Indices of the local maxima of a point's level, from the highest level down."""
         import numpy as np
 
         size = np.abs(self.values[row])
@@ -113,11 +115,12 @@ def admittance(
     *,
     report: Report | None = None,
 ) -> Admittance:
-    """The velocity of points `heard` over a force at one, its own where none is, by frequency.
+    """The velocity of points `heard` per force at `forced`, by frequency; without `heard`, that of
+    `forced`.
 
-    The parts of these points are taken by themselves, with the links between them, contacts open
-    and laws at their slope at rest, by a solution of the whole network at each frequency. Raises
-    ScoreError and OptionError.
+    The parts of these points are taken by themselves, with the links between them; contacts are
+    open, and laws are taken at their slope at rest. The whole network is solved at each
+    frequency. Raises ScoreError and OptionError.
     """
     from ergon.scores.staging.preparing import prepare
 
@@ -161,7 +164,7 @@ def admittance(
 def _masses(
     option: str, target: Target, found: Sequence[int], parts: Sequence[_core.Elements]
 ) -> list[int]:
-    """Those of some MATs that move. Raises OptionError where none does."""
+    """Those of the MATs `found` that move. Raises OptionError if none does."""
     moving = {mat for part in parts for mat in part.mats}
     own = [mat for mat in found if mat in moving]
     if not own:
@@ -174,7 +177,7 @@ def _masses(
 def _with_peaks(
     network: _core.Network, parts: Sequence[str], axis: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The frequencies and those between them of damped modes. Raises OptionError."""
+    """The frequencies, with the resonances between them added. Raises OptionError."""
     import numpy as np
 
     if len(parts) > 1:
@@ -184,7 +187,7 @@ def _with_peaks(
         )
     poles = network.part_modes(parts[0], to=float(axis[-1])).poles
     swinging = poles[(poles.real < 0.0) & (poles.imag > 0.0)]
-    # A velocity is largest where the frequency is that of the mode without its damping.
+    # Velocity is largest at the frequency that a mode has without its damping.
     resonances = np.abs(swinging) / (2 * np.pi)
     inside = resonances[(resonances > axis[0]) & (resonances < axis[-1])]
     return np.unique(np.concatenate([axis, inside]))

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from .modes import PartModes
 
 _HITS = ("BUT", "LNL", "BRISTLE", "DRY")
-_POINTS = 200  # that are struck or touched
+_POINTS = 200  # struck or touched points of a bank, at most
 _LEAST = 1e-12  # of the largest amplitude: less is not a sound, but rounding
-_LEVEL = 0.1  # of full scale, of what is at the reference level
+_LEVEL = 0.1  # of full scale, for a signal at the reference level
 
 
 def is_heard(piece: Piece, part: str) -> bool:
@@ -31,9 +31,9 @@ def is_heard(piece: Piece, part: str) -> bool:
 
 
 def bank_of(piece: Piece, ready: Ready, found: PartModes, most: int) -> Bank:
-    """A part as `most` resonators, a mode on a way from a point that is struck to an output each.
+    """A part as resonators, `most` at most: one for each mode from each input to each output.
 
-    Raises OptionError for more of them, or where nothing is heard.
+    Raises OptionError if there are more, or if no motion of the part is heard.
     """
     from ergon.models.programs.bank import Bank
 
@@ -74,7 +74,10 @@ def bank_of(piece: Piece, ready: Ready, found: PartModes, most: int) -> Bank:
 def _inputs(
     piece: Piece, ready: Ready, found: PartModes
 ) -> list[tuple[str, NDArray[np.complex128], list[tuple[float, float]]]]:
-    """Points that are struck, then those that links and contacts touch: how each mode moves."""
+    """The inputs of a bank: points that are struck, then those that links and contacts touch.
+
+    Each is a name, the motion of each mode at the point, and the strikes on it (time, impulse).
+    """
     network, slots = ready.network, {name: at for at, name in enumerate(found.masses)}
     inputs = []
     for mat in range(network.n_mat):
@@ -118,7 +121,9 @@ def _way(
 def touched(
     piece: Piece, built: BuiltNetwork, found: PartModes
 ) -> Mapping[str, NDArray[np.complex128]]:
-    """How much each mode moves at the ends of the part's own contacts and laws: its hammers."""
+    """The motion of each mode at the ends of the part's own contacts and laws, such as its
+    hammers'.
+    """
     name_of, slots = built.network.name_of, {name: at for at, name in enumerate(found.masses)}
     points = {}
     for owner, module in piece.modules():
@@ -152,10 +157,10 @@ def left_out(found: PartModes) -> list[str]:
 
 
 def swing(poles: NDArray[np.complex128], ca_rate: float | None) -> NDArray[np.float64]:
-    """By what the product of two shapes is divided, for the answer to one newton-second [1/s]."""
+    """The divisor that turns a product of two shapes into the response to 1 N·s [1/s]."""
     import numpy as np
 
     if ca_rate is None:
         return np.asarray(poles.imag)
-    # The shapes of a discrete network are those of its poles z - 1.
+    # The shapes of a discrete network belong to its poles z - 1.
     return np.asarray((np.exp(poles / ca_rate)).imag) / ca_rate

@@ -1,12 +1,12 @@
-"""Several scores into files by one call, with one cluster for all of them where there is one.
+"""Several scores rendered by one call; if there is a cluster, they share it.
 
     read, look at files      all scores, before the first is computed
     stage ─ render ─┐
     stage ─ render ─┼─ one queue of stretches at the workers
     stage ─ render ─┘
 
-Scores are staged one after the other, here, as long as workers may be idle; each is rendered by a
-thread of its own, which waits most of the time.
+This process stages scores one after the other, as long as workers may be idle. Each is rendered
+by a thread of its own, which waits most of the time.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from .cluster import Cluster
 
-_LOOK_EVERY = 0.2  # [s] at Ctrl-C, while threads render
+_LOOK_EVERY = 0.2  # [s] between looks for Ctrl-C, while threads render
 _TOGETHER_MAX = 64  # scores that are rendered at the same time
 
 
@@ -67,11 +67,12 @@ def render_several(
     options: FileOptions,
     report: Report,
 ) -> Iterator[Rendered]:
-    """Render scores into the files that a render of each by itself writes, or those in `folder`.
+    """Render scores into the files that separate renders would write, or into files in `folder`.
 
-    Each is told of when it is done. All are read, and their files looked at, before the first is
-    rendered: a ScoreError, OptionError or FileRefusedError is about all. What the engine refuses,
-    or what diverges, is told of with its error, and the others go on. Raises ClusterError.
+    A score is yielded when it is done. All are read, and their files checked, before the first
+    is rendered: a ScoreError, OptionError or FileRefusedError concerns all of them. A score that
+    the engine refuses, or that diverges, is yielded with its error, and the others go on. Raises
+    ClusterError.
     """
     wanted = _wanted(paths, folder, options, report)
     if options.on is None:
@@ -95,7 +96,7 @@ def staged(
 def _wanted(
     paths: Sequence[str | Path], folder: str | Path | None, options: FileOptions, report: Report
 ) -> list[_Wanted]:
-    """What is to be rendered, each into another file. Raises ErgonError."""
+    """The scores to render, each into a file of its own. Raises ErgonError."""
     for name in ("text", "plan", "hands"):
         if getattr(options, name) is not None:
             raise OptionError(name, "this option is for one score; render the score alone")
@@ -155,7 +156,7 @@ def _rendered(one: _Wanted, report: Report) -> Rendered:
 
 @dataclass(slots=True)
 class _Own:
-    """A score that a thread renders, and how many chains of stretches it has."""
+    """A score that a thread renders, and how many chains of stretches and modules it has."""
 
     score: str
     n_chains: int
@@ -181,13 +182,13 @@ def _together(wanted: Sequence[_Wanted], cluster: Cluster, report: Report) -> It
                         continue
                     own = _own(one.score, prepared, cluster.count)
                     running[pool.submit(partial(_write, own.work, prepared, told, cluster))] = own
-                # Where there is room for another, what has ended meanwhile is all that is told of.
+                # If there is room for another score, do not wait: yield only what has ended by now.
                 has_more = bool(left) and _is_room(running.values(), cluster.count, most)
                 limit = 0.0 if has_more else _LOOK_EVERY
                 for future in cf.wait(running, limit, cf.FIRST_COMPLETED).done:
                     yield _ended(running.pop(future).score, future)
         finally:
-            for own in running.values():  # of what goes on after an error or Ctrl-C
+            for own in running.values():  # renders still running after an error or Ctrl-C
                 own.work.cancel()
 
 
@@ -215,7 +216,7 @@ def _write(work: _core.Work, prepared: Prepared, report: Report, cluster: Cluste
 
 
 def _ended(score: str, future: cf.Future[Completed]) -> Rendered:
-    """What became of a score. Raises ClusterError, and whatever else is about all of them."""
+    """The result of a score. Raises ClusterError, and any other error that concerns all scores."""
     error = future.exception()
     if error is None:
         return Rendered(score, future.result())
@@ -225,26 +226,26 @@ def _ended(score: str, future: cf.Future[Completed]) -> Rendered:
 
 
 class _Locked(Report):
-    """Hands sentences on, one at a time; what is told of how far one score is, is dropped."""
+    """Passes messages on, one at a time; the progress of single scores is dropped."""
 
     __slots__ = ("_lock", "_report")
 
     def __init__(self, report: Report) -> None:
-        """Speak to `report`, from any thread."""
+        """Pass messages to `report`, from any thread."""
         self._report, self._lock = report, threading.Lock()
 
     def say(self, message: str) -> None:
-        """Hand on."""
+        """Pass on."""
         with self._lock:
             self._report.say(message)
 
     def warn(self, message: str) -> None:
-        """Hand on."""
+        """Pass on."""
         with self._lock:
             self._report.warn(message)
 
     def event(self, name: str, **fields: object) -> None:
-        """Hand on."""
+        """Pass on."""
         with self._lock:
             self._report.event(name, **fields)
 
@@ -254,6 +255,6 @@ class _Locked(Report):
         sources: Mapping[str, Source],
         left_out: Mapping[Severity, int],
     ) -> None:
-        """Hand on."""
+        """Pass on."""
         with self._lock:
             self._report.diagnostics(found, sources, left_out)

@@ -22,7 +22,7 @@ _MOST = 500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BellOptions:
-    """How many modes a bell keeps: its loudest `modes`; all, up to 500, where nothing is given."""
+    """How many modes a bell keeps: its loudest `modes`; by default all, up to 500."""
 
     modes: int | None = None
 
@@ -35,9 +35,9 @@ def bell(
 ) -> Bell:
     """The modes of a struck object, from recordings of strokes (WAV, FLAC) or a resonance table.
 
-    `strokes` is a file, several of one place from soft to hard, or by the names of places the files
-    of each; they are of one object, heard from one point. A table is a file by itself. Raises
-    NotAStrokeError, TableError and OptionError.
+    `strokes` is a file, several files of one place from soft to hard, or a mapping from names of
+    places to their files; all are of one object, heard from one point. A table is a single file.
+    Raises NotAStrokeError, TableError and OptionError.
     """
     from ergon.bells import bell as bells
     from ergon.bells import resonances, stroke

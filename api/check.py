@@ -74,7 +74,7 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     except StageError as error:
         found = list(error.diagnostics)
         if loaded.piece.automation and any(one.code == "E309" for one in found):
-            # Where the network itself is refused there is nothing to look at.
+            # If the engine refuses the network itself, there is nothing to look at.
             with contextlib.suppress(_core.EngineError):
                 ready = prepare(loaded.piece)
                 found += passes_limit(loaded.piece, ready.built, ready.paths)
@@ -83,7 +83,7 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
 
 
 def stage_as_checked(piece: Piece, report: Report | None) -> Stage:
-    """Stage a piece by a plan where it names an accuracy, else as written. Raises StageError."""
+    """Stage a piece, by a plan if it names an accuracy, else as written. Raises StageError."""
     from ergon.exchange.plan_store import of_user
     from ergon.scores.reading.piece import Accuracy
     from ergon.scores.staging.recording_stages import stage_or_plan

@@ -39,7 +39,7 @@ V = TypeVar("V")
 _LOCAL_MAX = 1024
 _RETRIES = 10  # of a request whose worker died
 _CONNECTING = 20.0  # [s]
-_LOOK_EVERY = 1.0  # [s] at the connection
+_LOOK_EVERY = 1.0  # [s] between looks at the connection
 _BEGINNINGS = 5
 _LOST = 30  # looks without a scheduler or without workers, until that is an error
 _ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss)://[^\s/]+:\d+")
@@ -47,7 +47,7 @@ _ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss)://[^\s/]+:\d+")
 
 @dataclass(slots=True)
 class _Told:
-    """What a worker did."""
+    """What a worker has computed: stretches, and the time that they took [s]."""
 
     n_stretches: int = 0
     seconds: float = 0.0
@@ -55,7 +55,9 @@ class _Told:
 
 @dataclass(slots=True)
 class Cluster:
-    """A Dask client, and the number of its workers when it was opened; several threads may ask."""
+    """A Dask client, and the number of its workers when it was opened; several threads may use
+    it.
+    """
 
     client: Any
     count: int
@@ -64,12 +66,12 @@ class Cluster:
     _telling: threading.Lock = field(default_factory=threading.Lock)
 
     def executor(self) -> Executor:
-        """What submits functions to the workers, again where one dies."""
+        """An executor on the workers; a task is repeated if its worker dies."""
         made: Executor = self.client.get_executor(retries=_RETRIES, pure=False)
         return made
 
     def wait(self, futures: Sequence[Future[Any]]) -> None:
-        """Return when one has ended. Raises ClusterError where nobody is left to end them."""
+        """Return when one of the futures has ended. Raises ClusterError if no worker is left."""
         without = 0
         while not cf.wait(futures, _LOOK_EVERY, FIRST_COMPLETED).done:
             _core.poll()
@@ -83,13 +85,15 @@ class Cluster:
     def computed(
         self, items: Iterable[K], submit: Callable[[Executor, K], Future[V]]
     ) -> Iterator[tuple[K, V]]:
-        """Each item with what was submitted for it, in the order in which they come."""
+        """Each item with the result of the task that `submit` begins for it, in order of
+        completion.
+        """
         pool = self.executor()
         begin = partial(submit, pool)
         return spread(items, begin, self.wait, self.result, 2 * self.count)
 
     def result(self, future: Future[Any]) -> Any:
-        """The result of one that has ended. Raises ClusterError."""
+        """The result of a future that has ended. Raises ClusterError."""
         try:
             return future.result()
         except ClusterError:
@@ -101,7 +105,7 @@ class Cluster:
                 f"a worker lacks what it needs ({error}); install the same ergon there: "
                 f"{install('cluster')}"
             ) from None
-        except Exception as error:  # Dask's own, of which some are known by name alone
+        except Exception as error:  # an exception of Dask, some of which are known by name alone
             if type(error).__name__ == "KilledWorker":
                 raise ClusterError(
                     "a part of the work ended several workers, one after the other; they may lack "
@@ -110,21 +114,21 @@ class Cluster:
             raise ClusterError(f"a worker failed: {type(error).__name__}: {error}") from None
 
     def lost(self) -> ClusterError:
-        """The sentence about a scheduler, or all workers, that do not answer."""
+        """The error for a scheduler, or all its workers, that do not answer."""
         what = f"the scheduler at {self.on} does not answer"
         if self.client.status == "running":
             what = f"the scheduler at {self.on} has no workers any more"
         return ClusterError(f"{what}; what arrived is kept: the same command goes on from there")
 
     def heard(self, answer: Answer) -> None:
-        """Count what each worker does."""
+        """Count what the worker has computed."""
         with self._telling:
             own = self._told.setdefault(answer["worker"], _Told())
             own.n_stretches += 1
             own.seconds += answer["seconds"]
 
     def tell(self, report: Report) -> None:
-        """A line for each worker that computed stretches."""
+        """Report a line for each worker that computed stretches."""
         whole = sum(told.seconds for told in self._told.values())
         for name, told in sorted(self._told.items()):
             share = 100.0 * told.seconds / whole if whole else 0.0
@@ -145,7 +149,7 @@ class Sharing:
 
     cluster: Cluster
     executor: Executor
-    job: Any  # at the scheduler
+    job: Any  # a future of the job, at the scheduler
 
     @property
     def count(self) -> int:
@@ -166,7 +170,7 @@ class Sharing:
         return found
 
     def heard(self, answer: Answer, n_frames: int) -> None:
-        """Count what each worker does."""
+        """Count what the worker has computed."""
         self.cluster.heard(answer)
 
 
@@ -180,7 +184,7 @@ def count_of(on: str, report: Report) -> int:
 
 
 def _local(on: str) -> int | None:
-    """N of local:N, None of an address. Raises OptionError."""
+    """N of "local:N"; None for an address. Raises OptionError."""
     local = re.fullmatch(r"local:(\d+)", on)
     if local is not None and not 1 <= int(local[1]) <= _LOCAL_MAX:
         raise OptionError("on", f"local:{local[1]}: the number is from 1 to {_LOCAL_MAX}")
@@ -194,7 +198,7 @@ def _local(on: str) -> int | None:
 def opened(on: str, report: Report) -> Iterator[Cluster]:
     """The processes that "local:N" or the address of a scheduler mean.
 
-    At the end `report` hears what each has computed of renders. Raises OptionError, ClusterError.
+    At the end `report` gets the amount of render work of each. Raises OptionError, ClusterError.
     """
     local = _local(on)
     dask: Any
@@ -236,11 +240,13 @@ def opened(on: str, report: Report) -> Iterator[Cluster]:
 
 
 def _encrypted(distributed: Any, on: str) -> Any:
-    """The certificates of Dask's configuration. Raises ClusterError where they lack or are none."""
+    """The certificates of Dask's configuration. Raises ClusterError if they are missing or
+    invalid.
+    """
     security = distributed.Security(require_encryption=True)
     try:
         context = security.get_connection_args("client").get("ssl_context")
-    except OSError as error:  # also of what is no certificate
+    except OSError as error:  # also for a file that is not a certificate
         raise ClusterError(
             f"{on}: the certificates of Dask's configuration cannot be used: {error}"
         ) from None
@@ -254,14 +260,14 @@ def _encrypted(distributed: Any, on: str) -> Any:
 
 
 def _silence() -> None:
-    """What dies is told by us, once, as a sentence; Dask would print each of its own thoughts."""
+    """Silence the logs of Dask, which repeat each failure: ergon reports it once, as a sentence."""
     for name in ("asyncio", "distributed", *logging.root.manager.loggerDict):
         if name == "asyncio" or name.partition(".")[0] == "distributed":
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
 def _begun(distributed: Any, count: int) -> Any:
-    """Processes of this machine, begun again where one dies meanwhile. Raises ClusterError."""
+    """Start processes on this machine, and try again if one dies meanwhile. Raises ClusterError."""
     reason = ""
     for _ in range(_BEGINNINGS):
         try:

@@ -2,8 +2,8 @@
 
 `rendering.remote` makes the requests, `api.cluster` the job that all requests share.
 
-Its functions are called by name with plain data (bytes, texts, numbers), and answer so. They need
-nothing of the machine that asks: the score comes with its files.
+The functions are called by name with plain data (bytes, texts, numbers), and return plain data.
+They need no file of the machine that asks: the score comes with its files.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ from .score_bundle import ScoreBundle, unpacked
 if TYPE_CHECKING:
     from ergon._core import Simulation, StorableIsland
 
-# Of staged pieces in memory at once, but for one alone, which may have any number.
+# Bound on the modules of all staged pieces in memory; a single piece may have any number.
 MODULES_MAX = 1_000_000
 _MOST = 16
-_FORM = 1  # of jobs, requests and answers
+_FORM = 1  # version of jobs, requests and answers
 
 
 class Job(TypedDict):
-    """A piece that is computed: the score and its files, the text of its plan and the hash of that,
-    rate [Hz] and seed where they are not the score's, and a `digest` of all of it."""
+    """A piece to compute: the score and its files, the text of its plan and the plan's hash, rate
+    [Hz] and seed if they are not the score's, and a `digest` of all of these.
+    """
 
     version: list[Any]
     content: ScoreBundle
@@ -48,12 +49,12 @@ class Job(TypedDict):
 
 
 def version() -> list[Any]:
-    """What has to be equal at home and at a worker."""
+    """The versions that have to be equal on a worker and on the machine that asks."""
     return [_core.__version__, plan_file.VERSION, _FORM]
 
 
 def check_version(asked: list[Any]) -> None:
-    """Raise ClusterError where home has another version."""
+    """Raise ClusterError if the machine that asks has another version."""
     if list(asked) != version():
         home, here = (
             f"ergon {a} (plans of version {b}, requests of version {c})"
@@ -67,7 +68,7 @@ def check_version(asked: list[Any]) -> None:
 
 @dataclass(slots=True, eq=False)
 class _Ready:
-    """A staged piece; its simulation is of use for any stretch whose states are given."""
+    """A staged piece; given the states of islands, its simulation computes any stretch."""
 
     digest: str
     simulation: Simulation
@@ -75,13 +76,13 @@ class _Ready:
     n_modules: int
 
 
-# One stretch at a time: a worker is a process for each core. The piece used last stands last.
+# One stretch at a time: a worker is one process per core. The piece used last is at the end.
 lock = threading.Lock()
 _ready: list[_Ready] = []
 
 
 def carried(job: Job) -> Job:
-    """A job as a result that others ask for: so it is sent to each worker once."""
+    """Return the job: as the result of a task, it is sent to each worker only once."""
     return job
 
 
@@ -109,7 +110,7 @@ def stretch(job: Job, request: Request) -> Answer:
 
 
 def _staged(job: Job) -> _Ready:
-    """The piece of a job, staged once as long as it is among those used last. Raises ErgonError."""
+    """The staged piece of a job; the pieces used last stay staged. Raises ErgonError."""
     for one in _ready:
         if one.digest == job["digest"]:
             _ready.remove(one)
@@ -140,7 +141,7 @@ def _n_modules() -> int:
 
 
 def _advanced(ready: _Ready, request: Request, own: IslandRequest) -> tuple[bytes, bytes]:
-    """The sound of an island and its state after it."""
+    """Compute a stretch of an island: its sound, and its state after it."""
     at, stop, number = request["at"], request["stop"], own["number"]
     if not 0 <= number < len(ready.islands):
         raise ClusterError(

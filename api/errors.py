@@ -1,4 +1,4 @@
-"""How a call of the library is refused; `ErgonError` is the root of all that ergon raises."""
+"""Errors of the library; `ErgonError` is the root of all that ergon raises."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class DivergedError(ScoreError):
 class OptionError(ErgonError):
     """An option has a value that it cannot have, or one that another option excludes.
 
-    `option` is the name of the option (`"gain"`), `reason` the sentence without that name, `value`
-    the text of the value where one option has several.
+    `option` is the name of the option (`"gain"`), `reason` the sentence without that name,
+    `value` the text of the value at fault if an option has several.
     """
 
     def __init__(
@@ -61,7 +61,9 @@ class OptionError(ErgonError):
         value: str | None = None,
         excludes: str | None = None,
     ) -> None:
-        """`reason` says what is wrong with `option`, or what to do where it `excludes` another."""
+        """`reason` says what is wrong with `option`, or, if it `excludes` another option, what to
+        do.
+        """
         self.option, self.value, self.excludes, self._advice = option, value, excludes, reason
         self.reason = reason if excludes is None else f"excludes {excludes}{reason}"
         super().__init__(f"{option}{'' if value is None else f'={value!r}'}: {self.reason}")
@@ -93,7 +95,7 @@ class DeviceError(ErgonError):
 
 
 def not_begun(error: _core.EngineError, sentence: str) -> ErgonError:
-    """The error of a performance that did not begin: of its recording's file, or of a device."""
+    """The error for a performance that could not start: of its recording's file, or of a device."""
     from ergon.exchange.safe import FileRefusedError
 
     is_file = error.module == "record"

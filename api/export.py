@@ -36,9 +36,9 @@ HIGHEST = 20_000.0  # [Hz] nobody hears a mode above it
 class ExportOptions(ReadOptions):
     """Which parts are exported.
 
-    `parts` are names of instruments and keys; without one all are meant. Of modes `upto` is the
-    highest frequency, a number [Hz] or a text such as "5kHz" (20 kHz where nothing is given); a
-    program of Faust is a bank of modes where it is given.
+    `parts` are names of instruments and keys; without any, all are exported. `upto` is the
+    highest frequency of the exported modes, a number [Hz] or a text such as "5kHz" (by default
+    20 kHz). With `upto`, a Faust program is a bank of modes.
     """
 
     parts: Sequence[str] = ()
@@ -60,9 +60,10 @@ def mode_tables(
 ) -> tuple[ExportedPart, ...]:
     """The modes of parts of a score, a CSV table for each part that has modes.
 
-    An impulse J [N·s] at a point moves another by the sum of J·A·exp(-d·t)·sin(2π·f·t + p) [m] over
-    the modes; the columns hold f [Hz], d [1/s] with its T60 [s], and A [m/(N·s)] and p [rad] from
-    each point that is struck or touched to each that is heard. Raises ScoreError and OptionError.
+    An impulse J [N·s] at a point moves another by the sum of J·A·exp(-d·t)·sin(2π·f·t + p) [m]
+    over the modes. The columns hold f [Hz], d [1/s] with its T60 [s], and, for each pair of a
+    struck or touched point and a heard one, A [m/(N·s)] and p [rad]. Raises ScoreError and
+    OptionError.
     """
     from ergon.scores.staging.preparing import prepare
 
@@ -86,12 +87,12 @@ def faust_programs(
 ) -> tuple[ExportedPart, ...]:
     """Parts of a score as programs of Faust; without `parts` one program, of all parts together.
 
-    A program steps masses, springs, dampers, contacts and laws sample by sample as the engine does,
-    at the rate of the score. With `upto`, as a part with a MODES always where it is named, a part
-    becomes a bank of resonators, its contacts open, at any rate. Inputs of a program are forces [N]
-    on what is struck and what an ENF pushes, and the positions [m] of an ENX; its outputs are those
-    of the parts. Links to other parts are left out. Raises ScoreError, OptionError, and ModelError
-    with the places of what is not written.
+    A program steps masses, springs, dampers, contacts and laws sample by sample as the engine
+    does, at the rate of the score. With `upto`, and always for a named part that has a MODES,
+    the part becomes a bank of resonators, with its contacts open, at any rate. Inputs of a
+    program are the forces [N] on struck points and of ENF, and the positions [m] of ENX; its
+    outputs are those of the parts. Links to other parts are left out. Raises ScoreError,
+    OptionError, and ModelError with the places of what cannot be exported.
     """
     from ergon.models.programs.faust_bank import MOST as RESONATORS
     from ergon.models.programs.faust_bank import program as bank_program
@@ -119,10 +120,10 @@ def faust_programs(
 
 
 def heard_parts(piece: Piece, parts: Sequence[str]) -> list[str]:
-    """The parts that are named, or else those of which a movement is heard; all where none is."""
+    """The named parts; without names, those whose motion is heard, or all if there is none."""
     names = named(piece, parts)
     heard = [name for name in names if parts or is_heard(piece, name)]
-    return heard or list(names)  # where nothing is heard the first part is refused
+    return heard or list(names)  # if nothing is heard, the first part is refused later
 
 
 def _is_bank(piece: Piece, name: str) -> bool:
@@ -139,7 +140,7 @@ def banks_of(
     most: int,
     report: Report | None,
 ) -> tuple[ExportedPart, ...]:
-    """A file of `most` resonators for each part that has modes up to `upto` [Hz].
+    """A file for each part that has modes up to `upto` [Hz], with `most` resonators at most.
 
     Raises ScoreError and OptionError.
     """
@@ -237,7 +238,7 @@ def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
 
 
 def _struck(piece: Piece, names: Sequence[str]) -> list[Target]:
-    """What is struck in these parts, and what links between them and others end on."""
+    """Points of these parts that are struck, or that links with other parts end on."""
     found = [target for strike in piece.strikes for target in strike.to]
     for owner, module in piece.modules():
         ends = module.fields.get("between", ())
@@ -274,7 +275,9 @@ def _table(
 
 
 def _ways(points: Mapping[str, object]) -> list[tuple[str, str]]:
-    """From each point that is struck or touched to each that is heard, or what there is of both."""
+    """Pairs of a struck or touched point and a heard one; if one kind is missing, the other
+    replaces it.
+    """
     heard = [label for label in points if label.split(" ")[0] == "out"]
     struck = [label for label in points if label not in heard]
     return [(a, b) for a in struck or heard for b in heard or struck]

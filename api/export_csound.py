@@ -17,8 +17,8 @@ def csound_orchestras(
     """The modes of parts of a score as orchestras of Csound, a `.csd` for each part with modes.
 
     A resonator for each mode goes from each point that is struck or touched to each output of
-    positions, speeds or accelerations; the score of the file has the strikes of the piece, each on
-    the nearest sample. Without `parts` those are written of which a movement is heard. Modes are
+    positions, speeds or accelerations; the score of the file has the strikes of the piece, each
+    on the nearest sample. Without `parts`, those whose motion is heard are written. Modes are
     those of `mode_tables`. Raises ScoreError and OptionError.
     """
     from ergon.models.programs.csound import MOST, orchestra

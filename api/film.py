@@ -1,4 +1,4 @@
-"""What is seen of a staged piece: the manifest of its motion file, and where that is written."""
+"""The motion of a staged piece for pages and files: the manifest, and the name of the file."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
     from ergon.rendering.render import RenderJob
     from ergon.scores.staging.stage import Stage
 
-FPS = 60.0  # looks a second
+FPS = 60.0  # samples of the motion a second
 SUFFIX = ".motion"
-_APART = 1.3  # [m] from one instrument to the next where the score places none
+_APART = 1.3  # [m] between instruments that the score does not place
 _KEYS_AT = -1.3  # [m] in front of the instruments
 _KEY_WIDTH = 0.1  # [m]
-_ROW = 0.6  # length of a row of modules that no generator has placed, of the bench
+_ROW = 0.6  # length of a row of modules without a place, as part of the bench
 _LAYOUTS = {"BANK": "bank", "MODES": "bank", "STRING": "string", "PLATE": "plate"}
 
 
 def film(stage: Stage, job: RenderJob) -> Film:
-    """What is written beside the sound of `job`. Raises OptionError."""
+    """The motion file that is written beside the sound of `job`. Raises OptionError."""
     from ergon.rendering.filmed import Film
 
     if job.target == "-":
@@ -56,14 +56,14 @@ def recorder(stage: Stage, simulation: Simulation, duration: float | None) -> Mo
 
 
 def window(stage: Stage, simulation: Simulation) -> Window:
-    """What pages see of a simulation that is about to play. Raises EngineError."""
+    """The view that pages get of a simulation that is about to play. Raises EngineError."""
     from ergon import _core
 
     return _core.Window(**_seeing(stage, simulation, None))
 
 
 def _seeing(stage: Stage, simulation: Simulation, duration: float | None) -> dict[str, Any]:
-    """What a recorder and a window are made of."""
+    """The arguments of a recorder and of a window."""
     from ergon import _core
 
     if stage.timeline is None:
@@ -86,9 +86,9 @@ def _seeing(stage: Stage, simulation: Simulation, duration: float | None) -> dic
 
 
 def _keys(stage: Stage) -> list[tuple[str, int, bool]]:
-    """Keys with the MAT of each and whether a real hand plays it.
+    """Keys, with the MAT of each and whether a real hand plays it.
 
-    First those with gestures, by the engine's numbers.
+    Keys without a real hand come first.
     """
     hands = {hand.key: hand.mat for hand in stage.live}
     mats = stage.built.assembly.mats
@@ -101,7 +101,7 @@ def _keys(stage: Stage) -> list[tuple[str, int, bool]]:
 
 
 def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str, Any]:
-    """The manifest of a motion file (docs/motion.md); `duration` [s] is None where nobody knows."""
+    """The manifest of a motion file (docs/motion.md); `duration` [s] is None if it is not known."""
     from ergon import _core
 
     piece = stage.piece
@@ -172,7 +172,9 @@ def _layout(stage: Stage, name: str) -> str:
 
 
 def _speakers(stage: Stage) -> Iterator[dict[str, Any]]:
-    """Loudspeakers as the layout has them, or evenly around the front one."""
+    """The loudspeakers of the layout; without one, two at ±30°, or others evenly spaced from the
+    front on.
+    """
     from ergon.space.directions import angles, point
 
     layout = stage.piece.mix.layout
@@ -195,9 +197,10 @@ def _speakers(stage: Stage) -> Iterator[dict[str, Any]]:
 
 
 def _places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
-    """Where each point stands [m], (n_points, 3).
+    """The position of each point at rest [m], (n_points, 3).
 
-    In a room instruments lie where the score places them; without one they lie side by side.
+    Instruments lie where the score places them; without a place, in the middle of the layout, or
+    side by side if there is no layout.
     """
     import numpy as np
 
@@ -222,7 +225,9 @@ def _places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
 
 
 def _key_places(number: int, n_keys: int, n_points: int) -> NDArray[np.float64]:
-    """The points of a key, one behind the other; keys lie in a row before the instruments."""
+    """Positions of the points of a key, one behind the other; keys lie in a row before the
+    instruments.
+    """
     import numpy as np
 
     x = (number - 0.5 * (n_keys - 1)) * _KEY_WIDTH
@@ -246,7 +251,7 @@ def _placing(
 
 
 def _spread(bench: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Places on the bench (n_points, 2); what all lies in its middle is set in a row."""
+    """Positions on the bench (n_points, 2); points that are all in its middle are set in a row."""
     import numpy as np
 
     loose = np.flatnonzero((bench == 0.0).all(axis=1))

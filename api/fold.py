@@ -36,9 +36,9 @@ class FoldError(ErgonError, ValueError):
 class FoldOptions:
     """How a file is folded.
 
-    `from_`: the layout, or the order of Ambisonics, that the file holds; without it as the file
+    `from_`: the layout, or the order of Ambisonics, that the file holds; by default as the file
     says (ADM). `head`: a SOFA file in place of the head that ships. `gain` in decibels, such as
-    "-6dB". `bits`: 16, 24 or "float"; without it those of the file.
+    "-6dB". `bits`: 16, 24 or "float"; by default those of the file.
     """
 
     from_: str | None = None
@@ -126,9 +126,10 @@ def fold_file(
 def fold_of(
     piece: Piece, options: PerformanceOptions, report: Report | None = None
 ) -> _core.Fold | None:
-    """What a performance of a piece is heard through; None where its own channels are heard.
+    """The fold through which a performance is heard; None if its own channels are heard.
 
-    Raises OptionError, NoLayoutError, ScoreError (a layout with mistakes), FoldError and OSError.
+    Raises OptionError, NoLayoutError, ScoreError (a layout with mistakes), FoldError and
+    OSError.
     """
     from ergon import _core
     from ergon.space.fold_filters import Field
@@ -151,7 +152,7 @@ def fold_of(
 def _folded(
     blocks: Iterator[NDArray[np.float64]], fold: _core.Fold, n_channels: int
 ) -> Iterator[NDArray[np.float64]]:
-    """The blocks at the other side of a fold, each an array of its own."""
+    """The folded blocks, each a new array."""
     import numpy as np
 
     for block in blocks:
@@ -163,7 +164,9 @@ def _folded(
 def _whole(
     path: Path, info: WaveInfo, blocks: Iterator[NDArray[np.float64]], tail: int
 ) -> Iterator[NDArray[np.float64]]:
-    """What a file holds and what sounds on, in blocks. Raises FoldError for infinite samples."""
+    """The blocks of a file, then zeros for the tail of the fold. Raises FoldError for infinite
+    samples.
+    """
     import numpy as np
 
     at = 0
@@ -189,7 +192,7 @@ def _order(word: str, option: str) -> int | None:
 
 
 def _named(word: str, option: str, report: Report) -> Field:
-    """Ambisonics by its order, or loudspeakers of a layout."""
+    """The field that a word names: an order of Ambisonics, or the loudspeakers of a layout."""
     from ergon.space.ambisonics import MOST
     from ergon.space.fold_filters import Field
 
@@ -205,7 +208,9 @@ def _named(word: str, option: str, report: Report) -> Field:
 
 
 def _source(path: Path, info: WaveInfo, options: FoldOptions, report: Report) -> Field:
-    """What the channels of a file are, as is asked or as it says. Raises FoldError."""
+    """What the channels of a file are: as `options` say, or else as the file says. Raises
+    FoldError.
+    """
     from ergon.exchange import adm
     from ergon.exchange.xml_text import XmlError
     from ergon.space.directions import point
@@ -231,9 +236,9 @@ def _source(path: Path, info: WaveInfo, options: FoldOptions, report: Report) ->
 def _filters(
     source: Field, heard: tuple[str, str | Path | None], rate: float, report: Report
 ) -> tuple[NDArray[np.float64], Field | None]:
-    """Filters (n_in, n_out, n_taps), and what goes out where that is a field.
+    """Filters (n_in, n_out, n_taps), and the target if it is a field, not stereo or two ears.
 
-    `heard`: where it goes, and the SOFA file of a head.
+    `heard`: the name of the target, and the SOFA file of a head.
     """
     from ergon.space import fold_filters, head
     from ergon.space.panning import ArrayError

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
-# A real hand's stand-in ends with a tick, so a piece may be longer than it is without one [s].
+# Extra time [s]: with a real hand a piece may be longer, as the hand's stand-in ends with a tick.
 _LONGER = 1.0
 
 
@@ -28,8 +28,8 @@ _LONGER = 1.0
 class FreezeOptions(AccuracyOptions):
     """How parts are frozen.
 
-    `rate` [Hz] takes the place of the score's. `threads` is the number of threads, and changes no
-    sample. With `force` files are overwritten that ergon did not write.
+    `rate` [Hz] replaces the score's. `threads` is the number of threads, and changes no sample.
+    With `force`, files that ergon did not write are overwritten.
     """
 
     rate: float | None = None
@@ -171,7 +171,9 @@ def _source(loaded: Loaded, stage: Stage) -> Source:
 
 
 def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen:
-    """The manifest of a folder of frozen parts. Raises OptionError if it is of another piece."""
+    """Read the manifest of a folder of frozen parts. Raises OptionError if it is of another
+    piece.
+    """
     from ergon import _core
     from ergon.exchange.frozen import NotFrozenError
     from ergon.exchange.frozen import read as read_manifest
@@ -209,7 +211,7 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
 
 
 def are_free(piece: Piece, frozen: Frozen, real: Iterable[str]) -> None:
-    """Raise OptionError where a hand can feel a part that is frozen."""
+    """Raise OptionError if a hand can feel a frozen part."""
     live = [player.name for player in piece.players.values() if player.hand == "live"]
     _are_free(piece, frozen.parts, dict.fromkeys((*live, *real)), "frozen")
 

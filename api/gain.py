@@ -35,9 +35,9 @@ def gain_of(
     report: Report,
     frozen: Sequence[VerifiedStem] = (),
 ) -> float:
-    """The gain (ratio) as asked, as the score's master says, or as a preflight finds.
+    """The gain (ratio): as asked; else as a preflight finds if the master normalises; else 1.
 
-    `staged` gives its stage, where a preflight needs one. Raises OptionError.
+    `staged` returns the stage for the preflight. Raises OptionError.
     """
     from ergon.live.preflight import length, level
 

@@ -1,4 +1,4 @@
-"""Real hands of a performance: their devices, tried for the direction of each motor, and guides."""
+"""Real hands of a performance: their devices, the trial of each motor's direction, and guides."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def boards_of(piece: Piece, live: Sequence[str]) -> list[Board]:
 def ready(board: Board, unchecked: bool, report: Report) -> Board:
     """The device with the calibration of its axes; a motor of unknown direction is tried.
 
-    The classic accident is a motor wired the other way round: it drives away what it should hold.
+    A motor that is wired the other way round pushes a key away from where it should hold it.
     """
     from ergon import _core
     from ergon.live.boards import BoardError
@@ -66,7 +66,7 @@ def _try(
     )
     try:
         axis = tried(board.url, number, before)
-        if board.emulated and axis.sign != sign:  # or a hand that moves it went along
+        if board.emulated and axis.sign != sign:  # perhaps a hand moved the key with the pulse
             axis = tried(board.url, number, before)
     except _core.UnsureError as error:
         if board.emulated:

@@ -53,7 +53,7 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
 
 
 def chunks_of(field: Field, title: str) -> bytes:
-    """What a WAVE file says of channels that are loudspeakers or Ambisonics (ADM)."""
+    """The chunks of a WAVE file (ADM) that describe channels of loudspeakers or Ambisonics."""
     from ergon.exchange import adm
     from ergon.space.directions import angles
 
@@ -62,7 +62,9 @@ def chunks_of(field: Field, title: str) -> bytes:
 
 
 def chunks_of_layout(layout: Layout | None, n_channels: int, title: str) -> bytes:
-    """The same of a score's layout, where there is one and the file has its channels."""
+    """The same for a score's layout; empty without one, or if the file has another number of
+    channels.
+    """
     if layout is None or len(layout.speakers) != n_channels:
         return b""
     from ergon.space.fold_filters import Field

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
-# What a change takes from the session to the physics thread: its tick, and a busy machine [s].
+# Time that a change needs from the session to the physics thread, on a busy machine too [s].
 _MARGIN = 0.006
 _SWITCH = 0.0005  # [s]
 _Heard = tuple[float, float | None]  # gain, and reference level: ratios
@@ -109,12 +109,12 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     attach_midi(session, engine.performance, ports)
     if osc is not None:
         session.attach(SessionOsc(session, osc, engine.performance))
-    # Nothing of what is there now goes away while it plays: no search for cycles in it.
+    # What exists now stays while the session plays: the garbage collector need not search it.
     gc.collect()
     gc.freeze()
-    # A line at work hands the interpreter over so soon to whoever stops a hand.
+    # A running line lets other threads in this soon, such as the one that stops a hand.
     sys.setswitchinterval(_SWITCH)
-    # A notebook's Ctrl-C ends a call, not the session: hands are let go, until `release`.
+    # In a notebook Ctrl-C ends a call, not the session; hands are let go until `release`.
     _core.stop_on_signals([signal.SIGINT], ends=False)
     with left_to_me():
         session.run()
@@ -123,10 +123,10 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
 
 @dataclass(frozen=True, slots=True)
 class _Beginning:
-    """What a session begins with: its first version, and where the piece stands.
+    """The beginning of a session: its first version, and where the piece stands.
 
-    Of a session that goes on: the versions before, the gain and the reference level at which it was
-    heard, the disk as it was, and its frozen parts.
+    A resumed session also has the versions before, the gain and the reference level at which it
+    was heard, the files as they were, and its frozen parts.
     """
 
     version: Version
@@ -138,7 +138,7 @@ class _Beginning:
 
 
 def _beginning(path: str | None, options: SessionOptions, report: Report) -> _Beginning:
-    """What a session of a score, or of the journal that it resumes, begins with."""
+    """The beginning of a session of a score, or of the journal that it resumes."""
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.journal import JournalError
     from ergon.repl.session.journal_content import read_journal
@@ -176,8 +176,9 @@ def _frozen(
     options: SessionOptions,
     report: Report,
 ) -> tuple[FrozenFolder | None, tuple[HeldPart, ...]]:
-    """The folder of frozen parts, that of a session that goes on or the one asked for, and the
-    parts that the version plays from there. Raises OptionError."""
+    """The folder of frozen parts (of the resumed session, or the one asked for), and the parts that
+    the version plays from it. Raises OptionError.
+    """
     from ergon.exchange.frozen import NotFrozenError
     from ergon.repl.session.frozen_parts import held, of_frozen
     from ergon.scores.staging.built_network import build_network
@@ -218,7 +219,7 @@ def _config(
     master = piece.mix.master
     scores.whole_rate(piece.rate)
     audio = options.card
-    if audio.startswith("file:"):  # whoever types does so by the clock
+    if audio.startswith("file:"):  # typed lines need a session in real time
         audio = audio.replace("file:", "clock:", 1)
     gain, reference = heard or (None, piece.mix.reference())
     if gain is None or options.gain is not None:
@@ -238,7 +239,9 @@ def _config(
 
 
 def _preflight_stage(piece: Piece, frozen: Sequence[HeldPart]) -> Stage:
-    """The piece from its beginning, or a rehearsal where nothing is played in it."""
+    """The stage of a preflight: the piece from its beginning, or a rehearsal if nothing plays in
+    it.
+    """
     from ergon.exchange.plan_store import of_user
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.frozen_parts import placed
@@ -271,7 +274,7 @@ def _engine(
 
     def make(stage: Stage) -> Engine:
         try:
-            with left_to_me():  # not to the physics, nor to who looks after it
+            with left_to_me():  # threads of the physics must not get these signals
                 engine = LiveEngine(stage, config)
         except _core.EngineError as error:
             raise not_begun(error, str(error)) from None

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class MidiPorts:
-    """Open ports: of notes and controllers, of the clock that is followed, of the clock told."""
+    """Open ports: for notes and controllers, for the clock to follow, for the clock to send."""
 
     inputs: Sequence[InputPort]
     clock_from: InputPort | None
@@ -34,7 +34,7 @@ class MidiPorts:
 
 
 def midi_ports(options: SessionOptions, report: Report) -> MidiPorts:
-    """Open the ports that are asked for. Raises OptionError, and then none is open."""
+    """Open the ports that are asked for. Raises OptionError, and then none stays open."""
     from ergon.live.midi_ports import MidiError, SystemInput
     from ergon.live.midi_sender import TimedSender
 
@@ -65,7 +65,7 @@ def midi_ports(options: SessionOptions, report: Report) -> MidiPorts:
 
 
 def attach_midi(session: Session, performance: _core.Performance, ports: MidiPorts) -> None:
-    """Let a session play with what its ports bring, until it ends."""
+    """Connect the ports to a session, until it ends."""
     from ergon.live.osc_out import HearingClock
     from ergon.repl.session.midi_clock import ClockIn, ClockOut
 

@@ -40,10 +40,11 @@ Language = Literal["v1", "v2", "pmpd", "pmpd~", "sam", "miphysics"]
 class ModelOptions:
     """How a model is read.
 
-    `dialect`: "v1" (MIMS), "v2" (mi-gen), "pmpd" or "pmpd~" (messages to an object of Pure Data),
-    "sam" (Synth-A-Modeler), "miphysics" (its XML); without it the one that reads the model. `laws`:
-    "head", as mi-gen has them today, or "2019". `values` of parameters, `inputs` as WAV files of
-    44,100 Hz or "osc", both by name; miPhysics has the value `rate` [Hz].
+    `dialect`: "v1" (MIMS), "v2" (mi-gen), "pmpd" or "pmpd~" (messages to an object of Pure
+    Data), "sam" (Synth-A-Modeler), "miphysics" (its XML); by default the one that can read the
+    model. `laws`: "head", as mi-gen has them today, or "2019". `values`: values of parameters by
+    name; miPhysics has the value `rate` [Hz]. `inputs`: WAV files of 44,100 Hz, or "osc", by
+    name.
     """
 
     dialect: Language | None = None
@@ -65,10 +66,11 @@ class ImportedModel:
 def import_model(
     path: str | Path, options: ModelOptions = ModelOptions(), *, beside: str | Path = "."
 ) -> ImportedModel:
-    """A model of another program as a score; inputs are named from the folder `beside`.
+    """A model of another program as a score, which names files of inputs from the folder `beside`
+    on.
 
-    Raises ModelError with the line at fault, DialectError where two dialects read the model and
-    it sounds otherwise in each, OptionError, and OSError.
+    Raises ModelError with the line at fault, DialectError if two dialects can read the model and
+    it sounds different in each, OptionError, and OSError.
     """
     path = Path(path)
     try:
@@ -111,7 +113,9 @@ def import_model(
 
 
 def _unfed(inputs: Mapping[str, Input], known: Sequence[str]) -> tuple[str, ...]:
-    """Inputs of a model that no file feeds. Raises OptionError for a file of none."""
+    """Inputs of a model that no file feeds. Raises OptionError for an input that it does not
+    have.
+    """
     for name in inputs:
         if name not in known:
             near = nearest(name, known)
@@ -176,7 +180,7 @@ def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
 
 
 def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
-    """The one that reads a model. Raises ModelError of the dialect that got farther."""
+    """The dialect that can read a model. Raises the ModelError of the dialect that got farther."""
     read: dict[Dialect, str] = {}
     refused: dict[Dialect, ModelError] = {}
     for dialect in FORMS:
@@ -197,7 +201,9 @@ def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
 
 
 def _sense(model: Model, laws: Laws) -> str:
-    """What a model says, whatever it is called; a model that is refused says what is refused."""
+    """The score of a model without its first line, or the sentence that refuses it: equal texts
+    mean the same in both dialects.
+    """
     try:
         return written(model, laws).split("\n", 1)[1]
     except ModelError as error:

@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
 
-COUNT = 20  # modes of each part, where nothing says how many
+COUNT = 20  # modes of each part, by default
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModesOptions(ReadOptions):
     """Which modes of which parts are computed.
 
-    `parts` are names of instruments and keys; without one all are meant. The modes are the lowest
-    `count` (20 where nothing is given), all up to a frequency `to`, or the `count` next to a
+    `parts` are names of instruments and keys; without any, all are meant. The modes are the
+    lowest `count` (by default 20), all up to a frequency `to`, or the `count` nearest to a
     frequency `around`; both are numbers [Hz] or texts such as "5kHz" and "A3".
     """
 
@@ -42,7 +42,7 @@ class ModesOptions(ReadOptions):
     around: float | str | None = None
 
     def asked(self) -> dict[str, float | int]:
-        """What the engine is asked for. Raises OptionError."""
+        """The arguments for the engine's search for modes. Raises OptionError."""
         if self.to is not None:
             for name, value in (("count", self.count), ("around", self.around)):
                 if value is not None:
@@ -56,7 +56,7 @@ class ModesOptions(ReadOptions):
         return {"count": count}
 
 
-# A motion that seems to decay for longer than 11 days is one that nothing damps, and rounding [s].
+# A motion that seems to decay for longer than 11 days is undamped; the rest is rounding [s].
 _LONGEST_T60 = 1e6
 
 
@@ -64,20 +64,20 @@ _LONGEST_T60 = 1e6
 class PartModes:
     """Modes of one part by itself, from low to high.
 
-    `frequencies` (n_modes,) are damped ones [Hz], 0 beyond critical damping; `t60` (n_modes,) are
-    the times to fall by 60 dB [s], infinite without loss; `poles` (n_modes,) are s of e^(st) [1/s].
-    `shapes` (n_modes, n_masses) say how each mass moves, as complex numbers x with
-    xᵀ(2sM + Z)x = 2i·Im s [kg^-1/2]: without damping the modes of mass 1. `masses` are the names of
-    the masses, `places` (n_masses, 2) where they lie on the bench [m].
+    `frequencies` (n_modes,) are damped ones [Hz], 0 beyond critical damping; `t60` (n_modes,)
+    are the times to fall by 60 dB [s], infinite without loss; `poles` (n_modes,) are s of e^(st)
+    [1/s]. `shapes` (n_modes, n_masses) say how each mass moves, as complex numbers x with xᵀ(2sM
+    + Z)x = 2i·Im s [kg^-1/2]: without damping these are the modes of mass 1. `masses` are the
+    names of the masses, `places` (n_masses, 2) their positions on the bench [m].
 
-    `points` holds, for each place where the part is struck, touched or heard, how each mode moves
-    there (n_modes,); of several masses it is their sum. A mode that an impulse of 1 N·s at one
-    point excites moves another point by the product of both over 2π·frequency [m].
+    `points` holds, for each place where the part is struck, touched or heard, how each mode
+    moves there (n_modes,), summed over the masses of the place. After an impulse of 1 N·s at one
+    point, a mode moves another point by the product of both over 2π·frequency [m].
 
-    `is_certified` says that no mode is missing, by the inertia of the stiffness matrix, and that
-    each is one of its own, by what it leaves of the equations. `n_laws` links with a law were taken
-    at their slope at rest, `n_contacts` contacts as open. `inputs` are the files that the modes
-    were computed from.
+    `is_certified` says that no mode is missing, as the inertia of the stiffness matrix shows,
+    and that each is a separate mode, as its residual in the equations shows. `n_laws` links with
+    a law were taken at their slope at rest, `n_contacts` contacts as open. `inputs` are the
+    files that the modes were computed from.
     """
 
     part: str
@@ -94,7 +94,9 @@ class PartModes:
     inputs: tuple[Path, ...]
 
     def levels(self, point: str) -> NDArray[np.float64]:
-        """How much each mode moves at a point, below the one that moves most [dB] (n_modes,)."""
+        """The level of each mode at a point, relative to the mode that moves most [dB]
+        (n_modes,).
+        """
         import numpy as np
 
         size = np.abs(self.points[point])
@@ -169,7 +171,9 @@ def _asked(network: _core.Network, name: str, asked: Mapping[str, float | int]) 
 def points_of(
     piece: Piece, built: BuiltNetwork, name: str, mats: Sequence[int]
 ) -> Mapping[str, Sequence[int]]:
-    """Where a part is struck, touched or heard: of each point its slots among the masses `mats`."""
+    """The points where a part is struck, touched or heard, each with its slots among the masses
+    `mats`.
+    """
     slots = {mat: slot for slot, mat in enumerate(mats)}
     points = {}
     for text, targets in _points(piece, name):
@@ -183,7 +187,9 @@ def points_of(
 
 
 def _points(piece: Piece, name: str) -> Iterator[tuple[str, Sequence[Target]]]:
-    """Where a part is heard, by the name of its output, and where it is struck or touched ("")."""
+    """The points where a part is heard, named after the output, and those where it is struck or
+    touched, with the name "".
+    """
     if name in piece.instruments:
         for output in piece.instruments[name].outputs:
             if output.is_movement:

@@ -37,10 +37,10 @@ class MovieOptions:
     """How a film is made.
 
     `size`: width x height [px], even numbers; `rate`: pictures a second; `camera`: views of the
-    page, 1 to 9, and when the film is there, such as "1@0s 3@12s": between two the camera moves;
-    `start` and `end`: a time of the piece such as "90s", or the name of a mark; `words`: also what
-    the page writes; `browser`: the program that draws, without it the first of Chromium and Chrome
-    that is installed.
+    page, 1 to 9, and when each is reached, such as "1@0s 3@12s": between two, the camera moves;
+    `start` and `end`: a time of the piece such as "90s", or the name of a mark; `words`: also
+    draw the texts of the page; `browser`: the program that draws, by default the first of
+    Chromium and Chrome that is installed.
     """
 
     size: str = "1280x720"
@@ -67,7 +67,7 @@ class Movie:
 
 
 class MovieMaker:
-    """A film that is asked for; all that can be refused before a piece is rendered is refused."""
+    """A film to make. What can be refused before a piece is rendered is refused at once."""
 
     def __init__(self, target: str | Path, options: MovieOptions | None = None) -> None:
         """Raise OptionError, FileRefusedError, VideoError and BrowserError."""
@@ -119,7 +119,7 @@ class MovieMaker:
             server.close()
 
     def _instants(self, page: Page) -> list[float]:
-        """When each picture is [s]."""
+        """The instant of each picture [s]."""
         options = self._options
         duration = float(page.run("ergon.page.story.duration"))
         told = "ergon.page.story.model.marks.map((mark) => [mark.name, mark.seconds])"
@@ -186,7 +186,7 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _stops(text: str) -> list[tuple[int, float]]:
-    """Views, and when the film is there [s]."""
+    """Views, and when each is reached [s]."""
     stops: list[tuple[int, float]] = []
     for word in text.split():
         found = _STOP.fullmatch(word)
@@ -231,7 +231,7 @@ def _sound(path: Path, start: float, end: float) -> Sound:
 
 
 def _between(path: Path, first: int, last: int) -> Iterator[NDArray[np.float64]]:
-    """The frames of a file from the first up to the last."""
+    """The frames of a file from `first` up to `last`, which is left out."""
     from ergon.exchange import sound
 
     at = 0

@@ -105,15 +105,16 @@ class AccuracyOptions(ReadOptions):
 class PerformanceOptions:
     """How a score is played on hardware.
 
-    `live` lists PLAYER=DEVICE, the devices under the players' keys. With `unchecked` the direction
-    of no motor is tried before. `force_max` [N] is the largest force on a hand. `audio` says where
-    the sound goes: "jack[:PORTS]", "pulse[:SINK]", "file:PATH", "null" or "auto". `audio_in`
-    says where inputs are heard: "jack[:PORTS]", "pulse[:SOURCE]", "none" or "auto". The sound card
-    takes `block` frames at a time, and `ahead` frames are computed before it asks for them. `gain`
-    ("-12dB") is the gain of the sound; without it one is measured by computing the piece unheard.
-    `to` folds the loudspeakers of the score's layout as `FoldOptions.to` does, for the `head` of a
-    SOFA file where that is binaural. With `view` pages in browsers see what is played; `view_at`
-    (HOST:PORT) says where they are served, and `see` "all" computes what nobody hears too.
+    `live` lists PLAYER=DEVICE, the devices under the players' keys. With `unchecked` the
+    directions of motors are not tried first. `force_max` [N] is the largest force on a hand.
+    `audio` says where the sound goes: "jack[:PORTS]", "pulse[:SINK]", "file:PATH", "null" or
+    "auto". `audio_in` says where inputs are heard: "jack[:PORTS]", "pulse[:SOURCE]", "none" or
+    "auto". The sound card takes `block` frames at a time, and `ahead` frames are computed before
+    it asks for them. `gain` ("-12dB") is the gain of the sound; without it one is measured by
+    computing the piece unheard. `to` folds the loudspeakers of the score's layout as
+    `FoldOptions.to` does, with the `head` of a SOFA file if it is binaural. With `view`, pages
+    in browsers show what is played; `view_at` (HOST:PORT) says where they are served, and `see`
+    "all" also computes parts that nobody hears.
     """
 
     live: Sequence[str] = ()

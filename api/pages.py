@@ -21,9 +21,9 @@ ANYWHERE = "127.0.0.1:0"  # any free port of this machine
 
 
 def pages_of(options: PerformanceOptions, report: Report) -> Pages | None:
-    """A server of pages that see a performance, whose address is told; None where none is asked.
+    """A server of pages that show a performance, its address reported; None if none is asked for.
 
-    Raises OptionError where nothing can be served there.
+    Raises OptionError if nothing can be served at that address.
     """
     if not options.view and options.view_at is None:
         return None
@@ -34,7 +34,7 @@ def pages_of(options: PerformanceOptions, report: Report) -> Pages | None:
 
 
 def sees_all(options: PerformanceOptions) -> bool:
-    """Whether what nobody hears is computed for pages. Raises OptionError."""
+    """Whether parts that nobody hears are computed for pages. Raises OptionError."""
     if options.see not in (None, "all"):
         raise OptionError("see", "the only possible value is all", value=options.see)
     if options.see and not options.view and options.view_at is None:
@@ -49,9 +49,9 @@ def serve(
     motion: Path | None = None,
     sound: Path | None = None,
 ) -> _core.ViewServer:
-    """A server of pages at HOST:PORT; its address has a key where other machines can reach it.
+    """A server of pages at HOST:PORT; its address has a key if other machines can reach it.
 
-    `option` says where. Raises OptionError.
+    `option` is the option that gave the address. Raises OptionError.
     """
     from ergon import _core
 

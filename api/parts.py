@@ -29,7 +29,7 @@ def hertz(option: str, value: float | str) -> float:
 
 
 def named(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
-    """The parts that are asked for; without a name all that move along one axis.
+    """The parts that are asked for; without names, all that move along one axis.
 
     Raises OptionError.
     """
@@ -73,15 +73,15 @@ def point(piece: Piece, option: str, text: str) -> Target:
 
 
 def stretches(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray[np.complex128]:
-    """How far apart the ends of each link go in each mode (n_modes, n_links)."""
+    """The elongation of each link in each mode (n_modes, n_links)."""
     import numpy as np
 
-    held = np.column_stack([shapes, np.zeros(len(shapes))])  # slot -1 is the last
+    held = np.column_stack([shapes, np.zeros(len(shapes))])  # index -1: a held end
     return np.asarray(held[:, elements.a] - held[:, elements.b])
 
 
 def is_free(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray[np.bool_]:
-    """Which modes stretch no spring, as the motion of a free body as a whole (n_modes,)."""
+    """Which modes stretch no spring, such as the rigid motion of a free body (n_modes,)."""
     import numpy as np
 
     held = np.column_stack([shapes, np.zeros(len(shapes))])

@@ -25,12 +25,13 @@ class Plan:
     """How a score is computed.
 
     `rows` has a row for each part; `choices` are the decisions behind the rows, and `hash` their
-    sha256 (64 hex digits). `is_kept` says whether all that its trials find was in the cache,
-    `seconds` how long reading, planning and staging took. `inputs` are the files that the plan was
-    made from. `budget` is the accuracy that the plan was made for: `method`, `error` [dB], `cents`
-    and `upto` [Hz], as far as they were given. Where the score has a rate of motion, `seen` is what
-    nobody hears, as it is computed for pages and motion files. `highest_modes` are those of strings
-    and plates by name [Hz]. `pieces` are what other processes can compute, each as a whole.
+    sha256 (64 hex digits). `is_kept` says whether all results of trials were in the cache,
+    `seconds` how long reading, planning and staging took. `inputs` are the files that the plan
+    was made from. `budget` is the accuracy that the plan was made for: `method`, `error` [dB],
+    `cents` and `upto` [Hz], as far as they were given. If the score has a rate of motion, `seen`
+    has rows for parts that nobody hears, as they are computed for pages and motion files.
+    `highest_modes` are those of strings and plates by name [Hz]. `pieces` are what other
+    processes can compute, each as a whole.
     """
 
     rows: tuple[PlanRow, ...]
@@ -45,14 +46,14 @@ class Plan:
     seen: tuple[PlanRow, ...] = ()
 
     def shares(self, count: int) -> Shares:
-        """How the work would be shared out among `count` processes."""
+        """How the work would be divided among `count` processes."""
         from .work_shares import shares
 
         return shares(self.pieces, self.cost, count)
 
     @property
     def is_cut_short(self) -> bool:
-        """Whether planning ended because its trials had done all the work that they may."""
+        """Whether planning ended because its trials had used up the work that they may do."""
         return any(row.cut_short for row in self.rows)
 
     @property
@@ -63,7 +64,7 @@ class Plan:
     def write(self, path: str | Path, *, force: bool = False) -> None:
         """Write the plan into a file for the option `plan` of a later call; "-" is stdout.
 
-        With `force` a file is overwritten that ergon did not write. Raises FileRefusedError.
+        With `force`, a file that ergon did not write is overwritten. Raises FileRefusedError.
         """
         from ergon.exchange.plan_file import write
 
@@ -71,7 +72,7 @@ class Plan:
 
 
 def budget_of(wished: Accuracy) -> Budget:
-    """What a plan was made for, as far as it was given."""
+    """The accuracy that a plan was made for, as far as it was given."""
     names = ("method", "error", "cents", "upto")
     return {name: getattr(wished, name) for name in names if getattr(wished, name) is not None}
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
-_NOT_HERE = ("N401",)  # that a live hand is not there: here it is, or its absence is seen
+_NOT_HERE = ("N401",)  # a note that a live hand is absent: `play` shows that itself
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +104,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
 
 
 def _refuse_felt_automation(stage: Stage, real: Collection[str]) -> None:
-    """Raise OptionError where a hand would feel values for which no force was found."""
+    """Raise OptionError if automation changes what a hand feels, whose stability is not checked."""
     from ergon.live.automated import automation_felt
 
     for player, names in automation_felt(stage, real).items():
@@ -117,7 +117,7 @@ def _refuse_felt_automation(stage: Stage, real: Collection[str]) -> None:
 
 
 def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Performance:
-    """Begin to play where `config` says. Raises DeviceError, FileRefusedError."""
+    """Begin the performance that `config` describes. Raises DeviceError, FileRefusedError."""
     from ergon import _core
     from ergon.live.perform import perform
 
@@ -142,7 +142,7 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
 
 
 def _named(error: Exception, stage: Stage) -> str:
-    """What the core refuses, with the player in the place of a hand's number."""
+    """The message of an error of the core, with the player in place of a hand's number."""
 
     def player(match: re.Match[str]) -> str:
         hand = stage.live[int(match[1])]
@@ -152,7 +152,7 @@ def _named(error: Exception, stage: Stage) -> str:
 
 
 def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:
-    """The piece with other takes or gestures in the place of absent hands."""
+    """The piece with the takes or gestures that stand in for absent hands."""
     players = dict(piece.players)
     for pair in pairs:
         name, _, what = pair.partition("=")
@@ -216,7 +216,7 @@ def _config(
 def _about(
     piece: Piece, stage: Stage, config: PlaybackConfig, options: PlayOptions
 ) -> dict[str, object]:
-    """What stands at the beginning of a recording."""
+    """The description at the beginning of a recording."""
     from ergon import _core
     from ergon.live.calibration import as_recorded
     from ergon.live.recorded import about
@@ -238,7 +238,7 @@ def _about(
 
 
 def _input_file(options: PlayOptions, piece: Piece) -> Path | None:
-    """The new file of what inputs hear, from the beginning of the piece on."""
+    """The new file that records inputs from the beginning of the piece. Raises OptionError."""
     if options.record_input is None:
         return None
     if not any(take.card_channel for take in piece.takes.values()):

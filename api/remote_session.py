@@ -1,4 +1,4 @@
-"""A session whose engine is a process of its own: it is served, joined, or begun."""
+"""A session whose engine is a process of its own: it is served, joined, or started."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ergon.repl.wire.remote import Remote
 
 _LOOK = 0.05  # [s] between two looks whether the engine answers
-# What is said in another way to the process of the engine.
+# Options that the engine's process gets in another way.
 _OURS = ("socket", "journal")
 
 
@@ -36,7 +36,7 @@ def serve(path: str | None, options: SessionOptions, report: Report) -> None:
 
 
 def join(path: str | None, options: SessionOptions, report: Report) -> Remote:
-    """The session that is served; where none is, one that outlives this process.
+    """Join the session that is served; if there is none, start one that outlives this process.
 
     Raises OptionError, and EngineExitError where the new process ends before it answers.
     """
@@ -46,7 +46,7 @@ def join(path: str | None, options: SessionOptions, report: Report) -> Remote:
 
 @contextlib.contextmanager
 def _refused() -> Iterator[None]:
-    """Turn what a socket refuses into an OptionError."""
+    """Turn errors of a socket into an OptionError."""
     if not hasattr(socket, "AF_UNIX"):
         raise OptionError("socket", "this system has no local sockets")
     from ergon.repl.wire.local_socket import SocketError
@@ -122,7 +122,9 @@ def _join(path: str | None, options: SessionOptions, here: Path, report: Report)
 
 
 def _start(path: str | None, options: SessionOptions, here: Path, report: Report) -> Remote:
-    """Begin the engine in a session of its own (setsid); pass on its stderr until it answers."""
+    """Start the engine's process, in a process session of its own (setsid); pass on its stderr
+    until it answers.
+    """
     from ergon.repl.wire.local_socket import NoSessionError
     from ergon.repl.wire.protocol import ProtocolError
     from ergon.repl.wire.remote import Remote
@@ -141,7 +143,7 @@ def _start(path: str | None, options: SessionOptions, here: Path, report: Report
         )
         try:
             while True:
-                code = process.poll()  # before what it said last is read
+                code = process.poll()  # asked before its last output is read
                 _pass_on(said.read())
                 if code is not None:
                     log.unlink()
@@ -156,7 +158,7 @@ def _start(path: str | None, options: SessionOptions, here: Path, report: Report
             raise ErgonError(f"{here}: {error}") from None
         except EngineExitError:
             raise
-        except BaseException:  # Ctrl-C: who does not want to wait wants no engine
+        except BaseException:  # Ctrl-C while waiting: the engine is not wanted
             process.terminate()
             raise
     journal = os.path.relpath(str(remote.about.get("journal", "")) or options.journal)
@@ -165,7 +167,7 @@ def _start(path: str | None, options: SessionOptions, here: Path, report: Report
 
 
 def _log(path: Path) -> IO[bytes]:
-    """A new file under the first of its names that is free; of several each gets its own."""
+    """A new file under the first free one of its names: each of several engines gets its own."""
     from ergon.repl.session.journal import names
 
     for found in names(path):
@@ -175,7 +177,7 @@ def _log(path: Path) -> IO[bytes]:
 
 
 def _command(options: SessionOptions) -> str:
-    """What joins the session."""
+    """The command that joins the session."""
     return f"ergon repl --socket {options.socket}".rstrip()
 
 
@@ -185,7 +187,7 @@ def _pass_on(text: bytes) -> None:
 
 
 def _as_options(options: SessionOptions) -> Iterator[str]:
-    """Options of the engine, as a command line says them."""
+    """The options, as a command line for the engine."""
     for field in fields(options):
         option, value = f"--{field.name.replace('_', '-')}", getattr(options, field.name)
         if field.name in _OURS or value == field.default or not value:

@@ -42,12 +42,12 @@ class RenderOptions(AccuracyOptions):
     """What is rendered of a score; None leaves a value to the score.
 
     `from_` and `to` are the first position and the position after the last ("3|1", "B+2",
-    "12.5s"); `channels` is the number of channels, `rate` [Hz] the frames a second. `bits` (16, 24
-    or "float") decide the level too: "float" is in SI units where the score gives no level, and not
-    high-passed. `hands` is the file of a recording of live hands, `input` the WAVE file
-    of what inputs heard. `on` are processes that compute
-    islands: "local:N", or the Dask scheduler "tcp://HOST:PORT". `threads` is the number of threads
-    and `block` the number of frames computed at once; these three change no sample.
+    "12.5s"); `channels` is the number of channels, `rate` [Hz] the frames a second. `bits` (16,
+    24 or "float") decide the level too: "float" is in SI units if the score gives no level, and
+    is not high-passed. `hands` is the file of a recording of live hands, `input` the WAVE file
+    that inputs heard. `on` names processes that compute islands: "local:N", or the Dask
+    scheduler "tcp://HOST:PORT". `threads` is the number of threads and `block` the number of
+    frames computed at once; these three change no sample.
     """
 
     from_: str | None = None
@@ -72,9 +72,9 @@ class RenderOptions(AccuracyOptions):
 class FileOptions(RenderOptions):
     """What is rendered of a score into files.
 
-    `stems` is a folder, which gets one more file for each instrument. With `force` files are
-    overwritten that ergon did not write. With `motion` what moves is written too, beside the sound
-    as FILE.motion; `see` "all" computes for it what nobody hears as well.
+    `stems` is a folder, which gets one more file for each instrument. With `force`, files that
+    ergon did not write are overwritten. With `motion`, the motion is written to FILE.motion
+    beside the sound; with `see` "all" it includes parts that nobody hears.
     """
 
     stems: Path | str | None = None
@@ -125,7 +125,7 @@ class Completed:
 def faint(piece: Piece, bits: Bits, peak: float) -> list[Diagnostic]:
     """W324 for a silent file, W325 for one whose highest peak lies below -40 dBFS.
 
-    A file of floats without a master is a measurement, which may be of any size.
+    A file of floats without a master is a measurement: any level is allowed.
     """
     from ergon.notation.text.errors import Diagnostic
 
@@ -141,7 +141,7 @@ def faint(piece: Piece, bits: Bits, peak: float) -> list[Diagnostic]:
 
 
 def _is_silent(bits: Bits, peak: float) -> bool:
-    """Whether every sample is 0: of whole numbers where the highest peak is rounded to 0."""
+    """Whether every sample is 0; for whole numbers, whether the highest peak is rounded to 0."""
     import numpy as np
 
     from ergon import _core
@@ -221,7 +221,7 @@ def write(prepared: Prepared, report: Report, cluster: Cluster | None = None) ->
 
 
 def check_shared(options: RenderOptions) -> None:
-    """Refuse what only this process can compute, or know. Raises OptionError."""
+    """Refuse options that other processes cannot serve. Raises OptionError."""
     is_motion = isinstance(options, FileOptions) and options.motion
     excluded = {
         "hands": options.hands is not None,
@@ -238,7 +238,7 @@ def check_shared(options: RenderOptions) -> None:
 def _shared(
     prepared: Prepared, job: RenderJob, report: Report, cluster: Cluster | None = None
 ) -> Iterator[RenderJob]:
-    """The job with the processes that share its work, where it has any."""
+    """The job, with the processes that share its work if there are any."""
     on = prepared.options.on
     if on is None:
         yield job
@@ -288,7 +288,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
 
 
 def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
-    """The WAV file to write: as asked, as the score says, or SCORE.wav here."""
+    """The WAV file to write: as asked, as the score says, or SCORE.wav in the current folder."""
     if out is not None:
         return str(out)
     piece = scores.piece_of(loaded)
@@ -304,7 +304,7 @@ def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
 
 @contextmanager
 def _going(prepared: Prepared, task: str, report: Report) -> Iterator[Callable[[int], None]]:
-    """Progress, and what goes wrong on the way (`computing`)."""
+    """Show progress, and report faults as `computing` does."""
     stage, n_frames = prepared.stage, min(prepared.job.stop, prepared.stage.n_frames)
     with (
         scores.computing(stage, prepared.loaded, report),
@@ -314,7 +314,7 @@ def _going(prepared: Prepared, task: str, report: Report) -> Iterator[Callable[[
 
 
 def _hearing(loaded: Loaded, options: RenderOptions) -> Loaded:
-    """The score, whose inputs hear what is in a file. Raises OptionError."""
+    """The score, with its inputs taken from the file `input`. Raises OptionError."""
     if options.input is None:
         return loaded
     piece = scores.piece_of(loaded)
@@ -332,7 +332,7 @@ def _hearing(loaded: Loaded, options: RenderOptions) -> Loaded:
 
 
 def _recorded(loaded: Loaded, options: RenderOptions, report: Report) -> Recorded | None:
-    """The recorded hands, where a recording is given."""
+    """The recorded hands, if a recording is given. Raises OptionError."""
     if options.hands is None:
         return None
     from ergon.live.recorded import RecordingMismatchError, read
@@ -349,5 +349,5 @@ def _recorded(loaded: Loaded, options: RenderOptions, report: Report) -> Recorde
 
 
 def _frame(piece: Piece, stage: Stage, position: str, option: str) -> int:
-    """An instant t falls on sample floor(t·rate + ½)."""
+    """The frame of a position: an instant t falls on sample floor(t·rate + ½)."""
     return int(scores.instant(piece, position, option) * stage.rate + 0.5)

@@ -15,7 +15,7 @@ from .layouts import chunks_of_layout
 from .render import Completed, FileOptions
 
 JOURNAL = ".jsonl"  # how the name of a journal ends
-# What the journal itself decides.
+# Options whose values the journal itself decides.
 _DECIDED = (
     "from_",
     "to",
@@ -95,7 +95,7 @@ def render_journal(
 
 @contextmanager
 def _played(path: Path) -> Iterator[None]:
-    """A journal that cannot be read, or a line of it that is not taken again, is refused."""
+    """Turn errors of reading or replaying a journal into ErgonErrors."""
     from ergon import _core
     from ergon.repl.session.journal import JournalError
     from ergon.repl.session.version import NotTakenError

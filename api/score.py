@@ -1,4 +1,4 @@
-"""A score as every call meets it: read, staged, and asked for positions and levels."""
+"""A score as every call uses it: read, staged, and asked for positions and levels."""
 
 from __future__ import annotations
 
@@ -87,9 +87,9 @@ def stage_piece(
 ) -> Staged:
     """Stage a piece, and report the diagnostics of the engine.
 
-    `options` say how it is planned; without them every module is stepped as written, where the
-    engine accepts that. Where all of it `is_seen`, a plan computes what nobody hears too. Raises
-    ScoreError and OptionError.
+    `options` say how it is planned; without them every module is stepped as written, or planned
+    if the engine refuses that. With `is_seen` a plan also computes parts that nobody hears.
+    Raises ScoreError and OptionError.
     """
     from ergon.exchange import machine_speed
     from ergon.exchange.plan_store import of_user
@@ -101,7 +101,7 @@ def stage_piece(
 
     piece = piece_of(loaded)
     start = time.perf_counter()
-    # Parameters are physical: another rate needs no other score.
+    # Parameters are in physical units: another rate needs no other score.
     played = piece if rate is None else replace(piece, rate=rate)
     build = stage_or_plan
     if options is not None:
@@ -138,7 +138,7 @@ def stage_piece(
 def stage_recording(loaded: Loaded, report: Report, *, seed: int | None = None) -> Stage:
     """A stage whose simulation records its ergons. Raises ScoreError.
 
-    A note says so where its rate is a multiple of the score's (`scores.staging.recording_stages`).
+    A note says if its rate is a multiple of the score's (`scores.staging.recording_stages`).
     """
     from ergon.exchange.plan_store import of_user
     from ergon.scores.staging.recording_stages import stage_recording
@@ -175,7 +175,7 @@ def staging(loaded: Callable[[], Loaded], report: Report | None = None) -> Itera
 
 @contextmanager
 def computing(stage: Stage, loaded: Loaded, report: Report) -> Iterator[None]:
-    """Report parts that go non-finite or make energy, in their places. Raises DivergedError."""
+    """Report parts that go non-finite or create energy, with their places. Raises DivergedError."""
     from ergon import _core
 
     try:
@@ -189,7 +189,7 @@ def computing(stage: Stage, loaded: Loaded, report: Report) -> Iterator[None]:
 
 
 def instant(piece: Piece, text: str, option: str) -> float:
-    """Seconds of a position of the piece such as `3|2.5`, `B+2`, `12.5s`."""
+    """Seconds at a position of the piece such as `3|2.5`, `B+2`, `12.5s`. Raises OptionError."""
     from ergon.notation.clock.positions import parse_position
     from ergon.notation.text.errors import TextError
 

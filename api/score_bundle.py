@@ -1,7 +1,7 @@
-"""A score with all its files as plain data, for a process that may stand on another machine.
+"""A score with all its files as plain data, for a process that may run on another machine.
 
-Files keep their places relative to each other, below a folder of their own; nothing else of this
-machine can be named there.
+Files keep their places relative to each other, below a folder of their own; no other file of
+this machine can be named there.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class ScoreBundle(TypedDict):
     """A score: its path and the contents of all files, by their paths below one folder."""
 
     score: str
-    root: str  # that folder at home, for sentences
+    root: str  # that folder on this machine, for messages
     files: dict[str, bytes]
 
 
@@ -61,7 +61,9 @@ def bundled(path: str, loaded: Loaded) -> ScoreBundle:
 
 
 def digest(content: ScoreBundle, *more: object) -> str:
-    """A hash of a score and its files, and of what is done with them (64 hex digits)."""
+    """A hash of a score, its files and `more`, which says what is done with them (64 hex
+    digits).
+    """
     whole = hashlib.sha256(repr((content["score"], *more)).encode())
     for name, own in sorted(content["files"].items()):
         whole.update(f"\0{len(own)} {name}\0".encode())
@@ -71,9 +73,9 @@ def digest(content: ScoreBundle, *more: object) -> str:
 
 @contextmanager
 def unpacked(content: ScoreBundle) -> Iterator[Path]:
-    """The path of the score, in a folder that goes when the context ends.
+    """Unpack a score into a temporary folder; gives the path of the score in it.
 
-    Raises NotBundledError where a name would lead out of that folder.
+    Raises NotBundledError if a name would lead out of that folder.
     """
     with tempfile.TemporaryDirectory(prefix="ergon-") as name:
         folder = Path(os.path.realpath(name))
@@ -91,7 +93,7 @@ def unpacked(content: ScoreBundle) -> Iterator[Path]:
 
 
 def at_home(sentence: str, path: Path, content: ScoreBundle) -> str:
-    """A sentence of the other process, with the names that files have at home."""
+    """A sentence of the other process, with the names that files have on this machine."""
     there = str(path)[: -len(content["score"])].rstrip("/")
     return sentence.replace(there, content["root"].rstrip("/"))
 

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 class Simulated:
     """How closely keys followed gestures, how far masses swung, and which contacts closed.
 
-    Frames are at `rate` [Hz]; so many contacts and points as `left_out` were not measured.
-    `stage` is what was played.
+    Frames are at `rate` [Hz]; `left_out` counts the contacts and points that were not measured.
+    `stage` is the stage that was played.
     """
 
     followed: list[GestureFidelity]
@@ -39,7 +39,7 @@ class Simulated:
 
     @property
     def gestures(self) -> list[StagedGesture]:
-        """What was written for keys."""
+        """The gestures of keys."""
         return self.stage.gestures
 
 
@@ -83,9 +83,9 @@ def shared_name(whole: str, families: Mapping[str, str]) -> str:
 
 
 def never_closed(piece: Piece, done: Simulated) -> list[Diagnostic]:
-    """W320 for each contact that did not close, nor did it at another note of its instrument.
+    """W320 for each contact that closed neither here nor at another note of its instrument.
 
-    A contact over a range closes where one of its points does, and misses by the nearest of them.
+    A contact over a range closes if one of its points does; else the nearest of them counts.
     """
     families = piece.note_families()
     closed = {shared_name(one.contact.whole, families) for one in done.contacts if one.times}

@@ -1,4 +1,4 @@
-"""Independent computations spread over processes, a few of them on their way at any time."""
+"""Independent computations spread over processes, a few of them under way at any time."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def spread(
     result: Callable[[Future[V]], V],
     most: int,
 ) -> Iterator[tuple[K, V]]:
-    """Each item with its result, in the order in which they come.
+    """Each item with its result, in order of completion.
 
-    `submit` begins one, `wait` returns when one of some has ended; at most `most` are on their way.
+    `submit` begins one, `wait` returns when one of some has ended; at most `most` are under way.
     """
     left = iter(items)
     running: dict[Future[V], K] = {}

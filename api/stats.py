@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from ergon.scores.staging.built_network import BuiltNetwork
 
 TO = 5000.0  # [Hz]
-_STATIC = 1e-5  # of the lowest mode: masses answer there as springs do, to the square of this
+_STATIC = 1e-5  # of the lowest frequency: there inertia changes the response by this squared
 _NOTHING = 1e-12  # of the energy of a blow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatsOptions(ReadOptions):
-    """Of which parts figures are told, all without a name.
+    """Which parts are described; without names, all.
 
     Modes count up to the frequency `to`, a number [Hz] or a text such as "5kHz" and "A7".
     """
@@ -43,8 +43,8 @@ class StatsOptions(ReadOptions):
 class LinkStats:
     """Links of one kind: how many, and the lowest and the highest K [N/m] and Z [N·s/m] of them.
 
-    `kind` is CEL (a tie to the ground), RES, FRO, REF, BUT, LNL, BRISTLE or DRY. Laws have those at
-    rest, a BUT those while it is closed.
+    `kind` is CEL (a tie to the ground), RES, FRO, REF, BUT, LNL, BRISTLE or DRY. Links with a
+    law count with their slopes at rest, a BUT with its values while it is closed.
     """
 
     kind: str
@@ -57,9 +57,10 @@ class LinkStats:
 class PointStats:
     """A point where a part is struck, touched or heard.
 
-    `mass` [kg] is what it is made of, `compliance` [m/N] how far it goes for 1 N that stays,
-    infinite where nothing holds the part. `shares` (n_modes,) say which part of the energy of a
-    blow there goes into each mode, and `centroid` [Hz] is the mean of their frequencies by it.
+    `mass` [kg] is the sum of its masses, `compliance` [m/N] its displacement under a constant
+    force of 1 N, infinite if nothing holds the part. `shares` (n_modes,) are the shares of the
+    modes in the energy of a blow there, and `centroid` [Hz] is the mean of their frequencies,
+    weighted by these shares.
     """
 
     name: str
@@ -73,15 +74,15 @@ class PointStats:
 class PartStats:
     """Figures of one part by itself, contacts open and laws at their slope at rest.
 
-    `masses` [kg] are the lightest and the heaviest, `n_held` the fixed and imposed points. `modes`
-    are those up to the frequency asked for; the first `n_free` of them stretch no spring, as the
-    motion of a free body as a whole. `third_octaves` (n_bands,) [Hz] are the middles of the bands
-    that the others lie in, `counts` (n_bands,) how many lie in each. `highest` [Hz] is |s|/2π of
-    the highest of all modes. `guarantee` says of the scheme at the score's rate, stepped
-    `oversampling` times a frame, that it is "proved" or "guarded" or was "tried", and is None where
-    no number of steps up to 16 is known to be stable. `mode_masses` [kg] are the `M` of each MODES
-    by its name, the mass of a mode where its level is 1; `mass` and `masses` count those of the
-    network that moves as such a body does, which are others.
+    `masses` [kg] are the lightest and the heaviest, `n_held` counts the fixed and imposed
+    points. `modes` are those up to the frequency asked for; the first `n_free` of them stretch
+    no spring, such as the rigid motion of a free body. `third_octaves` (n_bands,) [Hz] are the
+    centres of the bands that the others lie in, `counts` (n_bands,) how many lie in each.
+    `highest` [Hz] is |s|/2π of the highest of all modes. `guarantee` is that of the scheme at
+    the score's rate, with `oversampling` steps a frame: "proved", "guarded" or "tried"; None if
+    no number of steps up to 16 is known to be stable. `mode_masses` [kg] are the `M` of each
+    MODES by its name, the mass of a mode at a point of level 1; `mass` and `masses` are instead
+    those of the network that moves like such a body.
     """
 
     part: str
@@ -175,7 +176,9 @@ def _links(own: _core.Elements) -> Sequence[LinkStats]:
 
 
 def _bands(frequencies: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Middles of third octaves from the lowest frequency to the highest, and how many each has."""
+    """Centres of the third octaves from the lowest frequency to the highest, and how many lie in
+    each.
+    """
     import numpy as np
 
     if not frequencies.size:
@@ -187,13 +190,15 @@ def _bands(frequencies: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
 
 
 def _highest(network: _core.Network, name: str, own: _core.Elements) -> float:
-    """Frequency of the highest mode [Hz] without damping: the one next to a bound of all."""
+    """The highest mode's frequency without damping [Hz]: that of the mode nearest to an upper
+    bound.
+    """
     import numpy as np
 
     if not own.mats:
         return 0.0
     stiffness = np.where([kind == "BUT" for kind in own.kinds], 0.0, own.stiffness)
-    ties = np.zeros(len(own.mats) + 1)  # slot -1 is held
+    ties = np.zeros(len(own.mats) + 1)  # index -1 is a held end
     np.add.at(ties, own.a, stiffness)
     np.add.at(ties, own.b, stiffness)
     highest = float((ties[:-1] / own.masses).max())  # λ is at most twice this (Gershgorin)
@@ -207,7 +212,7 @@ def _highest(network: _core.Network, name: str, own: _core.Elements) -> float:
 
 
 def _certificate(piece: Piece, name: str) -> tuple[str | None, int]:
-    """The word of the certificate of a part by itself, and the steps of a frame it holds for."""
+    """The guarantee of a part by itself, and the steps a frame that it holds for."""
     from ergon import _core
     from ergon.scores.edits.tunable import TunablePart
 
@@ -238,7 +243,8 @@ def _point(
     mats = [own.mats[slot] for slot in slots]
     compliance = np.inf
     lowest = network.part_modes(name, count=1)
-    # A mass that only a damper holds goes where it is pushed, and nothing else does: its pole is 0.
+    # A mass that only a damper holds has a pole at 0: a constant force moves it without bound.
+    # Points that no such mode moves still have a finite compliance.
     stands = modes.frequencies > 0
     swinging = 2 * np.pi * min(modes.frequencies[stands], default=0.0)
     slowest = float(abs(lowest.poles[0]) or swinging)

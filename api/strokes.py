@@ -1,4 +1,4 @@
-"""Contacts that the first stroke closes, of a key or of a strike, and none as strong after it."""
+"""Contacts that close at their first stroke, and not at later ones that are as strong."""
 
 from __future__ import annotations
 
@@ -19,20 +19,24 @@ if TYPE_CHECKING:
 
     from .simulate import Simulated
 
-_SAME = 1e-9  # [m], and as a part of a stroke
-_Kinds = Mapping[tuple[str, str], str]  # of modules, by part and name
-_THROWN = ("MAS", "CEL")  # what a stroke throws at a contact
+_SAME = 1e-9  # [m], and as a ratio of strokes: smaller differences are rounding
+_Kinds = Mapping[tuple[str, str], str]  # kinds of modules, by part and name
+_THROWN = ("MAS", "CEL")  # modules that a stroke throws at a contact
 
 
 class _Stroke(NamedTuple):
-    """When it begins [s]; how far it takes a key towards a contact [m], or its impulse [N·s]."""
+    """A stroke: when it begins [s]; how far it takes a key towards a contact [m], or its impulse
+    [N·s].
+    """
 
     begins: float
     reach: float
 
 
 class _Player(NamedTuple):
-    """What may close a contact: what is said of one or more of its strokes, and the strokes."""
+    """What may close a contact: the words for one of its strokes and for several, and the
+    strokes.
+    """
 
     one: str
     more: str
@@ -40,11 +44,12 @@ class _Player(NamedTuple):
 
 
 def closed_once(piece: Piece, done: Simulated) -> list[Diagnostic]:
-    """W334 for each contact that strokes should close again, for they go as far or are as strong.
+    """W334 for each contact that does not close again, though later strokes go as far or are as
+    strong.
 
-    What is stroked is an end of the contact, or a key that throws what is one. A contact that
-    closes again at another note of its instrument is none of them, nor one that is closed at the
-    end.
+    Strokes act on an end of the contact, or on a key that throws such an end. A contact that
+    closes again at another note of its instrument is left out, and so is one that is closed at
+    the end.
     """
     families = piece.note_families()
     kinds = {(part, module.name): module.kind for part, module in piece.modules()}
@@ -58,7 +63,7 @@ def closed_once(piece: Piece, done: Simulated) -> list[Diagnostic]:
 
 
 def _told(piece: Piece, done: Simulated, points: list[Closing], kinds: _Kinds) -> Diagnostic | None:
-    """What is said of a contact that closed, of one point or of several."""
+    """The warning for a contact that closed, of one point or of several; None if there is none."""
     contact = points[0].contact
     first = min(one.first for one in points if one.first is not None)
     last = max(one.last for one in points if one.last is not None)
@@ -66,7 +71,7 @@ def _told(piece: Piece, done: Simulated, points: list[Closing], kinds: _Kinds) -
         return None
     for player in _players(piece, done, contact.module, kinds):
         strokes = sorted(player.strokes)
-        # What is closed from the beginning was closed by no stroke.
+        # No stroke closed a contact that is closed from the beginning.
         before = [one for one in strokes if one.begins <= (first or last) / done.rate]
         later = [one for one in strokes[len(before) :] if one.begins > last / done.rate]
         if (first and not before) or len(before) + len(later) < len(strokes):
@@ -101,7 +106,9 @@ def _players(piece: Piece, done: Simulated, contact: Module, kinds: _Kinds) -> I
 
 
 def _keys(piece: Piece, contact: Module, kinds: _Kinds) -> Iterator[tuple[str, float]]:
-    """Keys that close a contact, directly or by a mass that they push; the way they go, 1 or -1."""
+    """Keys that close a contact, directly or by a mass that they push, and the direction they move
+    in to do so: 1 or -1.
+    """
     struck = {(name, key.struck): name for name, key in piece.keys.items()}
     for end in contact.fields["between"]:
         if key := struck.get((end.part, end.module)):
@@ -117,15 +124,15 @@ def _keys(piece: Piece, contact: Module, kinds: _Kinds) -> Iterator[tuple[str, f
 
 
 def _way(contact: Module, end: Target) -> float:
-    """Where one of the ends of a contact goes to close it: upwards 1, downwards -1."""
+    """The direction in which an end of a contact moves to close it: upwards 1, downwards -1."""
     upwards = contact.fields["side"] == "below"
     return 1.0 if upwards == (end == contact.fields["between"][0]) else -1.0
 
 
 def _strokes(gesture: StagedGesture, way: float) -> Iterator[_Stroke]:
-    """The strokes of a written gesture, from where it turns to where it turns back."""
+    """The strokes of a written gesture in a direction, each from one turn to the turn back."""
     if gesture.layer:
-        return  # what it adds to is not known
+        return  # a layer adds to an unknown path
     begins, lowest, highest = gesture.start, float("inf"), -float("inf")
     for at, x in zip(gesture.t, gesture.x, strict=True):
         reach = way * x

@@ -1,4 +1,4 @@
-"""Variants of a score, rendered: a folder of sounds and a table of what they are like."""
+"""Variants of a score, rendered: a folder of sounds and a table of their figures."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ _NAME_MAX = 150  # characters of a file's name without its number
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepOptions(AccuracyOptions):
-    """What varies, and what is made of it.
+    """What is varied, and what is made of it.
 
-    `vary` lists TARGET=VALUES, all combined or, `zip`ped, taken in pairs. `out` is the folder,
-    SCORE.sweep without it. Without `sound` only the table is written. `jobs` is the number of
-    processes, or `on` says where others are, as for a render. `rate` [Hz] and `bits` are those of
-    every render; with `force` files are overwritten that ergon did not write.
+    `vary` lists TARGET=VALUES, all combined or, with `zip`, taken in pairs. `out` is the folder,
+    by default SCORE.sweep. Without `sound` no sound files are written. `jobs` is the number of
+    processes, or `on` names others, as for a render. `rate` [Hz] and `bits` are those of every
+    render; with `force`, files that ergon did not write are overwritten.
     """
 
     vary: Sequence[str] = ()
@@ -58,9 +58,9 @@ class SweepOptions(AccuracyOptions):
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """What a sweep found: a row for each variant, the table and the picture of them.
+    """The results of a sweep: a row for each variant, and the files of the table and the picture.
 
-    `n_known` rows were there from an earlier run.
+    `n_known` rows came from an earlier run.
     """
 
     targets: tuple[str, ...]
@@ -91,9 +91,9 @@ def sweep(
 ) -> Sweep:
     """Render the variants of a score into a folder, with a table (CSV) and a picture (SVG).
 
-    Every variant is checked before any is rendered. One that the engine refuses or that diverges is
-    a row with its sentence. What an earlier run has in the folder is kept. Raises ScoreError,
-    OptionError and FileRefusedError.
+    Every variant is checked before any is rendered. A variant that the engine refuses or that
+    diverges gets a row with the reason. Results of an earlier run in the folder are reused.
+    Raises ScoreError, OptionError and FileRefusedError.
     """
     options, report = options or SweepOptions(), report or Report()
     varied, combined = _varied(options)
@@ -124,7 +124,7 @@ def sweep(
 
 
 def _varied(options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]:
-    """What varies, and the values of each variant. Raises OptionError."""
+    """The targets that vary, and the values of each variant. Raises OptionError."""
     from ergon.notation.text.edit import EditError
     from ergon.scores.edits.varying import SEED, combined, parse
 
@@ -163,7 +163,7 @@ def _variants(
     combined: Sequence[tuple[str, ...]],
     report: Report,
 ) -> Iterator[Variant]:
-    """All variants, read and found good. Raises ScoreError and OptionError."""
+    """All variants, read and without mistakes. Raises ScoreError and OptionError."""
     from ergon.notation.text.edit import EditError
     from ergon.scores.edits.varying import variants
 
@@ -210,7 +210,7 @@ def _wanted(score: str, options: SweepOptions, made: Iterator[Variant]) -> list[
 
 
 def _file_name(said: str) -> str:
-    """Values as a file may be named: `bell.m.K=1kN_m,seed=3`."""
+    """Values as the name of a file: `bell.m.K=1kN_m,seed=3`."""
     name = re.sub(r"[^\w.=+,-]", "_", said.replace(", ", ","))
     if len(name.encode()) <= _NAME_MAX:
         return name
@@ -218,7 +218,7 @@ def _file_name(said: str) -> str:
 
 
 def _asked(options: SweepOptions) -> dict[str, Any]:
-    """Of RenderOptions, what each variant is computed with; files are named from where we are."""
+    """The RenderOptions of each variant; the file of a plan is made absolute."""
     names = ("method", "error", "cents", "draft", "seed", "rate", "bits")
     own = {name: getattr(options, name) for name in names}
     plan = None if options.plan is None else os.path.abspath(options.plan)
@@ -232,7 +232,9 @@ def _version() -> str:
 
 
 def _known(table: Table, wanted: Sequence[_Wanted], folder: Path) -> dict[int, SweepRow]:
-    """Rows of an earlier run, whose sounds are there if they are to be."""
+    """Rows of an earlier run that are still valid: a sound file that is wanted is there,
+    unchanged.
+    """
     earlier = table.read()
     found = {}
     for one in wanted:
@@ -344,7 +346,7 @@ def _keep(
 
 @contextmanager
 def _processes(jobs: int) -> Iterator[Executor]:
-    """Processes that end with this one, and at once at Ctrl-C."""
+    """Processes that end with this one, or at once at Ctrl-C."""
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(jobs, context, initializer=_begin)
     try:
@@ -358,7 +360,7 @@ def _processes(jobs: int) -> Iterator[Executor]:
 
 
 def _begin() -> None:
-    """A process of a sweep has one thread, and Ctrl-C is its parent's."""
+    """Prepare a process of a sweep: one thread for BLAS, and Ctrl-C is left to the parent."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from ergon.common.regular import read_bounded
 from ergon.exchange.safe import MARK, write_text
 
-# Columns, and what each is.
+# The columns of figures, and what each means.
 FIGURES: Mapping[str, str] = {
     "seconds": "length of the sound [s]",
     "loudness_lufs": "integrated loudness [LUFS]",
@@ -57,7 +57,7 @@ class Table:
         self._kept = float("-inf")
 
     def read(self) -> dict[str, SweepRow]:
-        """The rows of an earlier run by their digest; none of a file that is not ours or broken."""
+        """The rows of an earlier run by their digest; none if the file is damaged or not ours."""
         try:
             data = read_bounded(self.path, _BYTES_MAX)
         except OSError:
@@ -75,7 +75,7 @@ class Table:
         return rows
 
     def keep(self, rows: Sequence[SweepRow], *, force: bool) -> None:
-        """Write an unfinished table, not too often."""
+        """Write an unfinished table, at most once a second."""
         now = time.monotonic()
         if now - self._kept >= _EVERY:
             self.write(rows, "", force=force)

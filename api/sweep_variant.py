@@ -1,6 +1,6 @@
-"""One variant of a sweep, computed by a process that may stand on another machine.
+"""One variant of a sweep, computed by a process that may run on another machine.
 
-What comes in and goes out is plain data: bytes, texts and numbers.
+Arguments and results are plain data: bytes, texts and numbers.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Outcome(TypedDict):
 
 
 def compute(content: ScoreBundle, options: dict[str, Any], name: str) -> Outcome:
-    """Render a variant with the RenderOptions `options`; `name` is that of a file, "" for none."""
+    """Render a variant with `options` as RenderOptions; `name` is its sound file, "" for none."""
     with unpacked(content) as path:
         try:
             figures, sound = _computed(str(path), RenderOptions(**options), name)
@@ -55,7 +55,9 @@ def compute(content: ScoreBundle, options: dict[str, Any], name: str) -> Outcome
 def on_worker(
     version: list[Any], content: ScoreBundle, options: dict[str, Any], name: str
 ) -> Outcome:
-    """Compute a variant on a worker of a cluster. Raises ClusterError where its ergon differs."""
+    """Compute a variant on a worker of a cluster. Raises ClusterError if its ergon is another
+    version.
+    """
     from . import cluster_worker
 
     cluster_worker.check_version(version)

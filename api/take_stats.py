@@ -21,10 +21,10 @@ _FRESH = 1  # of a recording's flags
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeStatsOptions:
-    """Of which hands figures are told, all without a name.
+    """Which hands are described; without names, all.
 
-    Speed and acceleration are those below the frequency `cutoff`, a number [Hz] or a text such as
-    "20Hz".
+    Speed and acceleration are those below the frequency `cutoff`, a number [Hz] or a text such
+    as "20Hz".
     """
 
     hands: Sequence[str] = ()
@@ -35,8 +35,8 @@ class TakeStatsOptions:
 class ForceStats:
     """Forces [N] that a key felt from the piece, and the energy [J] that went through the hand.
 
-    `given` is what the hand gave to the piece, `taken` what it got back, each added up tick by
-    tick; `sent` is the greatest force that was sent to the device.
+    `given` is the energy from the hand to the piece, `taken` that from the piece to the hand,
+    each added up tick by tick; `sent` is the greatest force that was sent to the device.
     """
 
     peak: float
@@ -50,9 +50,9 @@ class ForceStats:
 class HandStats:
     """Figures of one hand of a recording.
 
-    `n_ticks` are in the recording, `n_lost` missing between them; in `n_held` no new position had
-    come in, None where the recording does not tell. `movement` is None with less than two ticks,
-    `force` where no force was felt or sent.
+    `n_ticks` counts the ticks in the recording, `n_lost` those that are missing in between,
+    `n_held` those without a new position; None if the recording does not say. `movement` is None
+    with less than two ticks, `force` if no force was felt or sent.
     """
 
     hand: str
@@ -64,7 +64,8 @@ class HandStats:
 
 
 def take_stats(path: str | Path, options: TakeStatsOptions | None = None) -> tuple[HandStats, ...]:
-    """Statistics of the hands of a recording, a .take file. Of a damaged one what is whole counts.
+    """Statistics of the hands of a recording, a .take file. Of a damaged file the intact part
+    counts.
 
     Raises TakeError where it cannot be read, and OptionError.
     """
@@ -114,7 +115,7 @@ def _force(recording: _core.Recording, axis: int) -> ForceStats | None:
     sent = np.abs(recording.sent()[:, axis].astype(float))
     if not force.any() and not sent.any():
         return None
-    # The hand gives what it goes against the force of the piece.
+    # The hand gives energy where it moves against the force of the piece.
     energy = -0.5 * (force[1:] + force[:-1]) * np.diff(x)
     return ForceStats(
         float(np.abs(force).max()),

@@ -25,25 +25,25 @@ if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
 
 REACHED = 1e-6  # [cents] within which a target counts as reached
-_EXACT = 1e-10  # [cents] where nothing is gained any more
-_DIGITS = 12  # of a value: a last digit more moves a mode by 1e-9 cents at most
+_EXACT = 1e-10  # [cents] at which the search ends
+_DIGITS = 12  # of a value: one more digit would move a mode by 1e-9 cents at most
 _STEPS = 80
 _STRIDE = 0.4  # a value is at most multiplied by e^0.4 in one step
 _FARTHEST = math.log(1000.0)
-_NUDGE = 1e-4  # for derivatives of masses and springs by a value
+_NUDGE = 1e-4  # step of a value's logarithm for derivatives
 _CENTS = 1200.0 / math.log(2.0)
-_FLAT = 1e-5  # a slope below this is rounding, or tunes nothing
+_FLAT = 1e-5  # a smaller slope is rounding, or tunes nothing
 _WORDS = {"masses": "M", "springs": "K", "pitches": "f"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuneOptions(ReadOptions):
-    """By which values modes are tuned.
+    """Which values are changed to tune modes.
 
     `by` are fields of all modules of the part ("M", "K", "f"; "masses", "springs" and "pitches"
-    mean these) or of one ("m1.M"); without one all that move its modes. Where targets are ratios,
-    `base` is the frequency of ratio 1 (440.0 [Hz], "A3"); without it the first mode of the ratios
-    stays where it is.
+    mean these) or of one module ("m1.M"); without any, all fields that move its modes. If
+    targets are ratios, `base` is the frequency of ratio 1 (440.0 [Hz], "A3"); without it the
+    first mode of the ratios stays where it is.
     """
 
     by: Sequence[str] = ()
@@ -52,8 +52,9 @@ class TuneOptions(ReadOptions):
 
 @dataclass(frozen=True, slots=True)
 class TunedValue:
-    """A value of the score: its name such as `bell.m.K`, numbers before and after [SI], and `text`,
-    what is to be written."""
+    """A value of the score: its name such as `bell.m.K`, its numbers before and after [SI], and
+    `text`, the text to write.
+    """
 
     name: str
     before: float
@@ -65,11 +66,12 @@ class TunedValue:
 class Tuned:
     """Values that bring modes of a part to targets, or as near as can be.
 
-    `modes` (n_targets,) count from the lowest that swings, 1; a free body's motion as a whole is
-    none. `before`, `targets` and `frequencies` (n_targets,) [Hz] are theirs, the last computed anew
-    with the values as their texts say them. `values` are those that change. `rank` is in how many
-    independent directions the values move the modes at the end. `edited` is the score's text with
-    the values in it; where that could not be written it is None, and `trouble` says why.
+    `modes` (n_targets,) are numbers of modes: 1 is the lowest that oscillates, and rigid motions
+    of a free body do not count. `before`, `targets` and `frequencies` (n_targets,) [Hz] belong
+    to these modes; `frequencies` are computed anew from the texts of the values. `values` are
+    those that change. `rank` is the number of independent directions in which the values move
+    the modes at the end. `edited` is the score's text with the new values; if it could not be
+    written it is None, and `trouble` says why.
     """
 
     part: str
@@ -106,10 +108,10 @@ def tune(
 ) -> Tuned:
     """Values of a part of a score that bring its lowest modes to `targets`, changed least.
 
-    `targets` are ratios ("1:2.76:5.4", "_" for a mode that is left alone), frequencies [Hz] or
-    texts such as "A3" for the modes from the lowest on, or frequencies by the number of the mode.
-    The part is taken by itself, contacts open, laws at their slope at rest. Nothing is written.
-    Raises ScoreError and OptionError.
+    `targets` are ratios ("1:2.76:5.4", "_" for a mode that is left alone); or frequencies [Hz]
+    or texts such as "A3", for the modes from the lowest on; or a mapping from numbers of modes
+    to these. The part is taken by itself, contacts open, laws at their slope at rest. Nothing is
+    written. Raises ScoreError and OptionError.
     """
     import numpy as np
 
@@ -161,7 +163,7 @@ def tune(
 def _wanted(
     targets: str | Mapping[int, float | str] | Sequence[float | str], base: float | str | None
 ) -> tuple[dict[int, float], bool]:
-    """Frequency [Hz], or ratio where no base is given, by the number of the mode."""
+    """Frequencies [Hz] by number of the mode; without a base, ratios and True."""
     if isinstance(targets, str) and ":" in targets:
         ratios = {
             number: _ratio(word)
@@ -211,7 +213,7 @@ def _ratio(word: str) -> float:
 
 
 def _chosen(own: TunablePart, by: Sequence[str]) -> list[Value]:
-    """The values that are meant. Raises OptionError."""
+    """The values that `by` names. Raises OptionError."""
     from ergon.notation.text.spelling import nearest
 
     known = list(own.values())
@@ -281,7 +283,7 @@ class _Search:
         self.rank = 0
         poles, shapes, found = self._modes({})
         self.begun = poles.imag / (2 * np.pi)
-        # Values that no mode feels change nothing.
+        # Values that no mode depends on are left out.
         for value in values:
             slope = self._slope(poles, shapes, found, value, value.number, {})
             if np.abs(slope).max() > _FLAT:
@@ -291,7 +293,7 @@ class _Search:
             raise OptionError("by", f"no mode depends on {names}; name others, or leave `by` out")
 
     def frequencies(self, values: Mapping[Where, float]) -> NDArray[np.float64]:
-        """Of the modes that have targets [Hz]."""
+        """Frequencies of the modes that have targets [Hz]."""
         import numpy as np
 
         return np.asarray(self._modes(values)[0].imag / (2 * np.pi))
@@ -331,7 +333,7 @@ class _Search:
         step: NDArray[np.float64],
         size: float,
     ) -> tuple[NDArray[np.float64], _State] | None:
-        """The step, or a shorter one, by which less is left; None where none is."""
+        """The step, or a shorter one, that reduces the error; None if none does."""
         import numpy as np
 
         from ergon import _core
@@ -340,7 +342,7 @@ class _Search:
             there = np.clip(at + step, begin - _FARTHEST, begin + _FARTHEST)
             try:
                 state = self._modes(self._numbers(there))
-            except _core.EngineError:  # no module has such values: not so far
+            except _core.EngineError:  # values that no module allows: try a shorter step
                 step = step / 2
                 continue
             left = np.log(state[0].imag / (2 * np.pi)) - self.log_targets
@@ -380,7 +382,7 @@ class _Search:
         return found.poles[rows], found.shapes[rows], elements
 
     def _slopes(self, state: _State, at: NDArray[np.float64]) -> NDArray[np.float64]:
-        """∂ln f by the logarithm of each value (n_targets, n_values)."""
+        """Derivatives of ln f by the logarithm of each value (n_targets, n_values)."""
         import numpy as np
 
         numbers = self._numbers(at)
@@ -408,7 +410,7 @@ class _Search:
 
         try:
             up, down = matrices(math.exp(_NUDGE)), matrices(math.exp(-_NUDGE))
-        except _core.EngineError:  # at the border of what it may be: it stays
+        except _core.EngineError:  # at the limit of its range, the value stays
             return np.zeros(len(poles))
         dm, dk, dz = (
             (getattr(up, name) - getattr(down, name)) / (2 * _NUDGE)
@@ -433,7 +435,7 @@ class _Search:
 def _least_step(
     slopes: NDArray[np.float64], left: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], int]:
-    """The smallest step that leaves least by these slopes, and their rank."""
+    """The smallest step that minimises the error for these slopes, and their rank."""
     import numpy as np
 
     u, sizes, v = np.linalg.svd(slopes, full_matrices=False)

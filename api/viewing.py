@@ -24,7 +24,7 @@ _EARS = 2
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A motion file, and a WAV file of one or two channels of the same piece where there is one."""
+    """A motion file and, if there is one, a WAV file of one or two channels of the same piece."""
 
     motion: Path
     sound: Path | None
@@ -39,10 +39,10 @@ def render_view(score: Path, folder: Path, options: FileOptions, report: Report)
 
 
 def beside(motion: Path, report: Report) -> Path | None:
-    """The sound file beside a motion file, of one name and of one score; else None.
+    """The sound file beside a motion file, of the same name and the same score; else None.
 
-    Where a file of that name is of another score, a remark says so. Raises OSError and EngineError
-    where the motion cannot be read.
+    A message says if a file of that name is of another score. Raises OSError and EngineError if
+    the motion cannot be read.
     """
     from ergon import _core
     from ergon.exchange import sound
@@ -62,10 +62,11 @@ def beside(motion: Path, report: Report) -> Path | None:
 
 
 def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
-    """A sound file as browsers play it: itself, or a WAV file in a folder.
+    """A sound file as browsers play it: itself, or a WAV file in `folder`.
 
-    Many channels are folded to two ears where the file says where its loudspeakers are; else its
-    odd channels go to the left and its even ones to the right. Raises NotWaveError and OSError.
+    More than two channels are folded to two ears if the file says where its loudspeakers are;
+    else its odd channels go to the left and its even ones to the right. Raises NotWaveError and
+    OSError.
     """
     from ergon.exchange import sound
 

@@ -25,8 +25,8 @@ class Piece:
 class Shares:
     """The work of `count` processes [s per s of sound] and of `home`, by the table of costs.
 
-    `dearest` is what cannot be split and takes longest; None where nothing is shared. Home mixes
-    too, which no table counts.
+    `dearest` is the most expensive piece, which cannot be split; None if nothing is shared.
+    Home, this process, also mixes, which the table does not count.
     """
 
     count: int
@@ -36,23 +36,23 @@ class Shares:
 
     @property
     def whole(self) -> float:
-        """The work of one process that computes all."""
+        """The work of one process that computes everything."""
         return sum(self.loads) + self.home
 
     @property
     def longest(self) -> float:
-        """The work of whoever has most of it: so long a second of sound takes at least."""
+        """The largest work of a process: the least time that a second of sound takes."""
         return max(*self.loads, self.home, 0.0)
 
     @property
     def bound(self) -> float:
-        """How many times as fast as one process it can be with any number of them."""
+        """The largest possible speed-up over one process, with any number of processes."""
         least = max(self.home, self.dearest.cost if self.dearest else 0.0)
         return self.whole / least if least else 1.0
 
 
 def pieces(simulation: Simulation, rows: Sequence[PlanRow], rate: float) -> tuple[Piece, ...]:
-    """The islands that other processes can compute, with the names of the rows in them."""
+    """The islands that other processes can compute, with the names of the parts in them."""
     found = []
     left = [row for row in rows if row.cost > 0.0 and row.what != "oscillators"]
     for island in simulation.storable():

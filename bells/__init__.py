@@ -1,1 +1,1 @@
-"""Struck objects: the modes of a recorded stroke, and the instrument that they make."""
+"""Struck objects: the modes of a recorded stroke, and the instrument made from them."""

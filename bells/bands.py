@@ -20,7 +20,7 @@ _OF_MEDIAN = 0.223  # that percentile over the mean, of powers that are distribu
 
 
 class Bands:
-    """The spectrum of a sound, from which bands are taken."""
+    """The spectrum of a sound, from which bands are extracted."""
 
     def __init__(self, sound: Array, rate: float) -> None:
         """Take a sound (n,) at `rate` [Hz]."""
@@ -29,9 +29,10 @@ class Bands:
         self.spectrum = np.fft.rfft(sound)
 
     def take(self, low: float, high: float) -> tuple[Complex, float, float]:
-        """A band, as a signal shifted to 0; its rate [Hz] and the frequency [Hz] that became 0.
+        """A band as a signal shifted to 0; its rate [Hz], and the frequency [Hz] that was shifted
+        to 0.
 
-        It falls to nothing within half of its width on both sides.
+        The window of the band falls to zero within half of its width on both sides.
         """
         width = high - low
         m = ceil(2.0 * width * self.n / self.rate)
@@ -48,7 +49,9 @@ class Bands:
         return np.fft.ifft(bins) * (2.0 * m / self.n), rate, centre * self.rate / self.n
 
     def occupied(self, low: float, high: float, width: float) -> Iterator[tuple[float, float]]:
-        """Bands about `width` wide [Hz], cut in valleys, that have a peak above the noise."""
+        """Bands about `width` wide [Hz] with a peak above the noise; they are cut where the
+        spectrum is low.
+        """
         power = np.abs(self.spectrum) ** 2
         step = self.rate / self.n
         smooth = np.convolve(power, np.full(_SMOOTH, 1.0 / _SMOOTH), "same")

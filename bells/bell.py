@@ -1,4 +1,4 @@
-"""What is struck, from one stroke or several: modes, levels at places, contact of the hammer."""
+"""A struck object from one or several strokes: modes, levels at places, contact of the hammer."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ _FIRST = np.arange(-0.003, 0.003, 1e-5)  # [s] where the middle of a stroke may 
 
 @dataclass(frozen=True)
 class Heard:
-    """One stroke: its place, relative impulse, length of contact [s] if known, share explained."""
+    """One stroke: its place, relative impulse, length of contact [s] if known, and the share of its
+    energy that modes explain.
+    """
 
     name: str
     place: str
@@ -38,10 +40,11 @@ class Heard:
 class Bell:
     """A struck object: modes from low to high, each (n,), and their levels at places (n, places).
 
-    `heard` are levels where it was listened to; a stroke at a place moves a mode there by the
-    product of both, of which the largest is 1. `reference` is how loud that is in the recording of
-    the hardest stroke (of full scale, 1). `energy` is each mode's share of the energy of the
-    loudest stroke. Standard deviations are None where a table, not a recording, told the modes.
+    `heard` are levels at the place of listening. A stroke at a place moves a mode there by the
+    product of both levels; the largest product is 1. `reference` is the amplitude of that
+    largest product in the recording of the hardest stroke (full scale is 1). `energy` is each
+    mode's share of the energy of the loudest stroke. Standard deviations are None if the modes
+    come from a table.
     """
 
     f: Array
@@ -62,9 +65,9 @@ class Bell:
 
 
 def of_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None = None) -> Bell:
-    """The bell that strokes, each with its place, are of; its `count` loudest modes.
+    """The bell that made these strokes, each given with its place; its `count` loudest modes.
 
-    Raises NotAStrokeError where modes leave more than a quarter of the energy of a stroke.
+    Raises NotAStrokeError if modes leave more than a quarter of the energy of a stroke.
     """
     found = []
     for _, one in strokes:
@@ -90,7 +93,9 @@ def of_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None = None) 
 
 @dataclass(frozen=True)
 class _Fit:
-    """One stroke by common modes: they as they were when it began, and what is left."""
+    """One stroke fitted by the common modes: the modes when the stroke began, and the share
+    explained.
+    """
 
     modes: Modes
     deviation: Uncertainty
@@ -109,7 +114,7 @@ def _fit(stroke: Stroke, f: Array, d: Array) -> _Fit:
 
 
 def _joined(found: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Array]:
-    """f and d of all modes, those that several strokes show once."""
+    """f and d of all modes; a mode found in several strokes appears once."""
     rows = [
         (float(f), float(d), float(max(sf, 1e-9)), float(max(sd, 1e-9)), at)
         for at, (modes, own) in enumerate(found)
@@ -182,7 +187,9 @@ def _bell(places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]
 
 
 def _split(table: Array) -> tuple[Array, Array]:
-    """Levels where it is listened to and where it is struck, of their products (n, places)."""
+    """Split products of levels (n, places) into levels at the place of listening and at the struck
+    places.
+    """
     loudest = int(np.argmax(np.sum(table**2, axis=0)))
     own = np.abs(table[:, loudest])
     least = 1e-3 * np.abs(table).max(axis=1)
@@ -191,7 +198,9 @@ def _split(table: Array) -> tuple[Array, Array]:
 
 
 def _signs(modes: Modes) -> Array:
-    """Which modes set out against the others: a push gives all the same phase, when it is."""
+    """Signs of the modes. At the instant of the push all modes have the same phase or the opposite
+    one.
+    """
     weight = np.abs(modes.c) ** 0.5
     phase = np.angle(modes.c)
     turns = phase[None, :] + 2.0 * np.pi * _FIRST[:, None] * modes.f[None, :]
@@ -202,9 +211,9 @@ def _signs(modes: Modes) -> Array:
 
 
 def of_table(rows: Sequence[tuple[float, float, float]], count: int | None = None) -> Bell:
-    """The bell of resonances, each f [Hz], t60 [s] and amplitude; the loudest `count`.
+    """The bell of a table of resonances, each f [Hz], t60 [s] and amplitude; the loudest `count`.
 
-    Tables have no full scale: all modes together are half of it.
+    A table has no full scale: the amplitudes of all modes together are set to half of it.
     """
     kept = sorted(rows, key=lambda row: -(row[2] ** 2) * row[1])[: count or len(rows)]
     f, t60, a = (np.array(column) for column in zip(*sorted(kept), strict=True))

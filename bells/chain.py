@@ -1,4 +1,4 @@
-"""Modes and levels as one chain of masses and springs, whose end has them."""
+"""Modes and levels as one chain of masses and springs; the motion of its end has these modes."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ _FAR = 0.1  # relative error of a decay at which dampers do not make it
 
 @dataclass(frozen=True)
 class Chain:
-    """Masses [kg] from the end that is struck; springs [N/m] to the next, the last to the ground;
-    dampers [N·s/m] beside the springs, and of each mass to the ground."""
+    """Masses [kg] from the struck end; springs [N/m] to the next mass, the last to the ground;
+    dampers [N·s/m] beside the springs, and from each mass to the ground.
+    """
 
     masses: Array
     springs: Array
@@ -28,8 +29,8 @@ class Chain:
 def chain(f: Array, t60: Array, weight: Array, mass: float) -> Chain:
     """The chain whose first mass [kg] has modes f [Hz] with shares `weight` of its movement.
 
-    Lanczos' process from the weights (de Boor and Golub, 1978); dampers by least squares without
-    negative ones. Raises ValueError where it is not to be had.
+    Lanczos' process from the weights (de Boor and Golub, 1978); dampers by non-negative least
+    squares. Raises ValueError if there is no such chain.
     """
     if f.size > MOST:
         raise ValueError(f"a chain is offered for at most {MOST} modes, and here are {f.size}")
@@ -47,7 +48,8 @@ def chain(f: Array, t60: Array, weight: Array, mass: float) -> Chain:
         before = springs[i]
         if i + 1 < n:
             masses[i + 1] = (springs[i] / beside[i]) ** 2 / masses[i]
-    # (masses, modes), of modes of mass 1; springs pull masses together, which turns every other.
+    # (masses, modes) for modes of mass 1. The signs alternate, because springs pull masses
+    # together.
     shapes = basis * ((-1.0) ** np.arange(n) / np.sqrt(masses))[:, None]
     stretched = np.vstack([shapes[1:] - shapes[:-1], -shapes[-1:]])
     ways = np.vstack([stretched**2, shapes**2])
@@ -77,7 +79,7 @@ def _lanczos(eigen: Array, start: Array) -> tuple[Array, Array, Array]:
 
 
 def _not_negative(a: Array, b: Array) -> Array:
-    """Least squares without negative numbers (Lawson and Hanson, 1974)."""
+    """Non-negative least squares (Lawson and Hanson, 1974)."""
     n = a.shape[1]
     size = np.linalg.norm(a, axis=0)
     a = a / size

@@ -1,4 +1,6 @@
-"""The contact of a hammer: what a push of some length leaves of high modes, and its spring."""
+"""The contact of a hammer: its stiffness, and the attenuation of high modes by a push of some
+length.
+"""
 
 from __future__ import annotations
 
@@ -31,16 +33,19 @@ def spectrum(f: Array, length: float) -> Array:
 
 
 def stiffness(length: float, mass: float = HAMMER, speed: float = SPEED) -> float:
-    """K [N/m^1.5] of Hertz's contact which a mass [kg] at a speed [m/s] closes for a time [s]."""
+    """K [N/m^1.5] of a Hertz contact that stays closed for `length` [s] when a mass [kg] hits it at
+    a speed [m/s].
+    """
     return 1.25 * mass * float((2.943 / (length * speed**0.2)) ** 2.5)
 
 
 @dataclass(frozen=True)
 class Strokes:
-    """Strokes at one place: levels of modes (n,), and of each stroke its impulse and length [s].
+    """Strokes at one place: levels of modes (n,), and the impulse and length [s] of each stroke.
 
-    Impulses are relative to the hardest; lengths are None where strokes do not tell them: of one
-    stroke, or of some that are alike, or so long that hardly a mode is within reach.
+    Impulses are relative to the hardest. Lengths are None if they cannot be determined: with a
+    single stroke, with strokes that are alike, or with contacts so long that few modes are
+    within reach.
     """
 
     levels: Array
@@ -49,7 +54,9 @@ class Strokes:
 
 
 def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
-    """What strokes at one place have in common; `amplitudes`, relative errors (strokes, n)."""
+    """The common levels of strokes at one place, from `amplitudes` and relative errors (strokes,
+    n).
+    """
     n_strokes = len(amplitudes)
     hardest = int(np.argmax(np.sum(amplitudes**2, axis=1)))
     if n_strokes == 1:
@@ -58,7 +65,8 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
         logs = np.where(amplitudes > 0.0, np.log(np.maximum(amplitudes, 1e-300)), -700.0)
     variance = np.minimum(errors, 1e3) ** 2 + _KNOWN**2
     shapes, doubts = _shapes(f)
-    # Of each other stroke: what it costs (tried, tried) that the hardest and it have two lengths.
+    # For each other stroke: the cost (tried, tried) of each pair of lengths of the hardest stroke
+    # and this one.
     costs = {
         s: _costs(logs[s] - logs[hardest], variance[s] + variance[hardest], shapes, doubts)
         for s in range(n_strokes)
@@ -81,7 +89,9 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
 
 
 def _shapes(f: Array) -> tuple[Array, Array]:
-    """Logarithm of what a push of each length leaves of each mode, and its variance (tried, n)."""
+    """Logarithm of the attenuation of each mode by a push of each length, and its variance (tried,
+    n).
+    """
     x = f * _TRIED[:, None]
     is_near = x < _REACH
     beyond = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
@@ -91,8 +101,9 @@ def _shapes(f: Array) -> tuple[Array, Array]:
 
 
 def _costs(logs: Array, variance: Array, shapes: Array, doubts: Array) -> Array:
-    """Twice the negative logarithm of likelihood (tried, tried); infinite where the second is
-    shorter, for softer strokes last longer. `logs` (n,) are of the second over the first."""
+    """Twice the negative log-likelihood (tried, tried) of two lengths; infinite if the second is
+    shorter, because softer strokes last longer. `logs` (n,) are of the second over the first.
+    """
     costs = np.full((len(shapes), len(shapes)), np.inf)
     for first in range(len(shapes)):
         rest = logs - (shapes[first:] - shapes[first])

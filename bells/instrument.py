@@ -23,11 +23,13 @@ _WIDTH = 110
 
 
 class FormError(ErgonError):
-    """A bell that has no such form; the sentence says why, and which it has."""
+    """A bell that cannot be written in this form; the message says why, and which forms it can
+    have.
+    """
 
 
 def text(bell: Bell, name: str = "bell", form: str = "modes") -> str:
-    """The file of an instrument, with what was found in its comments. Raises FormError."""
+    """The file of an instrument, with the measured figures in its comments. Raises FormError."""
     if form not in _FORMS:
         raise FormError(f"{quote(form)} is not a form of a bell; write modes, cels or chain")
     body = {"modes": _modes, "cels": _cels, "chain": _chain}[form]
@@ -56,7 +58,7 @@ def _head(bell: Bell, form: str) -> Iterator[str]:
 
 
 def _mass(bell: Bell) -> float:
-    """Of a mode whose level is 1, so that the first place is as heavy as it is chosen to be."""
+    """The mass of a mode with level 1, chosen so that the first place is as heavy as wanted."""
     return PLACE_MASS * float(np.sum(bell.levels[:, 0] ** 2))
 
 
@@ -119,7 +121,7 @@ def _number(value: float, digits: int = 10) -> str:
 
 
 def _list(head: str, words: Sequence[str]) -> list[str]:
-    """`head [a, b, …]` in lines of some width."""
+    """`head [a, b, …]`, broken into lines of limited width."""
     lines, line = [], head + "["
     for i, word in enumerate(words):
         word += "]" if i == len(words) - 1 else ","

@@ -1,4 +1,4 @@
-"""The modes of a stroke: sums of damped sines, and how well each is known."""
+"""The modes of a stroke: sums of damped sines, and the uncertainty of each."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Modes:
 
     @property
     def poles(self) -> Complex:
-        """s of Re c·e^{s·t}."""
+        """s of Re(c·e^{s·t})."""
         return -self.d + 2j * np.pi * self.f
 
     @property
@@ -50,11 +50,11 @@ class Modes:
         return LN_1000 / self.d
 
     def some(self, which: NDArray[np.intp]) -> Modes:
-        """Some of the modes."""
+        """The modes of these indices."""
         return Modes(self.f[which], self.d[which], self.c[which])
 
     def energy(self, duration: float) -> Array:
-        """∫ of the square of each over a duration [s]."""
+        """∫ of the square of each mode over a duration [s]."""
         whole = np.abs(self.c) ** 2 / (4.0 * self.d)
         return np.asarray(whole * -np.expm1(-2.0 * self.d * duration))
 
@@ -63,7 +63,7 @@ NONE = Modes(np.zeros(0), np.zeros(0), np.zeros(0, complex))
 
 
 def find(sound: Array, rate: float) -> tuple[Modes, Array]:
-    """The modes of a sound (n,) that begins after its stroke, and what they leave of it (n,)."""
+    """The modes of a sound (n,) that begins after its stroke, and the residual (n,)."""
     found, rest = NONE, sound
     for width in _WIDTHS:
         bands = Bands(rest, rate)
@@ -87,7 +87,7 @@ def find(sound: Array, rate: float) -> tuple[Modes, Array]:
 
 
 def _unknown(modes: Modes, told: Uncertainty) -> list[int]:
-    """Modes whose decay is not known, the worst first; of those near each other the worst alone."""
+    """Modes whose decay is not known, the worst first; of neighbours only the worst."""
     share = told.d / modes.d
     chosen: list[int] = []
     for at in np.argsort(-share):
@@ -100,14 +100,18 @@ def _unknown(modes: Modes, told: Uncertainty) -> list[int]:
 
 
 def _reach(modes: Modes, at: int) -> float:
-    """How far [Hz] from a mode its neighbours lie, which take what it had."""
+    """The distance [Hz] within which a mode has neighbours, which take over its energy when it is
+    removed.
+    """
     return float(np.clip(3.0 * modes.d[at], *_AROUND))
 
 
 def _without(
     modes: Modes, rest: Array, worst: list[int], sound: Array, rate: float
 ) -> tuple[Modes, Array]:
-    """The modes without some; those near each take what it had."""
+    """The modes without some; neighbours of each removed mode are fitted again to take over its
+    energy.
+    """
     f, d = modes.f.copy(), modes.d.copy()
     for one in worst:
         _core.poll()
@@ -145,12 +149,12 @@ def _in_band(bands: Bands, low: float, top: float, width: float) -> tuple[Array,
 
 
 def fitted(sound: Array, rate: float, f: Array, d: Array) -> tuple[Modes, Array]:
-    """Modes of known f [Hz] and d [1/s] with the amplitudes that fit a sound best; the rest."""
+    """Modes of known f [Hz] and d [1/s] with the amplitudes that fit a sound best; the residual."""
     if not f.size:
         return NONE, sound
     n = min(sound.size, round(_FITTED * rate))
     s = (-d + 2j * np.pi * f) / rate
-    # Σ of products of real parts u and of -v, from sums of e^(s+s')k and of e^(s+s'*)k.
+    # Sums of products of the real parts u and of -v, from sums of e^(s+s')k and of e^(s+s'*)k.
     both, turned = _sum(s[:, None] + s, n), _sum(s[:, None] + s.conj(), n)
     gram = 0.5 * np.block(
         [
@@ -201,7 +205,7 @@ class Uncertainty:
 
 
 def uncertainty(modes: Modes, rest: Array, rate: float) -> Uncertainty:
-    """The bound of Cramér and Rao for modes in noise as strong as what is left around each."""
+    """The Cramér-Rao bound for modes in noise as strong as the residual around each mode."""
     duration = rest.size / rate
     n = modes.f.size
     s = modes.poles.conj()[:, None] + modes.poles[None, :]
@@ -221,7 +225,7 @@ def uncertainty(modes: Modes, rest: Array, rate: float) -> Uncertainty:
 
 
 def _noise(f: Array, rest: Array, rate: float) -> Array:
-    """Variance of white noise that is as strong as the residual is near each frequency."""
+    """Variance of white noise that is as strong as the residual near each frequency."""
     power = np.abs(np.fft.rfft(rest)) ** 2 / rest.size
     step = rate / rest.size
     around = [power[max(1, int((one - _NEAR) / step)) : int((one + _NEAR) / step) + 2] for one in f]

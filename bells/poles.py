@@ -1,4 +1,4 @@
-"""Damped exponentials in a band: how many there are, and where their poles lie.
+"""Damped exponentials in a band: their number, and their poles.
 
 ESPRIT (Roy and Kailath, 1989), its order by ESTER (Badeau, David and Richard, 2006), polished by
 variable projection (Golub and Pereyra, 1973).
@@ -21,9 +21,9 @@ _SHORTEST = 0.3  # |z| of exponentials that are over within three samples
 
 
 def exponentials(signal: Complex, most: int) -> tuple[Complex, Complex]:
-    """Poles z and amplitudes c of Σ c·z^k in a signal (n,), `most` at most.
+    """Poles z and amplitudes c of Σ c·z^k in a signal (n,), at most `most`.
 
-    Each is far above the noise that is left.
+    Each is far above the residual noise.
     """
     z: Complex = _esprit(signal, most)
     z = z[(np.abs(z) < 1.0) & (np.abs(z) > _SHORTEST)]
@@ -50,7 +50,8 @@ def _esprit(signal: Complex, most: int) -> Complex:
     hankel = np.lib.stride_tricks.sliding_window_view(signal, n - rows + 1)[:rows]
     _, vectors = np.linalg.eigh(hankel @ hankel.conj().T)
     vectors = vectors[:, ::-1][:, :most]
-    # What one order leaves of shift invariance: the last order that is nearly as good as the best.
+    # The violation of shift invariance by each order; the highest order that is nearly as good as
+    # the best is chosen.
     left = np.array([_shift_error(vectors[:, : order + 1]) for order in range(vectors.shape[1])])
     order = int(np.flatnonzero(left.min() >= 0.1 * left).max()) + 1
     chosen = vectors[:, :order]
@@ -68,7 +69,7 @@ def _shift_error(vectors: Complex) -> float:
     else:
         turn = _complex(np.linalg.lstsq(first, second, rcond=None)[0])
     error = _complex(second - first @ turn)
-    # The largest singular value, of a narrow matrix by its Gram matrix.
+    # The largest singular value of a narrow matrix, squared, from its Gram matrix.
     return max(float(np.linalg.eigvalsh(error.conj().T @ error)[-1]), 1e-30)
 
 
@@ -95,7 +96,7 @@ def _scores(z: Complex, c: Complex, rest: Complex) -> Array:
 
 
 def polished(signal: Complex, z: Complex) -> tuple[Complex, Complex, Complex]:
-    """Gauss-Newton on the logarithms of poles alone, amplitudes projected out."""
+    """Gauss-Newton on the logarithms of the poles alone, with the amplitudes projected out."""
     at = np.arange(signal.size)[:, None]
     s, last = np.log(z), np.inf
     best = s

@@ -12,15 +12,15 @@ _MOST = 100_000  # characters of a line, and lines
 
 
 class TableError(ErgonError):
-    """A file that is no table of resonances; the sentence says where and why."""
+    """A file that is not a table of resonances; the message says where and why."""
 
 
 def read(path: Path) -> list[tuple[float, float, float]]:
     """f [Hz], t60 [s] and amplitude of each resonance.
 
-    Lines are `index frequency amplitude bandwidth`, or without the index; those that begin with ;
-    or # say nothing. Amplitudes are factors; where one is negative they are in dB. A resonance
-    whose bandwidth is b falls by 60 dB in 3·ln 10/(π·b). Raises TableError.
+    Lines are `index frequency amplitude bandwidth`, or without the index; lines that begin with
+    ; or # are comments. Amplitudes are factors; if any is negative, all are in dB. A resonance
+    with bandwidth b falls by 60 dB in 3·ln 10/(π·b). Raises TableError.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()

@@ -1,4 +1,4 @@
-"""One stroke in a recording: where it begins, and whether it is one."""
+"""One stroke in a recording: where it begins, and whether it is a single stroke."""
 
 from __future__ import annotations
 
@@ -28,12 +28,14 @@ _SOUNDING = 100.0  # of the quietest hop of a band
 
 
 class NotAStrokeError(ErgonError):
-    """A sound that is no recording of one stroke; the sentence says why."""
+    """A sound that is not a recording of one stroke; the message says why."""
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """What follows a stroke (n,) at `rate` [Hz], `delay` [s] after the push was at its middle."""
+    """The sound after a stroke (n,) at `rate` [Hz]; it begins `delay` [s] after the middle of the
+    push.
+    """
 
     name: str
     sound: Array
@@ -71,13 +73,13 @@ def stroke(name: str, sound: Array, rate: float) -> Stroke:
     _refuse_second(name, heard, rate)
     loudest = int(np.argmax(np.abs(heard[: round(_LATEST * rate)]))) + round(0.001 * rate)
     skip = max(round(_AFTER * rate), min(loudest, round(_LATEST * rate)))
-    # A soft push is in its middle shortly before the loudest sample, not where it began: what falls
-    # fast would be thought of as having been louder by hundreds of dB.
+    # The middle of a soft push is shortly before the loudest sample, not where the push begins.
+    # Extrapolated to its beginning, quickly decaying modes would be hundreds of dB louder.
     return Stroke(name, heard[skip:], rate, min(skip / rate, _AFTER))
 
 
 def _onset(sound: Array, rate: float) -> int:
-    """The first sample of the stroke: within 1 ms."""
+    """The first sample of the stroke, within 1 ms."""
     n = max(1, round(0.001 * rate))
     power = np.convolve(sound * sound, np.full(n, 1.0 / n))[: sound.size]
     return max(0, int(np.argmax(power > 0.01 * power.max())) - n // 2)
@@ -103,7 +105,9 @@ def _refuse_steady(name: str, sound: Array) -> None:
 
 
 def _refuse_second(name: str, sound: Array, rate: float) -> None:
-    """A second stroke raises most of what sounds at once; beats raise single partials, slowly."""
+    """Refuse a second stroke: it raises most partials at once, whereas beats raise single partials,
+    slowly.
+    """
     n_frames = (sound.size - _FRAME) // _HOP
     if n_frames < 2 * (_BEFORE + _GAP):
         return

@@ -3,5 +3,5 @@
 import sys
 from pathlib import Path
 
-# Simulated devices and terminals are those of the tests.
+# Simulated devices and terminals are shared with the tests.
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))

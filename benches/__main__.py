@@ -1,7 +1,7 @@
-"""`python -m benches [SCENE…]`: measure some scenes, or all and write docs/benchmarks.md.
+"""`python -m benches [SCENE…]`: measure some scenes, or all of them and write docs/benchmarks.md.
 
-`--minutes 10`: how long the duet, `pages` and `soak_live` are; a minute otherwise.
-`--runs 20`: how often each stop is done, and how many keys are measured by each way.
+`--minutes 10`: the duration of the duet, `pages` and `soak_live`; one minute by default. `--runs
+20`: how often each stop is made, and how many keys are measured in each way.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from benches.string import string
 
 
 def main(arguments: list[str]) -> int:
-    """Run scenes; only a run of all of them is written down."""
+    """Run scenes; results are written to the page only if all scenes are run."""
     parser = argparse.ArgumentParser("python -m benches")
     parser.add_argument("scenes", nargs="*")
     parser.add_argument("--minutes", type=float, default=1.0)
@@ -77,7 +77,7 @@ def main(arguments: list[str]) -> int:
         "stall": stall,
         "stops": partial(stops, asked.runs),
     }
-    # By the clock for minutes: only where it is named.
+    # It takes minutes by the wall clock, so it runs only if it is named.
     if "soak_live" in wanted:
         scenes["soak_live"] = partial(soak_live, asked.minutes)
     if "midi_clock" in wanted:

@@ -1,4 +1,4 @@
-"""10,000 oscillators, all heard in one output: nothing in it but what every program can do."""
+"""10,000 oscillators, all heard in one output: a scene that every program can compute."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ COUNT = 10_000
 _M, _F, _T60 = 1e-3, (20.0, 10_000.0), (0.5, 8.0)
 _FRAMES = 11_025
 _PROBED = 200
-# Rounding by another order of sums, grown over the frames compared.
+# The sums have another order, and its rounding errors grow over the compared frames.
 _SAME = 1e-8
 Floats = NDArray[np.float64]
 
 
 def bank(loops: Loops | None) -> list[Row]:
-    """The engine beside C loops and the programs that have such a bank."""
+    """The engine compared with C loops and with programs that have such a bank."""
     simulation, start = _scene()
     runs: dict[str, Callable[[], object]] = {}
     missing: dict[str, str] = {}
@@ -80,7 +80,9 @@ def _rows(speed: dict[str, float], missing: dict[str, str]) -> list[Row]:
 
 
 def _cells() -> tuple[list[float], list[float]]:
-    """Pitches [Hz] and decays [s], even by logarithm, as the engine's own BANK lays them."""
+    """Pitches [Hz] and decays [s], evenly spaced on a logarithmic scale, as the engine's own BANK
+    sets them.
+    """
     share = np.arange(COUNT) / (COUNT - 1)
     f = _F[0] * (_F[1] / _F[0]) ** share
     t60 = _T60[1] * (_T60[0] / _T60[1]) ** share
@@ -100,7 +102,7 @@ def _scene() -> tuple[_core.Simulation, tuple[Floats, Floats]]:
 
 
 def _loop(loops: Loops, name: str, x: Floats, d: Floats) -> Callable[[int], Floats]:
-    # Poles r·exp(±jθ): the discrete cell has exactly the frequency and decay of the continuous.
+    # Poles r·exp(±jθ): the discrete cell has exactly the frequency and decay of the continuous one.
     f, t60 = (np.array(column) for column in _cells())
     theta = 2 * math.pi * f / RATE
     r = np.exp(-math.log(1000.0) / t60 / RATE)

@@ -1,4 +1,4 @@
-"""A bare loop beside what is measured: how late the machine alone makes a tick."""
+"""A bare timing loop beside a measurement: it shows how late the machine alone makes a tick."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ import numpy as np
 from benches.native import Loops
 from ergon.live.fitness import PERIOD
 
-# Under the physics thread (78) and the card's (65): it takes no tick from what it stands beside.
+# Below the priorities of the physics thread (78) and the card's (65): it delays no tick of what
+# runs beside it.
 _PRIORITY = 60
 
 
 @dataclass
 class Bare:
-    """What a thread that only wakes, tick after tick, told in the end."""
+    """Results of a thread that only wakes at every tick."""
 
     ticks: int = 0
     late: float = 0.0  # of all ticks, by the rule of a performance: by more than half a tick
@@ -33,18 +34,18 @@ class Bare:
         )
 
     def ratio(self, late: float) -> float | None:
-        """Another's late ticks over its own."""
+        """The ratio of another thread's late ticks to this one's."""
         return late / self.late if self.late else None
 
 
 @contextmanager
 def bare(loops: Loops | None) -> Iterator[Bare | None]:
-    """Let one run meanwhile; None where nothing compiles it."""
+    """Run the bare loop during the block; None if there is no compiler."""
     if loops is None or not loops.has("ticks"):
         yield None
         return
     found, going, told = Bare(), np.ones(1, dtype=np.int64), np.zeros(4, dtype=np.int64)
-    # A thread of its own: the call lets go of Python for as long as it lasts.
+    # It has its own thread: the call releases the GIL as long as it lasts.
     loop = threading.Thread(target=loops.call, args=("ticks", _PRIORITY, PERIOD, going, told))
     loop.start()
     try:

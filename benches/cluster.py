@@ -1,4 +1,6 @@
-"""What it costs to have other processes compute islands: workers here, beside threads."""
+"""The cost of computing islands in other processes: workers on this machine, compared with
+threads.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ _GONG = (
 
 
 def cluster() -> list[Row]:
-    """Gongs of 600 masses with hardening: one and two workers, beside one and two threads."""
+    """Gongs of 600 masses with hardening: one and two workers, compared with one and two
+    threads.
+    """
     from ergon.api import score as scores
     from ergon.api.cluster import Cluster, job_of, opened, sharing
     from ergon.api.render import RenderOptions, prepare

@@ -1,6 +1,6 @@
 """Two keys in other processes, by the wall clock, for minutes: late ticks and gaps in the sound.
 
-A machine that is a guest is stopped by its host: a bare loop beside the duet tells how often.
+A virtual machine is sometimes stopped by its host: a bare loop beside the duet shows how often.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def _played(
 
 
 def _told(command: list[str], loops: Loops | None) -> tuple[dict[str, int], Bare | None]:
-    """What a duet says in the end, and a bare loop that ran while it sounded."""
+    """The result of a duet, and a bare loop that ran during it."""
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         last = process.stdout.readline()  # it plays
@@ -105,21 +105,25 @@ def _told(command: list[str], loops: Loops | None) -> tuple[dict[str, int], Bare
 
 
 def written(folder: Path, seconds: int, beside: str = "") -> Path:
-    """The score of a duet that lasts so long [s], with an instrument `beside` (a line of YAML)."""
+    """The score of a duet that lasts `seconds` [s], with an instrument `beside` (a line of
+    YAML).
+    """
     score = folder / "duet.yaml"
     score.write_text(_SCORE.format(times=seconds, beside=beside))
     return score
 
 
 def _as_a_board() -> None:
-    """Real-time priority, where it may be had: no load of this machine slows a real board."""
+    """Use real-time priority if it is granted: the load of this machine does not slow a real board
+    either.
+    """
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_BOARD_PRIORITY))
 
 
 @contextmanager
 def key(seconds: int, *way: str) -> Iterator[str]:
-    """An emulated key with a hand on it that plays for so long [s]; its URL."""
+    """An emulated key with a hand on it that plays for `seconds` [s]; yields its URL."""
     hand = ("--gesture", _HAND.format(times=seconds // 2 + 10), "--hand", "900N/m")
     command = [*ERGON, "emulate", "frame", *way, *hand, "--json"]
     pipe = subprocess.PIPE

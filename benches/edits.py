@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benches.measure import Row
 
-# A gong that hardens, a bowed string and a bell; their players meet in no instrument.
+# A gong that hardens, a bowed string and a bell; their players share no instrument.
 _SCORE = """\
 ergon: 1
 title: Four minutes
@@ -51,7 +51,7 @@ parts:
 mix: {{channels: 2, route: [{{from: gong, to: 1}}, {{from: wire, to: 2}}, {{from: bell, to: 1}}]}}
 render: {{tail: 2s}}
 """
-# A frame that all of them hang from: then they are one island, and each edit reaches all of them.
+# A frame from which all of them hang: then they are one island, and each edit affects all of them.
 _FRAME = """\
   frame:
     modules:

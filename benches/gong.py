@@ -1,4 +1,4 @@
-"""A gong with hardening on every link: nothing linear in it that a plan could use."""
+"""A gong with hardening on every link: it has no linear part that a plan could use."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROUNDS = 7
 _M, _Q = 0.3, 4e8
 _FRAMES = 1_000
 _PROBED = 200
-# Rounding by another order of sums, grown over the frames compared.
+# The sums have another order, and its rounding errors grow over the compared frames.
 _SAME = 1e-8
 
 

@@ -1,4 +1,4 @@
-"""Grains in a drum beside a C loop: contacts of all pairs, by lists of neighbours."""
+"""Grains in a drum compared with a C loop: contacts of all pairs, by neighbour lists."""
 
 from __future__ import annotations
 
@@ -41,7 +41,9 @@ def grains(loops: Loops | None) -> list[Row]:
 
 
 def settled() -> _core.Network:
-    """The grains where most of them touch; before their coordinates stand those of the middle."""
+    """The grains in a state in which most of them touch. The drum's middle comes before their
+    coordinates.
+    """
     network = _network(*_thrown())
     settling = _core.Simulation(network, _core.Timeline(network, RATE))
     settling.process(np.empty((_SETTLED, 1)))

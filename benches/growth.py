@@ -1,4 +1,4 @@
-"""How cost and memory grow with modules and with ergons; each size in a process of its own."""
+"""Growth of cost and memory with modules and with ergons; each size runs in its own process."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _BANK_MAX = 2_000_000  # what one BANK may have
 _ERGONS = (100, 1_000, 10_000, 100_000, 1_000_000)
 _CELLS = 1_000
 _ROUNDS = 3
-# Steps of modules that a round takes: long enough to be timed, short enough for a million modules.
+# Module steps in one round: enough to be timed, few enough for a million modules.
 _WORK = 2e9
 
 
@@ -61,9 +61,10 @@ def _row(what: str, scene: str, found: NDArray[np.float64]) -> Row:
 
 
 def _apart(what: str, size: int) -> list[float]:
-    """number, cost [s/s], set-up [s], peak memory [MB], measured where nothing else was made.
+    """Number, cost [s/s], set-up [s] and peak memory [MB], measured in a process that has made
+    nothing else.
 
-    Times are a processor's: what else the machine does hardly counts.
+    Times are CPU times, so other load on the machine hardly counts.
     """
     line = [sys.executable, "-m", "benches.growth", what, str(size)]
     root = Path(__file__).parent.parent
@@ -77,7 +78,8 @@ def _one(what: str, size: int) -> list[float]:
     network = _core.Network()
     network.part("body")
     if what == "modules":
-        # The larger, the lower, and the longer it sounds: at every size links of the same kind.
+        # A larger gong is lower and decays more slowly, so that at every size the links are of the
+        # same kind.
         f, t60 = 3_800.0 / size, 4e-3 * size**2
         first = network.plate("", shape="hex", radius=size, M=0.3, f=f, t60=t60, hardening=4e8)
         for i in range(network.count(first)):  # nothing lies still, and nothing is nearly zero
@@ -94,7 +96,7 @@ def _one(what: str, size: int) -> list[float]:
             heard = range(size)
             for mat in heard:
                 network.start(mat, 1e-6, 0.0)
-    # In pieces, so that the lists of this file are not what memory goes to.
+    # Positions are added in pieces, so that the lists of this file do not dominate the memory.
     for at in range(0, len(heard), _HEARD_MAX):
         positions = [(mat, 1, 1.0) for mat in heard[at : at + _HEARD_MAX]]
         network.listen(f"out{at}", positions=positions)
@@ -120,7 +122,9 @@ def _one(what: str, size: int) -> list[float]:
 
 
 def _peak() -> float:
-    """Peak memory of this process [MB]; not getrusage's, which counts the process it came from."""
+    """Peak memory of this process [MB]. getrusage is not used, because it counts the parent process
+    too.
+    """
     status = Path("/proc/self/status")
     lines = status.read_text().splitlines() if status.is_file() else []
     found = [float(line.split()[1]) / 2**10 for line in lines if line.startswith("VmHWM")]

@@ -1,4 +1,4 @@
-"""A hammer on a string of 60 masses: the planned run beside CA that is as exact."""
+"""A hammer on a string of 60 masses: the planned run compared with an equally accurate CA run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BUDGET: Mapping[str, Any] = {"error_db": -80.0}
 
 
 def hammer(_: Loops | None) -> list[Row]:
-    """The planned run beside CA at 44.1 kHz times 1 … 64, at equal measured error."""
+    """The planned run compared with CA at 44.1 kHz times 1 … 64, at equal measured error."""
     truth = _truth()
     network = _network()
     ours = sides.engine("ergon", planned(network, _core.Timeline(network, RATE), **BUDGET))
@@ -53,7 +53,7 @@ def hammer(_: Loops | None) -> list[Row]:
 
 
 def _cost_at(error: float, points: list[tuple[float, float]]) -> tuple[float, str]:
-    """What CA takes for this error: between two rates by the logarithms of both."""
+    """The cost of CA for this error, interpolated between two rates on logarithmic scales."""
     better = sorted(points)
     if error <= better[0][0]:
         return better[0][1], f"which even at × {_TIMES[-1]} stays at {better[0][0]:.0f} dB"

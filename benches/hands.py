@@ -46,7 +46,7 @@ def _scene(touch: str) -> _core.Simulation:
     network.listen("m", positions=[(bell, 1, 1.0)])
     timeline = _core.Timeline(network, RATE)
     hand = timeline.key("k1", key)
-    # Long enough for all rounds: a point every 60 ms, so that the bell is struck again and again.
+    # Long enough for all rounds: a point every 60 ms, so that the bell is struck repeatedly.
     t = [0.05 + 0.06 * i for i in range(int(2.0 * (ROUNDS + 2) / 0.06))]
     x = [6e-3 * (i % 2) for i in range(len(t))]
     timeline.gesture(hand, t, x, ["smooth"] * len(t), touch=touch)  # type: ignore[arg-type]

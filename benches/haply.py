@@ -1,6 +1,7 @@
-"""How soon a Haply is told zero when its service falls silent or its host is killed or stopped.
+"""The time until a Haply receives zero force after its service falls silent or its host is killed
+or stopped.
 
-The host is a whole performance that pushes; the service notes when each force comes.
+The host is a whole performance that pushes; the service records when each force arrives.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ _Host = subprocess.Popen[bytes]
 
 
 def haply(runs: int = 50) -> list[Row]:
-    """So many runs of each; medians and the longest."""
+    """`runs` runs of each kind; medians and the longest."""
     real_time(priority=60)  # as the service: the two share a lock of Python's
     with tempfile.TemporaryDirectory() as folder:
         score = Path(folder) / "push.yaml"
@@ -70,7 +71,7 @@ def _row(scene: str, took: list[float], target: int) -> Row:
 
 @contextmanager
 def _performance(score: Path, service: Service) -> Iterator[_Host]:
-    """A duet that plays on the service, its forces risen."""
+    """A duet that plays on the service; yields its process."""
     command = [sys.executable, "-m", "ergon.cli", "duet", str(score), "--live"]
     command += [f"remi={service.url}", "--audio", "null", "--gain", "0dB"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -82,10 +83,12 @@ def _performance(score: Path, service: Service) -> Iterator[_Host]:
 
 
 def _zero(service: Service, act: Callable[[], object]) -> tuple[float, float]:
-    """How long after an act, made in a push, and after the last force the first zero comes [s].
+    """The time until the first zero force, from an act during a push, and from the last force
+    before that zero [s].
 
-    A signal stops a process only when the system next runs the thread that takes it. Until then the
-    other threads push as before. The second time shows the guardian, the first the system too.
+    A signal stops a process only when the system next runs the thread that takes it; until then
+    the other threads push as before. So the second time shows the guardian, and the first time
+    includes the system.
     """
     seen = len(service.told)
     service.until(lambda own: len(own.told) > seen + 5 and abs(own.told[-1].force[0]) > _PUSH)

@@ -1,4 +1,6 @@
-"""How soon Ctrl-C ends each command, and what `check` of any score takes of memory."""
+"""The time until Ctrl-C ends each command, and the memory that `check` of an arbitrary score
+takes.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from benches.mutated import bases, check, mutated
 _ROUNDS = 3
 _SCORES = 1000
 _PATIENCE = 60.0  # [s]
-# Runs a command, and tells on standard output once some thread is in a function of ergon's.
+# Runs a command, and reports on standard output when some thread is in a function of ergon.
 CHILD = """
 import sys, threading, time
 from ergon.cli.app import main
@@ -41,7 +43,7 @@ def is_in(frame):
 threading.Thread(target=look, daemon=True).start()
 main(sys.argv[2:])
 """
-# A trial run of a throw goes through 1.6e11 frames.
+# The trial run of this throw would take 1.6e11 frames.
 _THROW = """\
 ergon: 1
 rates: {{audio: 2000kHz}}
@@ -97,7 +99,7 @@ COMMANDS = {
 
 
 def begun(folder: Path, what: str) -> subprocess.Popen[str]:
-    """A command in a process of its own, which is in the middle of what takes hours."""
+    """A command in its own process, in the middle of work that would take hours."""
     text, command, function = COMMANDS[what]
     (folder / "score.yaml").write_text(text, encoding="utf-8")
     line = [sys.executable, "-c", CHILD, function, *command.split()]

@@ -1,4 +1,6 @@
-"""LNL laws as native code beside the core's own steps: the same bits, and when a compiler pays."""
+"""LNL laws as native code compared with the core's own steps: equal bits, and when compiling
+pays.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,7 @@ for law in ("d*2 + d**3", "d*2 - d**3 + abs(d)"):
 
 
 def laws() -> list[Row]:
-    """Laws that ship, a link alone and in runs; then what compiling takes."""
+    """The laws that ship, for a link alone and in runs; then the time of compiling."""
     return [row for name in _LAWS for row in _law(name)] + [_compiling()]
 
 

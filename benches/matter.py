@@ -1,4 +1,4 @@
-"""A cloth in space beside C loops: links along distances, nothing linear in it."""
+"""A cloth in space compared with C loops: links along distances, with no linear part."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def matter(loops: Loops | None) -> list[Row]:
 
 
 def runs_of_cloth(side: int) -> list[_Links]:
-    """Row by row: along rows, along columns, across the meshes."""
+    """Links in runs: along rows, along columns, across the meshes."""
     far = _SPACING * float(np.sqrt(2.0))
     rows = [(j * side, j * side + 1, side - 1, _K, _SPACING) for j in range(side)]
     columns = [(0, side, side * (side - 1), _K, _SPACING)]

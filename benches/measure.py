@@ -1,4 +1,4 @@
-"""Medians of interleaved rounds: whatever else the machine does, it does to all alike."""
+"""Medians of interleaved rounds, so that other load on the machine affects all runs alike."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ _STOPWATCH = Path(__file__).parent / "stopwatch.py"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One figure: what was measured, what it is held against, and their ratio.
+    """One figure: what was measured, its reference, and their ratio.
 
-    `ratio` is ours over the reference in the sense of `sense`; `values` holds what it was made of.
+    `ratio` is ours over the reference in the sense of `sense`; `values` holds the underlying
+    numbers.
     """
 
     scene: str
@@ -30,9 +31,10 @@ class Row:
 
 
 def interleaved(rounds: int, runs: Mapping[str, Callable[[], object]]) -> dict[str, float]:
-    """Median wall time of each run [s], all of them once in every round after one to warm up.
+    """Median wall time of each run [s]. All runs take turns in every round, after one round to warm
+    up.
 
-    A run that gives a float says itself what it took.
+    A run that returns a float reports its own time.
     """
     taken: dict[str, list[float]] = {name: [] for name in runs}
     for number in range(rounds + 1):
@@ -55,7 +57,7 @@ class Spent:
 
 
 def commands(rounds: int, lines: Mapping[str, list[str]]) -> dict[str, Spent]:
-    """What each command line takes, interleaved; raises where one fails."""
+    """The cost of each command line, interleaved; raises if one fails."""
     taken: dict[str, list[tuple[float, float, float]]] = {name: [] for name in lines}
     for number in range(rounds + 1):
         for name, line in lines.items():
@@ -66,7 +68,8 @@ def commands(rounds: int, lines: Mapping[str, list[str]]) -> dict[str, Spent]:
 
 
 def _stopwatch(line: list[str]) -> tuple[float, float, float]:
-    # A process of its own starts the command: what a fork inherits would count as its peak memory.
+    # A separate small process starts the command: memory inherited by a fork would count as its
+    # peak.
     watch = [sys.executable, "-I", "-S", str(_STOPWATCH), *line]
     found = json.loads(subprocess.run(watch, check=True, capture_output=True).stdout)
     assert found["code"] == 0, f"{line} ended with {found['code']}"

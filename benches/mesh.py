@@ -34,7 +34,9 @@ BUDGET: Mapping[str, Any] = {"error_db": -60.0}
 
 
 def mesh(loops: Loops | None) -> list[Row]:
-    """The engine within its budget beside CA in C and in Faust; all held against the modes."""
+    """The engine within its budget compared with CA in C and in Faust; all errors are against the
+    exact modes.
+    """
     network = _network()
     timeline = _core.Timeline(network, RATE)
     k, z = _links()
@@ -66,7 +68,7 @@ def mesh(loops: Loops | None) -> list[Row]:
 
 
 def _place(at: tuple[int, int]) -> int:
-    """Where a mass lies in rows that begin and end with the rim."""
+    """Index of a mass when rows begin and end with the rim."""
     return (at[0] + 1) * _WIDE + at[1] + 1
 
 
@@ -80,7 +82,7 @@ def _links() -> tuple[float, float]:
 
 
 def _network() -> _core.Network:
-    """Row by row with the rim in it, so that links lie in runs."""
+    """Row by row, with the rim, so that links form runs."""
     network = _core.Network()
     network.part("mesh")
     k, z = _links()

@@ -1,7 +1,7 @@
-"""Keys that nobody knows, measured by the command through a driver, and how well the models move.
+"""Unknown keys, measured by the command through a driver, and the accuracy of the models.
 
-The same key then stands behind a sensor without steps or noise: what `replay` leaves there is the
-model's own error.
+The same key is then read by a sensor without steps or noise: the residual of `replay` is then
+the model's own error.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _DATAGRAM = 2048
 
 
 def metrology(runs: int = 5) -> list[Row]:
-    """So many keys by each way to the device."""
+    """`runs` keys for each way of connecting the device."""
     ways = {"lockstep": _by_lockstep, "the clock, over a pty": _by_pty, "1 % lost": _with_losses}
     rows = []
     for number, (way, device) in enumerate(ways.items()):
@@ -104,7 +104,7 @@ def _lossy(url: str) -> Iterator[str]:
         asks: list[tuple[str, int]] = []
 
         def relay() -> None:
-            # It ends with the sockets, or with the emulator.
+            # The loop ends when the sockets close, or with the emulator.
             with suppress(OSError, ValueError):
                 while True:
                     for ready in select.select([host, device], [], [])[0]:
@@ -124,9 +124,10 @@ def _lossy(url: str) -> Iterator[str]:
 
 
 def _error(seed: int, device: Callable[[list[str]], AbstractContextManager[str]]) -> float | None:
-    """Rms of what a model leaves of the true motion [m]; None where the key could not be measured.
+    """Rms of the error of a model against the true motion [m]; None if the key could not be
+    measured.
 
-    By the clock a busy machine is too late for a key, and the command says so.
+    By the clock a busy machine may be too late for a key, and the command then says so.
     """
     key = _key(seed)
     with tempfile.TemporaryDirectory() as folder:
@@ -143,7 +144,7 @@ def _error(seed: int, device: Callable[[list[str]], AbstractContextManager[str]]
 
 
 def _take_a_tick(calibration: str) -> None:
-    """Shorten the delay by a tick, by which it is longer by the clock than in lockstep."""
+    """Shorten the delay by one tick: by the clock it is one tick longer than in lockstep."""
     text = Path(calibration).read_text(encoding="utf-8")
 
     def shorter(found: re.Match[str]) -> str:
@@ -153,6 +154,6 @@ def _take_a_tick(calibration: str) -> None:
 
 
 def _ergon(*words: str) -> dict[str, Any]:
-    """The last line of JSON of a command."""
+    """The last line of JSON that a command prints."""
     done = subprocess.run([*ERGON, *words, "--json"], capture_output=True, text=True)
     return dict(json.loads(done.stdout.splitlines()[-1]))

@@ -1,4 +1,4 @@
-"""A cloth, a chain and grains in a drum beside miPhysics, on one thread each: its CPU time."""
+"""A cloth, a chain and grains in a drum compared with miPhysics, on one thread each: CPU time."""
 
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ ROUNDS = 3
 RATE = 44_100.0
 _PROBED = 150  # frames after which both are in the same places
 _LINKS, _CHAIN_M, _CHAIN_K, _SPACING, _G = 1_000, 1e-3, 2_000.0, 5e-3, 9.81
-# Of the way of a mass: its dampers go by distances a step ago, ours by velocities along the line.
+# Allowed difference, as a share of the way of a mass: its dampers use the change of distance in a
+# step, ours the velocity along the line.
 _SAME = 0.02
 
-# Its name, the network, the lines that a peer plays, and how many modules it has.
+# Name, network, the lines that a peer plays, and number of modules.
 _Scene = tuple[str, _core.Network, list[str], int]
 
 
 def mi_physics(_: object) -> list[Row]:
-    """The same masses, springs and contacts at the same steps; the places of both agree.
+    """The same masses, springs and contacts at the same steps; both must reach the same places.
 
-    Java compiles what it runs often, beside it and for a second or more: the frames before are
-    as many as that takes.
+    Java compiles hot code in a background thread, for a second or more; the frames before the
+    measurement last that long.
     """
     scenes = (
         (cloth(matter.SIDE), 2_000, 500),
@@ -56,10 +57,10 @@ def beside(
     scenes: Iterable[tuple[_Scene, int, int]],
     probed: tuple[int, float],
 ) -> list[Row]:
-    """Rows of scenes that a peer plays too: the CPU time of frames after some that are not counted.
+    """Rows of scenes that a peer also plays: the CPU time of frames, after warm-up frames.
 
-    `scenes`: each with the frames before, and the frames. `probed`: frames after which both are in
-    the same places, and the part of the way of a mass by which places may differ.
+    `scenes`: each with the warm-up frames, and the frames. `probed`: the number of frames after
+    which places are compared, and the allowed difference as a share of the way of a mass.
     """
     rows = []
     for (name, network, lines, modules), warm, n_frames in scenes:
@@ -102,7 +103,9 @@ def _agree(
     theirs: tuple[str, _Peer, list[str]],
     probed: tuple[int, float],
 ) -> None:
-    """Refuses a peer whose masses are elsewhere after some frames, as a part of their way."""
+    """Fails if a peer's masses are elsewhere after some frames; the difference is a share of their
+    way.
+    """
     (peer, program, lines), (n_frames, most) = theirs, probed
     plain = _core.Simulation(*ours)
     begun = _points(plain.positions())
@@ -117,7 +120,7 @@ def _agree(
 
 
 def _points(coordinates: Floats) -> Floats:
-    """(n, 3): they lie axis by axis; those of the middle of a drum stand before all others."""
+    """(n, 3). Coordinates are stored axis by axis; those of the middle of a drum come first."""
     x = coordinates
     head = x[:3].reshape(-1, 3) if len(x) == 3 * (grains.N + 1) else np.empty((0, 3))
     return np.concatenate([head, x[3 * len(head) :].reshape(3, -1).T])
@@ -140,7 +143,7 @@ def _begun(network: _core.Network) -> tuple[Floats, Floats]:
 
 
 def cloth(side: int) -> _Scene:
-    """A net of so many points along each side, held by two corners."""
+    """A net of `side` points along each side, held at two corners."""
     runs, n = matter.runs_of_cloth(side), side**2
     network, _ = matter.cloth(side, runs)
     mass = np.where(np.isin(np.arange(n), (0, side - 1)), 0.0, matter.M)
@@ -152,7 +155,7 @@ def cloth(side: int) -> _Scene:
 
 
 def chain() -> _Scene:
-    """A thousand points in a row, held by both ends."""
+    """A thousand points in a row, held at both ends."""
     n = _LINKS
     network = _core.Network()
     network.part("chain")

@@ -1,7 +1,9 @@
-"""MIDI clock by the system's clock: how even a session tells it, and how near one that follows is.
+"""MIDI clock by the system's clock: how evenly a session sends it, and how closely a follower keeps
+to it.
 
-Two sessions in one process play to nowhere, by a clock. The first tells its clock to the process
-that sends, the second follows what that has sent. The first gets a line every second meanwhile.
+Two sessions in one process play to a null output, by a clock. The first sends its clock through
+the sending process, and the second follows what was sent. Meanwhile the first gets a line every
+second.
 """
 
 from __future__ import annotations
@@ -54,7 +56,7 @@ def _heard_beats(session: Session, ear: HearingClock, beats: np.ndarray) -> np.n
 
 
 def _pass_on(sender: TimedSender, wire: ProcessPort, sent: list[tuple[float, bytes]]) -> None:
-    """Hand what was sent to the follower, with the instants at which it was."""
+    """Pass what was sent to the follower, with the instants of sending."""
     while line := sender.next_echo():
         at, data = line.split()
         message = bytes.fromhex(data.decode())
@@ -64,7 +66,7 @@ def _pass_on(sender: TimedSender, wire: ProcessPort, sent: list[tuple[float, byt
 
 
 def midi_clock(minutes: float = 1.0) -> list[Row]:
-    """How late clocks are, and how far the beats of a follower are from those of its master."""
+    """Lateness of clocks, and the distance of a follower's beats from those of its master."""
     with tempfile.TemporaryDirectory() as folder:
         told, telling = _session(Path(folder), "master")
         own, following = _session(Path(folder), "follower")
@@ -88,7 +90,7 @@ def midi_clock(minutes: float = 1.0) -> list[Row]:
                     told.submit(f"set bells.b0.K {700 + len(apart) % 200}N/m now")
                     due += 1.0
                 clocks = sent.copy()
-                # Instants are held against what is known of the sound just then.
+                # Instants are compared with what is known of the sound at that moment.
                 beat = (len(clocks) - 1) // 24
                 if beat > done and ends - now < 60.0 * minutes:
                     number = np.array([beat])

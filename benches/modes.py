@@ -1,4 +1,4 @@
-"""The truth about linear bodies: their modes in closed form, and how these ring."""
+"""Exact reference for linear bodies: their modes in closed form, and their free motion."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ def row(n: int) -> tuple[Floats, Floats]:
 
 
 def tuned(lowest: float, m: float, f: float, t60: float) -> tuple[float, float]:
-    """k and z of all links: the lowest mode sounds at f and decays in t60, as generators do it."""
+    """k and z of all links for which the lowest mode has frequency f and decay t60, as generators
+    tune them.
+    """
     sigma = 3.0 * math.log(10.0) / t60
     w2 = (2.0 * math.pi * f) ** 2 + sigma**2
     k = m * w2 / lowest

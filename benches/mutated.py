@@ -1,4 +1,6 @@
-"""Scores with some of their numbers replaced by extreme ones, and `check` of them in a process."""
+"""Scores with some of their numbers replaced by extreme ones, and `check` of each in its own
+process.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 LIBRARY = Path(__file__).parent.parent / "scores" / "library"
-# One score that uses what the library's scores do not.
+# A score that uses features that the library's scores do not use.
 WIDE = """\
 ergon: 1
 seed: 3
@@ -52,7 +54,7 @@ mix: {channels: 2, route: [{from: bell, to: [1, 2], gain: -3dB, highpass: 40Hz}]
 render: {bits: 24, tail: 2s}
 accuracy: {error: -60dB}
 """
-# What a number is replaced by; a unit that follows it stays.
+# Replacements for a number; a unit that follows it stays.
 EXTREMES = ("0", "-1", "1e-9", "7", "3600", "100000", "86399", "1e6", "9999999", "1e9", "1e18")
 UNITS = ("7200s", "86000s", "1e9s", "1ms", "2MHz", "1kHz", "0.001Hz", "1000000bar", "-60dB")
 _NUMBER = re.compile(r"(?<![\w.|+/-])\d+(?:\.\d+)?(?:e\d+)?")
@@ -88,7 +90,7 @@ def _is_value(text: str, at: int) -> bool:
 
 @dataclass(frozen=True)
 class Checked:
-    """How a `check` in a process of its own ended: code, peak memory [bytes], time [s]."""
+    """The end of a `check` in its own process: code, peak memory [bytes], time [s]."""
 
     code: int | None
     peak: int
@@ -97,9 +99,9 @@ class Checked:
 
 
 def check(text: str, folder: Path = LIBRARY, *, patience: float = 60.0) -> Checked:
-    """Check a score in a forked process; `code` is None where patience ended.
+    """Check a score in a forked process; `code` is None if it took longer than `patience`.
 
-    `peak` is what the process took beyond what it began with.
+    `peak` is the memory that the process took beyond what it began with.
     """
     sys.stdout.flush()
     told, tell = os.pipe()

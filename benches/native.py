@@ -1,4 +1,4 @@
-"""Plain loops in C, and a mesh's in Rust, compiled in the same run that measures them."""
+"""Plain loops in C, and a mesh's in Rust, compiled in the run that measures them."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 _MESH = Path(__file__).parent / "rust" / "mesh.rs"
-# As the engine is built; it chooses the vector width when it runs.
+# The engine's build options; it chooses the vector width at run time.
 _RUSTC = (
     "rustc", "--edition", "2024", "--crate-type", "cdylib", "-C", "opt-level=3",
     "-C", "codegen-units=1", "-C", "panic=abort", "--check-cfg", "cfg(single)",
 )  # fmt: skip
 _SOURCES = sorted((Path(__file__).parent / "c").glob("*.c"))
-# -march=native: the reference may use all that the machine has; no contraction: the same sums.
+# -march=native: the reference may use every feature of the machine; no contraction, so that sums
+# are the same.
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off")
 
 
@@ -41,7 +42,7 @@ class Loops:
             self._library = ctypes.CDLL(str(library))
 
     def has(self, name: str) -> bool:
-        """Whether this processor has what the loop is written for."""
+        """Whether this processor has the instructions for which the loop is written."""
         return hasattr(self._library, name)
 
     def call(self, name: str, *arguments: Any) -> None:
@@ -61,7 +62,7 @@ class RustMesh:
             self._library = ctypes.CDLL(str(library))
 
     def call(self, *arguments: Any) -> None:
-        """Go on some frames: arrays by their address, ints as int64."""
+        """Advance some frames: arrays by their address, ints as int64."""
         self._library.mesh(*(_argument(value) for value in arguments))
 
 

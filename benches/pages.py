@@ -1,7 +1,8 @@
-"""A duet by the wall clock with and without four pages that see it, one of them slow: late ticks.
+"""Late ticks of a duet by the wall clock, with and without four pages that watch it, one of them
+slow.
 
-The machine's own lateness wanders for minutes. So each kind is played twice, those without pages
-first and last, and a bare loop beside each tells how late the machine alone was.
+The machine's own lateness drifts for minutes. So each kind is played twice, the runs without
+pages first and last, and a bare loop beside each shows how late the machine alone was.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _PAUSES = (0.0, 0.0, 0.0, 0.5)  # [s] that a page waits before it takes more
 _TAKEN = 1 << 16  # bytes at once
 _TAKEN_SLOWLY = 1 << 10  # bytes at once of who is slow: 2 kB/s, less than is sent
 _TARGET = 0.0002  # of all ticks, more than without pages
-# What a page of a large piece is sent: flights, as many as strikes.
+# The data that a page of a large piece receives: as many flights as strikes.
 _SKY = (
     "cloud: {BANK: {count: 10000, M: 0.5g, f: 20Hz..10kHz, t60: 0.3s..6s}, out: {SOX: cloud.all}}"
 )
@@ -38,7 +39,7 @@ strikes: {{rain: {{to: cloud.all, at: 0s, for: {seconds}s, rate: 0.05Hz, impulse
 
 @dataclass
 class _Run:
-    """What one duet told, and a bare loop beside it."""
+    """The result of one duet, and a bare loop beside it."""
 
     ticks: int
     late: int
@@ -47,7 +48,7 @@ class _Run:
 
 
 def pages(loops: Loops | None, minutes: float = 1.0) -> list[Row]:
-    """Late ticks of a duet of so many minutes, without pages and with four."""
+    """Late ticks of a duet of `minutes` minutes, without pages and with four."""
     seconds = max(1, round(30 * minutes))
     runs = [_played(seconds, loops, is_seen=is_seen) for is_seen in (False, True, True, False)]
     plain, seen = (runs[0], runs[3]), (runs[1], runs[2])
@@ -101,7 +102,7 @@ def _played(seconds: int, loops: Loops | None, *, is_seen: bool) -> _Run:
 
 
 def _followed(process: subprocess.Popen[str], loops: Loops | None, *, is_seen: bool) -> _Run:
-    """A duet to its end, with pages where it is seen."""
+    """Follow a duet to its end, with pages if `is_seen`."""
     assert process.stdout is not None
     url = json.loads(process.stdout.readline())["url"] if is_seen else None
     process.stdout.readline()  # it plays
@@ -127,7 +128,7 @@ def _followed(process: subprocess.Popen[str], loops: Loops | None, *, is_seen: b
 
 
 def _read(url: str, taken: list[int], number: int, pause: float, over: threading.Event) -> None:
-    """A page: takes what is sent until the duet is over; counts it."""
+    """A page: reads and counts what is sent until the duet is over."""
     found = re.match(r"http://(127\.0\.0\.1):(\d+)(.*/)", url)
     assert found is not None, url
     host, port, path = found.groups()

@@ -1,4 +1,6 @@
-"""How long modes and admittances of up to 10⁵ masses take, and how near closed forms they are."""
+"""The time that modes and admittances of up to 10⁵ masses take, and their distance from closed
+forms.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ _LIMIT = 15.0  # [s]
 
 
 def part_modes() -> list[Row]:
-    """A square membrane whose rim is fixed: pairs of modes share a pitch."""
+    """A square membrane with a fixed rim: pairs of modes have the same frequency."""
     network = _core.Network()
     network.part("membrane")
     network.plate("p", shape="square", radius=_RADIUS, M=0.3, f=_F, rim="fixed")
@@ -41,7 +43,7 @@ def part_modes() -> list[Row]:
 
 
 def admittance() -> list[Row]:
-    """The same membrane driven at one mass, which is heard, between its resonances."""
+    """The same membrane driven and heard at one mass, between its resonances."""
     rows = []
     for radius, count in ((15, 100), (50, 20), (_RADIUS, 3)):
         network = _core.Network()

@@ -1,4 +1,4 @@
-"""How long `check` computes for scenes by chance: read, planned and staged, in CPU time."""
+"""How long `check` takes for random scenes: reading, planning and staging, in CPU time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from benches.measure import Row
 
-# What a score may ask for; a cost that no plan keeps makes looser plans too.
+# Accuracies that a score may ask for; a cost that no plan can keep makes looser plans too.
 ACCURACIES = (
     "{error: -40dB}",
     "{error: -60dB, cpu: 0.0001%}",
@@ -19,7 +19,7 @@ ACCURACIES = (
     "{error: -150dB}",
     "{error: -150dB, cpu: 0.0001%}",
 )
-# Modules of a scene, and the most CPU time of a `check` of it [s].
+# Numbers of modules, and the greatest CPU time allowed for a `check` [s].
 SIZES = ((100, 2.0), (1_000, 10.0))
 PATIENCE = 120  # CPU time of a check [s]
 _LAWS = """\
@@ -30,7 +30,7 @@ laws:
 
 
 class _Scene:
-    """Bodies by chance, joined by links of every kind; keys that play them."""
+    """Random bodies, joined by links of every kind; keys that play them."""
 
     def __init__(self, chance: random.Random, n_modules: int) -> None:
         self.chance = chance
@@ -49,7 +49,7 @@ class _Scene:
         return f"{low * (high / low) ** self.chance.random():.4g}"
 
     def _body(self, name: str, left: int) -> int:
-        """Add a body of at most so many modules; how many it is."""
+        """Add a body of at most `left` modules; returns its number of modules."""
         chance = self.chance
         mass = f"M: {self._between(1e-3, 0.3)}kg"
         pitch = f"f: {self._between(60, 900)}Hz, t60: {self._between(0.2, 4)}s"
@@ -109,7 +109,7 @@ def scene(seed: int, n_modules: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """A `check` in a process of its own: its exit code, -9 where patience ended; CPU time [s]."""
+    """A `check` in its own process: its exit code, -9 after PATIENCE; CPU time [s]."""
 
     seed: int
     code: int
@@ -117,7 +117,7 @@ class Checked:
 
 
 def checked(seed: int, n_modules: int) -> Checked:
-    """Check a scene in a forked process, that nothing is remembered from another."""
+    """Check a scene in a forked process, so that nothing is cached from another scene."""
     text = scene(seed, n_modules)
     sys.stdout.flush()
     child = os.fork()
@@ -145,7 +145,7 @@ def _run(text: str) -> int:
 
 
 def planning(count: int = 40) -> list[Row]:
-    """So many scenes of each size."""
+    """`count` scenes of each size."""
     import ergon.cli.check  # noqa: F401  # its import is no part of planning
 
     rows = []

@@ -1,4 +1,6 @@
-"""A cloth and a chain beside pmpd in Pure Data's batch mode, on one thread each: its CPU time."""
+"""A cloth and a chain compared with pmpd in Pure Data's batch mode, on one thread each: CPU
+time.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +14,8 @@ _SAME = 0.1  # of the way of a mass: in f32 a spring of the cloth is as long as 
 
 
 def pmpd(_: object) -> list[Row]:
-    """The same masses and springs at the same steps, there in f32; the places of both agree."""
+    """The same masses and springs at the same steps, in f32 in pmpd; both must reach the same
+    places.
+    """
     scenes = ((scene, _WARM, _FRAMES) for scene in (cloth(_SIDE), chain()))
     return beside("pmpd", Program, scenes, (_WARM + _FRAMES, _SAME))

@@ -1,7 +1,8 @@
-"""Meshes in single precision, which the engine has not: what it would gain, and what it costs.
+"""Meshes in single precision, which the engine does not have: the possible gain, and the cost in
+accuracy.
 
-And how far a mesh is from what memory allows: bytes and operations of a link, and a bandwidth
-measured beside it.
+It also compares a mesh with the limit set by memory: bytes and operations of a link, and a
+bandwidth measured beside it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from benches.wiring import RATE, Floats, Ints, bent, neighbours, runs, spring
 from ergon import _core
 
 _M, _Q = 0.3, 4e8
-# Rings of a hex gong, hardening [N/m³]: as instruments have, as the largest scenes have, beyond.
+# Rings of a hex gong, hardening [N/m³]: sizes of instruments, of the largest scenes, and larger.
 _SIZES = ((9, _Q), (28, _Q), (58, _Q), (58, 0.0), (183, _Q))
 _ROUNDS = 11
 _LINK_FRAMES = 2e7  # a round of one side
@@ -30,9 +31,9 @@ _PROBED = 50
 _SAME = 1e-8
 _LONGEST = 58  # rings up to which a second is played for the error
 _STREAMED = 10_000  # masses from which the arrays are larger than the nearest cache
-# Bytes a mass that a frame moves beyond that cache: forces cleared; x, d and force (read, written)
-# by each of two passes over the links; force, w, κ, ζ, rest, and x and d (read, written) by the
-# masses.
+# Bytes per mass that a frame moves to and from memory if the state exceeds the cache: forces
+# cleared; x, d and force (read, written) by each of two passes over the links; force, w, κ, ζ,
+# rest, and x and d (read, written) by the masses.
 _BYTES = 8 + 2 * 32 + 72
 _FLOPS_LINK, _FLOPS_HARDENING, _FLOPS_MASS = 8, 4, 8
 
@@ -41,7 +42,7 @@ Go = Callable[[int], tuple[float, Floats]]
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """A wired gong, and the state that all sides begin with."""
+    """A wired gong, and the initial state of all sides."""
 
     wiring: tuple[Ints, Ints, Ints]
     law: tuple[float, float, float]  # k [N/m], q [N/m³], z [N a step]
@@ -57,7 +58,7 @@ class Mesh:
 
 
 def precision(loops: Loops | None) -> list[Row]:
-    """A row for each size, and one for each that says what memory allows."""
+    """A row for each size, and one for each size with the limit set by memory."""
     scene = "a mesh in single precision"
     if loops is None or shutil.which("rustc") is None:
         sense = "speed over the reference's"
@@ -102,7 +103,7 @@ def _size(loops: Loops, rust: Mapping[str, RustMesh], rings: int, q: float) -> l
 
 
 def _roofline(scene: str, mesh: Mesh, ours: float, speed: float) -> Row:
-    """What the engine takes [ns] beside what memory of this speed [byte/s] allows."""
+    """The engine's time [ns] compared with the limit at a memory bandwidth of `speed` [byte/s]."""
     masses = len(mesh.x) / mesh.n_links
     moved, flops = _BYTES * masses, _FLOPS_LINK + _FLOPS_MASS * masses
     flops += _FLOPS_HARDENING * (mesh.law[1] != 0.0)
@@ -118,7 +119,7 @@ def _roofline(scene: str, mesh: Mesh, ours: float, speed: float) -> Row:
 
 
 def _copy(room: Floats, n_frames: int) -> float:
-    """Bytes a second of a sum of two arrays into a third, as often as there are frames."""
+    """Bytes a second of a sum of two arrays into a third, done once per frame."""
     first, second, into = room
     start = time.thread_time()
     for _ in range(n_frames):
@@ -127,7 +128,9 @@ def _copy(room: Floats, n_frames: int) -> float:
 
 
 def _mesh(rings: int, q: float) -> tuple[Mesh, Go]:
-    """The larger, the lower, and the longer it sounds: at every size links of the same kind."""
+    """A larger gong is lower and decays more slowly, so that at every size the links are of the
+    same kind.
+    """
     harden = {"hardening": q} if q else {}
 
     def plate(network: _core.Network) -> int:
@@ -187,7 +190,7 @@ def _c(loops: Loops, how: str, mesh: Mesh, dtype: DTypeLike) -> Go:
 
 
 def _timed(mesh: Mesh, dtype: DTypeLike, call: Callable[..., None]) -> Go:
-    """From the start again each time: seconds of a processor, what was heard (n_frames, n_taps)."""
+    """A run from the start each time: CPU seconds, and the outputs (n_frames, n_taps)."""
 
     def go(n_frames: int) -> tuple[float, Floats]:
         arrays: list[NDArray[np.floating]] = [mesh.x.astype(dtype), mesh.d.astype(dtype)]

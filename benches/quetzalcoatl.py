@@ -1,6 +1,7 @@
-"""A scene of the size that pieces for 10,000 struck oscillators and a gong have had.
+"""A scene of the size of existing pieces for 10,000 struck oscillators and a gong.
 
-All in algorithmic units at 44.1 kHz: the numbers are the network, and no plan may change it.
+Everything is in algorithmic units at 44.1 kHz: the numbers define the network, and no plan may
+change it.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _AT_LEAST = 230_000  # modules, each ergon counted as the MAS and the BUT it sta
 
 
 def quetzalcoatl(_: Loops | None) -> list[Row]:
-    """How much faster than it sounds, on two threads; and what the plan changed, if anything."""
+    """The speed relative to real time, on two threads; and what the plan changed, if anything."""
     network, timeline, ergons = scene()
     modules = network.n_mat + network.n_lia + 2 * ergons
     assert modules >= _AT_LEAST, f"{modules} modules"
@@ -48,7 +49,7 @@ def quetzalcoatl(_: Loops | None) -> list[Row]:
 
 
 def scene() -> tuple[_core.Network, _core.Timeline, int]:
-    """Oscillators, gong and keys, what strikes them in a minute, and how many ergons that is."""
+    """Oscillators, gong and keys, the strikes of one minute, and the number of ergons."""
     network = _core.Network()
     m, z = RATE**2, RATE  # algorithmic mass and damping of 1 kg and 1 N·s/m
     network.part("sky", ca_rate=RATE)
@@ -77,7 +78,7 @@ def scene() -> tuple[_core.Network, _core.Timeline, int]:
         t = [0.05 + 0.25 * i for i in range(int(_LENGTH / 0.25))]
         x = [reach * (i % 2) for i in range(len(t))]
         timeline.gesture(hand, t, x, ["smooth"] * len(t))
-    # The keys are coupled for the first half, and then each on its own.
+    # The keys are coupled for the first half, then independent.
     timeline.couple(link, 0.0, 0.5 * _LENGTH)
     rain = partial(timeline.rain, start=0.0, stop=_LENGTH, seed=11)
     cells = range(sky, sky + _COUNT)

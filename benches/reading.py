@@ -1,4 +1,4 @@
-"""The command line: how long it takes to start, and to check long scores."""
+"""The command line: the time it takes to start, and to check long scores."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NOTHING = [sys.executable, "-c", "pass"]
 
 
 def start() -> list[Row]:
-    """`ergon --help`, files in the cache."""
+    """`ergon --help`, with its files in the cache."""
     spent = commands(15, {"ours": [*_ERGON, "--help"], "nothing": _NOTHING})
     ours, nothing = spent["ours"], spent["nothing"]
     values = {"wall_s": ours.wall, "cpu_s": ours.cpu, "memory_mb": ours.memory, "target_s": 0.1}
@@ -44,7 +44,9 @@ def start() -> list[Row]:
 
 
 def check() -> list[Row]:
-    """`ergon check` of long scores, beside composing the same text and beside doing nothing."""
+    """`ergon check` of long scores, compared with composing the same text and with doing
+    nothing.
+    """
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for scene, text, target in _SCENES:

@@ -1,4 +1,4 @@
-"""Lines typed into sessions: how soon they are answered."""
+"""The time until lines typed into sessions are answered."""
 
 from __future__ import annotations
 
@@ -52,7 +52,9 @@ PATTERNS = (
 
 
 def repl() -> list[Row]:
-    """Enter to the answer, all checked and built: a hundred modules, and the bundled duet."""
+    """Time from Enter to the answer, with everything checked and built: a hundred modules, and the
+    bundled duet.
+    """
     names = {"a": "p0", "b": "p1", "g": "knock", "i": "bells"}
     small = _answered("100 modules, 4 players", hundred(), names)
     names = {"a": "ada", "b": "ada", "g": "soft", "i": "gong"}
@@ -62,7 +64,7 @@ def repl() -> list[Row]:
 
 
 def _answered_by_work(text: str) -> Row:
-    """Patterns and scenes, in CPU time of the line: no other program makes it longer."""
+    """Patterns and scenes, in CPU time of the line, so that other programs do not count."""
     engines: list[SteppedEngine] = []
 
     def begin(stage: Stage) -> SteppedEngine:

@@ -1,4 +1,4 @@
-"""What planning costs after an edit: a piece of five players, of which one entry is changed."""
+"""The cost of planning after an edit: a piece of five players, of which one entry is changed."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ strikes:
   rain: {to: sky.all, at: 3|1, for: 10bar, rate: 0.02Hz, impulse: 1uNs..9uNs}
 render: {tail: 4s}
 """
-# What is edited: an entry after the beginning of each instrument, the resonators, and beginnings.
+# The edits: an entry after the beginning of each instrument, the resonators, and beginnings.
 _EDITS = {
     "an entry of the gong": ("every: 2, times: 28}]\n  remi", "every: 2, times: 20}]\n  remi"),
     "an entry of the rattling string": ("lean, every: 2, times: 28}", "lean, every: 2, times: 20}"),

@@ -1,4 +1,4 @@
-"""What was measured, as data and as a page, with the machine it was measured on."""
+"""Results as data and as a page, with the machine on which they were measured."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ interleaved, medians. Only the ratios travel to other machines.
 """
 
 
-# How each says its version; the first words that hold a digit.
+# The command by which each program reports its version; the first words with a digit are used.
 _PEERS = {
     "Faust": ["faust", "--version"],
     "SuperCollider": ["scsynth", "-v"],
@@ -67,7 +67,7 @@ _PEERS = {
 
 
 def machine() -> dict[str, str | int | float]:
-    """What the figures depend on."""
+    """The machine's properties on which the figures depend."""
     return {
         "cpu": cpu(),
         "cores": os.cpu_count() or 1,
@@ -102,7 +102,7 @@ def _version() -> str:
 def write(rows: Sequence[Row], made_on: dict[str, str | int | float]) -> None:
     """Write the page and the data."""
     load = float(made_on["load_before"])
-    # Another's work on the same cores moves the wall times, less the ratios: say so.
+    # Other load on the same cores changes wall times, and ratios less, so the page reports it.
     busy = f"; load before the run {load:.1f}" if load > 0.5 else ""
     page = _HEAD.format(**made_on, load=busy)
     for row in rows:

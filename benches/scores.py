@@ -1,4 +1,4 @@
-"""Long scores for `ergon check`, written by rule: every value is plausible, no two lines alike."""
+"""Long scores for `ergon check`, generated: every value is plausible, no two lines are alike."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The two sides of a comparison: begin at the same state, go on, be timed, be held to the truth."""
+"""The two sides of a comparison: begin at the same state, advance, be timed, be compared with the
+exact result.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +24,10 @@ _LEAST = 0.1  # seconds
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """A name, and `begin`: from the start again, a call that goes on n_frames and gives (n, taps).
+    """A name, and `begin`: it goes back to the start and returns a call that advances n_frames and
+    returns (n, taps).
 
-    Beginning is never timed.
+    The time of `begin` is never measured.
     """
 
     name: str
@@ -32,7 +35,7 @@ class Side:
 
 
 def engine(name: str, simulation: _core.Simulation, *, every: int = 1) -> Side:
-    """A simulation from where it stands now; of its frames only each `every`th is heard."""
+    """A simulation from its present state; only every `every`th frame is heard."""
     begun = simulation.snapshot()
 
     def begin() -> Run:
@@ -43,7 +46,7 @@ def engine(name: str, simulation: _core.Simulation, *, every: int = 1) -> Side:
 
 
 def forward(simulation: _core.Simulation, n_frames: int, every: int = 1) -> Floats:
-    """Go on n_frames · every frames, in blocks that stay in the cache."""
+    """Advance n_frames · every frames, in blocks that stay in the cache."""
     out = np.empty((n_frames, simulation.n_out))
     block = np.empty((512 * every, simulation.n_out))
     for i in range(0, n_frames, 512):
@@ -62,7 +65,7 @@ def attempt(made: Callable[[], Side]) -> Side | str:
 
 
 def seconds(rounds: int, sides: Sequence[Side], n_frames: int) -> dict[str, float]:
-    """What n_frames take each side [s]: medians, interleaved, each time from the start."""
+    """The time of n_frames on each side [s]: medians, interleaved, each time from the start."""
 
     def timed(side: Side) -> float:
         spent, times = 0.0, 0
@@ -83,7 +86,7 @@ def error(heard: Floats, truth: Floats) -> float:
 
 
 def agree(sides: Sequence[Side], n_frames: int, limit: float) -> None:
-    """All sides must give what the first gives: then it is the same work."""
+    """Fails unless all sides give the result of the first: then they do the same work."""
     first = sides[0].begin()(n_frames)
     for side in sides[1:]:
         differs = np.abs(side.begin()(n_frames) - first).max() / np.abs(first).max()

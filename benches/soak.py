@@ -1,7 +1,7 @@
-"""A session that goes on for long, with a line every second: its memory, files, threads, journal.
+"""A session that runs for long with a line every second: its memory, files, threads, journal.
 
-`soak` is an hour of frames, computed as fast as they go. `soak_live` is `ergon repl` itself, by the
-clock.
+`soak` is an hour of frames, computed as fast as possible. `soak_live` is `ergon repl` itself, by
+the clock.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _STEADY = (
     "set bells.b0.K 900N/m",
     "gain {i} 0dB",
 )
-"""Lines that leave a score as long as it is; those of `repl` write music, which a score keeps."""
+"""Lines that do not lengthen a score; those of `repl` write music, which stays in the score."""
 _TICK = 64  # frames
 _LOOK = 40  # ticks between two looks of the session at its engine
 _MEMORY_GROWTH = 0.05  # from the second quarter to the last
@@ -67,7 +67,7 @@ _MEMORY_GROWTH = 0.05  # from the second quarter to the last
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What a process holds: resident memory [MB], open files, threads, and its journal [kB]."""
+    """Resources of a process: resident memory [MB], open files, threads, and its journal [kB]."""
 
     memory: float
     files: int
@@ -76,7 +76,7 @@ class Held:
 
 
 def held(process: int, journal: Path) -> Held:
-    """What a process holds now; Linux."""
+    """The resources of a process now; Linux only."""
     proc = Path("/proc") / str(process)
     pages = int((proc / "statm").read_text().split()[1])
     size = journal.stat().st_size if journal.exists() else 0
@@ -89,9 +89,10 @@ def held(process: int, journal: Path) -> Held:
 
 
 def soak(steady: int = 3600, written: int = 600) -> list[Row]:
-    """So many seconds of a line every second, in the time of the frames.
+    """`steady` seconds of frames with a line every second that changes existing parts, then
+    `written` seconds with lines that write music.
 
-    An hour of lines that change what is there, and ten minutes of lines that write music.
+    The frames are computed as fast as possible.
     """
     rows = []
     kinds = (("change what is there", _STEADY, steady), ("write music", LINES, written))
@@ -187,7 +188,7 @@ def _row(what: str, looks: Sequence[Held], *, is_by_frames: bool) -> Row:
     early, late = looks[len(looks) // 4], looks[-1]
     middle = looks[len(looks) // 2]
     grown = late.memory / early.memory - 1.0
-    # The journal in the second half, beside what it took in the first.
+    # Growth of the journal in the second half, compared with the first.
     first = middle.journal - looks[0].journal
     second = late.journal - middle.journal
     spans = [len(looks) // 2, len(looks) - 1 - len(looks) // 2]

@@ -1,6 +1,8 @@
-"""A host that is stopped (SIGSTOP) and goes on (SIGCONT) while a hand holds its key, by the clock.
+"""A host that is stopped (SIGSTOP) and continued (SIGCONT) while a hand holds its key, by the
+clock.
 
-What counts is what the board is sent then: no force from before the stop, and no jump after it.
+The measurement is what the board receives after that: no force from before the stop, and no
+jump.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ from simulated_board import simulated
 from benches.measure import Row
 
 _ERGON = [sys.executable, "-m", "ergon.cli"]
-# A hand 20 mm away feels 2 N. No damper between the keys: it would feel when the machine is busy.
+# A hand 20 mm away feels 2 N. There is no damper between the keys, because it would respond to
+# delays of the machine.
 _SCORE = """\
 ergon: 1
 keys: {k1: {M: 400g, K: 400N/m, Z: 8Ns/m}, k2: {like: k1}}
@@ -88,12 +91,14 @@ def _stopped(score: Path, url: str, lengths: np.ndarray) -> Iterator[tuple[float
 
 
 def _after(packets: np.ndarray, began: float, ended: float) -> tuple[float, float, float]:
-    """The force before a stop, the greatest of the first packets after it, the largest step [N]."""
+    """The force before a stop, the greatest force of the first packets after it, and the largest
+    step [N].
+    """
     at, asked = packets["t"], packets["asked"]
     before = asked[at < began][-1]
     after = asked[(at >= ended) & (at < ended + _REST)]
     assert len(after) > _FIRST, "it goes on"
-    # A busy machine may stop host or board once more: that is a fall to zero.
+    # A busy machine may stop the host or the board again; that shows as a fall to zero.
     is_fall = after[1:] == 0
     steps = np.abs(np.diff(after))[~is_fall]
     return float(abs(before)), float(np.abs(after[:_FIRST]).max()), float(steps.max(initial=0.0))

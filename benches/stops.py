@@ -1,7 +1,7 @@
-"""How soon the force on a hand is zero: every way to stop, idle and while a line is at work.
+"""The time until the force on a hand is zero: every way to stop, idle and while a line is running.
 
-A simulated board notes each packet by CLOCK_MONOTONIC. What is told is the time from the signal, or
-from the write of a key or a line, to the first packet after which no force was given any more.
+A simulated board records each packet by CLOCK_MONOTONIC. The result is the time from the signal,
+or from the write of a key or a line, to the first packet after which no force follows.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _FORCE = 0.01  # [N]; less is none
 _AFTER = 0.3  # [s] that the board is watched after a stop
 _AT_WORK = 1.0  # [s] after which a slow line is surely at work
 _PATIENCE = 60.0  # [s] for a force to be there
-# A line that never ends: it locks a mutex of C twice, and leaves the interpreter to others.
+# A line that never ends: it locks a C mutex twice, and releases the GIL meanwhile.
 _SLOW = (
     "py (lambda c, m: (c.pthread_mutex_lock(m), c.pthread_mutex_lock(m)))"
     '(__import__("ctypes").CDLL(None), __import__("ctypes").create_string_buffer(64))'
@@ -48,7 +48,7 @@ gestures: {knock: 0mm@0 smooth 6mm@60ms 0mm@160ms}
 players: {ada: {key: k1}, remi: {hand: live, key: k2}}
 """
 WAYS = ("TERM", "INT", "HUP", "panic", "quit", "end", "F12")
-# Written down to do something else: docs/repl.md, docs/socket.md.
+# Ways that are documented to do something else: docs/repl.md, docs/socket.md.
 LEFT_OUT = {
     ("terminal", "idle", "INT"): "clears the line",
     ("socket", "idle", "HUP"): "the engine outlives its terminal",
@@ -60,7 +60,9 @@ LEFT_OUT = {
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """One that runs: what a line, a key and the end of input are there, and who gets signals."""
+    """A running prompt: how it receives a line, a key and the end of input, and which process gets
+    signals.
+    """
 
     enter: Callable[[str], None]
     key: Callable[[str], None]
@@ -68,7 +70,7 @@ class Prompt:
     process: int
 
     def stop(self, way: str) -> None:
-        """Stop the force."""
+        """Stop the force in this way."""
         if way in ("TERM", "INT", "HUP"):
             os.kill(self.process, getattr(signal, f"SIG{way}"))
         elif way == "F12":
@@ -80,7 +82,7 @@ class Prompt:
 
 
 def stops(runs: int = 5) -> list[Row]:
-    """Every way, so many times each."""
+    """Every way, `runs` times each."""
     rows = []
     for where in _PROMPTS:
         for state in ("idle", "slow"):
@@ -113,7 +115,8 @@ def _stopped(where: str, state: str, way: str) -> float:
     with tempfile.TemporaryDirectory(prefix="ergon-") as name, ExitStack() as stack:
         folder = Path(name)
         (folder / "score.yaml").write_text(_SCORE, encoding="utf-8")
-        # Its hand is still, its watchdog asleep: only the host takes the force away.
+        # The board's hand is still and its watchdog is disabled: only the host can remove the
+        # force.
         board = stack.enter_context(simulated(folder / "log.npy", hand=0.004, watchdog=1e6))
         real_time(board.process.pid, priority=40)  # what measures is not to be kept waiting
         live = ["--live", f"remi={board.url}", "--unchecked", "--gain", "0dB"]
@@ -137,7 +140,9 @@ def _until(board: Simulated, true: Callable[[float], bool]) -> None:
 
 
 def _after(board: Simulated, began: float) -> float:
-    """When the last force was taken away, after an instant; as long as it was watched, if never."""
+    """Time from an instant until the last force was removed; the whole time watched if it never
+    was.
+    """
     log = board.log()
     after = log[log["t"] >= began]
     pushed = abs(after["force"]) >= _FORCE
@@ -177,7 +182,7 @@ def _terminal(command: list[str], folder: Path) -> Iterator[Prompt]:
 
 @contextmanager
 def _socket(command: list[str], folder: Path) -> Iterator[Prompt]:
-    """A terminal at an engine, which gets the signals."""
+    """A terminal connected to an engine process, which gets the signals."""
     place = folder / "s"
     with Terminal([*command, "--socket", str(place)], cwd=folder) as at:
         at.sees("quant bar")

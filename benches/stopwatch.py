@@ -1,4 +1,4 @@
-"""Run a command and print what it took, as JSON: stopwatch.py COMMAND …"""
+"""Run a command and print its cost as JSON: stopwatch.py COMMAND …"""
 
 import json
 import os

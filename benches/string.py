@@ -24,14 +24,17 @@ _M, _F, _T60 = 8e-3, 20.0, 3000.0  # partials up to 12.7 kHz; that at 1 kHz last
 _AT, _HIGH = 199, 1e-3
 TAPS = (249, 499)
 _FRAMES = 44_100  # a multiple of three, as the stencil wants it
-# Rounding of x and x⁻ instead of x and its step, over the frames compared.
+# Rounding differs between a state of x and x⁻ and a state of x and its step; it grows over the
+# compared frames.
 _SAME = 1e-8
 _PROBED = 198
 BUDGET: Mapping[str, Any] = {"error_db": -80.0}
 
 
 def string(loops: Loops | None) -> list[Row]:
-    """The engine within its budget beside CA in C and in Faust; all held against the modes."""
+    """The engine within its budget compared with CA in C and in Faust; all errors are against the
+    exact modes.
+    """
     network = _network()
     timeline = _core.Timeline(network, RATE)
     plain = _core.Simulation(network, timeline)
@@ -92,7 +95,7 @@ def _truth() -> Floats:
 
 
 def _listed(loops: Loops, a: float, b: float, x: Floats, d: Floats) -> Run:
-    # Both ends as points that have no weight to be moved by.
+    # Both ends are points with 1/M = 0, which no force moves.
     first = np.arange(N + 1, dtype=np.int32)
     second = first + np.int32(1)
     x, d = np.pad(x[:N], 1), np.pad(d[:N], 1)

@@ -1,7 +1,7 @@
-"""The truth about a hammer on a linear body.
+"""The exact motion of a hammer on a linear body.
 
-Between contacts every mode follows its own exponential; through a contact DOP853 solves all of them
-with the hammer, to 1e-12. Nothing here is stepped at the engine's rate.
+Between contacts every mode follows its own exponential; through a contact DOP853 solves all
+modes with the hammer, to 1e-12. The engine's rate plays no part.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ class Hammer:
 
 
 def struck(body: Body, hammer: Hammer, rate: float, n_frames: int) -> Floats:
-    """A body at rest that the hammer meets: all its points at every sample (n_frames, points)."""
+    """The motion of a body at rest that the hammer hits: all its points at every sample (n_frames,
+    points).
+    """
     period, shapes = 1.0 / rate, body.shapes
     out = np.zeros((n_frames, len(shapes)))
     n, at, touches = len(body.w2), 0.0, False
@@ -70,7 +72,7 @@ def _through(
         return float(y[-2] - push @ y[:n])
 
     apart.terminal, apart.direction = True, -1.0  # type: ignore[attr-defined]
-    # Beyond the largest magnitude's 1e-16 nothing can be told apart.
+    # The absolute tolerance is below the rounding (1e-16) of the largest magnitude.
     done = solve_ivp(
         rate, (0.0, limit), state, "DOP853", events=apart, dense_output=True, rtol=1e-12, atol=1e-17
     )
@@ -90,11 +92,12 @@ def _until_touch(body: Body, state: Floats, limit: float, period: float) -> tupl
     turn = np.exp(np.outer(times, body.pole)) * push
     while begun < limit:
         now = c * np.exp(body.pole * begun)
-        # Further below than the body can ever come, and on the way down: gone for good.
+        # The hammer is lower than the body can ever reach, and moves down: it never returns.
         if state[-2] + state[-1] * begun < -np.abs(now * push).sum() and state[-1] <= 0.0:
             break
         p = state[-2] + state[-1] * (begun + times) - (turn @ now).real
-        # A hammer that just left is as good as touching: only from below does it come.
+        # A hammer that has just left still counts as touching; only a crossing from below begins a
+        # contact.
         enters = np.flatnonzero((p[:-1] <= 0.0) & (p[1:] > 0.0))
         if len(enters):
             low = begun + times[enters[0]]

@@ -1,4 +1,6 @@
-"""How a generator wired its network, found from what it shows: places, and the forces of links."""
+"""How a generator wires its network, found from what it exposes: places, and the forces of
+links.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ Ints = NDArray[np.int32]
 def bent(
     build: Callable[[_core.Network], int], bend: float, speed: float
 ) -> tuple[_core.Network, int]:
-    """A body bent a little, or moving, and how many masses are free: no link is still."""
+    """A body that is slightly bent, or moving, so that no link is at rest; and the number of free
+    masses.
+    """
     network = _core.Network()
     network.part("body")
     first = build(network)
@@ -32,9 +36,10 @@ def bent(
 
 
 def neighbours(places: Floats, n_free: int) -> Ints:
-    """Neighbours (a, b) by their distance on the bench, b above a or to its right: (n_lia, 2).
+    """Pairs of neighbours (a, b) by their distance on the bench, b above a or to its right: (n_lia,
+    2).
 
-    Those to the right come first, from below and from the left.
+    Pairs to the right come first, from below and from the left.
     """
     reach = 1.01 * float(np.hypot(*(places[0] - places[1])))
     width = 1.0001 * reach
@@ -72,11 +77,13 @@ def runs(links: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def spring(build: Callable[[_core.Network], int], links: Ints, q: float) -> tuple[float, float]:
-    """k and z of all links, from the force of some: in a bent body, and in one that moves."""
+    """k and z of all links, from the summed force of the first ones: in a bent body, and in a
+    moving one.
+    """
     rows, sums = [], []
     for size in ((1e-5, 0.0), (0.0, 1e-2)):
         network, _ = bent(build, *size)
-        # Generators lay their links to the right first, row by row.
+        # Generators place their links to the right first, row by row.
         network.listen("probe", forces=[(0, _PROBED, 1.0)])
         sim = _core.Simulation(network, _core.Timeline(network, RATE))
         x, d = sim.positions(), sim.velocities() / RATE

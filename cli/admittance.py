@@ -1,4 +1,4 @@
-"""`ergon admittance`: how fast points move for a force, by its frequency."""
+"""`ergon admittance`: the velocity of points under a force, by its frequency."""
 
 from __future__ import annotations
 

@@ -27,7 +27,8 @@ from .outcome import (
 from .streams import make_whole
 
 # numpy's BLAS starts a thread for each core, which spins for 25 ms and then does nothing: no
-# command multiplies matrices that would pay for it. It is read where numpy is first imported.
+# command multiplies matrices large enough to need these threads. The variable is read when numpy is
+# first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS: Table = {
@@ -142,19 +143,20 @@ def group() -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run a command line and exit with the code that its outcome has."""
+    """Run a command line and exit with the code of its outcome."""
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 
 def run(arguments: list[str]) -> int:
-    """Run a command line and return its exit code; every message is printed here or before."""
+    """Run a command line and return its exit code; when this returns, every message is printed."""
     make_whole()
     try:
         code = _outcome(arguments)
         sys.stdout.flush()
         return code
     except BrokenPipeError:
-        # The reader has seen enough. The interpreter flushes stdout once more: give it a sink.
+        # The reader has closed the pipe. The interpreter flushes stdout once more: send that to
+        # null.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
 
@@ -194,13 +196,13 @@ def _outcome(arguments: list[str]) -> int:
 
 
 def invoke(arguments: list[str]) -> None:
-    """Parse and run, without click's own ways of ending: it would make a closed pipe an error."""
+    """Parse and run without click's own handling of endings, which makes a closed pipe an error."""
     with group.make_context("ergon", arguments) as context:
         group.invoke(context)
 
 
 def explain(error: BaseException) -> Outcome:
-    """The outcome that an exception means to the person at the terminal."""
+    """The outcome that is shown for an exception."""
     if isinstance(error, Outcome):
         return error
     if isinstance(error, OSError):
@@ -220,7 +222,7 @@ def explain(error: BaseException) -> Outcome:
 
 
 def _refused(error: ErgonError) -> Outcome:
-    """The outcome of what a call of the library refused; diagnostics are printed already."""
+    """The outcome for an error of the library; diagnostics are printed already."""
     from ergon.api.errors import DeviceError, DivergedError, OptionError, ScoreError
 
     match error:
@@ -236,7 +238,9 @@ def _refused(error: ErgonError) -> Outcome:
 
 
 def _engine(error: BaseException, core: Any) -> Outcome:
-    """What the engine will not run: the module stands first, as the composer wrote it."""
+    """The outcome for an error of the engine; the message begins with the module's name in the
+    score.
+    """
     module = getattr(error, "module", None)
     sentence = str(error)
     if module and module not in sentence:

@@ -18,7 +18,7 @@ from .units import seconds
 if TYPE_CHECKING:
     from ergon.bells.bell import Bell
 
-_SHOWN = 40  # modes of the table
+_SHOWN = 40  # modes shown in the table
 
 
 @click.command()
@@ -130,6 +130,6 @@ def _records(console: Console, bell: Bell) -> None:
 
 
 def _deviation(bell: Bell, mode: int) -> float:
-    """Of T60 [s], from that of the decay."""
+    """Standard deviation of T60 [s], from that of the decay."""
     assert bell.deviation is not None
     return float(bell.deviation.d[mode] * bell.t60[mode] ** 2 / 6.907755278982137)

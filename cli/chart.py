@@ -1,4 +1,4 @@
-"""`ergon chart`: error against cost of every way of computing a score."""
+"""`ergon chart`: error against cost of each method of computing a score."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def chart(
 
 
 def _budget(text: str | None) -> float | None:
-    """The error that the planner may make [dB]."""
+    """The largest error that the planner may make [dB]."""
     from ergon.notation.tables.quantities import LEVEL, quantity
     from ergon.notation.text.errors import TextError
 

@@ -11,7 +11,9 @@ _STYLES = {"error": "1;31", "warning": "1;33", "note": "1;36", "strong": "1", "d
 
 
 def may_colour(stream: TextIO, environment: Mapping[str, str] | None = None) -> bool:
-    """NO_COLOR (non-empty) wins, then FORCE_COLOR, then whether a capable terminal listens."""
+    """Whether to write colours: NO_COLOR (non-empty) decides first, then FORCE_COLOR, then whether
+    the stream is a terminal that is not dumb.
+    """
     env = os.environ if environment is None else environment
     if env.get("NO_COLOR"):
         return False
@@ -21,5 +23,5 @@ def may_colour(stream: TextIO, environment: Mapping[str, str] | None = None) -> 
 
 
 def style(name: str, text: str) -> str:
-    """Text for stderr in the colour of its meaning, where colour is welcome."""
+    """Text for stderr in the colour of its meaning, if colours may be written."""
     return f"\x1b[{_STYLES[name]}m{text}\x1b[0m" if may_colour(sys.stderr) else text

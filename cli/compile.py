@@ -1,4 +1,4 @@
-"""`ergon compile`: the stream of ergons that a score becomes."""
+"""`ergon compile`: the stream of ergons of a score."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def compile_score(
         source=lambda index: str(stage.sources[index]),
         reach=lambda struck: reaches.get(struck.partition(".")[0], 1.0),
     )
-    # Under --json a bar's records would mix with the rows.
+    # Under --json the records of a progress bar would mix with the rows.
     quiet = Console(quiet=console.quiet or console.json or output in (None, "-"))
     with (
         writing(output or "-", binary=False, force=force, inputs=loaded.inputs) as file,

@@ -11,7 +11,7 @@ from ergon.common.terminal import clean
 from .names import SECTIONS, names_of
 
 SHELLS = ("bash", "zsh", "fish")
-# What completes after an option or as the second argument of a command: sections of the score.
+# Sections of the score whose names complete an option, or the second argument of a command.
 _VALUES = {"--from": ("marks",), "--to": ("marks",), "--key": ("keys",)}
 _PLOTTED = ("gestures", "takes", "players")
 
@@ -61,7 +61,7 @@ def _parameters(command: click.Command) -> list[click.Parameter]:
 
 
 def _groups() -> dict[str, list[str]]:
-    """Commands that are groups, and what stands after them."""
+    """Commands that are groups, with the names of their commands."""
     from .app import group
 
     commands = _commands(group).items()
@@ -90,7 +90,7 @@ def _bash() -> str:
 
 
 def _bash_values() -> str:
-    """Cases for what follows an option: choices, names of the score, or files."""
+    """Shell cases for the word after an option: choices, names of the score, or files."""
     lines: dict[str, str] = {}
     for parameters in _table().values():
         for p in _options(parameters):

@@ -24,7 +24,7 @@ Form = Literal["full", "concise", "github", "json"]
 
 @dataclass(frozen=True, slots=True)
 class Console(Report):
-    """The manner of speaking that the options of a command ask for."""
+    """Prints messages and data in the form that the options of a command ask for."""
 
     json: bool = False
     quiet: bool = False
@@ -54,19 +54,19 @@ class Console(Report):
             self.record(name, **fields)
 
     def detail(self, message: str) -> None:
-        """More of it, under --verbose only."""
+        """Details of what happened, under --verbose only."""
         if self.verbose:
             self.say(message)
 
     def warn(self, message: str) -> None:
-        """What a person should know though the work goes on."""
+        """A warning: the work goes on."""
         if self.json:
             self.record("warning", message=message)
         elif not self.quiet:
             print(f"{style('warning', 'warning')}: {clean(message)}", file=sys.stderr)
 
     def outcome(self, outcome: Outcome) -> None:
-        """An early end, as one sentence or as one JSON line."""
+        """An early end of a command, as one sentence or as one JSON line."""
         if not outcome.message:
             return
         if self.json:
@@ -85,10 +85,10 @@ class Console(Report):
         sources: Mapping[str, Source],
         left_out: Mapping[Severity, int],
     ) -> None:
-        """Mistakes in their places, with lines from `sources`, and how many more there are.
+        """Diagnostics with their places and lines from `sources`, and how many more there are.
 
-        JSON and GitHub forms are data for another program and go to stdout, the others to stderr.
-        Under --quiet only errors are shown.
+        JSON and GitHub forms are data for another program and go to stdout, the others to
+        stderr. Under --quiet only errors are shown.
         """
         from ergon.notation.text.errors import RENDERERS
 
@@ -107,7 +107,7 @@ class Console(Report):
                 self.say(f"and {count:,} more {severity}" + ("s" if count > 1 else ""))
 
     def waiting(self, task: str) -> AbstractContextManager[None]:
-        """After a second, on a terminal: the task, and how long it has taken."""
+        """After a second, on a terminal, show the task and how long it has taken."""
         from .progress import waiting
 
         return waiting(clean(task), self.quiet or self.json)
@@ -120,10 +120,10 @@ class Console(Report):
 
 
 def line(event: str, **fields: Any) -> str:
-    """One JSON line; a number that JSON cannot say (inf, nan) becomes null.
+    """One JSON line; a number that JSON does not have (inf, nan) becomes null.
 
-    What stdout has no characters for is escaped as JSON does, as are bytes of names of files that
-    are no text.
+    Characters that stdout cannot encode are escaped as in JSON, and so are bytes of file names
+    that are not text.
     """
     fields = {name: _finite(value) for name, value in fields.items()}
     return _sayable(json_text({"v": VERSION, "event": event, **fields}))

@@ -12,7 +12,7 @@ from . import options
 from .console import Console
 from .outcome import Refused
 
-_FIRST = "one-gesture"  # what a newcomer hears without choosing
+_FIRST = "one-gesture"  # the score that plays if none is named
 _PLAYERS = ("pw-play", "paplay", "aplay")  # PipeWire, PulseAudio, bare ALSA: the nearest first
 
 
@@ -61,12 +61,12 @@ def bundled() -> dict[str, Path]:
     from importlib.resources import files
 
     library = Path(str(files("ergon"))) / "scores" / "library"
-    # A file in a folder below is part of a score, not one itself.
+    # A file in a subfolder is part of a score, not a score itself.
     return {path.stem: path for path in sorted(library.glob("*.yaml"))}
 
 
 def about(path: Path) -> str:
-    """The title of a score, by a look at its text alone."""
+    """The title of a score, found in its text without parsing."""
     for line in path.read_text(encoding="utf-8").splitlines():
         if line.startswith("title:"):
             return line.removeprefix("title:").split(" #")[0].strip().strip("'\"")
@@ -88,7 +88,7 @@ def _chosen(scores: dict[str, Path], name: str | None) -> Path:
 
 
 def _play(console: Console, path: str) -> None:
-    """Play with the first player that works; a machine without sound is no failure."""
+    """Play with the first player that works; a machine without sound is not an error."""
     for player in _PLAYERS:
         program = shutil.which(player)
         if program is None:

@@ -1,4 +1,4 @@
-"""`ergon devices calibrate`: one axis, found once and remembered."""
+"""`ergon devices calibrate`: direction and ends of an axis, measured once and stored."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ergon.live.calibration import Axis
 
 _PERIOD = 1e-3  # [s]
-_LEAST = 0.05  # of the device's range; less is a finger that trembled
+_LEAST = 0.05  # of the device's range; less may be a trembling finger
 
 
 def _travel(ctx: click.Context, parameter: click.Parameter, text: str | None) -> float | None:

@@ -1,4 +1,4 @@
-"""`ergon doctor`: whether this machine is fit to play, and what to do where it is not."""
+"""`ergon doctor`: whether this machine is fit to play, and what to do if it is not."""
 
 from __future__ import annotations
 

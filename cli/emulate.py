@@ -1,4 +1,4 @@
-"""`ergon emulate`: a force-feedback device that is not there, for trying scores and drivers."""
+"""`ergon emulate`: an emulated force-feedback device, for trying scores and drivers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from .console import Console
 
-# What is emulated → its axes, its greatest force [N], and how it is reached: scheme by transport.
+# By device: number of axes, greatest force [N], and URL scheme for each transport.
 _DEVICES: dict[str, tuple[int, float, dict[str, str]]] = {
     "firefader": (2, 1.56, {"pty": "firefader"}),
     "frame": (1, 20.0, {"pty": "frame", "udp": "frame+udp"}),
@@ -30,12 +30,12 @@ _TICK = 44100 / 44  # periods a second: a tick of 44 samples
 
 
 class Quantity(click.ParamType):  # type: ignore[type-arg] # older clicks' is not generic
-    """A number with a unit, as a score has it."""
+    """A number with a unit, as in a score."""
 
     name = "quantity"
 
     def __init__(self, dimension: str) -> None:
-        """`dimension` is one of `notation.tables.quantities`."""
+        """`dimension` is one of the dimensions in `notation.tables.quantities`."""
         self.dimension = dimension
 
     def convert(
@@ -59,7 +59,7 @@ class Together(click.ParamType):  # type: ignore[type-arg] # older clicks' is no
     name = "quantities"
 
     def __init__(self, example: str, *dimensions: str) -> None:
-        """`dimensions` are some of `notation.tables.quantities`; `example` shows all of them."""
+        """`dimensions` are from `notation.tables.quantities`; `example` shows all the numbers."""
         self.example = example
         self.parts = [Quantity(dimension) for dimension in dimensions]
 
@@ -294,7 +294,7 @@ def _model(
     modes: tuple[tuple[float, float, float], ...],
     delay: float,
 ) -> NDArray[np.float64] | None:
-    """The parameters of the model of a key (`_core.key_path`); None where it is a CEL alone."""
+    """The parameters of the model of a key (`_core.key_path`); None if the key is a plain CEL."""
     if not (weight or any(friction) or modes or delay):
         return None
     import numpy as np
@@ -305,7 +305,7 @@ def _model(
 
 
 def _measured(calib: Path) -> tuple[_core.Network, int]:
-    """The network of a key with a calibration file, and the MAT that ergons strike."""
+    """The network of a key from a calibration file, and the MAT that ergons strike."""
     from ergon.instruments.assemble import Assembly
     from ergon.scores.reading.load import load
 
@@ -337,7 +337,7 @@ def _way(
 def _paths(
     gestures: tuple[str, ...], tempo: float, rate: float, fingers: int
 ) -> list[NDArray[np.float64]]:
-    """Each hand's positions (n,) [m]; then fingers that rest, which are empty."""
+    """The positions (n,) [m] of each hand; then an empty path for each finger that rests."""
     import numpy as np
 
     from ergon.notation.text.errors import TextError

@@ -1,4 +1,4 @@
-"""`ergon export`: a piece for a workstation, or its parts for other programs."""
+"""`ergon export`: a piece for an audio workstation, or its parts for other programs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from ergon.exchange.wave_header import Bits
     from ergon.scores.reading.piece import Piece
 
-# What makes the files of parts, how their names end, and what may be asked of each.
+# The functions that write the files of parts, the endings of the files, and the options that each
+# format allows.
 FORMATS: Mapping[str, Callable[..., Sequence[ExportedPart]]] = {
     "modal": mode_tables,
     "faust": faust_programs,
@@ -33,7 +34,7 @@ FORMATS: Mapping[str, Callable[..., Sequence[ExportedPart]]] = {
     "csound": csound_orchestras,
 }
 _ENDINGS = {"modal": ".csv", "faust": ".dsp", "mdl": ".mdl", "csound": ".csd"}
-# A new folder is not given a name that ends as files do which are written here.
+# The output is a folder: a new one may not have the ending of one of the written files.
 _FILES = {*_ENDINGS.values(), ".wav", ".mid"}
 _OPTIONS = {
     "daw": ("--no-stems", "--bits"),
@@ -131,7 +132,7 @@ def export(
 def _write(
     console: Console, made: Sequence[ExportedPart], output: Path, ending: str, force: bool
 ) -> None:
-    """A file for each part; none where one may not be written."""
+    """Write a file for each part; none if one of them may not be written."""
     from ergon.exchange.safe import check_target, write_text
 
     if not made:
@@ -190,7 +191,9 @@ def _for_workstation(
 
 
 def _tempo_file(piece: Piece, end: float) -> bytes:
-    """The tempo map up to `end` [s], or to the end of its last ramp within an hour after that."""
+    """The tempo map as MIDI, up to `end` [s], or up to the last change of tempo within an hour
+    after that.
+    """
     from ergon.exchange.midi import Marker, tempo_file
 
     tempo = piece.tempo_map

@@ -69,7 +69,7 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     elif path == "-" and not only_check:
         _print(after)
     elif different and not only_check:
-        # The score is the composer's own file, so it may be written over.
+        # The score is the composer's own file, so it may be overwritten.
         with writing(path, binary=False, force=True) as file:
             file.write(after.encode())
     if console.json:
@@ -80,7 +80,7 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
 
 
 def _print(text: str) -> None:
-    """To the byte what it is, but for a terminal."""
+    """Write to stdout byte by byte; on a terminal, without characters that steer it."""
     from ergon.exchange.safe import write_text
 
     write_text("-", text)

@@ -1,4 +1,4 @@
-"""What the commands of the laboratory share: names of files, lists of words, and pictures."""
+"""What the commands of the laboratory share: names of files, lists of words, pictures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FORMS = ("csv", "svg", "png")
 def stem(
     output: str | None, source: str, what: str, force: bool, inputs: Sequence[Path] = ()
 ) -> Path:
-    """NAME of NAME.csv, NAME.svg and NAME.png, all of which may be written.
+    """NAME for the files NAME.csv, NAME.svg and NAME.png, after checking that all may be written.
 
     Raises FileRefusedError.
     """
@@ -44,7 +44,7 @@ def stem(
 
 
 def words(text: str | None, known: Sequence[str], option: str) -> tuple[str, ...]:
-    """`a,b` as words that are all known; all of them without a text."""
+    """The words of a list `a,b`, each of which must be known; without a text, all known words."""
     if text is None:
         return tuple(known)
     from ergon.notation.text.spelling import nearest
@@ -62,7 +62,7 @@ def words(text: str | None, known: Sequence[str], option: str) -> tuple[str, ...
 def workers(
     on: str | None, path: str | None, loaded: Loaded | None, trust: bool, console: Console
 ) -> Iterator[Workers | None]:
-    """Other processes that compute points, with the score; None without --on.
+    """Other processes that compute points of a chart or map of the score; None without --on.
 
     Raises OptionError and ClusterError.
     """
@@ -83,7 +83,9 @@ def workers(
 def write(
     console: Console, stem: Path, table: str, draw: Callable[[], Figure], force: bool
 ) -> None:
-    """The table, then the pictures; without matplotlib the table alone, and a refusal."""
+    """Write the table, then the pictures; without matplotlib, the table alone, then raise
+    Refused.
+    """
     from ergon.exchange.safe import write_text
     from ergon.lab.pictures import MatplotlibMissingError, save, targets
 

@@ -20,7 +20,7 @@ form = click.option(
 
 
 def form_of(path: Path, asked: str | None) -> str:
-    """The program whose file this is, as asked or by its ending."""
+    """The format of a layout file: as asked for, or by its ending."""
     from ergon.exchange.layout_files import FORMS as KNOWN
 
     if asked is not None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ergon.instruments.model import Layout
 
-_GAP = 0.25  # [s] after each
+_GAP = 0.25  # [s] of silence after each burst
 
 
 @click.command()

@@ -8,12 +8,13 @@ from typing import Any
 
 import click
 
-# name → (module, attribute, one line of help); the help stands here so that `--help` imports none.
+# name → (module, attribute, one line of help). The help is in the table so that `--help` imports no
+# command.
 Table = Mapping[str, tuple[str, str, str]]
 
 
 class LazyGroup(click.Group):
-    """A group whose commands are known by name and imported when used."""
+    """A group whose commands are known by name and imported only when used."""
 
     def __init__(self, *args: Any, table: Table, **options: Any) -> None:
         """`table` lists the commands in the order of `--help`."""
@@ -36,7 +37,9 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click does, with the nearest name in the message (whatever the version of click)."""
+        """Resolve a command as click does, with the nearest name in the message (in all versions of
+        click).
+        """
         name = args[0]
         if name not in self.table and not name.startswith("-"):
             if ctx.parent is None and name.endswith((".yaml", ".yml")):
@@ -49,6 +52,6 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The list in `--help`, from the table alone."""
+        """List the commands in `--help`, from the table alone."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, text) for name, (_, _, text) in self.table.items()])

@@ -17,19 +17,19 @@ COMMANDS: Table = {
 
 
 class _Measuring(LazyGroup):
-    """Its first word may be a device; `measure` is meant then."""
+    """A group whose first word may be a device; the command is `measure` then."""
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As the group does; a URL, or a name of the user's list, is measured."""
+        """Resolve a command; a URL, or a name in the user's list of devices, means `measure`."""
         if args[0] not in self.table and (":" in args[0] or _is_named(args[0])):
             args = ["measure", *args]
         return super().resolve_command(ctx, args)
 
 
 def _is_named(word: str) -> bool:
-    """Whether the user's list of devices has this name, which an axis may follow: tgr0.3."""
+    """Whether a word names a device of the user's list, also with an axis: tgr0.3."""
     from ergon.live.boards import BoardError, names
 
     try:

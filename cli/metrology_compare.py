@@ -1,4 +1,4 @@
-"""`ergon metrology compare`, `log` and `weigh`: calibrations of keys, one beside the other."""
+"""`ergon metrology compare`, `log` and `weigh`: calibrations of keys compared."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from ergon.metrology.calibration_file import Calibration
     from ergon.metrology.comparison import Difference, Gain
 
-_FAR = 3.0  # deviations: farther apart than chance explains
+_FAR = 3.0  # standard deviations: a larger difference is not chance
 
 
 def calibration(file: str) -> Calibration:
-    """A calibration that ergon metrology has written. Refused where it is none."""
+    """Read a calibration that ergon metrology has written. Raises Refused if it is not one."""
     from ergon.metrology.calibration_file import read
     from ergon.metrology.gesture import MeasurementError
 
@@ -73,7 +73,7 @@ def compare(console: Console, one: str, other: str) -> None:
 
 
 def _called(each: Difference) -> str:
-    """The name of a figure, by the numbers of a mode in both files where they differ."""
+    """The name of a figure; with both numbers of its mode if the files number it differently."""
     one, other = each.names
     if one == other or each.other is None:
         return one
@@ -96,7 +96,7 @@ def _row(each: Difference) -> str:
 
 
 def _judge(console: Console, found: list[Difference], squared: float, n: int) -> None:
-    """Which figures differ, and by how much all together."""
+    """Say which figures differ, and the chi squared of all together."""
     known = [(abs(each.deviations), each) for each in found if each.deviations is not None]
     far = sorted((pair for pair in known if pair[0] > _FAR), key=lambda pair: -pair[0])
     lacking = [_called(each) for each in found if each.one is None or each.other is None]

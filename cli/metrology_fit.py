@@ -1,4 +1,4 @@
-"""`ergon metrology fit`: a key measured by takes of the forces that it was given."""
+"""`ergon metrology fit`: a key measured from takes of the forces that it was given."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ergon.metrology.gesture import Gesture
     from ergon.metrology.stages import Measured, Stage
 
-_BAD = 3.0  # of the sensor's noise: the model does not explain the key
+_BAD = 3.0  # times the sensor's noise: beyond it the model does not explain the key
 
 
 @click.command()
@@ -77,9 +77,9 @@ def report(
     force: bool,
     dry: bool,
 ) -> Measured:
-    """Measure a key by gestures, whose `takes` are written down, and tell and write what was found.
+    """Fit a key to gestures, whose `takes` are already written; print and write the result.
 
-    Raises Refused, and Findings where the model does not explain the key.
+    Raises Refused, and Findings if the model does not explain the key.
     """
     from ergon.metrology import stages
     from ergon.metrology.gesture import MeasurementError, sensor_step
@@ -107,7 +107,7 @@ def report(
 
 
 def _cause(gestures: list[Gesture]) -> str:
-    """Why a model leaves more than the sensor's noise."""
+    """Why the residual of a model is larger than the sensor's noise."""
     from ergon.metrology.gesture import LATE
 
     n = sum(gesture.counts.size for gesture in gestures)
@@ -121,7 +121,7 @@ def _cause(gestures: list[Gesture]) -> str:
 
 
 def gesture(console: Console, path: Path, hand: str | None) -> Gesture:
-    """The gesture of a take's hand; Refused where it is none to measure by."""
+    """The gesture of a hand of a take. Raises Refused if the take cannot be used for measuring."""
     from ergon.exchange.recording import about
     from ergon.metrology.gesture import MeasurementError, of_recording
 
@@ -176,7 +176,7 @@ def _say(console: Console, stage: Stage, step: float | None) -> None:
 
 
 def _numbers(stage: Stage) -> dict[str, dict[str, float]]:
-    """What was fitted, and its standard deviation, in SI units."""
+    """The fitted values and their standard deviations, in SI units."""
     from ergon.metrology.parameters import name
 
     fit = stage.fit
@@ -232,7 +232,9 @@ def _sum_up(console: Console, measured: Measured, step: float | None) -> None:
 def _draw(
     console: Console, measured: Measured, gesture: Gesture, path: Path, *, force: bool, dry: bool
 ) -> None:
-    """A picture of a gesture on the key, and on its model with and without what was found last."""
+    """A picture of a gesture on the key, on the fitted model, and on the model of the first
+    stage.
+    """
     from ergon.metrology.comparison import replay
     from ergon.metrology.picture import picture
 
@@ -242,7 +244,7 @@ def _draw(
 
 
 def written(console: Console, said: str, path: Path, *, force: bool, dry: bool) -> None:
-    """Write a text file, or say that it would be written."""
+    """Write a text file, or only say that it would be written."""
     from ergon.exchange.safe import writing
 
     if not dry:

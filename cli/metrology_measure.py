@@ -1,4 +1,4 @@
-"""`ergon metrology DEVICE`: a key measured by what it is pushed by."""
+"""`ergon metrology DEVICE`: a key measured by its response to forces."""
 
 from __future__ import annotations
 
@@ -118,7 +118,9 @@ def opened(
     force_step: float = 0.0,
     gated: bool = True,
 ) -> tuple[Axis, str]:
-    """An open axis of a device of the user's list or a URL, and the URL. Refused, DeviceMissing."""
+    """An open axis of a device in the user's list or of a URL, and the URL. Raises Refused,
+    DeviceMissing.
+    """
     from ergon import _core
     from ergon.live.boards import BoardError, names, resolve
     from ergon.live.calibration import known
@@ -140,7 +142,7 @@ def opened(
             if own.unit == "m"
             else f"{url}: the axis rotates (its unit is rad), and the model of a key is in metres"
         )
-    # A Haply device cannot tell what touches it.
+    # A Haply device does not report touch.
     return (
         Axis(
             own,
@@ -172,7 +174,7 @@ def about(url: str, number: int) -> str:
 
 @dataclass(slots=True)
 class Recorder:
-    """Where takes are written: beside the calibration `path`, each under a name that is free.
+    """Chooses the files of takes: beside the calibration `path`, each under a free name.
 
     `paths` are those of the takes so far.
     """
@@ -199,7 +201,7 @@ class Recorder:
         return _core.RecordTarget(file, [("key", "")], self.about)
 
     def tell(self, console: Console) -> None:
-        """Name the takes that were kept, where a measurement ends before its time."""
+        """Name the takes that were kept, after a measurement that ended early."""
         kept = [str(path) for path in self.paths if path.exists()]
         if kept:
             console.say(f"kept {', '.join(kept)}")
@@ -251,7 +253,7 @@ def _taken(
         each = takes.record(ladder, kind, length, recorder.target, seed, asked)
         lasted = sum(len(take.gesture.force) / take.gesture.rate for take in each)
         said.append(f"{kind} {lasted:.0f} s")
-        # The longest part of what is held out judges; the others would be lost.
+        # Only the longest part of the held-out take judges the model; the others are left out.
         found += (
             [max(each, key=lambda take: len(take.gesture.force))] if kind == "held-out" else each
         )

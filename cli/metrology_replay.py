@@ -102,7 +102,7 @@ def replay(
 def _pushed(
     console: Console, device: str, path: Floats | None, *, force_step: float, gated: bool
 ) -> Gesture:
-    """Knocks on a key of a device, or forces that lead it along a path."""
+    """Push a key of a device with knocks, or with forces that lead it along a path."""
     from ergon.metrology.gesture import MeasurementError
     from ergon.metrology.ladder import climb
     from ergon.metrology.takes import lasts, record
@@ -121,7 +121,7 @@ def _pushed(
 
 
 def _drawn(found: Replay, width: int | None) -> str:
-    """Asked, real and model, residual: one above the other, over one time."""
+    """Force, real and model motion, residual: one plot above the other, over the same time."""
     from ergon.metrology.picture import rows
     from ergon.view.braille import panels
 
@@ -130,7 +130,7 @@ def _drawn(found: Replay, width: int | None) -> str:
 
 
 def _show(console: Console, found: Replay, at: str | None) -> None:
-    """Asked, real, model and residual in a browser, until Ctrl-C."""
+    """Show force, real motion, model and residual in a browser, until Ctrl-C."""
     from ergon.api.pages import ANYWHERE
     from ergon.api.render import FileOptions
     from ergon.api.viewing import render_view
@@ -168,7 +168,8 @@ def _tell(console: Console, found: Replay, noise: float | None, step: float | No
     told = f"{_off(found.rms, 11, step)}{_off(found.most, 9, step)}"
     console.data(f"{'all':>5}{'':12}{told}\n")
     if noise is not None:
-        # Both are as a sensor reads them: a model without error leaves the sensor's noise.
+        # Real and model are compared as the sensor reads them: an exact model leaves the sensor's
+        # noise.
         beyond = max(found.rms**2 - noise**2, 0.0) ** 0.5
         of_it = "" if step is None else f" ({beyond / step:.3g} of its step)"
         console.say(
@@ -179,5 +180,5 @@ def _tell(console: Console, found: Replay, noise: float | None, step: float | No
 
 
 def _off(x: float, width: int, step: float | None) -> str:
-    """A residual in um, and in steps of the sensor where these are known."""
+    """A residual in um and, if the sensor's step is known, in such steps."""
     return f"{x * 1e6:{width}.4g} um" + ("" if step is None else f"{x / step:9.3g}")

@@ -1,4 +1,4 @@
-"""What a score plays on a key, as the gesture by which the real key and its model are judged."""
+"""The path that a score gives a key, as the gesture that judges the key's model."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ chosen = options.several(
 
 
 def path(console: Console, score: str | None, key: str | None) -> Floats | None:
-    """Where the score takes the key, by ticks (n,) [m], from its first movement on.
+    """The path of the key in the score, by ticks (n,) [m], from its first movement on.
 
-    None without a score; Refused where it plays nothing on the key.
+    None without a score. Raises Refused if the score plays nothing on the key.
     """
     if score is None:
         if key is not None:
@@ -59,7 +59,8 @@ def path(console: Console, score: str | None, key: str | None) -> Floats | None:
             own = own[max(0, int(moving[0]) - 1) :]
             t = np.arange(len(own)) * (frames / piece.rate)
             seconds = min(HELD_OUT, max(float(t[-1]), _LEAST))
-            # As the ticks of a measurement fall; what is over stays where it ended.
+            # Resampled to the ticks of a measurement; after its end the path keeps its last
+            # position.
             return np.interp(np.arange(round(seconds * TICK_RATE)) / TICK_RATE, t, own)
     raise Refused(f"{score}: nothing moves the key {name}")
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-_LOWEST = 8.0  # [Hz] a free body moves as a whole at next to nothing, which is no note
+_LOWEST = 8.0  # [Hz] below it is the rigid motion of a free body, which is not a note
 
 
 @click.command()
@@ -127,7 +127,7 @@ def _shapes(found: Sequence[PartModes], name: str) -> str:
         x, y = part.places[:, 0].tolist(), part.places[:, 1].tolist()
         own = []
         for number, shape in enumerate(part.shapes, 1):
-            # Masses do not swing in phase where damping is uneven: the instant of most motion.
+            # With uneven damping, masses do not swing in phase: this is the instant of most motion.
             turned = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
             f, t60 = float(part.frequencies[number - 1]), float(part.t60[number - 1])
             own.append(Shape(_words(number, f, t60), x, y, turned.real.tolist()))

@@ -1,4 +1,4 @@
-"""`ergon motion`: files of what moved."""
+"""`ergon motion`: motion files."""
 
 from __future__ import annotations
 

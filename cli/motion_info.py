@@ -22,7 +22,7 @@ _WORDS = {
 
 
 def read(path: Path) -> Motion:
-    """What is whole of a motion file. Raises Refused."""
+    """Read the intact part of a motion file. Raises Refused."""
     from ergon import _core
     from ergon.common.regular import open_regular
 

@@ -1,7 +1,7 @@
-"""The names in a score by a glance at its text: fast enough for every press of Tab.
+"""The names in a score, found in its text: fast enough for every press of Tab.
 
-No YAML, no checking: a score that is half typed still completes. Names that come from other files
-are not seen.
+The text is neither parsed nor checked, so a half-typed score still completes. Names that come
+from other files are not found.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 from ergon.common.regular import read_bounded
 
 SECTIONS = ("gestures", "takes", "players", "keys", "marks", "instruments")
-_SIZE_MAX = 1 << 20  # bytes: a score by hand is some 10,000; Tab must never wait
+_SIZE_MAX = 1 << 20  # bytes: a written score has some 10,000; Tab must be fast
 _SECTION = re.compile(r"^([a-z]+):\s*(.*)$")
 _ENTRY = re.compile(r"^([ ]+)([^\W\d][\w-]*):")
 

@@ -37,7 +37,7 @@ on = click.option(
     help="Share the work: local:N processes here, or the Dask scheduler tcp://HOST:PORT.",
 )
 score = click.argument("score_path", metavar="SCORE")
-# Kept as text: what it may be (a file, `-`) is checked where it is opened, with a sentence.
+# The path is kept as text: the command checks it when it opens it, and then can say what is wrong.
 
 
 def several(*given: Callable[[F], F]) -> Callable[[F], F]:
@@ -52,7 +52,7 @@ def several(*given: Callable[[F], F]) -> Callable[[F], F]:
 
 
 def target(text: str) -> Callable[[F], F]:
-    """`-o`, with what it means here."""
+    """The option `-o`, with its help text for this command."""
     return click.option("-o", "--output", metavar="FILE", help=text)
 
 
@@ -70,7 +70,7 @@ def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
     return spoken
 
 
-# How exact, instead of as the score says.
+# Accuracy, in place of the score's own.
 accuracy = several(
     click.option(
         "--method",
@@ -95,7 +95,7 @@ draft = click.option(
     help="Begin at once, by the cheapest methods that are stable; the accuracy is not searched.",
 )
 
-# The way of a performance to the sound card.
+# Sound output of a performance.
 sound = several(
     click.option(
         "--audio",
@@ -134,7 +134,7 @@ sound = several(
     click.option("--head", metavar="FILE.sofa", help="Another head for --to binaural."),
 )
 
-# Other programs beside a performance.
+# OSC with other programs during a performance.
 osc = several(
     click.option(
         "--osc",
@@ -153,7 +153,7 @@ view_at = click.option(
     "address has a key.",
 )
 
-# Pages that see a performance.
+# Pages that show a performance.
 view = several(
     click.option("--view", is_flag=True, help="Show in a browser what moves while it plays."),
     view_at,
@@ -165,7 +165,7 @@ see = click.option(
     help="With --view: all computes what nobody hears too.",
 )
 
-# Real hands of a performance, and what protects them.
+# Real hands of a performance, and limits that protect them.
 hands = several(
     click.option(
         "--live",
@@ -183,7 +183,7 @@ hands = several(
 
 
 def parse_bits(context: click.Context, parameter: click.Parameter, value: str | None) -> Any:
-    """`--bits` as the number it is, or the word float."""
+    """`--bits` as a number, or the word float."""
     return int(value) if value in ("16", "24") else value
 
 

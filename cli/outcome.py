@@ -21,7 +21,7 @@ class Outcome(ErgonError):
 
 
 class Findings(Outcome):
-    """The score has errors; a message is empty when they were printed already."""
+    """The score has errors; the message is empty if they were printed already."""
 
     exit_code = 1
 

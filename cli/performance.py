@@ -1,4 +1,4 @@
-"""A performance, shown from its first frame to its last."""
+"""Shows a performance in the terminal, from its first frame to its last."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 _LOOK = 0.1  # [s] between two looks: a hand is shown ten times a second
 _SAY = 2.0  # [s] between two lines under --plain
-_AFTER = 10.0  # [s] that what is in the ring may take to be heard
+_AFTER = 10.0  # [s] that the sound in the ring buffer may take to be heard
 
 
 class Shown:
-    """A performance, shown from its first frame to its last."""
+    """A performance that is shown in the terminal, from its first frame to its last."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class Shown:
         strict: bool,
         plain: bool,
     ) -> None:
-        """Of a stage that is played on boards."""
+        """Show a stage that is played on boards."""
         from ergon.live.display import Watcher
 
         self._console, self._stage, self._performance = console, stage, performance
@@ -55,7 +55,7 @@ class Shown:
         self._osc: Osc | None = None
 
     def run(self, osc: Osc | None, config: PlaybackConfig, begin: Callable[[], None]) -> None:
-        """Play to the end. However it ends, forces are zero and nothing sounds then."""
+        """Play to the end. However it ends, forces are then zero and nothing sounds."""
         from ergon import _core
 
         performance = self._performance
@@ -78,7 +78,7 @@ class Shown:
             performance.panic()
             performance.stop()
             self._rest()
-            # What ended it is told, not what that did to a file.
+            # The error that ended the performance is reported, not what it caused in a recording.
             with contextlib.suppress(_core.EngineError):
                 performance.close(0.05)
             self._clear()
@@ -100,7 +100,7 @@ class Shown:
             self._console.warn(remark)
 
     def _doubt(self, trouble: str | None) -> None:
-        """Tell once that the recording cannot be written, each time that it begins to be so."""
+        """Warn that the recording cannot be written, once for each time that this begins."""
         if trouble and not self._troubled:
             self._clear()
             self._console.warn(f"the recording cannot be written: {trouble}")
@@ -144,7 +144,7 @@ class Shown:
         self._drawn = len(lines)
 
     def _clear(self) -> None:
-        """The lines stay where they are; what is said next stands below them."""
+        """Leave the drawn lines where they are; the next text is written below them."""
         self._drawn = 0
 
     def _tell(self, events: Sequence[_core.PerformanceEvent]) -> None:

@@ -32,7 +32,7 @@ _HOW = {
     "unheard": "nothing: no output hears it",
     "still": "nothing: nothing moves it",
 }
-_LOADS, _LARGEST_PARTS = 8, 4  # that are told one by one
+_LOADS, _LARGEST_PARTS = 8, 4  # that are listed one by one
 _EXACT = ("modes", "complex modes", "oscillators", "unheard", "still")
 _HEARD = "pitch, T60, third octaves"
 _HEAD = ("part", "modules", "computed", "error", _HEARD, "cost", "stable", "left out")
@@ -115,7 +115,7 @@ def plan(
 
 
 def _shared(shares: Shares) -> str:
-    """What processes would compute, and what bounds the time."""
+    """The loads of the processes, and what bounds the time."""
     if shares.dearest is None:
         return "nothing to share: banks, and what costs less than its sound, are computed here\n"
     faster = shares.whole / shares.longest
@@ -224,7 +224,7 @@ def _line(row: PlanRow) -> tuple[str, ...]:
 
 
 def _seen(rows: list[PlanRow]) -> str:
-    """What nobody hears, as it is computed where it is seen."""
+    """The table of parts that nobody hears, but that are computed to be seen."""
     return f"\nseen, and not heard (--see all):\n{_table(rows)}" if rows else ""
 
 
@@ -257,7 +257,7 @@ def _often(row: PlanRow) -> str:
 
 
 def _why(row: PlanRow) -> list[str]:
-    """What happens to a part, in sentences."""
+    """How a part is computed, and why, in sentences."""
     name = " + ".join(row.parts)
     said = [f"{name}: {plural(row.n_mat, 'MAT')} and {plural(row.n_lia, 'LIA')}."]
     if row.what == "oscillators":

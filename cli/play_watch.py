@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from ergon.repl.session_protocol import SessionProtocol
 
 _LOOK = 0.1  # [s] between two looks for messages
-# What a session has no way to do: it has no end, and finds its own plan.
+# Options that a session does not have: it has no end, and makes its own plan.
 _EXCLUDED = ("loop", "method", "error", "cents", "plan", "draft", "seed", "see")
 
 
 def play_watched(console: Console, path: str, asked: PlayOptions, *, strict: bool) -> None:
-    """Play a score, and each new version of it from where the one before stands, until Ctrl-C.
+    """Play a score until Ctrl-C; each saved version plays on from the position of the one before.
 
     Raises Refused, ScoreError, OptionError and DeviceError.
     """
@@ -51,7 +51,7 @@ def play_watched(console: Console, path: str, asked: PlayOptions, *, strict: boo
 def follow(
     session: SessionProtocol, say: Callable[[str], None], start: str | None, looks: Iterator[None]
 ) -> None:
-    """Play a session from a position, say what it says at each look, and close it."""
+    """Play a session from a position, print its messages at each look, and close it."""
     try:
         reply = session.submit("play" if start is None else f"play from {start}")
         if not reply.taken:

@@ -104,7 +104,7 @@ def _curves(
 def _staged(
     console: Console, loaded: Loaded, name: str, key: str | None
 ) -> tuple[Stage, Sequence[StagedGesture]]:
-    """The stage to look at, and which of its gestures are meant."""
+    """The stage to look at, and the gestures of it that are meant."""
     from ergon.scores.staging.recording_stages import solo
 
     piece = score.piece_of(loaded)

@@ -1,4 +1,4 @@
-"""How far a long piece of work is: a bar, JSON records, or nothing."""
+"""The progress of long work: a bar, JSON records, or nothing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .colour import may_colour
 Record = Callable[..., None]  # an event's name, and its fields by name
 
 _RECORD_EVERY = 1.0  # [s]
-_WAIT_EVERY = 1.0  # [s]; a task that is over by then is not worth a word
+_WAIT_EVERY = 1.0  # [s]; a task that ends sooner is not shown
 _DRAW_EVERY = 0.1  # [s] more often is flicker
 
 
@@ -39,7 +39,7 @@ class _Records(Progress):
 
 class _Bar(Progress):
     def __init__(self, task: str, total: int, rate: float) -> None:
-        # Here and not above: rich takes as long to import as the rest of the command line.
+        # Imported here, as rich takes as long to import as the rest of the command line.
         from rich.console import Console
         from rich.progress import BarColumn, TaskProgressColumn, TextColumn
         from rich.progress import Progress as Rich
@@ -74,16 +74,16 @@ class _Bar(Progress):
 
 
 def _estimate(done: int, total: int, rate: float, elapsed: float) -> tuple[float, float]:
-    """(times real time where there is a rate, seconds left) from what was done so far."""
+    """(speed in times real time, or NaN without a rate; seconds left) from what was done so far."""
     if not done or elapsed <= 0:
         return 0.0, 0.0
     return done / rate / elapsed if rate else nan, elapsed * (total - done) / done
 
 
 def bar(task: str, total: int, rate: float, quiet: bool, record: Record | None) -> Progress:
-    """The progress that suits: `total` frames at `rate` [Hz], or of anything that is counted (0).
+    """A progress for `total` frames at `rate` [Hz], or, with rate 0, for `total` items of any kind.
 
-    `record` is for another program.
+    `record` writes JSON records for another program.
     """
     if quiet:
         return Progress()

@@ -14,11 +14,12 @@ if TYPE_CHECKING:
     from ergon._core import Recording
 
 SUFFIX = ".take"
-NAMES_MAX = 400  # characters of a stranger's names that are shown
+NAMES_MAX = 400  # characters shown of names in an untrusted file
 
 
 def read(console: Console, path: Path, span: tuple[int, int] | None = None) -> Recording:
-    """What is whole of a recording, with a warning where that is not all; Refused where it is none.
+    """Read the intact part of a recording, with a warning if it is damaged. Raises Refused if it is
+    not a recording.
 
     `span` keeps these ticks, counted from the first row.
     """
@@ -29,7 +30,7 @@ def read(console: Console, path: Path, span: tuple[int, int] | None = None) -> R
 
 
 def read_quietly(path: Path, span: tuple[int, int] | None = None) -> Recording:
-    """The same, for who tells of the damage otherwise."""
+    """Read without the warning, for callers that report the damage themselves."""
     from ergon._core import EngineError, read_recording
 
     try:
@@ -42,7 +43,7 @@ def read_quietly(path: Path, span: tuple[int, int] | None = None) -> Recording:
 
 
 def target(output: str, source: Path) -> Path:
-    """Where a recording is written to; its name says what it is."""
+    """The path to write a recording to, after checking its ending."""
     from ergon.exchange.safe import check_target
 
     path = Path(output)
@@ -53,10 +54,11 @@ def target(output: str, source: Path) -> Path:
 
 
 def write(console: Console, recording: Recording, path: Path, *, force: bool, dry: bool) -> None:
-    """Write it, or say that it would be written."""
+    """Write a recording, or only say that it would be written."""
     from ergon.exchange.safe import writing
 
-    # What hands did cannot be computed again: no recording counts as a file of ours to replace.
+    # The movements of hands cannot be computed again, so ergon's own recordings are not replaced
+    # either.
     if path.exists() and not force:
         raise Refused(f"{path} exists; -f overwrites it")
     if not dry:
@@ -66,7 +68,7 @@ def write(console: Console, recording: Recording, path: Path, *, force: bool, dr
 
 
 def say(console: Console, path: Path, recording: Recording, *, dry: bool) -> None:
-    """What was written, or would be."""
+    """Say what was written, or would be."""
     event = "would write" if dry else "wrote"
     n_ticks = len(recording.ticks())
     if console.json:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ergon.api.render import Completed
     from ergon.scores.reading.load import Loaded
 
-_BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
+_BLOCK_MAX = 1 << 20  # frames: 24 s; more takes memory and gains nothing
 
 
 @click.command()
@@ -165,7 +165,7 @@ def _render_several(
         return
     failed: dict[str, Outcome] = {}
     task, count = f"rendering {len(paths)} scores", len(paths)
-    # One score after the other has a bar of its own each.
+    # Without --on, scores are rendered one after the other, each with a bar of its own.
     with console.progress(task, count, 0.0) if asked.on else Progress() as progress:
         for number, one in enumerate(render_several(paths, folder, asked, console), 1):
             if one.error is not None:
@@ -185,7 +185,7 @@ def _render_several(
 def render_file(
     console: Console, path: str, output: str | None, asked: FileOptions, dry: bool = False
 ) -> Completed | None:
-    """Render one score; what it says stands on the console. None after a dry run."""
+    """Render one score, and print what was written. None after a dry run."""
     return _render(console, path, score.read(path, asked, console), output, asked, dry)
 
 
@@ -203,7 +203,7 @@ def _render(
 
 def _refuse_silence(strict: bool, done: Completed | None) -> None:
     if strict and done is not None and _is_silent(done):
-        raise Findings  # the warning says it
+        raise Findings  # the warning is printed already
 
 
 def _is_silent(done: Completed) -> bool:

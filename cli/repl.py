@@ -98,13 +98,13 @@ def repl(
             from ergon.repl.prompt.signals import unwatched
 
             remote = remote_session.join(score_path, asked, console)
-        except EngineExitError as ended:  # why stands on the terminal
+        except EngineExitError as ended:  # the terminal shows the reason
             raise click.exceptions.Exit(ended.exit_code) from None
         _prompt(remote, unwatched, plain=plain, strict=strict)
 
 
 def _prompt(session: SessionProtocol, watch: Watch, *, plain: bool, strict: bool) -> None:
-    """Read lines until somebody leaves."""
+    """Read lines until the user leaves."""
     from ergon.repl.prompt.run import history_of_user, run
 
     if run(session, plain=plain, strict=strict, history=history_of_user(), watch=watch):

@@ -28,7 +28,7 @@ def schema(output: str | None, force: bool, quiet: bool) -> None:
 
 
 def schema_text() -> str:
-    """The schema as indented JSON, with the mark by which our own files are known."""
+    """The schema as indented JSON, with the mark that identifies files of ergon."""
     import json
 
     from ergon.scores.reading.schema import schema as build

@@ -30,11 +30,11 @@ class Terminated(BaseException):
 def signals_as_exceptions() -> Iterator[None]:
     """SIGTERM and SIGHUP raise Terminated, so clean-up runs; a second Ctrl-C skips clean-up."""
     arrived: list[int] = []
-    over: list[bool] = []  # filled where no signal is to come again
+    over: list[bool] = []  # has an item once no signal is to come again
     watched: list[weakref.finalize[[int], Terminated]] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        if _is_rescued(frame):  # what is raised there is dropped as well
+        if _is_rescued(frame):  # an exception raised there is dropped too
             _again(number, over)
             return
         signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -46,7 +46,8 @@ def signals_as_exceptions() -> Iterator[None]:
         raise watch(Terminated(number))
 
     def watch(error: Terminated) -> Terminated:
-        # What looks whether an attribute is there, as while it imports, may swallow any exception.
+        # Code that looks for an attribute, as during an import, may swallow any exception: let the
+        # signal come again when the exception is dropped.
         watched.append(weakref.finalize(error, come_again, error.number))
         return error
 
@@ -56,7 +57,7 @@ def signals_as_exceptions() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    if (core := sys.modules.get("ergon._core")) is not None:  # this process has outlived a signal
+    if (core := sys.modules.get("ergon._core")) is not None:  # after an earlier signal
         core.begin_again()
     handlers: dict[int, Handler] = {signal.SIGINT: interrupt, signal.SIGTERM: terminate}
     if hasattr(signal, "SIGHUP"):
@@ -73,7 +74,7 @@ def signals_as_exceptions() -> Iterator[None]:
     except (KeyboardInterrupt, Terminated, Exception):
         raise
     except BaseException as panic:
-        # What a signal ends inside the core may be a panic of the core.
+        # A signal that ends work inside the core may arrive here as a panic of the core.
         if not arrived:
             raise
         ended = KeyboardInterrupt() if arrived[-1] == signal.SIGINT else Terminated(arrived[-1])
@@ -89,8 +90,9 @@ def signals_as_exceptions() -> Iterator[None]:
 def until_interrupted() -> None:
     """Wait until a signal's handler raises.
 
-    A wait that only the signal itself interrupts may last for ever: the signal can come before the
-    wait begins, or to another thread. The byte that Python writes for each signal is never missed.
+    A wait that only the signal itself interrupts may last for ever: the signal can arrive before
+    the wait begins, or in another thread. The byte that Python writes for each signal is never
+    missed.
     """
     ours, pythons = socket.socketpair()
     with ours, pythons:
@@ -104,19 +106,19 @@ def until_interrupted() -> None:
 
 
 def _again(number: int, over: list[bool]) -> None:
-    """Let a signal come again, not from here, where its exception would be dropped as well."""
+    """Send a signal again later from a thread: here its exception would be dropped as well."""
 
     def come() -> None:
         time.sleep(_AGAIN)
         if not over:
             _interrupt(number)
 
-    # No lock of `threading` is taken: a handler may have interrupted who holds it.
+    # Take no lock of `threading`: a handler may have interrupted the holder of that lock.
     _thread.start_new_thread(come, ())
 
 
 def _interrupt(number: int) -> None:
-    """Let a signal come to the main thread, and wake it."""
+    """Send a signal to the main thread, and wake it."""
     main = threading.main_thread().ident
     if hasattr(signal, "pthread_kill") and main is not None:
         signal.pthread_kill(main, number)
@@ -125,15 +127,15 @@ def _interrupt(number: int) -> None:
 
 
 class _Rescue:
-    """Raises a signal's exception again where Python has dropped it."""
+    """Raises a signal's exception again after Python has dropped it."""
 
     def __init__(self, handlers: Mapping[int, Handler], over: list[bool]) -> None:
-        """`handlers` are those of the signals, until something is `over`."""
+        """`handlers` are those of the signals; once `over` has an item, no signal comes again."""
         self.handlers, self.over = handlers, over
         self.before = sys.unraisablehook
 
     def __call__(self, dropped: sys.UnraisableHookArgs) -> None:
-        """What Python calls with what it has dropped."""
+        """Called by Python with an exception that it has dropped."""
         error = dropped.exc_value
         if not isinstance(error, (KeyboardInterrupt, Terminated)):
             self.before(dropped)
@@ -143,7 +145,7 @@ class _Rescue:
 
 
 def _is_rescued(frame: FrameType | None) -> bool:
-    """Whether a signal has come while an exception is rescued."""
+    """Whether a signal came while `_Rescue` was handling a dropped exception."""
     while frame is not None:
         if frame.f_code is _Rescue.__call__.__code__:
             return True
@@ -153,9 +155,10 @@ def _is_rescued(frame: FrameType | None) -> bool:
 
 @contextlib.contextmanager
 def _not_lost(handlers: Mapping[int, Handler], over: list[bool]) -> Iterator[None]:
-    """Raise a signal's exception again where Python has dropped it.
+    """Raise a signal's exception again after Python has dropped it.
 
-    It drops what is raised in a finaliser or a weak reference's callback, as while it imports.
+    Python drops exceptions that are raised in a finaliser or in the callback of a weak
+    reference, for example during an import.
     """
     rescue = _Rescue(handlers, over)
     sys.unraisablehook = rescue

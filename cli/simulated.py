@@ -1,4 +1,4 @@
-"""What `ergon check --simulate` says of a score that was played without being heard."""
+"""What `ergon check --simulate` says about a score that is computed unheard."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def simulated(console: Console, path: str, loaded: Loaded, piece: Piece) -> None:
-    """Play a score to its end, and say what keys, masses and contacts did."""
+    """Compute a score to its end, and say what keys, masses and contacts did."""
     done = simulate(piece, f"simulating {path}", console)
     _keys(console, piece, done.followed)
     _swings(console, done.swings)

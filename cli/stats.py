@@ -19,7 +19,7 @@ from .recording import SUFFIX
 from .tables import table
 from .units import metres, seconds
 
-_LARGEST = 3  # shares of modes that are told of a point
+_LARGEST = 3  # shares of modes that are printed for a point
 
 
 @click.command()

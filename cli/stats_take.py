@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ergon.api.take_stats import ForceStats, HandStats
     from ergon.scores.gesture.movement import MovementStats
 
-_LISTED = 12  # instants of strikes that are told
+_LISTED = 12  # instants of strikes that are listed
 
 
 def tell(console: Console, path: str, hands: tuple[str, ...], cutoff: str) -> None:

@@ -1,4 +1,6 @@
-"""Standard streams that never fail to write: closed ones, and those of narrow encodings."""
+"""Standard streams that never fail to write, even if they are closed or cannot encode a
+character.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +12,11 @@ _NAMES = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
 
 def make_whole() -> None:
-    """Put the null device where a stream is closed, and escape what one has no characters for.
+    """Put the null device in place of closed streams, and escape characters that a stream cannot
+    encode.
 
-    Else the first file that is opened gets the number of the closed stream, and what is said goes
-    into it.
+    Without this, the first file that is opened gets the number of a closed stream, and messages
+    go into that file.
     """
     for number, (name, mode) in enumerate(_NAMES):
         stream = getattr(sys, name)
@@ -25,7 +28,7 @@ def make_whole() -> None:
 
 
 def _null(number: int) -> int:
-    """The null device under a stream's own number, if that is free."""
+    """Open the null device under the stream's own number, if that is free."""
     try:
         os.fstat(number)
     except OSError:
@@ -33,6 +36,6 @@ def _null(number: int) -> int:
         if opened != number:
             os.dup2(opened, number)
             os.close(opened)
-        os.set_inheritable(number, True)  # as those of a shell are
+        os.set_inheritable(number, True)  # as a shell's streams are
         return number
     return os.open(os.devnull, os.O_RDWR)

@@ -16,14 +16,16 @@ if TYPE_CHECKING:
     from ergon.rendering.render import RenderJob
     from ergon.scores.staging.stage import Stage
 
-_SHORT = 12  # digits of a hash that a person compares
+_SHORT = 12  # digits of a hash that are shown
 
 
 def rendered(console: Console, completed: Completed) -> None:
-    """One line, or one JSON record; one more for every stem."""
+    """One line, or one JSON record, for the mix; one more for each instrument, motion file and
+    stem.
+    """
     done, job, network = completed.files, completed.job, completed.network
     duration = job.n_frames / job.format.rate
-    # What was simulated: a part of a piece is cut from the whole.
+    # The speed counts all simulated frames: a part of a piece is cut from the whole.
     speed = job.stop / job.format.rate / done.wall if done.wall > 0 else 0.0
     mix = done.mix
     peak = decibels(mix.peak)
@@ -93,7 +95,7 @@ def rendered(console: Console, completed: Completed) -> None:
 
 
 def finer(console: Console, simulation: Simulation) -> None:
-    """Say of which parts frames were computed finer, one line or record for each."""
+    """Say for which parts frames were computed in finer steps, one line or record for each."""
     for part, frames, most in simulation.finer():
         if console.json:
             console.record("finer", part=part, frames=frames, most=most)
@@ -106,14 +108,14 @@ def finer(console: Console, simulation: Simulation) -> None:
 
 
 def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
-    """What a render would write, and whether its scheme is stable."""
+    """Say what a render would write, and whether its scheme is stable."""
     certificate = stage.network.certify(stage.rate)
     n_files = 1 + (len(stage.stems()) if job.stems is not None else 0)
     size = job.n_frames * job.format.n_channels * BYTES[job.format.bits] * n_files
     held = 0
     if job.level.normalise is not None:
         held = job.stop * job.format.n_channels * 8 * n_files
-    # λmax reaches 4 where the scheme diverges (Jury): how much stiffer everything may become.
+    # The scheme diverges at λmax = 4 (Jury): the margin is how much stiffer everything may become.
     margin = 4 / certificate.lambda_max if certificate.lambda_max > 0 else float("inf")
     if console.json:
         console.record(

@@ -1,4 +1,4 @@
-"""Tables of words as a terminal shows them."""
+"""Tables of words for a terminal."""
 
 from __future__ import annotations
 

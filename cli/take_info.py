@@ -40,7 +40,7 @@ def info(console: Console, file: str) -> None:
 
 
 def take(console: Console, path: Path) -> None:
-    """Tell of a take in any of these forms."""
+    """Say what a take in any of these forms holds."""
     if path.suffix.lower() == SUFFIX:
         _recording(console, path)
     else:
@@ -102,7 +102,7 @@ def _recording(console: Console, path: Path) -> None:
 
 
 def _axes(take: Recording) -> list[dict[str, Any]]:
-    """What each hand did."""
+    """Figures of each hand."""
     positions, forces, flags = take.positions(), take.forces(), take.flags()
     axes: list[dict[str, Any]] = []
     for i, (name, (player, key)) in enumerate(zip(take.names, take.axes, strict=True)):
@@ -155,7 +155,7 @@ def _table(console: Console, path: Path) -> None:
 
 
 def _seconds(time: Column) -> float | None:
-    """What a column of instants spans [s]; None where its unit measures no time."""
+    """The duration in a column of instants [s]; None if its unit is not one of time."""
     from ergon.scores.gesture.points import SECOND
 
     per_second = SECOND.get(time.name.partition("[")[2].strip(" ]") or "s")

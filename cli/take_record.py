@@ -83,7 +83,7 @@ def _until_over(console: Console, performance: _core.Performance) -> None:
         if trouble and not told:
             console.warn(f"the recording cannot be written: {trouble}")
         told = trouble is not None
-        # A hand whose device is gone goes nowhere: there is nothing more to record of it.
+        # Without its device a hand does not move: there is nothing more to record of it.
         gone = [what for _, what, _ in performance.events() if what == "gone"]
         if gone:
             console.warn("the device is gone; the recording up to there is kept")
@@ -104,11 +104,11 @@ def _boards(live: tuple[str, ...]) -> list[Board]:
 
 
 def _named(live: tuple[str, ...]) -> list[str]:
-    """Hands without a player's name are called hand, hand2 …"""
+    """Give hands without a player's name the names hand, hand2 …"""
     pairs = []
     for text in live:
         player, is_pair, _ = text.partition("=")
-        # A URL's own options may hold one too, but behind its colon.
+        # The options of a URL may hold a `=` too, but only after its colon.
         if is_pair and ":" not in player:
             pairs.append(text)
         else:

@@ -41,7 +41,7 @@ def trim(
     begin, end = _seconds(start, "FROM"), _seconds(stop, "TO")
     if not begin < end:
         raise Refused(f"nothing lies between {start} and {stop}")
-    # The header alone: ticks are counted from the first row, wherever in the piece that was.
+    # Read the header alone: ticks are counted from the first row, wherever in the piece that was.
     head = recording.read_quietly(path, (0, 0))
     rate = head.rate / head.frames
     span = _ticks(begin, rate), _ticks(end, rate)
@@ -64,6 +64,6 @@ def _seconds(text: str, what: str) -> float:
 
 
 def _ticks(instant: float, rate: float) -> int:
-    """The first tick that is not before an instant; a tick but for rounding is that tick."""
+    """The first tick that is not before an instant; rounding errors are allowed for."""
     most = (1 << 64) - 1
     return most if instant * rate >= most else math.ceil(instant * rate - 1e-6)

@@ -79,7 +79,7 @@ def tune(
 
 
 def _targets(words: tuple[str, ...]) -> Any:
-    """As `ergon.tune` takes them. Raises Refused."""
+    """The targets as `ergon.tune` takes them. Raises Refused."""
     if len(words) == 1 and ":" in words[0]:
         return words[0]
     if any(":" in word for word in words):
@@ -124,7 +124,7 @@ def _cents(off: float) -> str:
 
 
 def _unreached(found: Tuned) -> str:
-    """What is left, and why."""
+    """Which targets were not reached, and why."""
     off = found.cents
     worst = max(range(len(off)), key=lambda i: abs(off[i]))
     side = "above" if off[worst] > 0 else "below"
@@ -151,7 +151,7 @@ def _write(
         return
     if score_path == "-":
         raise Refused("--write needs a score in a file; write to stdout by -o -")
-    # The score is the composer's own file, who asks for this.
+    # The score is the composer's own file, and the composer asks for this.
     write_text(Path(score_path), found.edited, force=True)
     console.say(f"wrote {plural(len(found.values), 'value')} into {score_path}")
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _BEGINS = b"ERGM"  # docs/motion.md
 
 
-# Names of MovieOptions; without --movie none of them means anything.
+# Names of MovieOptions; the command refuses them without --movie.
 _film_options = options.several(
     click.option(
         "--movie",
@@ -42,7 +42,7 @@ _film_options = options.several(
         "--words", is_flag=True, default=None, help="Show the text of the page in the film too."
     ),
 )
-_FLAGS = {"rate": "fps", "start": "from", "end": "to"}  # of names that are other words
+_FLAGS = {"rate": "fps", "start": "from", "end": "to"}  # flags that are named differently
 
 
 @click.command()
@@ -183,7 +183,7 @@ def _film(console: Console, maker: MovieMaker, shown: Shown) -> None:
 
 
 def _is_motion(path: Path) -> bool:
-    """Whether a file holds motion, as its beginning says; else it is a score. Raises Refused."""
+    """Whether a file is a motion file, by its first bytes; else it is a score. Raises Refused."""
     from ergon.common.regular import open_regular
 
     with open_regular(path) as file:  # a pipe's other end would be waited for

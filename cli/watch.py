@@ -1,4 +1,4 @@
-"""Waiting for files to change, and for the editor to be done with them."""
+"""Waiting until files have changed and the editor has finished writing them."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from pathlib import Path
 
 SETTLE = 50  # [ms] of quiet; editors write, rename and touch in bursts
 _BURST = 1600  # [ms] after which a burst without an end counts as a change
-_LOOK = 1000  # [ms] between looks of our own, for what fell between two waits
+_LOOK = 1000  # [ms] between extra looks, for changes between two waits
 
 
 def changes(files: set[Path]) -> Iterator[None]:
     """Yield once at the beginning, then after every change of one of `files`.
 
-    The caller may change the set between. The folders are watched, not the files: many editors
-    replace a file, which looks like its disappearance to whoever watches the file itself.
+    The caller may change the set in between. The folders are watched, not the files: many
+    editors replace a file, which looks to a watcher of the file as if it disappeared.
     """
     from watchfiles import watch
 
     while True:
         before = _states(files)
         yield
-        # Files that the caller named meanwhile are as they are now.
+        # Files that the caller added meanwhile start with their present state.
         before = {**_states(files), **{path: before[path] for path in before if path in files}}
         folders = {path.resolve().parent for path in files}
         for _ in watch(
@@ -35,7 +35,7 @@ def changes(files: set[Path]) -> Iterator[None]:
             raise_interrupt=True,
         ):
             now = _states(files)
-            # A file that is gone is being replaced: it will be back.
+            # A missing file is being replaced: it will be back.
             if any(now[path] is not None and now[path] != before[path] for path in before):
                 break
 

@@ -1,1 +1,1 @@
-"""What every room may use: errors, reports, text for terminals, files opened with care, T60."""
+"""Helpers of all packages: errors, reports, text for terminals, careful opening of files, T60."""

@@ -1,4 +1,6 @@
-"""What a person types to install an extra of ergon: optional libraries of one of its parts."""
+"""The command that a user types to install an extra of ergon: the optional libraries of one
+part.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +8,10 @@ from pathlib import Path
 
 
 def install(extra: str) -> str:
-    """The command that installs an extra: in a clone from that clone, else from the index."""
-    # In a clone the package links to this very folder.
+    """The command that installs an extra: from the clone that this file lies in, else from the
+    index.
+    """
+    # A clone is installed in place, so this file lies inside the clone.
     root = next((at for at in Path(__file__).resolve().parents if _is_clone(at)), None)
     if root is None:
         return f"pip install 'ergon-live[{extra}]'"

@@ -1,4 +1,4 @@
-"""Opening untrusted names: regular files alone, and never blocking on a pipe."""
+"""Opening files under untrusted names: only regular files, and never blocking on a pipe."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class NotRegularError(ErgonError, OSError):
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """The bytes of a regular file. Raises OSError; a name that no file can have too.
+    """Open a regular file for reading. Raises OSError, also for a name that no file can have.
 
-    Opening a pipe would wait for its other end, and a device has no end: O_NONBLOCK opens both at
-    once, and the open file itself is asked what it is.
+    Opening a pipe would wait for its other end, and a device has no end: O_NONBLOCK opens both
+    at once, and `fstat` then tells the kind of the open file.
     """
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)
     flags |= getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
@@ -40,7 +40,7 @@ def open_regular(path: Path) -> BufferedReader:
 
 
 def read_bounded(path: Path, most: int) -> bytes:
-    """Up to `most` + 1 bytes of a regular file: more than `most` say that it is larger."""
+    """Up to `most` + 1 bytes of a regular file; more than `most` mean that the file is larger."""
     with open_regular(path) as file:
-        # What read() may return is allocated first.
+        # `read` allocates as many bytes as it is asked for: ask for no more than the file has.
         return file.read(min(most, os.fstat(file.fileno()).st_size) + 1)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Progress:
-    """How far a piece of work is; this one shows nothing."""
+    """The progress of a piece of work; this base class shows nothing."""
 
     def __enter__(self) -> Self:
         """Begin."""
@@ -30,11 +30,11 @@ class Progress:
         """End, however the work ended."""
 
     def at(self, done: int) -> None:
-        """So many frames are done."""
+        """Set how much is done, in the unit of the total."""
 
 
 class Report:
-    """Receives the sentences of long work; this one drops them."""
+    """Receives the messages of long work; this base class drops them."""
 
     __slots__ = ()
 
@@ -53,15 +53,18 @@ class Report:
         sources: Mapping[str, Source],
         left_out: Mapping[Severity, int],
     ) -> None:
-        """Mistakes, warnings and notes of a score, the texts of its files by name, and how many
-        more of each there are."""
+        """Show mistakes, warnings and notes of a score. `sources` are the texts of its files by
+        name, `left_out` counts the diagnostics of each severity that are not in `found`.
+        """
 
     def progress(self, task: str, total: int, rate: float) -> Progress:
-        """How far `task` is, of `total` frames at `rate` [Hz]; without a rate (0) of whatever."""
+        """Begin to show the progress of `task`: `total` frames at `rate` [Hz]; with rate 0, `total`
+        items of any kind.
+        """
         return Progress()
 
     def waiting(self, task: str) -> AbstractContextManager[None]:
-        """A task begins whose length nobody knows; it lasts as long as this context."""
+        """Begin a task of unknown length; it lasts as long as this context."""
         return nullcontext()
 
 

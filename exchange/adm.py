@@ -1,7 +1,8 @@
 """What the channels of a WAVE file are: the Audio Definition Model, in chunks `axml` and `chna`.
 
-Sources: ITU-R BS.2076-2 (the model), BS.2088-1 (the chunks). Loudspeakers are DirectSpeakers, whose
-distances are parts of the pack's `absoluteDistance`; Ambisonics is HOA in ACN order and SN3D.
+Sources: ITU-R BS.2076-2 (the model), BS.2088-1 (the chunks). Loudspeakers are DirectSpeakers,
+whose distances are fractions of the pack's `absoluteDistance`; Ambisonics is HOA in ACN order
+and SN3D.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from .wave_header import WaveInfo
 
 _UID = struct.Struct("<H12s14s11sx")
-_FIRST = 0x1001  # of what is defined in the file itself
+_FIRST = 0x1001  # first ID of definitions in the file itself
 _TYPES = {"DirectSpeakers": "0001", "HOA": "0004"}
 _MOST = 1024  # channels
 _FARTHEST = 1e4  # [m]
@@ -36,7 +37,7 @@ class Sounded:
 
     @property
     def n_channels(self) -> int:
-        """How many channels that is."""
+        """Number of these channels."""
         return len(self.speakers) if self.order is None else (self.order + 1) ** 2
 
 
@@ -137,7 +138,7 @@ def _block(sounded: Sounded, index: int, farthest: float) -> list[str]:
 
 
 def read(info: WaveInfo) -> Sounded | None:
-    """What a file says its channels are; None where it says nothing that is known here.
+    """What a file says its channels are; None without a description, or for one not supported here.
 
     Raises XmlError for a description that cannot be read.
     """
@@ -146,7 +147,7 @@ def read(info: WaveInfo) -> Sounded | None:
     tracks = _tracks(info.chna, info.format.n_channels)
     root = parsed(info.axml)
     formats = {one.get("audioChannelFormatID"): one for one in root.iter("audioChannelFormat")}
-    # AT_yyyyxxxx_zz is the track of AC_yyyyxxxx (BS.2076, 6); a file may name the latter itself.
+    # AT_yyyyxxxx_zz is the track of AC_yyyyxxxx (BS.2076, 6); a file may also name the AC directly.
     found = [formats.get(f"AC_{track[3:11]}") for track in tracks]
     if not found or any(one is None for one in found):
         return None
@@ -160,7 +161,9 @@ def read(info: WaveInfo) -> Sounded | None:
 
 
 def _tracks(data: bytes, n_channels: int) -> list[str]:
-    """The name of what each channel plays; none where one has no name, or two."""
+    """The format that each channel plays (AT_… or AC_…), the first of several; empty if the rows do
+    not name exactly the channels of the file.
+    """
     names: dict[int, str] = {}
     for at in range(4, len(data) - _UID.size + 1, _UID.size):
         index, _, name, _ = _UID.unpack_from(data, at)

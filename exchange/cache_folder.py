@@ -1,8 +1,8 @@
-"""A folder of files that are convenient and never needed: the least recently used go first.
+"""Cache folders: their files can be lost without harm, and the least recently used go first.
 
-$XDG_CACHE_HOME/ergon/NAME, or ~/.cache/ergon/NAME; ERGON_CACHE=off keeps none, ERGON_CACHE=plans
-plans alone. A folder that cannot be written is no mistake, and what is read may be broken or
-foreign: whoever asks has to look.
+The folder is $XDG_CACHE_HOME/ergon/NAME, or ~/.cache/ergon/NAME; ERGON_CACHE=off stores nothing,
+ERGON_CACHE=plans only plans. A folder that cannot be written is not an error. A file that is
+read may be damaged or written by another program: the caller has to check it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PLANS = "plans"  # a few megabytes at most, where rendered sound takes gigabytes
 class CacheFolder:
     """Files by a key, in a folder that need not exist; `suffix` ends their names.
 
-    It keeps at most `n_files` and `n_bytes` of all, and `n_bytes_one` of one.
+    `n_files` and `n_bytes` bound all files together, `n_bytes_one` bounds each of them.
     """
 
     path: Path
@@ -51,7 +51,7 @@ class CacheFolder:
         return data
 
     def write(self, key: str, content: bytes) -> bool:
-        """Keep some content, if that can be; whether it was."""
+        """Store the content, if possible; True if it was stored."""
         if len(content) > self.n_bytes_one:
             return False
         try:
@@ -84,25 +84,27 @@ class CacheFolder:
 
 
 def of_user(name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
-    """What has this name in the user's own cache folder; None where nothing is to be kept."""
+    """The path of `name` in the user's own cache folder; None if nothing is to be kept."""
     kept = environment.get("ERGON_CACHE", "").lower()
     if kept in ("off", "0", "no") or (kept == PLANS and name != PLANS):
         return None
     base = environment.get("XDG_CACHE_HOME", "")
-    if Path(base).is_absolute():  # others are to be ignored, says the specification
+    if Path(base).is_absolute():  # the specification says to ignore relative paths
         return Path(base) / "ergon" / name
     try:
         return Path.home() / ".cache" / "ergon" / name
-    except RuntimeError:  # nobody's
+    except RuntimeError:  # this user has no home folder
         return None
 
 
 def of_this_version(key: str) -> str:
-    """A key that another version of the engine does not find: it may compute something else."""
+    """A key that only this version of the engine finds, since another may compute something
+    else.
+    """
     return hashlib.sha256(f"{_version()} {key}".encode()).hexdigest()
 
 
 @cache
 def _version() -> str:
-    """What this engine is, to the byte."""
+    """Hash of the bytes of the compiled engine."""
     return hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()

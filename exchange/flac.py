@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 CHANNELS_MAX = 8  # RFC 9639, section 9.1.3
 RATE_MAX = 655_350  # [Hz]; RFC 9639, section 8.2, as libFLAC writes it
-_MADE_BY = "made by ergon;"  # by this mark a file of ours is known again
+_MADE_BY = "made by ergon;"  # this mark identifies a file of ergon
 _SUBTYPES: dict[Bits, str] = {16: "PCM_16", 24: "PCM_24"}
 _BITS: dict[str, Bits] = {subtype: bits for bits, subtype in _SUBTYPES.items()}
 _BLOCK = 65_536  # frames read at once
@@ -41,7 +41,9 @@ def refusal(format: WaveFormat) -> str | None:
 
 
 class _Target:
-    """A file for libsndfile; an error of the disk is kept, for it cannot pass through C."""
+    """A file object for libsndfile. It keeps an error of the disk, as no exception can pass through
+    C.
+    """
 
     def __init__(self, file: BinaryIO) -> None:
         self.file = file
@@ -104,7 +106,7 @@ class FlacWriter:
         self._hash.update(encode(block, self.format))
         try:
             self._sound.write(block)
-        except (AssertionError, soundfile.LibsndfileError):  # the first where the disk is full
+        except (AssertionError, soundfile.LibsndfileError):  # AssertionError if the disk is full
             raise self._target.error or OSError(f"{self._sound.name} cannot be written") from None
         if self._target.error is not None:
             raise self._target.error

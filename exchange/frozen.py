@@ -3,8 +3,8 @@
     DIR/frozen.json   {"made": …, "ergon_frozen": 1, "score": …, "seed": …, "stems": […]}
     DIR/01_gong.wav   a channel for each output of a part: doubles, before gains and high-passes
 
-Outputs and not channels: one mixer goes over all of a piece, and no bit of it depends on what was
-frozen.
+The files hold outputs, not mixed channels: one mixer processes the whole piece, so no bit of the
+mix depends on which parts were frozen.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class NotFrozenError(ErgonError, ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What frozen parts are a function of; `plan` is the hash of how they were computed."""
+    """What the samples of frozen parts depend on; `plan` is the hash of how they were computed."""
 
     title: str
     score: str
@@ -50,7 +50,9 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Stem:
-    """A file of a part's outputs; `taps` are their indices in the network, in order."""
+    """The file of a part's outputs; `taps` are the indices of these outputs in the network, in
+    order.
+    """
 
     part: str
     path: Path
@@ -60,7 +62,7 @@ class Stem:
 
 @dataclass(frozen=True, slots=True)
 class Frozen:
-    """What a folder says that it holds."""
+    """The content of a folder according to its manifest."""
 
     source: Source
     n_frames: int
@@ -74,7 +76,7 @@ class Frozen:
 
 @dataclass(frozen=True, slots=True)
 class VerifiedStem:
-    """A stem that is whole: its doubles begin after `offset` bytes."""
+    """A stem whose file was checked; its samples are doubles from byte `offset` on."""
 
     path: Path
     offset: int
@@ -82,7 +84,7 @@ class VerifiedStem:
     taps: tuple[int, ...]
 
     def samples(self, at: int = 0, n_frames: int | None = None) -> NDArray[np.float64]:
-        """Its samples (n_frames, n_taps) from frame `at` on, all of them if nothing is said."""
+        """Its samples (n_frames, n_taps) from frame `at` on; all of them if `n_frames` is None."""
         import numpy as np
 
         width = len(self.taps)
@@ -93,7 +95,7 @@ class VerifiedStem:
         return samples.reshape(n_frames, width)
 
     def join(self, frames: NDArray[np.float64], at: int) -> None:
-        """Put its frames from `at` on into frames (n_frames, n_out)."""
+        """Copy its samples from frame `at` on into its columns of frames (n_frames, n_out)."""
         frames[:, list(self.taps)] = self.samples(at, len(frames))
 
 
@@ -118,7 +120,7 @@ def text(frozen: Frozen) -> str:
 
 
 def read(folder: Path) -> Frozen:
-    """What a folder says that it holds. Raises NotFrozenError."""
+    """Read the manifest of a folder. Raises NotFrozenError."""
     path = folder / MANIFEST
     try:
         data = read_bounded(path, _SIZE_MAX)
@@ -157,9 +159,9 @@ def _stem(folder: Path, entry: Any) -> Stem:
 
 
 def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> list[VerifiedStem]:
-    """The stems, if they are whole and of this stage's taps. Raises NotFrozenError.
+    """The stems, if their files are unchanged and hold the outputs `taps` of each part.
 
-    Every file is read once and hashed.
+    Every file is read once and hashed. Raises NotFrozenError.
     """
     taps_by_part: dict[str, list[int]] = {}
     for stem in frozen.stems:

@@ -26,9 +26,10 @@ _SIDE = 0.004  # [m], of the little octahedron that each point is
 def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float | None) -> str:
     """A glTF 2.0 scene: a node for each point under a node for each part.
 
-    A point moves along y (up), `exaggeration` times as far as it does; None: 5 cm at most. A point
-    in space is one node, which is where the point is [m]; springs between such points are lines,
-    until they break. Everything is in one file. Raises NotMotionError where there are too many.
+    Displacements are drawn along y (up), multiplied by `exaggeration`; with None, the largest is
+    drawn as 5 cm. A point in space is one node at its true position [m]; springs between such
+    points are lines until they break. Everything is in one file. Raises NotMotionError if there
+    are too many nodes.
     """
     import numpy as np
 
@@ -94,7 +95,7 @@ def _automatic(motion: Motion, parts: list[dict[str, Any]], in_space: set[int]) 
 
 
 def _turned(places: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Places of the room (…, 3) as glTF has them: right-handed with y up, (x, z, -y)."""
+    """Places of the room (…, 3) in the axes of glTF: right-handed with y up, (x, z, -y)."""
     import numpy as np
 
     x, y, z = np.moveaxis(places, -1, 0)
@@ -103,7 +104,7 @@ def _turned(places: NDArray[np.float64]) -> NDArray[np.float32]:
 
 @dataclass(slots=True)
 class _Scene:
-    """Nodes and what moves them; numbers lie in one buffer."""
+    """Nodes, meshes and animations of a scene; all numbers lie in one buffer."""
 
     at: NDArray[np.float64]
     nodes: list[dict[str, Any]] = field(default_factory=list)
@@ -115,24 +116,27 @@ class _Scene:
     _samplers: list[dict[str, Any]] = field(default_factory=list)
     _channels: list[dict[str, Any]] = field(default_factory=list)
     _times: int = 0
-    # Of each node that moves, the sampler of its translation; arrays of instants by their bytes.
+    # `_moved`: for each node that moves, the sampler of its translation. `_known`: the accessor of
+    # each array of instants, by the bytes of the array.
     _moved: dict[int, int] = field(default_factory=dict)
     _known: dict[bytes, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """The mesh of points, and the instants."""
+        """Add the mesh of points and the array of instants."""
         import numpy as np
 
         self._meshes.append({"primitives": [{"attributes": {"POSITION": self._octahedron()}}]})
         self._times = self._instants(self.at.astype(np.float32))
 
     def node(self, own: dict[str, Any]) -> int:
-        """A node; its number."""
+        """Add a node; returns its number."""
         self.nodes.append(own)
         return len(self.nodes) - 1
 
     def point(self, name: str, rest: NDArray[np.float64], path: NDArray[np.float64]) -> int:
-        """A point that rests at a place (3,) and goes along a path (n_instants, 3); its node."""
+        """Add a point that rests at (3,) and follows a path (n_instants, 3); returns its node
+        number.
+        """
         turned = _turned(path)
         made = self.node({"name": name, "mesh": 0, "translation": _turned(rest).tolist()})
         if (path != rest).any():
@@ -140,10 +144,10 @@ class _Scene:
         return made
 
     def line(self, a: tuple[int, NDArray[Any]], b: tuple[int, NDArray[Any]], until: float) -> int:
-        """A line between two points, by the node and the path [m] of each, up to an instant [s].
+        """Add a line between two points, given by node and path [m], until an instant [s].
 
-        Its mesh goes from 0 to (1, 1, 1). So it is where its first end is, and as large along
-        each axis as its ends are apart; without size it is not seen.
+        Its mesh goes from 0 to (1, 1, 1). Its position is that of the first end, and its scale
+        along each axis is the distance of the ends. A line of scale 0 is invisible.
         """
         import numpy as np
 
@@ -183,7 +187,7 @@ class _Scene:
             self._moved[node] = sampler
 
     def _instants(self, times: NDArray[np.float32]) -> int:
-        """The array of some instants, which many lines may have."""
+        """The accessor of some instants; lines with equal instants share one."""
         key = times.tobytes()
         if key not in self._known:
             self._known[key] = self._array(times, "SCALAR", bounds=True)
@@ -199,7 +203,7 @@ class _Scene:
         return 1
 
     def text(self, title: str, made_by: str) -> str:
-        """The whole file."""
+        """The whole file as JSON."""
         whole: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": made_by},
             "scene": 0,

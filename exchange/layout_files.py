@@ -1,7 +1,8 @@
-"""Layouts of loudspeakers as other programs have them.
+"""Files of loudspeaker layouts of other programs.
 
-IEM AllRADecoder (JSON), the EBU ADM renderer (YAML), SpatGRIS 3 (XML speaker setup). A layout here
-is angles, and only what all have in common is kept: where each loudspeaker is, in their order.
+IEM AllRADecoder (JSON), the EBU ADM renderer (YAML), SpatGRIS 3 (XML speaker setup). A layout
+here is a list of angles and distances; only what all formats share is kept: where each
+loudspeaker is, and their order.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _MOST_DEPTH = 32
 
 
 class LayoutFileError(ErgonError, ValueError):
-    """The file is no layout that can be read here."""
+    """The file is not a layout that can be read here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class Form:
 
 
 def _write_iem(speakers: Sequence[Angles], title: str) -> str:
-    """With the imaginary loudspeakers that close its hull, which are not heard."""
+    """An IEM layout, with the silent imaginary loudspeakers that close the hull."""
     from ergon.space.panning import imaginary
 
     rows = [
@@ -244,7 +245,9 @@ FORMS = {
 
 
 def as_yaml(speakers: Sequence[Angles], title: str, radius: float | None = None) -> str:
-    """A layout of ours, which `layout:` of a score reads; the farthest is `radius` [m] away."""
+    """A layout of ergon (YAML) for `layout:` of a score; the farthest loudspeaker is `radius` [m]
+    away.
+    """
     farthest = max(distance for *_, distance in speakers)
     scale = 1.0 if radius is None or not farthest else radius / farthest
     lines = [

@@ -1,8 +1,8 @@
-"""How many times as long as the table of costs says work takes on this machine, once measured.
+"""The measured speed of this machine: how many times as long as in the table of costs work takes.
 
-$XDG_CACHE_HOME/ergon/speed.json, or ~/.cache/ergon/speed.json; ERGON_CACHE=off keeps none. It
-belongs to the processor that it was measured on: elsewhere, and where it is broken, it counts as
-none. No plan depends on it.
+The file is $XDG_CACHE_HOME/ergon/speed.json, or ~/.cache/ergon/speed.json; ERGON_CACHE=off and
+ERGON_CACHE=plans store none. The number is valid for the processor on which it was measured: on
+another one, or if the file is damaged, there is none. No plan depends on it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _RANGE = (0.01, 100.0)  # beyond it nothing was measured
 
 
 def kept(environment: Mapping[str, str] = os.environ) -> float | None:
-    """The correction that `keep` kept on this processor; None where there is none."""
+    """The correction stored on this processor; None if there is none."""
     path = _path(environment)
     if path is None:
         return None
@@ -40,7 +40,7 @@ def kept(environment: Mapping[str, str] = os.environ) -> float | None:
 
 
 def keep(correction: float, environment: Mapping[str, str] = os.environ) -> bool:
-    """Keep a correction for this processor; whether that could be done."""
+    """Store a correction for this processor; True if it was stored."""
     path = _path(environment)
     if path is None:
         return False
@@ -54,7 +54,7 @@ def keep(correction: float, environment: Mapping[str, str] = os.environ) -> bool
 
 
 def processor() -> str:
-    """The processor, as it calls itself."""
+    """The model name of the processor."""
     with contextlib.suppress(OSError, UnicodeDecodeError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

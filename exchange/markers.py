@@ -12,8 +12,8 @@ HEADER = ("name", "bar|beat", "time [s]")
 def markers_csv(marks: Iterable[tuple[str, str, float]]) -> str:
     """One row per (name, bar|beat, seconds), in the order given, after a line that names the form.
 
-    Seconds carry six digits after the point: a hundredth of a sample at 96 kHz would be 1e-7 s,
-    and no sequencer places a mark more finely than a sample.
+    Seconds have six decimals: 1 µs is a tenth of a sample at 96 kHz, and no sequencer places a
+    mark more finely than a sample.
     """
     text = io.StringIO()
     text.write("# marks 1, made by ergon\n")

@@ -1,7 +1,7 @@
 """The tempo map, meters and marks as a MIDI file of type 1 (Standard MIDI Files 1.0, RP-001).
 
-A ramp of tempo becomes steps of a sixteenth of a beat. MIDI counts microseconds per quarter note in
-whole numbers, so a tempo is rounded towards the side that makes up for the error so far.
+A ramp of tempo becomes steps of a sixteenth of a beat. MIDI counts microseconds per quarter note
+in whole numbers, so a tempo is rounded in the direction that reduces the time error so far.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 PPQ = 960  # ticks per quarter note: a sixteenth of a beat is whole for beats of 1/1 to 1/16
 STEPS_PER_BEAT = 16
-_DRIFT = 2.0  # [us] a tempo is kept as long as its clock is this near to the truth
+_DRIFT = 2.0  # [us] a tempo is kept while its time error is at most this
 _TEMPO_MAX = 2**24 - 1  # [us per quarter note] three bytes
 _TEXT, _TRACK_NAME, _MARKER, _END, _TEMPO, _METER = 0x01, 0x03, 0x06, 0x2F, 0x51, 0x58
 
@@ -43,9 +43,9 @@ def tempo_file(
     markers: Sequence[Marker],
     title: str,
 ) -> bytes:
-    """A file whose tick positions are the beats 0 … `length` and whose tempo gives their seconds.
+    """A file whose ticks count the beats 0 … `length` and whose tempo events give their seconds.
 
-    `seconds_at(beat)` [s] is the piece's tempo map. Raises ValueError where a tempo or a meter
+    `seconds_at(beat)` [s] is the piece's tempo map. Raises ValueError if a tempo or a meter
     cannot be written in MIDI.
     """
     ruler = _Ruler(meters)
@@ -74,7 +74,7 @@ def tempo_file(
 
 
 class _Ruler:
-    """Beats to ticks: a beat is as many ticks as its meter's unit says."""
+    """Converts beats to ticks; the unit of the meter says how many ticks a beat has."""
 
     def __init__(self, meters: Sequence[Meter]) -> None:
         self.meters = sorted(meters, key=lambda meter: meter.beat) or [Meter(0, 4, 4)]
@@ -102,7 +102,9 @@ class _Ruler:
 def _tempos(
     seconds_at: Callable[[float], float], length: float, ruler: _Ruler
 ) -> list[tuple[float, int]]:
-    """Tempo changes (beat, microseconds per quarter note) that keep within _DRIFT of the truth."""
+    """Tempo changes (beat, microseconds per quarter note) that stay within _DRIFT of the exact
+    time.
+    """
     events: list[tuple[float, int]] = []
     tempo, error = 0, 0.0  # error [us]: how late MIDI is
     for step in range(max(1, math.ceil(length * STEPS_PER_BEAT))):
@@ -122,7 +124,9 @@ def _tempos(
 
 
 def _variable(number: int) -> bytes:
-    """Seven bits a byte, the highest first, bit 7 on all but the last (RP-001, 4.3)."""
+    """A variable-length number: seven bits a byte, the highest first, bit 7 set on all but the last
+    byte (RP-001, 4.3).
+    """
     octets = [number & 0x7F]
     while number := number >> 7:
         octets.append(number & 0x7F | 0x80)

@@ -22,7 +22,7 @@ _FPS_MAX = 1_000_000
 
 
 def about(motion: Motion) -> dict[str, Any]:
-    """The manifest that it begins with (docs/motion.md). Raises NotMotionError."""
+    """The manifest at the beginning of the file (docs/motion.md). Raises NotMotionError."""
     manifest: dict[str, Any] = json.loads(motion.manifest)
     fps = manifest.get("fps")
     if not isinstance(fps, float | int) or not 0.0 < fps <= _FPS_MAX:
@@ -35,9 +35,9 @@ def about(motion: Motion) -> dict[str, Any]:
 
 
 def instants(motion: Motion, fps: float | None) -> NDArray[np.float64]:
-    """Instants [s] of an export, (n,): `fps` a second, or as often as the engine was looked at.
+    """Instants [s] of an export, (n,): `fps` a second, or by default the frame rate of the file.
 
-    Raises NotMotionError where that would be more numbers than fit.
+    Raises NotMotionError if the export would have more numbers than fit.
     """
     import numpy as np
 
@@ -53,11 +53,11 @@ def instants(motion: Motion, fps: float | None) -> NDArray[np.float64]:
 def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
     """`t` [s], `names`, `places` (x, y, z, rest) [m] and `displacement` [m] (n_instants, n_points).
 
-    Displacements are single floats; NaN is what nobody computed. `manifest` is JSON. Where there
-    are points in space, `space_names` and `space_positions` (n_instants, n_space, 3) [m] are each
-    as one: where it is in the room, z upwards. `space_links` (n_links, 2) are the springs between
-    them, by their numbers, `space_broken` (n_links,) since when each is broken [s], inf where it
-    is whole. Raises NotMotionError.
+    Displacements are single floats; NaN marks those that were not computed. `manifest` is JSON.
+    If there are points in space, the file also has: `space_names`, one name per point in space;
+    `space_positions` (n_instants, n_space, 3) [m], their positions in the room, z upwards;
+    `space_links` (n_links, 2), the springs between them, by their numbers; `space_broken`
+    (n_links,), when each spring broke [s], inf if it is whole. Raises NotMotionError.
     """
     import numpy as np
 
@@ -83,7 +83,7 @@ def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
 
 
 def csv_rows(motion: Motion, at: NDArray[np.float64]) -> Iterator[str]:
-    """The text of a CSV in pieces: t and the displacement of each point, a row an instant."""
+    """The text of a CSV in pieces: t and the displacement of each point, one row per instant."""
     names = ",".join('"' + name.replace('"', '""') + ' [m]"' for name in motion.names)
     yield f"# {MARK.decode()}\nt [s],{names}\n"
     count = max(1, _BLOCK // max(1, len(motion.names)))

@@ -1,4 +1,6 @@
-"""Points in space of a motion file: its table `space` joins the coordinates of each."""
+"""Points in space of a motion file: the table `space` says which of its points are the coordinates
+of one point in space.
+"""
 
 from __future__ import annotations
 
@@ -16,23 +18,24 @@ if TYPE_CHECKING:
 
 _LINKS, _BROKEN = 12, 16  # kinds of chunks
 _NUMBER = 4  # bytes of the number of links before them
-# Along which axis of the room each axis of a space goes: the last is up.
+# For spaces of 2 and 3 dimensions, the axis of the room that each of their axes runs along: the
+# last is up.
 _ALONG = {2: (0, 2), 3: (0, 1, 2)}
 
 
 class NotMotionError(ErgonError, ValueError):
-    """What was asked for cannot be had from a motion file."""
+    """A motion file does not have what was asked for."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpacePoint:
-    """A point in space: its name, and the points of the file that are its coordinates."""
+    """A point in space: its name, and the numbers of the file's points that are its coordinates."""
 
     name: str
     axes: tuple[int, ...]
 
     def rest(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where it rests [m], x, y and z of the room, z upwards   (3,).
+        """Its position at rest [m], x, y and z of the room, z upwards   (3,).
 
         `places` (n_points, 4) are those of the file.
         """
@@ -42,9 +45,10 @@ class SpacePoint:
         return found
 
     def path(self, places: NDArray[np.float64], moved: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where it is [m]   (n_instants, 3); `moved` (n_instants, n_points) is that of the file.
+        """Its positions [m]   (n_instants, 3); `moved` (n_instants, n_points) are the file's
+        displacements.
 
-        A coordinate that is not known throughout stays where it rests.
+        A coordinate that is not known at all instants stays at rest.
         """
         import numpy as np
 
@@ -55,7 +59,7 @@ class SpacePoint:
         return found
 
     def _coordinates(self) -> Iterator[tuple[int, int]]:
-        """An axis of the room, and the point of the file that moves along it."""
+        """Pairs of an axis of the room and the point of the file that moves along it."""
         yield from zip(_ALONG[len(self.axes)], self.axes, strict=True)
 
 
@@ -80,7 +84,9 @@ def points_in_space(table: object, names: Sequence[str]) -> list[SpacePoint]:
 
 @dataclass(frozen=True, slots=True)
 class Thread:
-    """A link between two points in space, by their numbers; since when it is broken [s], or inf."""
+    """A link between two points in space, by their numbers, and when it broke [s]: inf if it is
+    whole.
+    """
 
     ends: tuple[int, int]
     broken: float

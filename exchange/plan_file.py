@@ -3,8 +3,9 @@
 {"ergon_plan": 1, "hash": …, "budget": {"method": "ca"},
  "choices": [[modules, times, steps, [[numbers of a body] …]] …]}
 
-`budget` is what was asked for: `method`, `error` [dB] or `cents` with `upto` [Hz]; nothing of these
-is by ear. A file without it is followed within what the score asks for.
+`budget` is what the plan was made for: `method`, `error` [dB], or `cents` with `upto` [Hz];
+without any of these, the budget is by ear. A plan without `budget` is followed within the budget
+of the score.
 """
 
 from __future__ import annotations
@@ -31,19 +32,21 @@ _WISHES = ("method", "error", "cents")  # one of these at most
 
 
 class PlanFile(NamedTuple):
-    """What a file holds: the decisions, and within which budget they were made, if it says so."""
+    """The content of a file: the decisions, and the budget they were made for, if the file says
+    it.
+    """
 
     choices: Choices
     budget: Budget | None
 
 
 class NotPlanError(ErgonError, ValueError):
-    """The file is no plan that this program reads."""
+    """The file is not a plan that this program can read."""
 
 
 def text(choices: Choices, digest: str, **more: object) -> str:
-    """A plan as the text of a file; `more` stands at its head."""
-    # A choice a line, so that two plans can be compared by eye and by diff.
+    """A plan as the text of a file; `more` are further fields at its beginning."""
+    # One choice per line, so that two plans can be compared by eye and by diff.
     lines = ",\n  ".join(json.dumps(choice, separators=(",", ":")) for choice in choices)
     head = "".join(f', "{name}": {json.dumps(value)}' for name, value in more.items())
     return f'{{"ergon_plan": {VERSION}, "hash": "{digest}"{head}, "choices": [\n  {lines}\n]}}\n'

@@ -1,8 +1,8 @@
-"""What planning found of islands, in the user's cache folder.
+"""Results of the planner's trials of islands, in the user's cache folder.
 
 A file is JSON: {"ergon_trial": 1, "key": …, "hash": …, "numbers": […], "counts": [[…] …],
-"reason": …}, where the hash is that of the last three; one that is broken or foreign counts as
-none.
+"reason": …}, where the hash is that of the last three fields; a damaged or foreign file counts
+as missing.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _WORDS_MAX = 200  # of a reason
 
 
 class PlanStore:
-    """Records of trials by the hash of all that they are a function of."""
+    """Records of trials, by the hash of everything that they depend on."""
 
     def __init__(self, folder: Path) -> None:
         """Use a folder, which need not exist."""
         self._folder = CacheFolder(folder, ".json", _FILES_MAX, _BYTES_MAX, _BYTES_MAX_ONE)
 
     def get(self, key: str) -> TrialRecord | None:
-        """The record that was kept under a key."""
+        """The record stored under a key; None if there is none."""
         key = of_this_version(key)
         data = self._folder.read(key)
         if data is None:
@@ -47,19 +47,19 @@ class PlanStore:
             return None
 
     def put(self, key: str, record: TrialRecord) -> None:
-        """Keep a record, if that can be."""
+        """Store a record, if possible."""
         key = of_this_version(key)
         head = {"ergon_trial": _VERSION, "key": key, "hash": _hash(record)}
         content = {**head, **record._asdict()}
         self._folder.write(key, json.dumps(content, separators=(",", ":")).encode())
 
     def forget(self) -> None:
-        """Remove what was used least recently, until the rest is within bounds."""
+        """Remove the records that were used least recently, until the rest is within the bounds."""
         self._folder.forget()
 
 
 def of_user(environment: Mapping[str, str] = os.environ) -> PlanStore | None:
-    """The user's own records; None where they are to be kept nowhere."""
+    """The user's own store of records; None if nothing is to be kept."""
     folder = cache_folder.of_user("plans", environment)
     return None if folder is None else PlanStore(folder)
 
@@ -81,7 +81,7 @@ def _record_of(content: object, key: str) -> TrialRecord | None:
 
 
 def _hash(record: TrialRecord) -> str:
-    """Of what is kept: a number that a disk has changed is none."""
+    """Hash of a record, to detect numbers that the disk has changed."""
     return hashlib.sha256(json.dumps(list(record)).encode()).hexdigest()
 
 

@@ -24,11 +24,11 @@ _NO_NAME = str.maketrans(dict.fromkeys('[],;"#', "_"))  # what a header of a CSV
 
 
 class NotRecordingError(ErgonError, ValueError):
-    """What was given cannot be had from a recording, or made into one."""
+    """A recording does not have what was asked for, or one cannot be made of what was given."""
 
 
 def about(recording: Recording) -> dict[str, Any]:
-    """The description that was recorded with it; empty where it is not a JSON object."""
+    """The description stored with the recording; empty if it is not a JSON object."""
     try:
         description = json.loads(recording.about)
     except (ValueError, RecursionError):
@@ -37,7 +37,7 @@ def about(recording: Recording) -> dict[str, Any]:
 
 
 def instants(recording: Recording) -> NDArray[np.float64]:
-    """Ticks in seconds (n_ticks,), from the first."""
+    """Times of the ticks [s] (n_ticks,), 0 at the first."""
     import numpy as np
 
     ticks = recording.ticks()
@@ -47,9 +47,9 @@ def instants(recording: Recording) -> NDArray[np.float64]:
 def from_start(recording: Recording) -> NDArray[np.float64]:
     """Positions [m] at every tick of the piece from tick 0 to the last, (n_ticks, n_axes).
 
-    What a key in a real hand is given to go where it went: before the first row it waits at its
-    place; a tick that is missing holds the one before. Raises NotRecordingError where that is
-    more than fits.
+    With these positions a key repeats the movement of the recorded hand: before the first row it
+    waits at the first position, and a missing tick holds the position before. Raises
+    NotRecordingError if there are more positions than fit.
     """
     import numpy as np
 
@@ -68,9 +68,9 @@ def from_start(recording: Recording) -> NDArray[np.float64]:
 
 
 def columns(recording: Recording) -> list[Column]:
-    """Everything in the rows: header with its unit, values (n_ticks,).
+    """All columns of the rows: header with its unit, values (n_ticks,).
 
-    A position is called as its axis, so that a score plays it by `channel`.
+    The column of a position has the name of its axis, so that a score can play it by `channel`.
     """
     names = [name.translate(_NO_NAME) for name in recording.names]
     if len(set(names)) < len(names) or {"t", "tick"} & set(names):
@@ -117,7 +117,8 @@ def write_npz(file: BinaryIO, recording: Recording) -> None:
 def write_wav(file: BinaryIO, recording: Recording) -> None:
     """Positions at the audio rate, a channel for each axis; 1.0 is 1 m.
 
-    Between ticks runs the spline that a score would play; frame 0 is the first tick.
+    Between ticks the samples follow the spline that a score would play; frame 0 is the first
+    tick.
     """
     import numpy as np
 
@@ -153,9 +154,9 @@ def recorded(
     frames: int,
     source: str,
 ) -> Recording:
-    """A recording of movements (t [s], x [m]) by their names; they begin together, at tick 0.
+    """A recording of movements (t [s], x [m]) by name; tick 0 is the earliest beginning.
 
-    What lies between their samples is read off the spline that a score would play.
+    Values between samples are taken from the spline that a score would play.
     """
     import numpy as np
 
@@ -163,7 +164,7 @@ def recorded(
 
     begin = min(t[0] for t, _ in channels.values())
     end = max(t[-1] for t, _ in channels.values())
-    # A sample that lies on the last tick but for rounding belongs to it.
+    # The last tick counts even if rounding puts the last sample slightly before it.
     n_ticks = np.floor((end - begin) * rate / frames + 1e-6) + 1
     if not n_ticks * len(channels) <= _MAX_TICKS:
         raise NotRecordingError(f"{end - begin:g} s is longer than a recording can be at this rate")

@@ -1,4 +1,4 @@
-"""Writing a file whole or not at all, and never over somebody else's work."""
+"""Writing files whole or not at all, and never over a file of another program unless forced."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ class FileRefusedError(ErgonError):
 
 
 def is_ours(path: Path) -> bool:
-    """Whether an earlier run wrote the file: a render by its originator, others by their mark."""
+    """Whether ergon wrote the file earlier: a render by its originator, others by their mark. An
+    empty file counts too.
+    """
     try:
         with path.open("rb") as file:
             head = file.read(_MARK_WITHIN)
@@ -39,7 +41,7 @@ def is_ours(path: Path) -> bool:
 
 
 def is_one_of(path: Path, others: Iterable[Path]) -> bool:
-    """Whether the file is one of these under any name: a link, another case, another way there."""
+    """Whether the file is one of `others` under any name: a link, another case, another path."""
     try:
         stat = path.stat()
     except OSError:
@@ -60,7 +62,7 @@ def check_target(
 ) -> None:
     """Raise FileRefusedError when `path` may not be written, before any work is done for it.
 
-    What is read (`inputs`) is never written over, whatever `force` says.
+    A file in `inputs` is never written over, even with `force`.
     """
     try:
         is_loop = False
@@ -78,7 +80,7 @@ def check_target(
 
 
 class _Terminal(io.BytesIO):
-    """Standard output where it is a terminal: text, with nothing in it that steers one."""
+    """Standard output on a terminal: text, with characters that steer a terminal replaced."""
 
     def write(self, data: ReadableBuffer, /) -> int:
         """Print whole characters in UTF-8."""
@@ -132,7 +134,7 @@ def writing(
             if sync:
                 os.fsync(opened.fileno())
             keep_mode(path, part)
-            if temporary.IS_LOCKED:  # what is closed is nobody's, and swept away
+            if temporary.IS_LOCKED:  # a closed file is unlocked, and may be swept
                 os.replace(part, path)
         if not temporary.IS_LOCKED:
             os.replace(part, path)
@@ -159,6 +161,8 @@ def remove_folders(folders: list[Path]) -> None:
 def write_text(
     target: str | Path, text: str, *, force: bool = False, inputs: Iterable[Path] = ()
 ) -> None:
-    """Write a whole text; its first lines must carry MARK where it is to be recognised as ours."""
+    """Write a whole text; its first lines must contain MARK if a later run is to recognise the
+    file.
+    """
     with writing(target, binary=False, force=force, inputs=inputs) as file:
         file.write(text.encode())

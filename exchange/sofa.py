@@ -1,4 +1,4 @@
-"""Heads that were measured, from SOFA files (AES69): responses at two ears by direction.
+"""Measured responses of heads from SOFA files (AES69): impulse responses at two ears by direction.
 
 The format is HDF5, which h5py reads; it is an extra.
 """
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _MOST = 512 << 20  # bytes of a file
-_MOST_VALUES = 1 << 27  # of a data set, as it lies in memory
+_MOST_VALUES = 1 << 27  # values of a data set in memory
 _CONVENTIONS = ("SimpleFreeFieldHRIR", "SimpleFreeFieldHRTF")
 
 
 class SofaError(ErgonError, ValueError):
-    """The file holds no responses of two ears that can be read."""
+    """The file does not hold responses of two ears that can be read."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Sound files by the end of their names: `.wav` in our own writer, `.flac` by libsndfile."""
+"""Sound files by the ending of their names: `.wav` by our own writer, `.flac` by libsndfile."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SUFFIXES = (WAVE, FLAC)
 
 
 def check_ending(target: str) -> None:
-    """Raise FileRefusedError when no sound file has the ending of a name."""
+    """Raise FileRefusedError if the ending of a name is not that of a sound file."""
     path = Path(target)
     if path.suffix.lower() not in SUFFIXES and target != "-" and not _is_device(path):
         end = f"ends in {path.suffix}" if path.suffix else "has no ending"
@@ -31,7 +31,7 @@ def check_ending(target: str) -> None:
 
 
 def check_format(target: str, format: WaveFormat) -> None:
-    """Raise FileRefusedError when the file that a name asks for cannot hold the samples."""
+    """Raise FileRefusedError if the kind of file that a name asks for cannot hold the samples."""
     check_ending(target)
     if _is_flac(Path(target)) and (reason := flac.refusal(format)):
         raise FileRefusedError(f"{target}: {reason}")
@@ -54,7 +54,7 @@ def _is_device(path: Path) -> bool:
 def writer(
     target: str, file: BinaryIO, format: WaveFormat, n_frames: int, stamp: Stamp
 ) -> wave.WaveWriter | flac.FlacWriter:
-    """A writer of the kind that a name asks for; `check_format` has let it pass."""
+    """A writer of the kind that a name asks for; `check_format` must have accepted it."""
     made = flac.FlacWriter if _is_flac(Path(target)) else wave.WaveWriter
     return made(file, format, n_frames, stamp)
 

@@ -32,9 +32,10 @@ _KEYS = ("time_s", "struck", "sign", "mass_kg", "speed_m_s", "impulse_n_s", "sou
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """What the numbers of the engine are called: MAT index and source number to text.
+    """Names for the numbers of the engine: a MAT index or a source number to text.
 
-    `reach` of a struck MAT's name: the engine knows a key behind a lever as the piece sees it.
+    `reach` gives the lever ratio of a struck key by name: the engine computes a key behind a
+    lever as the piece sees it, `reach` times as far.
     """
 
     struck: Callable[[int], str]
@@ -82,7 +83,8 @@ def _rows(ergons: Ergons, names: Names) -> Iterator[Sequence[object]]:
             struck[mat] = name, names.reach(name)
         if place not in source:
             source[place] = names.source(int(place))
-        # The sign stands in a column of its own, as in the paper: which way the ergon strikes.
+        # As in the paper, the sign has a column of its own: the direction in which the ergon
+        # strikes.
         sign = "-" if impulse < 0 else "+"
         name, reach = struck[mat]
         mass, speed, impulse = mass * reach * reach, abs(speed) / reach, abs(impulse) * reach

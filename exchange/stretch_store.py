@@ -1,7 +1,7 @@
 """Stretches of islands in the user's cache folder: their sound, and their state at the end.
 
-A file is a head (magic, a checksum of all after it), the number of samples, the samples as f64 and
-the state; one that is cut, changed or foreign counts as none.
+A file is a head (magic, a checksum of all that follows), the number of samples, the samples as
+f64, and the state; a file that is cut, changed or foreign counts as missing.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ class Stretch(NamedTuple):
 
 
 class StretchStore:
-    """Stretches by the hash of all that they are a function of."""
+    """Stretches by the hash of everything that they depend on."""
 
     def __init__(self, folder: Path, n_bytes: int = _BYTES_MAX) -> None:
         """Use a folder, which need not exist, for at most so many bytes."""
         self._folder = CacheFolder(folder, ".stretch", _FILES_MAX, n_bytes, _BYTES_MAX_ONE)
 
     def get(self, key: str) -> Stretch | None:
-        """The stretch that was kept under a key."""
+        """The stretch stored under a key; None if there is none."""
         import numpy as np
 
         data = self._folder.read(of_this_version(key))
@@ -61,7 +61,7 @@ class StretchStore:
         return Stretch(sound.astype(np.float64, copy=False), bytes(rest[stop:]))
 
     def put(self, key: str, sound: NDArray[np.float64], state: bytes) -> bool:
-        """Keep the sound (n_frames · n_out,) and the state after it; whether that could be."""
+        """Store the sound (n_frames · n_out,) and the state after it; True if they were stored."""
         samples = sound.astype("<f8", copy=False).tobytes()
         rest = _LENGTH.pack(len(sound)) + samples + state
         head = _HEAD.pack(_MAGIC, zlib.crc32(rest))
@@ -73,6 +73,6 @@ class StretchStore:
 
 
 def of_user(environment: Mapping[str, str] = os.environ) -> StretchStore | None:
-    """The user's own stretches; None where they are to be kept nowhere."""
+    """The user's own store of stretches; None if nothing is to be kept."""
     folder = cache_folder.of_user("stretches", environment)
     return None if folder is None else StretchStore(folder)

@@ -1,7 +1,7 @@
 """Temporary files beside their targets, and what killed programs left of them.
 
-A temporary file is locked as long as its writer lives, however that ends. So what is not locked is
-litter, and the next writer in the same folder removes it.
+A process locks its temporary files, and the locks end with the process in any case. So an
+unlocked temporary file is litter, and the next writer in the same folder removes it.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ _OURS = re.compile(r"\.[^/]+\.\d+-\d+\.part")
 _FLAGS = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 _LOOK = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 _serial = itertools.count()
-_swept: set[Path] = set()  # folders, once each: a program that writes much looks once
+_swept: set[Path] = set()  # folders: each is swept once in a process
 
 
 def opened(path: Path, paths: list[Path]) -> BinaryIO:
     """A new file beside `path`, so that a rename is one step within one file system.
 
-    Its name is appended to `made` before the file is there: whatever interrupts the call, the
+    Its name is appended to `paths` before the file exists: whatever interrupts the call, the
     caller can remove the file. Raises OSError.
     """
     folder = path.parent
@@ -46,7 +46,7 @@ def opened(path: Path, paths: list[Path]) -> BinaryIO:
         paths.append(temporary)
         try:
             handle = os.open(temporary, _FLAGS, 0o666)
-        except FileExistsError:  # of an earlier process of our number
+        except FileExistsError:  # left by an earlier process with our number
             paths.pop()
             continue
         file = _locked(handle)
@@ -57,7 +57,7 @@ def opened(path: Path, paths: list[Path]) -> BinaryIO:
 
 
 def sweep(folder: Path) -> list[Path]:
-    """Remove temporary files whose writer has ended; which they were."""
+    """Remove temporary files whose writer has ended; returns their paths."""
     if not IS_LOCKED:
         return []
     swept = []
@@ -85,7 +85,9 @@ def _swept_away(path: Path) -> bool:
 
 
 def _locked(handle: int) -> bool | None:
-    """Lock a file until it is closed; False where another has it, None where nothing locks."""
+    """Lock a file until it is closed; False if another process holds the lock, None if there are no
+    locks.
+    """
     if not IS_LOCKED:
         return None
     try:

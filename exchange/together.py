@@ -14,9 +14,9 @@ from .safe import FileRefusedError, keep_mode, remove_folders
 def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> None:
     """Write files, all of them or none.
 
-    All stand beside their targets, on the disk, before the first takes its place. `check` is asked
-    of each just before that, and raises where it may not be written. Raises FileRefusedError, and
-    what `check` raises.
+    All are written and synced beside their targets before the first replaces its target. `check`
+    is called for each path just before that, and raises if the file may not be written. Raises
+    FileRefusedError, and what `check` raises.
     """
     at = {path: _real(path) for path in files}  # a link stays a link
     new_folders = {folder for path in at.values() for folder in path.parents if not folder.exists()}
@@ -50,7 +50,7 @@ def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> Non
 
 
 def _beside(target: Path, data: bytes, stack: contextlib.ExitStack) -> Path:
-    """A file beside its target, on the disk; it goes with the stack."""
+    """Write and sync a temporary file beside the target; closing the stack removes it."""
     paths: list[Path] = []
     file = temporary.opened(target, paths)
     part = paths[-1]
@@ -60,13 +60,13 @@ def _beside(target: Path, data: bytes, stack: contextlib.ExitStack) -> Path:
     file.flush()
     os.fsync(file.fileno())
     keep_mode(target, part)
-    if not temporary.IS_LOCKED:  # a system that renames no open file
+    if not temporary.IS_LOCKED:  # on such systems an open file cannot be renamed
         file.close()
     return part
 
 
 def _put(part: Path, target: Path, *, is_new: bool) -> None:
-    """Let a file take its place; one that is new takes nobody's."""
+    """Move a file to its target; if `is_new`, the target must not exist by now."""
     if is_new:
         try:
             os.link(part, target)
@@ -80,7 +80,7 @@ def _put(part: Path, target: Path, *, is_new: bool) -> None:
 
 
 def _sync(folders: Iterable[Path]) -> None:
-    """Names on the disk."""
+    """Sync folders, so that new names are on the disk."""
     for folder in dict.fromkeys(folders):
         with contextlib.suppress(OSError):
             handle = os.open(folder, os.O_RDONLY)
@@ -91,8 +91,8 @@ def _sync(folders: Iterable[Path]) -> None:
 
 
 def _real(path: Path) -> Path:
-    """What a path leads to. Raises FileRefusedError."""
+    """The path with its links resolved. Raises FileRefusedError."""
     try:
         return path.resolve()
-    except (OSError, RuntimeError):  # as Python up to 3.12 and from 3.13 on says it
+    except (OSError, RuntimeError):  # RuntimeError up to Python 3.12, OSError from 3.13 on
         raise FileRefusedError(f"{path} is a symbolic link in a circle") from None

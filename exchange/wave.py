@@ -44,7 +44,7 @@ class WaveWriter:
         *,
         riff_limit: int = RIFF_LIMIT,
     ) -> None:
-        """Write the header at once; `riff_limit` [bytes] is where RF64 begins."""
+        """Write the header at once; a file larger than `riff_limit` [bytes] is RF64."""
         self.format = format
         self._file = file
         self._left = n_frames

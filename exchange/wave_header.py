@@ -33,13 +33,13 @@ _FMT = struct.Struct("<HHIIHHHHI")
 # Version 1: the last field is 64 bytes of UMID and 190 reserved, all zero.
 _BEXT = struct.Struct("<256s32s32s10s8sQH254s")
 _DATE, _TIME = b"1970-01-01", b"00:00:00"  # never the clock: same score, same bytes
-_DESCRIPTION_MAX = 4 << 20  # bytes of what says what the channels are; longer ones are passed over
+_DESCRIPTION_MAX = 4 << 20  # bytes of a description of channels; longer ones are ignored
 _SCORE = re.compile(r"\bscore ([0-9a-f]{64})\b")
 _PLAN = re.compile(r"\bplan ([0-9a-f]{64})\b")
 
 
 class NotWaveError(ErgonError, ValueError):
-    """The bytes are no WAVE file that this reader knows."""
+    """The bytes are not a WAVE file that this reader knows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class WaveInfo:
 
     @property
     def score(self) -> str | None:
-        """Hash of the score that this was rendered from, when it is a render of ergon."""
+        """Hash of the score that this was rendered from; None if it is not a render of ergon."""
         match = _SCORE.search(self.description)
         return match[1] if match and self.originator == ORIGINATOR else None
 
@@ -108,7 +108,7 @@ class WaveInfo:
 def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = RIFF_LIMIT) -> bytes:
     """Everything before the samples, for a file of exactly `n_frames`.
 
-    The place of ds64 is kept by a JUNK chunk of its size in a RIFF file (EBU Tech 3306, 3), so both
+    In a RIFF file a JUNK chunk of the size of ds64 takes its place (EBU Tech 3306, 3), so both
     containers have the same layout. Raises ValueError for a format that cannot be written.
     """
     if not 1 <= format.n_channels <= CHANNELS_MAX:

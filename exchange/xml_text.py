@@ -1,4 +1,4 @@
-"""XML from strangers: bounded, and without what defines or loads anything."""
+"""Untrusted XML: bounded in size, and without document types or entities."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ _DEFINES = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 
 
 class XmlError(ErgonError, ValueError):
-    """The text is no XML that is read here."""
+    """The text is not XML, or not XML that is read here."""
 
 
 def parsed(data: bytes) -> ElementTree.Element:
-    """The root of a document, whose names have lost their namespaces. Raises XmlError.
+    """The root of a document; its names are without namespaces. Raises XmlError.
 
-    Entities stand in a document type alone, so a text without one can neither grow nor load files.
+    Only a document type can define entities, so a text without one can neither expand nor load
+    files.
     """
     if len(data) > MOST:
         raise XmlError(f"the XML is larger than {MOST >> 20} MB")
-    # Another encoding could hide what is looked for; without a declaration it is UTF-8.
+    # A zero byte means UTF-16 or UTF-32, in which the search below would miss a document type.
     if b"\0" in data.rstrip(b"\0"):
         raise XmlError("the XML is not in UTF-8")
     if _DEFINES.search(data):

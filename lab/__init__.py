@@ -1,1 +1,1 @@
-"""The laboratory: error, cost and stability of each way of computing a scene."""
+"""The laboratory: error, cost and stability of each method of computing a scene."""

@@ -1,4 +1,4 @@
-"""Which maps there are: of the laboratory's own scenes, and of a score."""
+"""The maps that exist: those of the laboratory's own scenes, and those of a score."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _found(scene: Scene) -> Callable[[int], Truth]:
 def maps(
     method: str, piece: Piece | None, seconds: float, accurate: float | None
 ) -> dict[str, Map]:
-    """The maps of a method, or of a piece; `accurate` is the error that counts as right [dB]."""
+    """The maps of a method, or of a piece; an error up to `accurate` [dB] counts as right."""
     found = built_in(method) if piece is None else of_score(piece, seconds, method)
     if accurate is not None:
         found = {name: replace(one, right=((inf, accurate),)) for name, one in found.items()}
@@ -63,7 +63,7 @@ def _cell(method: str) -> Map:
     def load(kappa: float, zeta: float) -> float:
         return canonical.cell_load(kappa, zeta, method)
 
-    # Half a step beside the round numbers: no spot lies on the border itself.
+    # Offset from round numbers, so that no spot lies exactly on the border.
     top = 1.25 * min(canonical.limit(method), 16.0)
     xs = tuple(float(x) for x in (np.arange(25) + 0.5) * top / 25)
     ys = tuple(float(y) for y in (np.arange(13) + 0.25) * 2.5 / 13)
@@ -74,7 +74,9 @@ def _cell(method: str) -> Map:
 def _oversampled(
     method: str, make: Callable[[float], Bare], finer: int = 16
 ) -> Callable[[float, float], MapPoint]:
-    """Cases of a scene over oversampling. What it really does does not depend on that."""
+    """Cases of a scene over oversampling. The true motion does not depend on the oversampling, so
+    it is cached.
+    """
 
     @cache
     def truth(x: float, n_frames: int) -> Truth:
@@ -91,7 +93,8 @@ def _contact(method: str) -> Map:
     def load(kappa: float, times: float) -> float:
         return canonical.contact_load(kappa, times, method)
 
-    # No method but CA steps a contact of two masses; between bodies a planner takes shorter steps.
+    # Only CA steps a contact of two masses; for a contact between bodies a planner takes shorter
+    # steps.
     title = "a hammer that bounces on a bar" + ("" if method == "ca" else ", by CA")
     return Map("contact", title, "κ of the contact at 44.1 kHz",
                _OVERSAMPLED, _spaced(0.03, 3000.0, 21), _TIMES, 0.25,
@@ -130,13 +133,14 @@ def _coupling(method: str) -> Map:
 
     return Map("coupling", "two cells joined by a spring", "κ of the joint at 44.1 kHz",
                _OVERSAMPLED, _spaced(0.003, 300.0, 21), _TIMES, 0.1,
-               # The difference mode is high and rings long: its phase asks for much.
+               # The difference mode is high and decays slowly, so its phase needs a finer
+               # reference.
                _oversampled(method, lambda kappa: canonical.coupled(kappa, method), 256),
                load)  # fmt: skip
 
 
-# A key, and what is said of it. What a plan calls preserved is right; above 20 frames it says the
-# figure alone, and the map goes on at -70 dB.
+# A key, and its label. Errors count as right if a plan calls the slow key preserved. Above 20
+# frames a plan only reports the error, and the map keeps the limit of -70 dB.
 _CUTS = {
     "soft": (slow_key_scene.SOFT, "23 Hz"),
     "quick": (slow_key_scene.QUICK, "264 Hz, its last mass 1 g"),
@@ -165,7 +169,7 @@ _RATES = (0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 def of_score(piece: Piece, seconds: float, method: str) -> dict[str, Map]:
-    """All springs stiffer; and only the contacts, where there are any."""
+    """Two maps: all springs stiffer, and, if there are contacts, contacts alone stiffer."""
     maps = [_stiffer(piece, seconds, method, "springs", contacts_only=False)]
     if has_contacts(piece):
         maps.append(_stiffer(piece, seconds, method, "contacts", contacts_only=True))

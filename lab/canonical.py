@@ -1,4 +1,4 @@
-"""The laboratory's own scenes: small networks whose borders can be written down."""
+"""The laboratory's own scenes: small networks whose stability borders are known in closed form."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MASS = 1e-3  # [kg]
 _START = 1e-3  # [m]
 
 # Method → (limit, weight): linear networks are stable while λmax(M⁻¹(K + weight·Z)) < limit, in the
-# numbers of the discrete scheme. Without a limit they are stable always.
+# numbers of the discrete scheme. Methods whose limit is infinite are always stable.
 _LIMITS: Mapping[str, tuple[float, float]] = {
     "ca": (4.0, 2.0),
     "ca2p": (12.0, 6.0),
@@ -28,29 +28,29 @@ _LIMITS: Mapping[str, tuple[float, float]] = {
     "trapezoid": (inf, 0.0),
 }
 
-# What steps a scene where a method does not: laws, and contacts of two masses.
+# Linear methods do not step laws or contacts of two masses: there CA steps the scene.
 _LINEAR = ("modal", "trapezoid")
 _PLAIN = "ca"
 
-# A method of meshes takes none of fewer masses than this: a scene of one or two stands in it
-# several times over, started alike and joined by springs that see nothing, too weak to count.
+# A method for meshes needs at least this many masses. A scene of one or two masses is copied: the
+# copies start alike, so the very weak springs that join them exert no force.
 _LEAST = 4
 _WEAK = 1e-9  # of the scene's own stiffness
 _OF_MESHES = ("ca2p", "bm4", "ieq", "trapezoid")
 
 
 def limit(method: str) -> float:
-    """Largest λ of a linear network that a method carries."""
+    """Largest λ of a linear network that a method can step."""
     return _LIMITS[method][0]
 
 
 def damped(method: str) -> float:
-    """How much Z counts beside K."""
+    """The weight of Z relative to K in λ."""
     return _LIMITS[method][1]
 
 
 def _copies(masses: int, method: str) -> int:
-    """How often a linear scene of so few masses stands in what a method steps."""
+    """The number of copies of a linear scene of so few masses that a method needs."""
     return _LEAST // masses if method in _OF_MESHES else 1
 
 
@@ -58,7 +58,9 @@ def _copies(masses: int, method: str) -> int:
 
 
 def cell(kappa: float, zeta: float, method: str = _PLAIN) -> Bare:
-    """κ = K·T²/M and ζ = Z·T/M at 44.1 kHz, as a link to a fixed point: let go from 1 mm."""
+    """A mass on a link to a fixed point, with κ = K·T²/M and ζ = Z·T/M at 44.1 kHz, released from 1
+    mm.
+    """
     k, z = kappa * _MASS * RATE**2, zeta * _MASS * RATE
 
     def build(network: _core.Network) -> None:
@@ -75,7 +77,7 @@ def cell(kappa: float, zeta: float, method: str = _PLAIN) -> Bare:
 
 
 def cell_exactly(kappa: float, zeta: float, n_frames: int) -> Floats:
-    """The same by the differential equation: whatever its damping, by its two exponentials."""
+    """The same motion from the differential equation: for any damping, by its two exponentials."""
     root = np.sqrt(complex(zeta * zeta / 4.0 - kappa))
     n = np.arange(n_frames)
     a, b = -zeta / 2.0 + root, -zeta / 2.0 - root
@@ -121,7 +123,7 @@ def _stiffness(kappa: float, one: Cell, two: Cell) -> float:
 
 
 def contact(kappa: float) -> Bare:
-    """A hammer on a weak spring that falls on a bar and bounces, again and again."""
+    """A hammer on a weak spring that falls on a bar and bounces repeatedly."""
     return _pair(HAMMER, BAR, lambda network, a, b: network.but(
         "b", a, b, K=_stiffness(kappa, HAMMER, BAR), side="above"))  # fmt: skip
 
@@ -140,7 +142,7 @@ def _pair(
     copies: int = 1,
     weak: float = 0.0,
 ) -> Bare:
-    """Two cells and what joins them; `weak` [N/m] joins the first ones of its copies."""
+    """Two cells and the link that joins them; `weak` [N/m] joins the first cells of the copies."""
 
     def build(network: _core.Network) -> None:
         network.part("pair")
@@ -183,12 +185,12 @@ _STRUCK, _HARDENING = 40, 1e11  # masses; q [N/m³] of k·d + q·d³
 
 
 def string(masses: int, rate: float) -> Bare:
-    """A string without losses, drawn aside near its end and let go; sampled at `rate`."""
+    """A string without losses, displaced near its end and released; sampled at `rate`."""
 
     def build(network: _core.Network) -> None:
         network.part("string")
         first = network.string("s", masses=masses, M=_STRING, f=_PITCH)
-        # By its share of the length: the same shape for any number of masses.
+        # The position is a share of the length: the same shape for any number of masses.
         for i in range(masses):
             share = (i + 1) / (masses + 1)
             network.start(first + i, _START * min(share / 0.2, (1.0 - share) / 0.8), 0.0)
@@ -198,7 +200,7 @@ def string(masses: int, rate: float) -> Bare:
 
 
 def string_load(masses: float, rate: float, method: str) -> float:
-    """λ over the limit: the highest mode of masses in a row."""
+    """λ over the limit for the highest mode of a row of masses."""
     k, m = _spring(masses), _STRING / masses
     return 4.0 * k / m / rate**2 * cos(pi / (2.0 * (masses + 1.0))) ** 2 / limit(method)
 
@@ -224,9 +226,9 @@ def struck(speed: float) -> Bare:
 
 
 def struck_load(speed: float, times: float, method: str) -> float:
-    """λ over the limit if all the energy of the stroke lay in one spring: an upper bound.
+    """λ over the limit if all the energy of the stroke is in one spring: an upper bound.
 
-    Its elongation d then holds ½k·d² + ¼q·d⁴ = ½m·v², and its slope is k + 3q·d².
+    The elongation d then satisfies ½k·d² + ¼q·d⁴ = ½m·v², and the slope is k + 3q·d².
     """
     k, m, q = _spring(_STRUCK), _STRING / _STRUCK, _HARDENING
     square = (sqrt(k * k + 2.0 * q * m * speed * speed) - k) / q

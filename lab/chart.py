@@ -1,4 +1,4 @@
-"""Error against cost: a scene by many methods, each oversampled and in each precision."""
+"""Error against cost: a scene by many methods, at each oversampling and in each precision."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ Progress = Callable[[int], None]
 
 
 class SilentPieceError(ErgonError):
-    """The piece makes no sound that could be compared."""
+    """The piece makes no sound that can be compared."""
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One setting: what it costs [s of one core per s of sound] and how far it is off.
+    """One setting: its cost [s of one core per s of sound] and its errors.
 
-    None is what was not measured. `t60` [%] and `cents` are the worst among the strongest partials;
+    None means not measured. `t60` [%] and `cents` are the worst among the strongest partials;
     `bands_db` is of third octaves; `energy_db` is energy made by the scheme over energy given,
     `drift_db_s` its trend.
     """
@@ -59,7 +59,7 @@ class Point:
     on_front: bool = False
 
     def error(self, metric: Metric) -> float | None:
-        """What the metric says; smaller is better."""
+        """The error in a metric; smaller is better."""
         return {
             "waveform": self.waveform_db,
             "spectral": self.spectral_db,
@@ -70,11 +70,12 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """All points of a scene, and the reference that they were measured against.
+    """All points of a scene, and the reference against which they were measured.
 
-    `floor` is the reference's own error in the metric: nothing below it can be told. None for
-    energy, whose truth is 0. `doubts` name methods that settle on another sound, `alike` groups of
-    methods that make the same samples here, wherever both ran: they are one curve.
+    `floor` is the reference's own error in the metric: smaller errors cannot be distinguished.
+    It is None for energy, whose true error is 0. `doubts` name methods that converge to another
+    sound. `alike` are groups of methods whose samples are the same wherever both ran: each is
+    one curve.
     """
 
     points: list[Point]
@@ -89,7 +90,7 @@ class Chart:
 
 @dataclass(slots=True)
 class _Bench:
-    """Runs in the making, and how many frames they have computed."""
+    """Runs in progress, and the number of frames computed."""
 
     scene: Scene
     n_frames: int
@@ -132,13 +133,13 @@ def settings(methods: Sequence[str], precisions: Sequence[str], upto: int) -> li
 
 
 def planned(budget_db: float | None = None) -> list[Setting]:
-    """What the planner chooses: by ear, and for an error where one is asked for."""
+    """Settings of the planner: by ear and, if `budget_db` is given, for that error."""
     by_ear = Setting(None)
     return [by_ear] if budget_db is None else [by_ear, Setting(None, budget_db=budget_db)]
 
 
 def work(wanted: Sequence[Setting], n_frames: int) -> int:
-    """Frames to compute for a chart, to tell how far it is."""
+    """Frames to compute for a chart, for the display of progress."""
     top = max(setting.oversampling for setting in wanted)
     beyond = sum(top << i for i in range(1, _DOUBLINGS + 1))
     return n_frames * ((ROUNDS + 1) * sum(setting.oversampling for setting in wanted) + beyond)
@@ -146,19 +147,21 @@ def work(wanted: Sequence[Setting], n_frames: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """A setting that was played: its sound (n_frames, n_channels), or a point that says why not."""
+    """A setting that was played: its sound (n_frames, n_channels), or None with the reason in the
+    point.
+    """
 
     point: Point
     sound: Floats | None
 
 
 class Players(Protocol):
-    """What plays settings elsewhere."""
+    """Plays settings elsewhere, such as on a cluster."""
 
     def played(
         self, wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
     ) -> Iterator[Played]:
-        """Each setting, in any order, with its cost and where `has_energy` its ledger."""
+        """Each setting, in any order, with its cost and, with `has_energy`, its energy errors."""
 
 
 def measure(
@@ -169,9 +172,9 @@ def measure(
     progress: Progress,
     players: Players | None = None,
 ) -> Chart:
-    """Run and compare every setting, by `players` where there are any.
+    """Run and compare every setting, by `players` if they are given.
 
-    Raises SilentPieceError where no sound was made.
+    Raises SilentPieceError if there is no sound.
     """
     bench = _Bench(scene, max(2, round(seconds * scene.rate)), progress)
     has_energy = metric == "energy"
@@ -209,7 +212,8 @@ def _played(bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool) -> li
             bench.ready[setting] = run
             bench.sounds[setting] = bench.scene.hear(frames)
     costs = _costs(bench)
-    # What refining finds out about settings that nobody asked for is no failure of the chart.
+    # `refine` may add failures of settings that were not asked for; these are not failures of the
+    # chart.
     found = {setting: Played(point, None) for setting, point in bench.failed.items()}
     for setting, run in bench.ready.items():
         point = Point(setting, "ok", run.chosen, costs[setting])
@@ -222,7 +226,7 @@ def _played(bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool) -> li
 def _played_by(
     players: Players, bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool
 ) -> list[Played]:
-    """The same by others."""
+    """All settings, in order, played by `players`."""
     found = {}
     for one in players.played(wanted, bench.n_frames, has_energy=has_energy):
         found[one.point.setting] = one
@@ -234,7 +238,7 @@ def _played_by(
 def played_beside(
     scene: Scene, setting: Setting, n_frames: int, *, has_energy: bool
 ) -> tuple[Played, float]:
-    """A setting by itself, and what the yardstick took in rounds between its own [s].
+    """A setting played alone, and the time of the yardstick in rounds between its own [s].
 
     The cost of the point is in seconds of this machine.
     """
@@ -256,7 +260,7 @@ def played_beside(
 
 
 def yardstick() -> float:
-    """What the processor takes for the same work everywhere [s]."""
+    """The time of a fixed piece of work on this processor [s]."""
     run = runs.start(canonical.string(_YARDSTICK, canonical.RATE), Setting("ca"))
     run.frames(round(canonical.RATE))
     return run.spent
@@ -282,7 +286,7 @@ def _alike(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
 
 
 def _costs(bench: _Bench) -> dict[Setting, float]:
-    """Medians of interleaved rounds, so that other load on the machine slows all alike."""
+    """Medians of interleaved rounds, so that other load on the machine slows all settings alike."""
     spent: dict[Setting, list[float]] = {setting: [] for setting in bench.ready}
     for _ in range(ROUNDS):
         for setting, run in bench.ready.items():
@@ -294,7 +298,7 @@ def _costs(bench: _Bench) -> dict[Setting, float]:
 
 
 def _with_energy(bench: _Bench, point: Point) -> Point:
-    """The point with what its ledger says; as it is where the method keeps none."""
+    """The point with the energy errors from its ledger; unchanged if the method keeps none."""
     if point.status != "ok":
         return point
     edges = np.linspace(0, bench.n_frames, _LOOKS + 1).astype(int)
@@ -368,10 +372,12 @@ def _marked(
 def _front(
     points: list[Point], metric: Metric, floor: float | None, alike: Sequence[Sequence[str]] = ()
 ) -> Iterator[Setting]:
-    """Settings that no other beats in error at about their cost; below the floor all are alike.
+    """Settings that no other setting of about the same cost beats in error; all errors below the
+    floor are equal.
 
-    Costs that are apart by no more than timings scatter are the same: then the smaller error
-    counts, and of equal errors the first point. Of methods that are alike the first stands for all.
+    Costs that differ by no more than the scatter of timings are equal: then the smaller error
+    counts, and of equal errors the first point. The first of methods that are alike stands for
+    all.
     """
     echoes = {method for group in alike for method in group[1:]}
     told = [
@@ -393,7 +399,9 @@ def _front(
 
 
 def likely_cost(chart: Chart, point: Point) -> float | None:
-    """What a point costs, or would: a run that failed takes S times its method's dearest share."""
+    """The cost of a point, measured or estimated: a run that failed costs S times the highest cost
+    per oversampling of its method.
+    """
     if point.cost is not None:
         return point.cost
     same = [p for p in chart.points if p.setting.method == point.setting.method and p.cost]

@@ -59,7 +59,7 @@ def reference(chart: Chart) -> dict[str, table.Value]:
 
 
 def lines(chart: Chart) -> str:
-    """One line a point: what it costs and how far it is off; * is best for its cost."""
+    """One line a point: its cost and its errors; * is best for its cost."""
     rows = []
     for point in chart.points:
         error = point.error(chart.metric)

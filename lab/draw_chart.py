@@ -1,4 +1,4 @@
-"""The picture of a chart: error over cost, both logarithmic; failures stand on the upper edge."""
+"""The picture of a chart: error over cost, both logarithmic; failures are on the upper edge."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
 
 
 def _height(chart: Chart, point: Point) -> float:
-    """Where a point stands: on the floor, if it is below."""
+    """The height of a point; points below the floor are drawn on it."""
     error = point.error(chart.metric)
     assert error is not None
     least = _LEAST_DB if chart.metric in _IN_DB else _LEAST
@@ -82,7 +82,7 @@ def _method(ax: Axes, chart: Chart, points: list[Point], method: str, name: str)
 
 
 def _planner(ax: Axes, chart: Chart, point: Point) -> None:
-    """A full star is what it chooses by ear, an empty one what it takes for an error."""
+    """A full star is the planner's choice by ear, an empty one its choice for an error."""
     at, budget = (_cost(point), _height(chart, point)), point.setting.budget_db
     inside, label = "black", "the planner's choice"
     if budget is not None:
@@ -134,7 +134,7 @@ def _limits(ax: Axes, chart: Chart, told: list[Point]) -> None:
 
 
 def _failures(ax: Axes, chart: Chart) -> None:
-    """On the upper edge, at what each would cost."""
+    """Draw failures on the upper edge, at the cost that each would have."""
     left = ax.get_xlim()[0]
     failed = [p for p in chart.points if p.status != "ok"]
     for point in failed:

@@ -1,4 +1,6 @@
-"""The picture of maps: colour is what happened, a mark is whether it was right, lines predict."""
+"""The picture of maps: colours are outcomes, marks say whether they are accurate, lines are
+predictions.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +65,7 @@ def _panel(ax: Axes, one: Map, spots: Sequence[Spot]) -> None:
 
 
 def _colours(ax: Axes, one: Map, spots: Sequence[Spot]) -> None:
-    """A rectangle for each run of spots in a row to which the same happened."""
+    """Draw a rectangle for each run of spots in a row with the same outcome."""
     from matplotlib.patches import Rectangle
 
     x, y = _edges(one.xs, one.log_x), _edges(one.ys, one.log_y)
@@ -92,7 +94,9 @@ def _marks(ax: Axes, spots: Sequence[Spot]) -> None:
 
 
 def _borders(ax: Axes, one: Map, spots: Sequence[Spot]) -> None:
-    """A formula's border as a line, the certificate's dashed between the spots that it parts."""
+    """Draw the border of the formula as a solid line, and that of the certificate as a dashed line
+    between spots.
+    """
     if one.load is not None:
         x, y = (_fine(v, log) for v, log in ((one.xs, one.log_x), (one.ys, one.log_y)))
         load = np.array([[np.log(max(one.load(a, b), 1e-300)) for a in x] for b in y])
@@ -111,7 +115,7 @@ def _parting(ax: Axes, x: Sequence[float] | Floats, y: Sequence[float] | Floats)
 
 
 def _edges(values: Sequence[float], is_log: bool) -> Floats:
-    """Where the cells round some values meet."""
+    """The boundaries of cells centred on some values."""
     at = np.log(values) if is_log else np.array(values)
     if len(at) == 1:
         edges = np.array([at[0] - 0.5, at[0] + 0.5])

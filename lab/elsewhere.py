@@ -1,7 +1,7 @@
-"""Points of charts and columns of maps by workers of a cluster.
+"""Points of charts and columns of maps, computed by workers of a cluster.
 
-What goes to a worker and what comes back are names, texts, numbers and samples; what is computed
-from them is a function of this room.
+Only names, texts, numbers and samples are sent to a worker and back; a worker computes by the
+functions of this module.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from ergon.rendering.remote import ClusterError
 
 
 class _Sound(TypedDict):
-    """What a worker made of a setting: its point, its samples (n_frames · n_channels of f64, little
-    end first), and the seconds of its yardstick."""
+    """A worker's result for a setting: its point, its samples (n_frames · n_channels of
+    little-endian f64), and the seconds of its yardstick.
+    """
 
     point: dict[str, Any]
     samples: bytes
@@ -36,7 +37,9 @@ class _Sound(TypedDict):
 
 
 class _Which(TypedDict):
-    """Maps: those of a `method`, of a score for so many `seconds` where it comes with one."""
+    """The maps of a `method`; if a score comes with it, those of the score for so many
+    `seconds`.
+    """
 
     method: str
     seconds: float
@@ -46,7 +49,7 @@ class _Which(TypedDict):
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """A cluster that computes points; of a score, which comes with its files."""
+    """A cluster that computes points of a score, which is sent with its files."""
 
     cluster: Cluster
     content: ScoreBundle | None = None
@@ -54,7 +57,8 @@ class Workers:
     def played(
         self, wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
     ) -> Iterator[Played]:
-        """Settings of the score. Costs are in proportion to a yardstick's there and here.
+        """Settings of the score. A cost is scaled by the ratio of the yardsticks here and at the
+        worker.
 
         Raises ClusterError.
         """
@@ -62,7 +66,7 @@ class Workers:
         assert content is not None
         own, here = version(), median(yardstick() for _ in range(ROUNDS))
         found = self.cluster.computed(
-            # The dearest first: none of them is left alone at the end.
+            # The most expensive first, so that none of them is left alone at the end.
             sorted(wanted, key=lambda setting: -setting.oversampling),
             lambda pool, setting: pool.submit(
                 play, own, content, asdict(setting), n_frames, has_energy
@@ -81,7 +85,7 @@ class Workers:
             yield Played(point, samples.reshape(n_frames, sound["n_channels"]))
 
     def surveyors(self, method: str, seconds: float, accurate: float | None) -> Surveyors:
-        """What looks at maps (`maps`)."""
+        """The surveyors of columns of maps, for `maps`."""
         which = _Which(method=method, seconds=seconds, accurate=accurate)
         if self.content is not None:
             which["content"] = self.content
@@ -90,7 +94,7 @@ class Workers:
 
 @dataclass(frozen=True, slots=True)
 class Surveyors:
-    """A cluster that looks at columns of maps."""
+    """A cluster that surveys columns of maps."""
 
     cluster: Cluster
     which: _Which
@@ -114,7 +118,9 @@ def play(
     n_frames: int,
     has_energy: bool,
 ) -> _Sound:
-    """Play a score by the Setting `setting`. Raises ClusterError where another ergon asks."""
+    """Play a score by the Setting `setting`. Raises ClusterError if another version of ergon
+    asks.
+    """
     check_version(asked)
     with lock, unpacked(content) as path:
         scene = Score(scores.piece_of(scores.read(path)))
@@ -128,7 +134,7 @@ def play(
 
 
 def survey(asked: list[Any], which: _Which, name: str, x: float) -> list[dict[str, Any]]:
-    """Look at a column of a map. Raises ClusterError where another ergon asks."""
+    """Survey a column of a map. Raises ClusterError if another version of ergon asks."""
     check_version(asked)
     with lock:
         found = _map(which, name)

@@ -31,15 +31,15 @@ class Ledger(Protocol):
 
     @property
     def produced(self) -> float:
-        """Made by explicit contacts and laws; less than 0 where they destroy."""
+        """Energy made by explicit contacts and laws; negative if they destroy energy."""
 
     @property
     def residual(self) -> float:
-        """What the books do not explain."""
+        """The change of energy that the other terms do not explain."""
 
 
 def production_db(ledger: Ledger) -> float:
-    """10·log10 of the energy made or missing over the energy given; -inf where none is."""
+    """10·log10 of the energy made or missing over the energy given; -inf if there is none."""
     wrong = abs(ledger.produced) + abs(ledger.residual)
     given = abs(ledger.start) + abs(ledger.injected)
     if wrong == 0.0:
@@ -49,7 +49,7 @@ def production_db(ledger: Ledger) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """Energy that is there over what should be: its trend [dB/s], and its worst error [dB]."""
+    """Stored and lost energy over the energy given: its trend [dB/s], and its worst error [dB]."""
 
     per_second: float
     worst: float

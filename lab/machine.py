@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def cpu() -> str:
-    """The processor, as it calls itself."""
+    """The name of the processor."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text().splitlines() if info.is_file() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
@@ -16,5 +16,5 @@ def cpu() -> str:
 
 
 def machine() -> str:
-    """Processor, cores, system, in a line."""
+    """Processor, cores and system, in one line."""
     return f"{cpu()}, {os.cpu_count() or 1} cores, {platform.system()} {platform.machine()}"

@@ -21,7 +21,9 @@ RUNAWAY_DB = 10.0  # ten times the energy that went in, made by the scheme alone
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Whether it stayed finite (None: the engine would not run it), its outputs, and why not."""
+    """The result of a run: whether it stayed finite (None: the engine refused it), its outputs, and
+    the reason.
+    """
 
     stable: bool | None
     frames: Floats | None = None
@@ -29,20 +31,20 @@ class Outcome:
 
 
 class MapPoint(Protocol):
-    """A scene, and how it is computed."""
+    """A scene with a method of computing it."""
 
     @property
     def scene(self) -> Scene:
-        """What is computed."""
+        """The scene."""
 
     def refused(self) -> str:
-        """Why the engine would not run it; nothing where it would."""
+        """Why the engine would refuse to run it; empty if it would not."""
 
     def run(self, n_frames: int) -> Outcome:
         """Run it, refused or not."""
 
     def truth(self, n_frames: int) -> Truth:
-        """What it really does (outputs)."""
+        """The true motion (outputs)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +56,7 @@ class Stepped:
     known: Callable[[int], Truth]
 
     def refused(self) -> str:
-        """What the certificate says against it."""
+        """The objection of the certificate; empty if there is none."""
         try:
             if self.setting.method == "ca":
                 rate = self.scene.rate * self.setting.oversampling
@@ -66,7 +68,9 @@ class Stepped:
         return ""
 
     def run(self, n_frames: int) -> Outcome:
-        """By CA with its ledger: what makes energy runs away too."""
+        """Run it unchecked; CA keeps a ledger, so that a run whose scheme makes energy counts as
+        unstable too.
+        """
         ledger = self.setting.method == "ca"
         try:
             run = runs.start(self.scene, self.setting, ledger=ledger, unchecked=True)
@@ -85,5 +89,5 @@ class Stepped:
         return Outcome(True, frames)
 
     def truth(self, n_frames: int) -> Truth:
-        """As it was given."""
+        """The truth from `known`."""
         return self.known(n_frames)

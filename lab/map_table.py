@@ -43,7 +43,9 @@ def records(surveyed: Surveyed) -> list[dict[str, table.Value]]:
 
 
 def lines(surveyed: Surveyed) -> str:
-    """One line a map: how many spots are stable, how many right, and where prediction failed."""
+    """One line a map: how many spots are stable, how many accurate, and where predictions
+    failed.
+    """
     rows = []
     for name, (one, spots) in surveyed.items():
         stable = sum(1 for spot in spots if spot.stable)

@@ -1,4 +1,4 @@
-"""Stability maps of a method: the predicted border, where runs diverge, where they are exact."""
+"""Stability maps of a method: the predicted border, where runs diverge, where they are accurate."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from ergon.lab.map_point import MapPoint
 from ergon.lab.metrics import EARLY, Floats, early_db, spectral
 from ergon.scores.staging.refusals import StageError
 
-# What error still counts as right: (up to this y, at most so many dB). A tenth of the motion.
+# The error that still counts as right: (up to this y, at most so many dB). -20 dB is a tenth of the
+# motion.
 RIGHT = ((inf, -20.0),)
 _SURE_DB = -6.0  # by so much the truth must be surer than what it judges
 Progress = Callable[[int], None]
@@ -24,9 +25,9 @@ Right = tuple[tuple[float, float], ...]
 class Map:
     """A grid over two parameters.
 
-    `load` is λ over the limit by a formula: 1 is the predicted border; None where there is none.
-    The error is that of the first `judged` seconds of sound. `as_written`: where the score itself
-    stands.
+    `load` is λ over the limit by a formula: 1 is the predicted border; None if there is no
+    formula. The error is that of the first `judged` seconds of sound. `as_written` is the spot
+    of the unchanged score.
     """
 
     name: str
@@ -46,7 +47,7 @@ class Map:
 
     @property
     def n_spots(self) -> int:
-        """How many runs it takes."""
+        """The number of runs."""
         return len(self.xs) * len(self.ys)
 
     def right_db(self, y: float) -> float:
@@ -56,10 +57,10 @@ class Map:
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """One cell of a map. None is what is not known.
+    """One cell of a map. None means not known.
 
-    `theory` and `certified` are predictions (by a formula; by the engine before it runs), `stable`
-    is what happened, `accurate` whether it is near the truth as well.
+    `theory` and `certified` are predictions (by a formula; by the engine before it runs),
+    `stable` is the outcome, and `accurate` says whether the outcome is also near the truth.
     """
 
     x: float
@@ -75,7 +76,7 @@ class Spot:
 
 
 class Surveyors(Protocol):
-    """What looks at columns of maps elsewhere."""
+    """Surveys columns of maps elsewhere."""
 
     def columns(self, wanted: Sequence[tuple[str, float]]) -> Iterator[tuple[str, list[Spot]]]:
         """The spots of columns, each the name of a map and an x, in any order."""
@@ -94,7 +95,7 @@ def survey(found: Map, progress: Progress) -> list[Spot]:
 def survey_all(
     maps: Mapping[str, Map], progress: Progress, surveyors: Surveyors | None = None
 ) -> dict[str, tuple[Map, list[Spot]]]:
-    """Several maps, with one progress for all of them, by `surveyors` where there are any."""
+    """Survey several maps with a common progress, by `surveyors` if they are given."""
     if surveyors is not None:
         return _surveyed_by(surveyors, maps, progress)
     found: dict[str, tuple[Map, list[Spot]]] = {}
@@ -109,7 +110,9 @@ def survey_all(
 def _surveyed_by(
     surveyors: Surveyors, maps: Mapping[str, Map], progress: Progress
 ) -> dict[str, tuple[Map, list[Spot]]]:
-    """A column is what one process looks at: its spots have their truth in common."""
+    """Survey maps column by column: the spots of a column share their truth, so one process
+    computes a column.
+    """
     wanted = [(name, x) for name, one in maps.items() for x in one.xs]
     spots: dict[tuple[str, float, float], Spot] = {}
     for name, column in surveyors.columns(wanted):
@@ -134,7 +137,7 @@ def look(found: Map, x: float, y: float) -> Spot:
 def predicted_and_run(
     found: Map, x: float, y: float
 ) -> tuple[Spot, MapPoint | None, Floats | None]:
-    """Predict and run one spot: its case and frames are there where it ran and was stable."""
+    """Predict and run one spot; its case and frames are returned if it ran and was stable."""
     load = None if found.load is None else found.load(x, y)
     theory = None if load is None else load < 1.0
     try:
@@ -173,7 +176,9 @@ def _judged(found: Map, spot: Spot, case: MapPoint, frames: Floats) -> Spot:
 
 
 def disagreements(spots: Sequence[Spot]) -> tuple[int, int]:
-    """How many spots ran away though certified, and stayed though refused."""
+    """Number of spots that diverged though certified, and of spots that stayed stable though
+    refused.
+    """
     missed = sum(1 for s in spots if s.certified is True and s.stable is False)
     strict = sum(1 for s in spots if s.certified is False and s.stable is True)
     return missed, strict

@@ -26,10 +26,10 @@ _WORST_DB = 100.0  # a bin that is missing altogether differs by this
 
 
 def waveform_db(y: Floats, x: Floats) -> float:
-    """20·log10(‖y - x‖/‖x - mean‖) of the worst channel, as plans say it.
+    """20·log10(‖y - x‖/‖x - mean‖) of the worst channel, the measure that plans use.
 
-    -inf where they are the same, inf where only x is silent. A channel that is silent beside the
-    others, to rounding, counts nothing.
+    -inf if the sounds are equal, inf if only x is silent. A channel that is silent beside the
+    others, within rounding, is not counted.
     """
     ours, theirs = _columns(y), _columns(x)
     differences = np.linalg.norm(ours - theirs, axis=0)
@@ -55,7 +55,7 @@ def onset(x: Floats) -> int | None:
 
 
 def early_db(y: Floats, x: Floats, rate: float, seconds: float = EARLY) -> float:
-    """`waveform_db` over the first 0.1 s of sound, or as many."""
+    """`waveform_db` over the first `seconds` of sound, by default 0.1 s."""
     first = onset(x) or 0
     span = slice(first, first + max(1, round(seconds * rate)))
     return waveform_db(y[span], x[span])
@@ -70,7 +70,7 @@ class Spectral:
 
 
 def spectral(y: Floats, x: Floats) -> Spectral:
-    """Multi-resolution difference of short-time spectra, which forgives phases.
+    """Multi-resolution difference of short-time spectra, which ignores phases.
 
     `difference` is the mean |ΔdB| over bins within 60 dB of their frame's strongest;
     `convergence` is ‖|Y| - |X|‖/‖|X|‖. Zero for silence.
@@ -121,7 +121,8 @@ def third_octaves(x: Floats, rate: float) -> tuple[Floats, Floats]:
 def bands_db(y: Floats, x: Floats, rate: float) -> float:
     """Mean difference of third octaves [dB], over those within 60 dB of the reference's strongest.
 
-    What can still be compared where waveforms have parted for good: a gong, a bow, a rattle.
+    It still compares sounds whose waveforms have diverged for good, such as a gong, a bow or a
+    rattle.
     """
     ours, theirs = (third_octaves(sound, rate)[1] for sound in (y, x))
     heard = theirs > theirs.max() + _HEARD_DB
@@ -129,7 +130,7 @@ def bands_db(y: Floats, x: Floats, rate: float) -> float:
 
 
 def _centres(highest: float) -> Iterator[float]:
-    """1000·2^(i/3) Hz, as far as the bands reach."""
+    """1000·2^(i/3) Hz, up to the highest band."""
     i = -16  # 25 Hz
     while (centre := 1000.0 * 2.0 ** (i / 3)) <= highest:
         yield centre

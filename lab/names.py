@@ -1,4 +1,6 @@
-"""Names of methods, metrics and maps; it imports nothing, so that `--help` may read it."""
+"""Names of methods, metrics and maps. This module imports nothing heavy, so that `--help` can use
+it.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +33,6 @@ CUTS = ("soft", "quick")  # its maps
 
 
 def order_of(method: str | None) -> int:
-    """The order that a method's error has at most, as far as it has one."""
+    """The order of a method's error, as an upper bound."""
     found = [order for name, order in ORDERS.items() if name == method]
     return (found[0] if found else None) or _PLAIN

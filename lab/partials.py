@@ -23,7 +23,7 @@ _SHORTEST = 0.05  # [s] of ringing that tell a pitch
 
 @dataclass(frozen=True, slots=True)
 class Partial:
-    """y against x near `f` [Hz]: pitch [cents], T60 of y over that of x, and x's T60 [s]."""
+    """y compared with x near `f` [Hz]: pitch [cents], T60 of y over that of x, and x's T60 [s]."""
 
     f: float
     cents: float
@@ -32,9 +32,10 @@ class Partial:
 
 
 def compare(y: Floats, x: Floats, f: float, rate: float) -> Partial | None:
-    """Follow the partial near `f` in both, through the longest ringing of x; None without one.
+    """Follow the partial near `f` in both sounds, through the longest decay of x; None if there is
+    none.
 
-    Both are shifted to zero frequency and smoothed; of their ratio ρ the slopes of arg ρ and
+    Both are shifted to zero frequency and smoothed. With ρ their ratio, the slopes of arg ρ and
     ln|ρ|, weighted by |X|², are the difference of frequency (2πΔf) and of decay (-Δσ).
     """
     at, Y, X = _baseband(y, x, f, rate)
@@ -43,7 +44,8 @@ def compare(y: Floats, x: Floats, f: float, rate: float) -> Partial | None:
         return None
     t, ratio, weight = at[span] / rate, Y[span] / X[span], np.abs(X[span]) ** 2
     drift = _slope(t, np.unwrap(np.angle(ratio)), weight) / (2.0 * pi)
-    # What is compared is f itself, not where it was looked for.
+    # The reference of the comparison is the true frequency of the partial, not the `f` of the
+    # search.
     true = f + _slope(t, np.unwrap(np.angle(X[span])), weight) / (2.0 * pi)
     decay = -_slope(t, np.log(np.abs(X[span])), weight)
     ours = decay - _slope(t, np.log(np.abs(ratio)), weight)
@@ -63,7 +65,7 @@ def strongest(x: Floats, rate: float, count: int = 5) -> list[float]:
     magnitude = np.abs(np.fft.rfft(x * np.hanning(len(x) + 1)[:-1], size))
     reach = max(2, int(_APART * size / rate))
     low, high = int(1.5 * reach), int(0.45 * size)
-    # The rise of a peak's own neighbours is no peak of its own.
+    # The rise towards a stronger peak's neighbour is not a peak.
     nearby = sliding_window_view(np.pad(magnitude, reach), 2 * reach + 1)
     tops: list[int] = []
     for at in np.argsort(magnitude[low:high])[::-1] + low:
@@ -81,7 +83,7 @@ def _between(magnitude: Floats, at: int) -> float:
 
 
 def _baseband(y: Floats, x: Floats, f: float, rate: float) -> tuple[Floats, Complexes, Complexes]:
-    """Frames in the middle of each window, and y and x there, shifted by -f and smoothed."""
+    """The middle frame of each window, and y and x there, shifted by -f and smoothed."""
     size = min(len(x), max(4, round(_SMOOTHING * rate)))
     hop = max(1, round(_HOP * rate))
     window = np.hanning(size + 2)[1:-1]
@@ -98,7 +100,7 @@ def _baseband(y: Floats, x: Floats, f: float, rate: float) -> tuple[Floats, Comp
 
 
 def _ringing(size: Floats) -> slice | None:
-    """The stretch with most energy in which a partial only falls: from stroke to stroke."""
+    """The section with most energy in which a partial only decays: from one stroke to the next."""
     window = round(_SMOOTHING / _HOP)
     strong = size > _DOWN * size.max(initial=0.0)
     rising = np.zeros(len(size), dtype=bool)
@@ -111,7 +113,7 @@ def _ringing(size: Floats) -> slice | None:
 
 
 def _slope(t: Floats, value: Floats, weight: Floats) -> float:
-    """Of the straight line that fits best, by weighted least squares."""
+    """The slope of the line fitted by weighted least squares."""
     total = np.sum(weight)
     t, value = t - np.sum(weight * t) / total, value - np.sum(weight * value) / total
     return float(np.sum(weight * t * value) / np.sum(weight * t * t))

@@ -1,4 +1,6 @@
-"""Figures by matplotlib, an extra that only the laboratory needs; the same figure, the same SVG."""
+"""Figures by matplotlib, an optional dependency of the laboratory; equal figures give equal SVG
+files.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,7 @@ class MatplotlibMissingError(ErgonError):
 def save(
     draw: Callable[[], Figure], stem: Path, *, force: bool = False, png: bool = True
 ) -> list[Path]:
-    """Draw once, write STEM.svg (and STEM.png), each whole or not at all."""
+    """Draw once, write STEM.svg (and STEM.png), each file as a whole or not at all."""
     try:
         import matplotlib
     except ImportError:
@@ -46,7 +48,7 @@ def save(
         figure = draw()
         svg = _bytes(figure, "svg", {"Date": None, "Creator": "ergon"})
         pixels = _bytes(figure, "png", {"Software": MARK.decode()}) if png else b""
-    # Near the beginning, where it is looked for.
+    # The mark stands near the beginning, where readers look for it.
     svg = svg.replace(b"<svg ", b"<!-- " + MARK + b" -->\n<svg ", 1)
     paths = targets(stem)[1:] if png else targets(stem)[1:2]
     for path, content in zip(paths, (svg, pixels), strict=False):
@@ -56,7 +58,7 @@ def save(
 
 
 def targets(stem: Path) -> list[Path]:
-    """The files of a picture: its numbers, and two forms of it."""
+    """The files of a picture: its table, and its two image formats."""
     return [stem.with_name(f"{stem.name}.{form}") for form in ("csv", "svg", "png")]
 
 

@@ -1,10 +1,10 @@
-"""A reference to measure against, and how far it can be trusted.
+"""A reference to measure against, and an estimate of its own error.
 
-The best method is taken to higher and higher oversampling. What the last doublings still change
-tells the order p at which its error falls, and so how much of it is left (Richardson): the change
-divided by 2^p - 1. Contacts make such a row of changes uneven, for it matters where between two
-samples they close. So p and the last change come from a straight line through several of them, and
-no change is believed that falls faster than the method's own order: that is luck.
+The best method is run at higher and higher oversampling. The changes of the last doublings give
+the order p at which its error falls, and so the remaining error (Richardson): the change divided
+by 2^p - 1. Contacts make these changes uneven, because the result depends on where between two
+samples they close. So p and the last change come from a straight line through several changes,
+and a change that falls faster than the method's own order counts as chance.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _ORDER_MIN = 0.5  # slower than that nothing is left out by extrapolating
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The sound that others are measured against.
+    """The sound against which others are measured.
 
-    `changes` are what each doubling changed [dB], the last one last; `before` is the sound one
+    `changes` are the changes by each doubling [dB], the last one last; `before` is the sound one
     doubling earlier.
     """
 
@@ -42,7 +42,7 @@ class Reference:
 
     @property
     def order(self) -> float | None:
-        """The p seen, at most the method's own; None where there is none to see."""
+        """The observed p, at most the method's own; None if none can be observed."""
         return self._line()[0]
 
     @property
@@ -52,13 +52,13 @@ class Reference:
 
     @property
     def share(self) -> float:
-        """The reference's own error over what the last doubling changed."""
+        """The reference's own error over the change of the last doubling."""
         order, last = self._line()
         luck: float = 10.0 ** (max(0.0, last - self.changes[-1]) / 20.0)
         return luck if order is None else luck / float(2.0**order - 1.0)
 
     def _line(self) -> tuple[float | None, float]:
-        """The order, and the last change [dB], of a straight line through the last changes."""
+        """The order, and the last change [dB], from a straight line through the last changes."""
         if len(self.changes) < 2 or min(self.changes[-_LOOKED_AT:]) < EXACT_DB:
             return None, self.changes[-1]
         steepest = _DOUBLING_DB * (order_of(self.setting.method))
@@ -94,7 +94,7 @@ def ladder(sounds: Mapping[Setting, Floats], method: str) -> list[tuple[int, Flo
          if s.method == method and s.precision == "f64"),
         key=lambda one: one[0],
     )  # fmt: skip
-    # A rung that failed breaks the ladder: what lies above it counts.
+    # A run that failed breaks the ladder: only the part above it counts.
     last = next((i for i in range(len(row) - 1, 0, -1) if row[i][0] != 2 * row[i - 1][0]), 0)
     return row[last:]
 
@@ -105,9 +105,9 @@ def refine(
     *,
     doublings: int = 2,
 ) -> Reference | None:
-    """Take the best method further by `doublings`; None where nothing could be compared.
+    """Take the best method further by `doublings`; None if nothing can be compared.
 
-    `run` makes a sound, or None where it fails; what it makes is kept in `sounds`.
+    `run` returns a sound, or None if it fails; sounds are added to `sounds`.
     """
     method = best(sounds)
     if method is None:
@@ -130,7 +130,7 @@ def _top(sounds: Mapping[Setting, Floats], method: str) -> Reference:
 
 
 def doubts(sounds: Mapping[Setting, Floats], chosen: Reference) -> list[str]:
-    """Methods that settle on another sound than the reference: one of the two must be wrong."""
+    """Methods that converge to another sound than the reference: one of the two must be wrong."""
     said = []
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
         if method == chosen.setting.method or len(ladder(sounds, method)) < 2:
@@ -146,5 +146,5 @@ def doubts(sounds: Mapping[Setting, Floats], chosen: Reference) -> list[str]:
 
 
 def _changes(row: Sequence[tuple[int, Floats]]) -> tuple[float, ...]:
-    """What each doubling changed [dB]."""
+    """The change of each doubling [dB]."""
     return tuple(max(waveform_db(one, two), 2.0 * EXACT_DB) for (_, one), (_, two) in pairwise(row))

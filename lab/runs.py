@@ -1,7 +1,7 @@
 """Running a scene by a method, oversampled.
 
-S times oversampled it is the same scene at S times the rate, every S-th frame. Speeds and
-accelerations are derived from these frames: so they come as late at every S.
+With oversampling S the scene runs at S times the rate, and every S-th frame is kept. Speeds and
+accelerations are derived from the kept frames, so their delay is the same at every S.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ _BLOCK = 512  # frames heard between two looks at the clock
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """How to compute. Method None is the planner's own choice, with all that belongs to it.
+    """A way of computing. Method None is the planner's own choice, with everything that it decides.
 
-    The planner may be given an error of the waveform, `budget_db`; without one it plans by ear.
+    The planner can be given an error of the waveform, `budget_db`; without one it plans by ear.
     """
 
     method: str | None = "ca"
@@ -46,9 +46,10 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class Oversampled(Set):
-    """A scene set up at so many times its rate.
+    """A scene set up at `times` its rate.
 
-    Above once its outputs are positions, of which `derivatives` makes speeds at its own rate.
+    If `times` is above 1 its outputs are positions, from which `derivatives` makes speeds at the
+    scene's own rate.
     """
 
     times: int
@@ -57,23 +58,23 @@ class Oversampled(Set):
 
     @classmethod
     def of(cls, scene: Scene, times: int) -> Oversampled:
-        """A scene at so many times its rate. Raises EngineError or StageError."""
+        """A scene at `times` its rate. Raises EngineError or StageError."""
         made = scene.at(scene.rate * times)
         positions = made.network.undifferentiated()
-        # At its own rate the engine derives speeds itself: nothing is left to derive.
+        # At its own rate the engine derives speeds itself, and nothing is left to derive.
         heard, derived = (made.network, positions) if times == 1 else (positions, made.network)
         return cls(heard, made.timeline, times, derived, scene.rate)
 
     def derivatives(self) -> _core.Derivatives:
-        """What is left to derive of every `times`-th frame, from frame 0 on."""
+        """The derivatives still to compute from every `times`-th frame, from frame 0 on."""
         return _core.Derivatives(self.derived, self.rate)
 
 
 class Run:
-    """A scene on its way; `spent` is the processor time that it took so far [s], of its thread."""
+    """A running scene; `spent` is the processor time of its thread so far [s]."""
 
     def __init__(self, simulation: Any, whole: Oversampled, chosen: str = "") -> None:
-        """At frame 0."""
+        """Start at frame 0."""
         self._simulation, self._whole = simulation, whole
         self._derivatives = whole.derivatives()
         self._start = simulation.snapshot()
@@ -82,7 +83,7 @@ class Run:
         self.spent = 0.0
 
     def rewind(self) -> None:
-        """Back to frame 0, the clock too."""
+        """Go back to frame 0, and reset the clock."""
         self._simulation.restore(self._start)
         self._derivatives = self._whole.derivatives()
         self.spent = 0.0
@@ -110,9 +111,9 @@ class Run:
 def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bool = False) -> Run:
     """Set a scene up at frame 0.
 
-    Raises EngineError where the engine refuses (UnstableError where it would diverge); `unchecked`
-    lets the CA scheme run all the same, and a mesh by another method. Raises StageError where the
-    score itself is at fault.
+    Raises EngineError if the engine refuses (UnstableError if the run would diverge).
+    `unchecked` lets the CA scheme run nevertheless, and a mesh by another method too. Raises
+    StageError if the score itself is at fault.
     """
     if setting.precision not in PRECISIONS:
         raise _core.EngineError(f"there is no precision {setting.precision}")
@@ -132,7 +133,9 @@ _SURELY = 64  # times finer, nothing that a map shows is refused
 
 
 def _planned(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
-    """The plan of a scene; `unchecked`: where it is refused, as it would be decided finer."""
+    """The plan of a scene; if it is refused and `unchecked`, the plan with the choices of a finer
+    one.
+    """
     method = cast("Method | None", setting.method)
 
     def plan(finer: int, pins: Pins | None = None) -> _core.Plan:
@@ -147,7 +150,7 @@ def _planned(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
         if not unchecked:
             raise
         try:
-            # What was decided once is not certified again.
+            # Choices that are given are not certified again.
             return plan(1, plan(_SURELY).choices())
         except _core.EngineError:
             raise refused from None

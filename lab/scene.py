@@ -1,4 +1,4 @@
-"""What can be run at any rate: a network, what happens to it, and how it is heard."""
+"""Scenes that can run at any rate: a network, its timeline, and its outputs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Set:
 
 
 class Scene(Protocol):
-    """Something to run. Parameters are physical: another rate is the same instrument."""
+    """A scene to run. Its parameters are physical, so it is the same instrument at any rate."""
 
     @property
     def rate(self) -> float:
@@ -39,13 +39,15 @@ class Scene(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """A piece, heard as in a file of the usual kind: mixed, without what pushes cones aside."""
+    """A piece, heard as in a rendered file: mixed, without the constant part that displaces
+    loudspeaker cones.
+    """
 
     piece: Piece
 
     @property
     def rate(self) -> float:
-        """The piece's own."""
+        """The piece's own rate."""
         return self.piece.rate
 
     def at(self, rate: float) -> Set:
@@ -54,7 +56,7 @@ class Score:
         return Set(ready.network, ready.timeline)
 
     def hear(self, frames: Floats) -> Floats:
-        """Through the piece's own routes."""
+        """Mix by the piece's own routes."""
         listening = prepare(self.piece).built.listening
         mixed = np.zeros((len(frames), listening.n_channels))
         mixer = listening.mixer(self.rate, frames.shape[1], highpass=HIGHPASS)
@@ -64,13 +66,13 @@ class Score:
 
 @dataclass(frozen=True, slots=True)
 class Bare:
-    """A network of the laboratory's own, started by its X0 and V0 and heard as it is."""
+    """A network of the laboratory, started by its X0 and V0; its outputs are heard directly."""
 
     build: Callable[[_core.Network], None]
     rate: float = 44_100.0
 
     def at(self, rate: float) -> Set:
-        """Built anew."""
+        """Build the network anew."""
         network = _core.Network()
         self.build(network)
         return Set(network, _core.Timeline(network, rate))

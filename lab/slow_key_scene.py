@@ -1,7 +1,7 @@
 """A key whose springs pull once in R frames, and the string that it pulls at every frame.
 
-All of it is under `units: ca`: the same with every spring at every frame is the truth itself, so
-that what differs is the price of the slow key and nothing else.
+Everything is under `units: ca`. The same scene with all springs at every frame is the exact
+reference, so the difference is only the effect of the slow key.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ QUICK = Key((0.08, 0.05, 0.05, 0.001), (1800.0, 2700.0, 2700.0, 2700.0))  # to 2
 
 @dataclass(frozen=True, slots=True)
 class SlowKeyScene:
-    """The scene: a key struck at its first mass; its last one pulls the string by K [N/m].
+    """A key struck at its first mass; its last mass pulls the string by K [N/m].
 
-    Once in `every` frames; None: at every frame. The certificate sees K over `hidden`: the rest is
-    a factor of the spring's force, which no certificate looks at.
+    The key is stepped once in `every` frames; None: at every frame. The certificate sees K over
+    `hidden`: the rest is a factor of the spring's force, which the certificate does not see.
     """
 
     key: Key
@@ -54,11 +54,11 @@ class SlowKeyScene:
 
     @property
     def rate(self) -> float:
-        """Its numbers are those of one rate."""
+        """The one rate for which its numbers hold."""
         return RATE
 
     def at(self, rate: float) -> Set:
-        """Built anew; at its own rate whatever is asked."""
+        """Build the scene anew, at its own rate whatever `rate` is."""
         network = _core.Network()
         network.part("key", ca_rate=RATE, macrostep=self.every)
         M, K, Z = self.key.M, self.key.K, self.key.Z
@@ -84,7 +84,7 @@ class SlowKeyScene:
 
 @cache
 def whole(key: Key, K: float, n_frames: int) -> Truth:
-    """The same with all springs at every frame."""
+    """The reference: the same scene with all springs at every frame."""
     made = SlowKeyScene(key, K, None).at(RATE)
     frames = np.zeros((n_frames, 1))
     try:
@@ -96,12 +96,12 @@ def whole(key: Key, K: float, n_frames: int) -> Truth:
 
 @dataclass(frozen=True, slots=True)
 class Slow:
-    """A cut by the exact flow of its key (E4), once in `every` frames."""
+    """A scene whose key is stepped by its exact flow (E4), once in `every` frames."""
 
     scene: SlowKeyScene
 
     def refused(self) -> str:
-        """Why a plan would not have the key slow."""
+        """Why a plan refuses to step the key slowly; empty if it does not."""
         try:
             _planned(self.scene)
         except _core.UnstableError as error:
@@ -109,7 +109,7 @@ class Slow:
         return ""
 
     def run(self, n_frames: int) -> Outcome:
-        """By that plan, or where it is refused by one that sees a softer spring."""
+        """Run by that plan; if it is refused, by a plan that sees a softer spring."""
         scene = self.scene
         while scene.hidden <= _HIDDEN_MAX:
             try:
@@ -130,19 +130,22 @@ class Slow:
         if not np.all(np.isfinite(frames)):
             return Outcome(False, reason="an output is not finite")
         true = self.truth(n_frames).frames
-        # No ledger is kept of a plan: energy goes as the square of how far the string swings.
+        # A planned run has no ledger here; energy goes as the square of the amplitude of the
+        # string.
         size = 0.0 if true is None else float(np.abs(frames).max() / np.abs(true).max())
         if size**2 > 10.0 ** (RUNAWAY_DB / 10.0):
             return Outcome(False, frames, f"it swings {size:.3g} times as far as it should")
         return Outcome(True, frames)
 
     def truth(self, n_frames: int) -> Truth:
-        """The same at every frame."""
+        """The same scene with all springs at every frame."""
         return whole(self.scene.key, self.scene.K, n_frames)
 
 
 def _planned(scene: SlowKeyScene) -> tuple[Set, _core.Plan]:
-    """The plan of a cut, with its key slow. Raises UnstableError where it may not be."""
+    """The plan of the scene, with its key slow. Raises UnstableError if the plan does not allow
+    that.
+    """
     made = scene.at(RATE)
     plan = _core.Plan(made.network, made.timeline, error_db=_BUDGET_DB)
     for _, why in plan.stay():
@@ -152,12 +155,13 @@ def _planned(scene: SlowKeyScene) -> tuple[Set, _core.Plan]:
 
 @cache
 def load(key: Key, K: float) -> float:
-    """λ over the limit of what goes at every frame: the string and the mass that pulls it.
+    """λ over the limit of the part that is stepped at every frame: the string and the mass that
+    pulls it.
 
-    It knows nothing of R: beyond it no rate of the key helps.
+    It does not depend on R: beyond this limit no rate of the key helps.
     """
     n, m = _MASSES, _MASS / _MASSES
-    # CA sounds the string at its pitch.
+    # CA gives the string its pitch exactly.
     k = m * (np.sin(np.pi * _PITCH / RATE) / np.sin(np.pi / (2.0 * (n + 1)))) ** 2 * RATE**2
     sigma = 3.0 * np.log(10.0) / _T60
     omega = 2.0 * np.pi * _PITCH

@@ -1,4 +1,4 @@
-"""A piece with all its springs, or only its contacts, a factor stiffer."""
+"""A piece with all its springs, or only its contacts, stiffer by a factor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _CONTACTS = ("BUT", "LNL", "BRISTLE")
 def stiffer(piece: Piece, factor: float, *, contacts_only: bool = False) -> Piece:
     """The piece with the stiffness of its instruments times `factor`; keys stay as they are.
 
-    Where a frequency stands for a stiffness, it goes with the square root.
+    A frequency that sets a stiffness is multiplied by the square root of the factor.
     """
     instruments = {
         name: replace(
@@ -34,7 +34,7 @@ def stiffer(piece: Piece, factor: float, *, contacts_only: bool = False) -> Piec
 
 
 def has_contacts(piece: Piece) -> bool:
-    """Whether there is anything that `contacts_only` would change."""
+    """Whether `contacts_only` would change anything."""
     modules = (m for instrument in piece.instruments.values() for m in instrument.modules)
     return any(_stiffer(m, 2.0).fields != m.fields for m in modules if m.kind in _CONTACTS)
 

@@ -1,4 +1,4 @@
-"""Tables as CSV: first lines that say what and where, then a row of names, then numbers."""
+"""Tables as CSV: first lines with the facts, then a row of names, then numbers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Value = str | float | int | bool | None
 
 
 def text(facts: Sequence[str], names: Sequence[str], rows: Iterable[Sequence[Value]]) -> str:
-    """The whole file. What was not measured is an empty field."""
+    """The whole file. A value that was not measured is an empty field."""
     out = io.StringIO()
     for fact in ("made by ergon", *facts):
         out.write(f"# {' '.join(fact.split())}\n")

@@ -1,4 +1,4 @@
-"""The converged motion of a scene: a run so oversampled that a finer one gives the same."""
+"""The converged motion of a scene: a run so oversampled that a finer run gives the same."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ EXACT_DB = -300.0  # what a formula does not know
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Outputs (n_frames, n_out) at the scene's rate, and how much half the oversampling differs.
+    """Outputs (n_frames, n_out) at the scene's rate, and their change from half the oversampling.
 
-    `change_db` is inf where nothing could be run: then nothing is known.
+    `change_db` is inf if nothing could be run: then the truth is not known.
     """
 
     frames: Floats | None
@@ -32,7 +32,7 @@ UNKNOWN = Truth(None, inf)
 
 
 def converged(scene: Scene, n_frames: int, finer: int = _FINER) -> Truth:
-    """The scene by the CA scheme, `finer` times as fine as it needs to run at all."""
+    """The scene by the CA scheme, `finer` times as oversampled as it needs to run at all."""
     oversampling = 1
     while oversampling < _HIGHEST and not _stable(scene, oversampling):
         oversampling *= 2

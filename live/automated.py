@@ -1,4 +1,4 @@
-"""What a hand may feel of automation: the values that are held against what its key bears."""
+"""Automation that a hand may feel: the values at which the stability of its key is checked."""
 
 from __future__ import annotations
 
@@ -22,16 +22,20 @@ class Values:
     factors: tuple[tuple[int, float], ...] = ()
 
 
-MAX_SETS = 64  # of values: each is played once, against each key
-# In a change shorter than this [s] no oscillation grows that is stable at both ends.
+MAX_SETS = 64  # combinations of values that are checked against each key, at most
+# A change shorter than this [s] is too short for an oscillation to grow that is stable at both
+# ends.
 SHORT = 0.05
-# A longer change is checked wherever a value has changed by this ratio.
+# A longer change is also checked on its way, at each change of a value by this ratio.
 RATIO = 1.2
 _OTHER = 3.0  # a factor of stiffness and mass that shows whether a hand feels a CEL
 
 
 def felt(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
-    """Points of modules with automation that a hand on a MAT can feel; `held` are all hands'."""
+    """The automation of modules that a hand on the MAT `mat` can feel, as points in time.
+
+    `held` are the MATs of all hands.
+    """
 
     def key(where: Where, numbers: Sequence[float]) -> bytes:
         values = _applied(stage, [where], [numbers])
@@ -49,7 +53,7 @@ def felt(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
 
 
 def _applied(stage: Stage, modules: Sequence[Where], numbers: Sequence[Sequence[float]]) -> Values:
-    """Numbers of modules as the engine takes them; a BANK that is led is reached by no hand."""
+    """Values of modules as the engine takes them. No hand feels the automation of a BANK."""
     assembly = stage.built.assembly
     ties, factors = [], []
     for where, own in zip(modules, numbers, strict=True):
@@ -75,10 +79,10 @@ def automation_felt(stage: Stage, players: Collection[str]) -> dict[str, list[st
 
 
 def value_sets(stage: Stage, paths: Mapping[Where, Points], since: float) -> Iterator[Values]:
-    """Values that modules have together from an instant [s] on, each of them once.
+    """The combinations of values that modules take from the instant `since` [s] on, each once.
 
-    They are each that stays, and on the way from one to another so many that every other lies
-    within a ratio of 1.2 of one.
+    They include every combination that is held; along a change, enough of them that any other
+    lies within a ratio of 1.2 of one of them.
     """
     modules = list(paths)
     rows = list(paths.values())
@@ -94,7 +98,9 @@ def value_sets(stage: Stage, paths: Mapping[Where, Points], since: float) -> Ite
 def _values(
     rows: Sequence[Points], instants: Sequence[float]
 ) -> Iterator[tuple[list[tuple[float, ...]], bool]]:
-    """Values at instants and on the way between them, and whether they stay for a while."""
+    """Values at each instant and on the way between two of them, and whether they are held
+    there.
+    """
     begin, last = instants[0], [value_at(points, instants[0]) for points in rows]
     for end in instants[1:]:
         now = [value_at(points, end) for points in rows]

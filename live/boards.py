@@ -15,7 +15,7 @@ from ergon.common.errors import ErgonError
 if TYPE_CHECKING:
     from .calibration import Axis
 
-# A device's name in the user's file with an axis of it, such as tgr0.3.
+# The name of a device in the user's file, with an optional axis, such as tgr0.3.
 _NAMED = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
 _MAX_BYTES = 1 << 20  # a list of devices is small; what is larger is another file
 
@@ -28,7 +28,7 @@ class BoardError(ErgonError):
 class Board:
     """A device, its axes as (axis, player), and the calibrations of axes by their numbers.
 
-    `name` is what the user's list calls it, if it was named so.
+    `name` is its name in the user's list, if it was given by name.
     """
 
     url: str
@@ -43,18 +43,20 @@ class Board:
 
     @property
     def kind(self) -> str:
-        """The protocol."""
+        """The protocol, such as `firefader`."""
         return self.url.partition(":")[0]
 
     @property
     def has_motor(self) -> bool:
-        """Whether there may be a real motor: False in this process and behind a pseudo-terminal."""
+        """Whether it may have a real motor: not if it is emulated in this process or by a
+        pseudo-terminal.
+        """
         where = self.url.partition("?")[0].partition(":")[2]
         return self.kind != "emul" and not where.startswith("/dev/pts/")
 
     @property
     def emulated(self) -> bool:
-        """Whether it is surely or probably an emulator, as with datagrams to this machine."""
+        """Whether it is an emulator, surely or probably: datagrams to this machine count as one."""
         where = self.url.partition("?")[0].partition(":")[2].removeprefix("//")
         return not self.has_motor or (self.kind == "frame+udp" and where.startswith("127."))
 
@@ -107,7 +109,7 @@ def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:
     """(URL, axis) of `URL#3`, or of `name` or `name.3` of the user's file. Raises BoardError."""
     if ":" in text:
         url, _, behind = text.partition("#")
-        # Options of a URL stand behind its axis.
+        # The options of a URL come after its axis.
         number, mark, options = behind.partition("?")
         if behind and not number.isdecimal():
             raise BoardError(f"{text}: the axis is a number from 0 on, as in {url}#0")

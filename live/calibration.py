@@ -1,4 +1,4 @@
-"""Calibrations of axes, kept in the user's list of devices beside the user's own lines."""
+"""Calibrations of axes, kept in the user's list of devices beside the lines of the user."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ergon._core import Device
 
 _TABLE = "calibration"
-# Options of a URL that say how to talk, not to whom.
+# URL options that say how to communicate, not with which device.
 _MANNERS = ("lockstep", "wide")
 
 
@@ -25,8 +25,8 @@ _MANNERS = ("lockstep", "wide")
 class Axis:
     """The calibration of an axis; positions in m or rad, `force_max` in N or N·m.
 
-    `sign` is 1 where a positive force moves it towards positive positions as the device gives them,
-    else -1; its true position is (position - zero) · gain.
+    `sign` is 1 if a positive force moves the axis towards positive positions as the device gives
+    them, else -1; its true position is (position - zero) · gain.
     """
 
     sign: int
@@ -43,21 +43,24 @@ class Axis:
 
 
 def plain(device: Device, sign: int) -> Axis:
-    """The axis that its device describes, with another sign."""
+    """The axis as its device describes it, with the given sign."""
     return Axis(sign, 0.0, 1.0, device.range, device.force_max)
 
 
 def between(axis: Axis, low: float, high: float, apart: float) -> Axis:
-    """The axis with ends where the device gives `low` and `high`, truly `apart`; zero between."""
+    """The axis with its ends at the device's positions `low` and `high`, which are truly `apart`.
+
+    Zero is midway.
+    """
     half = 0.5 * abs(apart)
     return Axis(axis.sign, 0.5 * (low + high), apart / (high - low), (-half, half), axis.force_max)
 
 
 def identity(url: str) -> str | None:
-    """The name of a board that does not depend on its port; None where none is certain.
+    """A name of a board that does not depend on its port; None if it has none.
 
-    A board on a serial port has the serial number that it says over USB, a Haply device its `?id=`.
-    An address says nothing of who answers there.
+    For a board on a serial port it is the serial number that USB reports, for a Haply device its
+    `?id=`. A network address does not tell which device answers there.
     """
     target, _, options = url.partition("?")
     kind, _, where = target.partition(":")
@@ -68,7 +71,7 @@ def identity(url: str) -> str | None:
 
 
 def key(url: str, number: int) -> str:
-    """The name of an axis: by its board's serial number, or by its address where there is none."""
+    """The name of an axis: by the identity of its board, or else by its address."""
     return f"{identity(url) or _address(url)}#{number}"
 
 
@@ -143,9 +146,11 @@ def _axis(name: str, row: Any) -> Axis:
 
 
 def tried(url: str, number: int, before: Axis | None = None) -> Axis:
-    """Find the direction of an axis by a small force: as `before`, or of another board.
+    """Find the direction of an axis by a small force.
 
-    Raises EngineError, UnsureError where it does not move both ways.
+    Returns `before` if its direction still holds; else another motor is connected, and the axis
+    is as the device describes it. Raises EngineError, UnsureError if the axis does not move both
+    ways.
     """
     device = _core.Device(url, [] if before is None else [before.for_core(number)])
     try:
@@ -156,7 +161,7 @@ def tried(url: str, number: int, before: Axis | None = None) -> Axis:
         device.close()
     if sign > 0:
         return before
-    # Another motor: nothing that was found of the one before is true of it.
+    # Another motor is connected: nothing of the old calibration holds for it.
     device = _core.Device(url)
     try:
         return plain(device, -before.sign)
@@ -182,7 +187,7 @@ def remember(url: str, number: int, axis: Axis) -> Path:
     lines = [f"[{_TABLE}.{json.dumps(name)}]"]
     lines += [f"{field} = {json.dumps(value)}" for field, value in row.items()]
     after = _replaced(text, lines)
-    # Whatever way the user's file is written in: what it says besides must be what it said.
+    # However the user's file is formatted, everything else in it must stay the same.
     try:
         wanted = {**before, _TABLE: {**_table(before), name: row}}
         kept = tomllib.loads(after) == wanted
@@ -198,7 +203,7 @@ def remember(url: str, number: int, axis: Axis) -> Path:
 
 
 def _replaced(text: str, lines: list[str]) -> str:
-    """The text with a table in place of the one with the same header, or at the end."""
+    """The text with a table in place of the one with the same header, or else at its end."""
     end = "\r\n" if "\r\n" in text else "\n"
     table = end.join(lines) + end
     rows = text.splitlines(keepends=True)
@@ -209,7 +214,7 @@ def _replaced(text: str, lines: list[str]) -> str:
     after = at + 1
     while after < len(rows) and not rows[after].lstrip().startswith("["):
         after += 1
-    # What stands above the next table belongs to that.
+    # Comments and empty lines above the next table belong to that one.
     while after > at + 1 and (not rows[after - 1].strip() or rows[after - 1].startswith("#")):
         after -= 1
     return "".join(rows[:at]) + table + "".join(rows[after:])

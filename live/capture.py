@@ -1,4 +1,4 @@
-"""A hand on a device, recorded without any force and without a score."""
+"""Recording of hands on devices, without any force and without a score."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def capture(
 ) -> _core.Performance:
     """Begin to record hands at `tick` [Hz]; nothing pushes them. Raises EngineError.
 
-    What is performed is a piece of keys that nothing touches: a hand is where it is, no more.
+    The performed piece consists of keys that nothing touches, so that no force arises.
     """
     import numpy as np
 

@@ -1,6 +1,6 @@
 """Where the beat of another program's MIDI clock is, from its messages and their instants.
 
-`repl/session/midi_clock.py` is what a session does with it.
+`repl/session/midi_clock.py` applies it to a session.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from .midi_messages import CLOCKS, Message, SongPosition, Transport
 
 _KEPT = 96  # clocks from which tempo and phase are estimated: four beats
 _ENOUGH = 12  # clocks before anything is estimated
-_JUMP = 0.006  # [s] by which a clock is off the estimate where it is late, or the tempo has jumped
+_JUMP = 0.006  # [s]; a clock further off the estimate is late, or the tempo has jumped
 _SURE = 12  # such clocks in a row after which the tempo has jumped
-# A clock is late where it is this many times the median error behind the line, and so much [s].
+# A clock is late if it lags behind the line by more than this many times the median error, and by
+# more than this time [s].
 _LATE, _LATE_LEAST = 4.0, 0.002
-_TRIALS = 4  # lines that are drawn, each without the clocks that were late by the one before
+_TRIALS = 4  # lines fitted, each without the clocks that are late against the one before
 _SILENCE = 0.5  # [s] without a clock after which there is none to follow
 _LONGEST, _SHORTEST = 60.0 / 20.0, 60.0 / 400.0  # [s] of a beat that is followed
 
@@ -39,7 +40,7 @@ class ClockFollower:
     """Follows the clock of another program; `receive` may be called by any one thread.
 
     Beats count from 0 at the beginning of the piece. `is_placed` says whether that beginning is
-    known: a program that was playing before tells clocks alone.
+    known: a program that was already playing sends clocks only.
     """
 
     def __init__(self) -> None:
@@ -52,7 +53,7 @@ class ClockFollower:
         self.is_running = False
 
     def receive(self, message: Message, at: float) -> None:
-        """Take in a message that came at an instant [s]."""
+        """Process a message that came at an instant [s]."""
         if isinstance(message, SongPosition):
             self._place(message.clocks)
         elif message is Transport.START:
@@ -71,7 +72,7 @@ class ClockFollower:
         return self._next / CLOCKS
 
     def _place(self, clocks: int) -> None:
-        """Go on counting from a place; the tempo is known as before."""
+        """Continue counting from another position; the estimate of the tempo is kept."""
         by = clocks - self._next
         moved = [(number + by, at) for number, at in self._clocks]
         self._clocks.clear()
@@ -91,8 +92,8 @@ class ClockFollower:
             self._off.clear()
             self._clocks.append(own)
             return
-        # A program or a wire that was held up tells several clocks at once, and then goes on as
-        # before: only where that does not happen has the tempo jumped.
+        # After a delay in a program or a wire, several clocks come at once, and then it goes on as
+        # before. Only if so many in a row are off the estimate has the tempo jumped.
         self._off.append(own)
         if len(self._off) == _SURE:
             self._clocks.clear()
@@ -100,12 +101,13 @@ class ClockFollower:
             self._off.clear()
 
     def is_heard(self, now: float) -> bool:
-        """Whether clocks come."""
+        """Whether clocks are coming."""
         return now - self._last <= _SILENCE
 
     def beat(self) -> Beat | None:
-        """The line through the latest clocks, but for those that came late; None where there are
-        too few, or no tempo."""
+        """The line through the latest clocks, without those that came late; None if there are too
+        few, or if the tempo is out of range.
+        """
         clocks = list(self._clocks)
         if len(clocks) < _ENOUGH:
             return None
@@ -121,7 +123,7 @@ class ClockFollower:
 
 
 def _line(clocks: list[tuple[int, float]]) -> Beat:
-    """The line by least squares through clocks: number and instant [s]."""
+    """The least-squares line through clocks: (number, instant [s])."""
     n = len(clocks)
     first, since = clocks[0]
     numbers = [number - first for number, _ in clocks]

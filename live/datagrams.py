@@ -34,7 +34,7 @@ def require_python_osc() -> None:
 
 
 def messages(datagram: bytes) -> list[tuple[str, list[object]]]:
-    """(address, arguments) of every message in it; time tags are ignored.
+    """(address, arguments) of every message in a datagram; time tags are ignored.
 
     Raises MalformedDatagramError.
     """
@@ -42,7 +42,7 @@ def messages(datagram: bytes) -> list[tuple[str, list[object]]]:
 
     found = []
     for part in _flat(datagram, _DEEPEST):
-        # What python-osc does not know of it writes to the terminal: that is not for strangers.
+        # python-osc writes to the terminal what it does not know; strangers must not cause that.
         if not part.startswith(b"/") or not _TYPES.match(_types(part)):
             raise MalformedDatagramError
         try:
@@ -77,7 +77,7 @@ def _types(message: bytes) -> bytes:
 
 
 def written(address: str, arguments: Sequence[object], when: float | None = None) -> bytes:
-    """A message; with an instant [s since 1970], in a bundle with that time tag.
+    """A message as bytes; with an instant [s since 1970], in a bundle with that time tag.
 
     An instant of 0 is OSC's `immediately`.
     """

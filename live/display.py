@@ -55,13 +55,13 @@ class Watcher:
     """Makes views of the performance of a stage."""
 
     def __init__(self, stage: Stage) -> None:
-        """Show this stage."""
+        """Watch the performance of this stage."""
         self._stage = stage
-        # A gesture is over when a later one begins; there may be a million.
+        # Sorted by start: there may be a million, and those in progress are found by bisection.
         self._gestures: list[StagedGesture] = sorted(stage.gestures, key=lambda g: g.start)
 
     def look(self, status: _core.Status, recording: str | None = None) -> PerformanceView:
-        """The view now; `recording` says why hands cannot be recorded at present."""
+        """The view of `status`; `recording` says why hands cannot be recorded at present."""
         stage = self._stage
         seconds = status.frame / stage.rate
         tempo = stage.piece.tempo_map
@@ -97,7 +97,7 @@ class Watcher:
 
         upto = bisect_right(self._gestures, seconds, key=lambda gesture: gesture.start)
         latest: dict[str, str] = {}
-        # Those that began last are enough: a hand plays one thing at a time, and its layers.
+        # The last few that began are enough: a hand plays one gesture at a time, and its layers.
         for gesture in self._gestures[max(0, upto - 64) : upto]:
             if gesture.stop > seconds:
                 latest[gesture.player] = gesture.name
@@ -105,7 +105,7 @@ class Watcher:
 
 
 def decibels_of(peak: float) -> float:
-    """A peak in dB below full scale; below the floor of a level it is silence, -inf."""
+    """A peak in dB below full scale; -inf (silence) if it is not above `SILENT`."""
     return 20.0 * math.log10(peak) if peak > SILENT else -math.inf
 
 
@@ -134,7 +134,7 @@ def _key(key: HandView) -> str:
 
 
 def meter_of(x: float, low: float, high: float) -> str:
-    """A bar of characters that shows x between two ends."""
+    """A text meter that shows x between two ends."""
     share = (x - low) / (high - low) if high > low else 0.5
     at = min(max(round(share * (_METER - 1)), 0), _METER - 1)
     middle = (_METER - 1) // 2
@@ -185,7 +185,7 @@ def force_sentence(bearing: HandForceBounds) -> str:
 
 
 def why_too_stiff(bearing: HandForceBounds) -> str:
-    """Why a line is refused because a hand's device would not be stable with the piece."""
+    """Why a line is refused with which a hand's device would not be stable."""
     least = bearing.least
     return (
         f"with this line the piece would be {least.met:,.0f} N/m stiff at the key of "

@@ -12,8 +12,9 @@ from ergon import _core
 class Cell:
     """One fault on one device, in words.
 
-    `seconds` [s] is from the fault to zero force; None where the force does not end, or where the
-    fault is not made: `said` tells which. `bound` [s] is the longest that is allowed, if any is.
+    `seconds` [s] is from the fault to zero force; None if the force does not end, or if the
+    fault is not made: `said` tells which. `bound` [s] is the longest that is allowed, if there
+    is a bound.
     """
 
     device: str
@@ -34,9 +35,10 @@ class Row:
 
 
 def measured() -> list[Row]:
-    """Make every fault on every emulated device, in virtual time: the same figures on any machine.
+    """Simulate every fault on every emulated device, in virtual time: the same figures on any
+    machine.
 
-    Raises EngineError where an emulator does not answer its own driver.
+    Raises EngineError if an emulator does not answer its own driver.
     """
     rows: dict[str, list[Cell]] = {}
     for one in _core.measure_faults():
@@ -64,6 +66,6 @@ def _said(one: _core.FaultMeasurement) -> str:
 
 
 def bound(row: Row) -> str:
-    """The bounds of a row, in words: one where all devices have the same."""
+    """The bounds of a row, in words; only one if all devices have the same."""
     bounds = sorted({cell.bound for cell in row.cells if cell.bound is not None})
     return ", ".join(f"{1e3 * seconds:g} ms" for seconds in bounds) or "none"

@@ -22,11 +22,12 @@ if TYPE_CHECKING:
 
 # A tick of 44 frames at 44.1 kHz [s].
 PERIOD = 44 / 44100
-# Positions that are read in a tick are felt as the force of the next: one tick, whatever the wire.
+# A position that is read in one tick gives the force of the next: one tick, whatever the
+# connection.
 STRUCTURAL_TICKS = 1
-# Frames that a performance keeps ready for the card.
+# Frames computed ahead of the sound card.
 AHEAD = 1024
-_LATE = 0.5  # a tick is late when it begins so much of its length after it was due
+_LATE = 0.5  # of its length: a tick that begins later than this is late
 _OFTEN = 1e-3  # of all ticks
 _RIGHTS = (
     "put `@audio - rtprio 95` and `@audio - memlock unlimited` into "
@@ -36,7 +37,7 @@ _RIGHTS = (
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A measurement in words and numbers, and what to do about it: empty where nothing is wrong."""
+    """A measurement in words and numbers, and advice: `todo` is empty if nothing is wrong."""
 
     what: str
     said: str
@@ -56,7 +57,9 @@ def machine() -> Finding:
 
 
 def speed(seconds: float) -> Finding:
-    """How many times as long as the table of costs says work takes here, in about so long [s]."""
+    """The time that work takes on this machine over that in the table of costs; runs for about
+    `seconds`.
+    """
     ratios = [_ratio(*work, seconds / 3.0) for work in _works()]
     correction = math.prod(ratios) ** (1.0 / len(ratios))
     said = f"work takes {correction:.2g} times as long as the table of costs says"
@@ -66,7 +69,7 @@ def speed(seconds: float) -> Finding:
 
 
 def _works() -> Iterator[tuple[_core.Network, range, Literal["ca", "modal"]]]:
-    """Networks of one kind of work each, what has to be struck, and the method that makes it so."""
+    """(network, MATs to strike, method), each with one kind of work."""
     bank = _core.Network()
     bank.part("bank")
     first = bank.bank("b", count=2000, M=1e-3, f=(100.0, 8000.0), t60=(100.0, 100.0))
@@ -83,7 +86,9 @@ def _works() -> Iterator[tuple[_core.Network, range, Literal["ca", "modal"]]]:
 def _ratio(
     network: _core.Network, struck: range, method: Literal["ca", "modal"], seconds: float
 ) -> float:
-    """Time of a network's work over what the table says: the least of some blocks of it."""
+    """The measured time of a network's work over that of the table of costs: the least of several
+    blocks.
+    """
     import numpy as np
 
     rate = 44100.0
@@ -117,7 +122,7 @@ def rights(found: Checkup) -> Iterator[Finding]:
 
 
 def waking(found: Checkup, what: str = "wake-up") -> Finding:
-    """How late a thread that sleeps from tick to tick wakes."""
+    """How late a thread wakes that sleeps from tick to tick."""
     lateness = found.lateness()
     late = int((lateness > _LATE * PERIOD).sum())
     said = f"{quantiles(lateness)}; {late:,} of {len(lateness):,} ticks late"
@@ -249,7 +254,10 @@ def quantiles(seconds: NDArray[np.float64]) -> str:
 
 
 def histogram(seconds: NDArray[np.float64]) -> dict[str, object]:
-    """The same [s], and how many took at least 2^(i-1) µs and less than 2^i, for each i."""
+    """The quantiles [s], and a histogram: bin i counts durations from 2^(i-1) µs to below 2^i µs.
+
+    The first bin counts those below 1 µs; the last bin also counts all longer ones.
+    """
     import numpy as np
 
     bins = np.zeros(24, dtype=int)
@@ -262,7 +270,7 @@ def histogram(seconds: NDArray[np.float64]) -> dict[str, object]:
 
 
 def ms(seconds: float) -> str:
-    """A duration in µs or ms, whichever is shorter to read."""
+    """A duration in µs below 1 ms, else in ms."""
     if seconds < 1e-3:
         return f"{1e6 * seconds:.0f} µs"
     return f"{1e3 * seconds:.2f} ms"

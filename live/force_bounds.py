@@ -1,6 +1,7 @@
-"""The stiffness that a key meets, and the part of the piece's force that its hand may get.
+"""The stiffness that a key meets, and the share of the piece's force that its hand may get.
 
-Decided here, before a piece takes over; `core-rs/live/src/perform/scale.rs` scales tick by tick.
+It is decided here, before a piece takes over; `core-rs/live/src/perform/scale.rs` applies it
+tick by tick.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ if TYPE_CHECKING:
     from ergon.scores.staging.live import LiveHand
     from ergon.scores.staging.stage import Stage
 
-# Least and greatest length of a response [ticks]: what rings longer can make the oscillation of a
-# key grow by half within some seconds, no faster.
+# Least and greatest length of a response [ticks]. Ringing beyond the greatest length can make the
+# oscillation of a key grow by half within some seconds, but no faster.
 _TICKS = (400, 4096)
 _ENDLESS = 1e12  # [N/m]
 # Couplings fade in this time [s] (FADE in core-rs/engine/src/timeline/gate.rs).
 _FADE = 0.02
-_PLACES = 20  # of a glide that are checked, at most
+_PLACES = 20  # frames within a glide that are checked, at most
 _KEPT = 256  # answers
 
 # The force limit of a hand for a response of the piece; None: the hand has no key.
@@ -38,7 +39,9 @@ Bears = Callable[[int, "NDArray[np.float64]"], "_core.HandLimit | None"]
 
 @dataclass(frozen=True, slots=True)
 class ForceScale:
-    """The part of a piece's force that a hand may get (0 to 1); stiffness met and borne [N/m]."""
+    """The share of a piece's force that a hand may get (0 to 1), the stiffness that the key meets,
+    and the greatest that its device bears [N/m].
+    """
 
     scale: float
     met: float
@@ -46,16 +49,16 @@ class ForceScale:
 
     @property
     def is_enough(self) -> bool:
-        """Whether the force that is left is enough to play with."""
+        """Whether the remaining force is enough to play with."""
         return self.scale >= _core.FORCE_SCALE_MIN
 
 
 @dataclass(frozen=True, slots=True)
 class HandForceBounds:
-    """The force that a hand may get of a piece that takes over, tick by tick.
+    """The share of force that a hand may get from a piece that takes over, tick by tick.
 
-    `bounds`: the greatest part of the force, from so many ticks after the take-over on; `least` and
-    `last` are the smallest and the last of them.
+    `bounds`: (ticks after the takeover, greatest share from then on); `least` and `last` are the
+    smallest and the last of them.
     """
 
     player: str
@@ -66,7 +69,9 @@ class HandForceBounds:
 
 @dataclass(frozen=True, slots=True)
 class _Moment:
-    """Values in a glide: (MAT, K, Z, M), (LIA, factor of its force); LIAs that have ended."""
+    """Values at one moment: (MAT, K, Z, M), (LIA, factor of its force), and LIAs that have
+    ended.
+    """
 
     ties: tuple[tuple[int, float, float, float], ...] = ()
     factors: tuple[tuple[int, float], ...] = ()
@@ -76,7 +81,8 @@ class _Moment:
 def response(
     network: _core.Network, hand: LiveHand, rate: float, reach: float, played: Sequence[LiveHand]
 ) -> NDArray[np.float64]:
-    """Force against a key [N/m] in each tick after it was 1 m away for one tick, (n_ticks,).
+    """The force response against a key [N/m], (n_ticks,): in each tick after it was 1 m away for
+    one tick.
 
     All contacts are closed; the other hands hold still.
     """
@@ -89,27 +95,28 @@ def _answer(reached: _core.ReachableNetwork, tick_frames: int, reach: float) -> 
 
     felt = reached.response(tick_frames, _TICKS)
     if felt is None:
-        # With its contacts closed the piece diverges by itself: no device bears that.
+        # The piece diverges by itself when its contacts are closed: no device bears that.
         return np.full(_TICKS[0], _ENDLESS)
-    # Hands that feel each other may move in opposite directions: a spring between two counts twice.
+    # Hands that feel each other may move in opposite directions: a spring between two hands then
+    # counts twice.
     return felt * (reach * reach * (1 + reached.others))
 
 
 class ForceBounds:
-    """Finds the force that real hands may get of a piece before it takes over.
+    """Finds the force that real hands may get from a piece before it takes over.
 
-    Each piece is played once.
-
-    `reaches` are those of the hands of the engine, `real` which of them have a key.
+    The answer for each distinct network that a key reaches is computed once and kept. `reaches`
+    has the factor between key and scene for each hand of the engine; `real` are the numbers of
+    hands that have a real key.
     """
 
     def __init__(self, bears: Bears, reaches: Sequence[float], real: Sequence[int]) -> None:
-        """Compute for the keys that `bears` knows."""
+        """Use `bears`, which gives the force limit of a hand for a response."""
         self._bears = bears
         self._reaches = reaches
         self._real = real
         self._known: dict[tuple[int, int, bytes], ForceScale] = {}
-        self.asked = 0  # how often a piece was played against a key
+        self.asked = 0  # number of responses that were computed
         self._last: tuple[object, ...] = ()
         self._found: tuple[HandForceBounds, ...] = ()
 
@@ -120,9 +127,9 @@ class ForceBounds:
         glides: Sequence[Glide] = (),
         before: Sequence[HandForceBounds] = (),
     ) -> tuple[HandForceBounds, ...]:
-        """What each real hand gets of a stage from frame `start` on. Raises EngineError.
+        """The force that each real hand may get from a stage from frame `start` on.
 
-        `before`: what the hands get of the stage that it takes over from.
+        `before` is the same for the stage that it takes over from. Raises EngineError.
         """
         if not self._real:
             return ()
@@ -155,7 +162,7 @@ class ForceBounds:
         for at, (frame, first, last) in enumerate(moments):
             is_short = len(moments) == 2 and moments[1][0] - start <= SHORT * stage.rate
             end = self._least(stage, hand, hands, last)
-            # A short glide begins where the stage before was.
+            # During a short glide, the limit of the stage before still counts at the beginning.
             from_old = old if at == 0 and is_short else None
             begin = from_old or self._least(stage, hand, hands, first)
             worst = min(begin, end, key=lambda borne: borne.scale)
@@ -169,7 +176,7 @@ class ForceBounds:
     def _least(
         self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moments: Sequence[_Moment]
     ) -> ForceScale:
-        """The least of all values that automation may have at a moment."""
+        """The smallest share of force over all moments."""
         borne = [self._borne(stage, hand, hands, moment) for moment in moments]
         return min(borne, key=lambda one: one.scale)
 
@@ -202,7 +209,7 @@ class ForceBounds:
 def _automated(
     stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], start: int
 ) -> tuple[Values, ...]:
-    """The values of automation that a hand may feel; one empty set where it feels none."""
+    """The values of automation that a hand may feel; a single empty set if it feels none."""
     paths = felt(stage, hand.mat, [other.mat for other in hands]) if stage.paths else {}
     if not paths:
         return (Values(),)
@@ -220,7 +227,7 @@ def _automated(
 def _with(
     led: Sequence[Values], first: _Moment, last: _Moment
 ) -> tuple[list[_Moment], list[_Moment]]:
-    """Both ends of a stretch, with each set of values that automation may have there."""
+    """The moments at both ends of a stretch, one for each set of values of automation."""
 
     def each(moment: _Moment) -> list[_Moment]:
         found = []
@@ -244,7 +251,7 @@ def _with(
 def _moments(
     stage: Stage, start: int, glides: Sequence[Glide]
 ) -> tuple[tuple[int, _Moment, _Moment], ...]:
-    """Stretches of a piece: first frame, values at the beginning, and values at the end."""
+    """The stretches of a piece: (first frame, values at the beginning, values at the end)."""
     couplings = [
         (link, _end(stage, until))
         for link, (_, until) in zip(stage.built.couplings, acting(stage.piece), strict=True)
@@ -268,7 +275,7 @@ def _moments(
 
 
 def _end(stage: Stage, until: float | None) -> float:
-    """The first frame at which a coupling no longer acts."""
+    """The frame from which a coupling no longer acts; infinite if it has no end."""
     if until is None:
         return math.inf
     if until == OVER:
@@ -281,7 +288,9 @@ def _on_grid(stage: Stage, instant: float) -> int:
 
 
 def _places(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
-    """Frames between the ends of a long glide at which its numbers have changed by a ratio."""
+    """Frames within a long glide, so dense that its numbers change by one ratio between two of
+    them.
+    """
     first, last = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
     if last - max(first, start) <= SHORT * stage.rate:
         return
@@ -298,7 +307,7 @@ def _places(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
 def _numbers(
     stage: Stage, glides: Sequence[Glide], frame: int
 ) -> tuple[tuple[tuple[int, float, float, float], ...], tuple[tuple[int, float], ...]]:
-    """Values of ties and links at a frame of a glide, as the engine computes them."""
+    """Values of CELs and links at a frame of a glide, as the engine computes them."""
     ties, factors = [], []
     for glide in glides:
         first, last = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
@@ -307,7 +316,7 @@ def _numbers(
             continue
         where = glide.part, glide.module
         if len(glide.before) == 3:
-            # Evenly, of what a frame takes of them: all of these are per mass.
+            # 1/M, K/M and Z/M glide linearly, because a frame uses K and Z per mass.
             (k, z, m), (to_k, to_z, to_m) = glide.before, glide.after
             mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * share)
             k, z = (mass * (a / m + (b / to_m - a / m) * share) for a, b in ((k, to_k), (z, to_z)))

@@ -1,4 +1,6 @@
-"""MIDI 1.0: untrusted bytes to the messages that a session needs, and time messages to bytes."""
+"""MIDI 1.0: parses untrusted bytes into the messages that a session needs, and writes song
+positions.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,7 @@ _TRANSPORT = {message.value: message for message in Transport}
 
 
 def message(data: bytes) -> Message | None:
-    """The message in the bytes of one packet; None for all others and for malformed ones."""
+    """The message in the bytes of one packet; None for malformed and all other messages."""
     if len(data) == 1:
         return _TRANSPORT.get(data[0])
     if len(data) != 3 or data[1] > 127 or data[2] > 127:
@@ -64,6 +66,8 @@ def message(data: bytes) -> Message | None:
 
 
 def song_position(beats: float) -> bytes:
-    """The message that tells a place in beats; the last that fits for what lies behind it."""
+    """The message for a position in beats, rounded down to a sixteenth; beyond its range, the
+    greatest position that fits.
+    """
     units = min(int(beats * CLOCKS) // _PER_SONG_POSITION, (1 << 14) - 1)
     return bytes([_SONG_POSITION, units & 0x7F, units >> 7])

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 VIRTUAL = "virtual"  # a port that other programs connect to
 OWN_NAME = "ergon"
 _BELIEVED = 48  # messages
-_LONG = 1.0  # [s] between two messages, after which another beginning is believed
+_LONG = 1.0  # [s] between two messages, after which the estimate begins anew
 
-# What takes the bytes of each message, and the instant at which it came [s, time.monotonic].
+# Called with the bytes of each message and the instant at which it came [s, time.monotonic].
 Receive = Callable[[bytes, float], None]
 
 
@@ -32,13 +32,13 @@ class InputPort(Protocol):
 
     @property
     def name(self) -> str:
-        """How the system calls it."""
+        """The name that the system gives it."""
 
     def listen(self, receive: Receive) -> None:
-        """Hand every message over, from any thread."""
+        """Pass every message to `receive`, from any thread."""
 
     def close(self) -> None:
-        """Hand nothing over any more."""
+        """Pass on nothing any more."""
 
 
 class OutputPort(Protocol):
@@ -46,7 +46,7 @@ class OutputPort(Protocol):
 
     @property
     def name(self) -> str:
-        """How the system calls it."""
+        """The name that the system gives it."""
 
     def send(self, data: bytes) -> None:
         """Send a message now; one that cannot be sent is lost."""
@@ -56,40 +56,40 @@ class OutputPort(Protocol):
 
 
 class ProcessPort:
-    """Both ends of a port inside this process: what is sent is kept and handed on at once."""
+    """Both ends of a port inside this process: a sent message is kept and passed on at once."""
 
     name = "in-process"
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Messages are stamped by `clock` [s]."""
+        """Stamp messages by `clock` [s]."""
         self._clock = clock
         self._receive: Receive | None = None
         self.sent: list[tuple[float, bytes]] = []
 
     def listen(self, receive: Receive) -> None:
-        """Hand every message over."""
+        """Pass every message to `receive`."""
         self._receive = receive
 
     def send(self, data: bytes) -> None:
-        """Keep a message, and hand it to whoever listens."""
+        """Keep a message, and pass it to the listener."""
         self.hand_on(data, self._clock())
 
     def hand_on(self, data: bytes, at: float) -> None:
-        """As `send`, at an instant [s]."""
+        """Like `send`, with the message stamped by the instant `at` [s]."""
         self.sent.append((at, data))
         if self._receive is not None:
             self._receive(data, at)
 
     def close(self) -> None:
-        """Hand nothing over any more."""
+        """Pass on nothing any more."""
         self._receive = None
 
 
 class ArrivalStamps:
-    """When messages really came, from the times between them that the system tells.
+    """Finds when messages really came, from the intervals between them that the system reports.
 
-    Python hears of a message late, by a time that varies, and never early: the earliest of the
-    latest ones is believed.
+    Python receives a message with a varying delay, never early: the smallest delay among the
+    latest messages is taken as true.
     """
 
     def __init__(self) -> None:
@@ -98,8 +98,9 @@ class ArrivalStamps:
         self._ahead: deque[float] = deque(maxlen=_BELIEVED)
 
     def stamp(self, since: float, now: float) -> float:
-        """The instant of a message [s] that came `since` seconds after the last one, as heard of
-        `now`."""
+        """The instant [s] of a message that came `since` seconds after the last one and was
+        received at `now`.
+        """
         self._told += since if 0.0 <= since < _LONG else 0.0
         ahead = now - self._told
         if self._ahead and abs(ahead - min(self._ahead)) > _LONG:
@@ -109,10 +110,10 @@ class ArrivalStamps:
 
 
 class SystemInput:
-    """An input of the system, of ALSA, JACK, CoreMIDI or Windows."""
+    """An input port of ALSA, JACK, CoreMIDI or Windows."""
 
     def __init__(self, wanted: str) -> None:
-        """Open the input whose name contains `wanted`, or one of our own (`virtual`).
+        """Open the input whose name contains `wanted`, or for `virtual` a new one named ergon.
 
         Raises MidiError.
         """
@@ -121,7 +122,7 @@ class SystemInput:
         self._port.ignore_types(sysex=True, timing=False, active_sense=True)
 
     def listen(self, receive: Receive) -> None:
-        """Hand every message over, from a thread of python-rtmidi's."""
+        """Pass every message to `receive`, from a thread of python-rtmidi."""
 
         stamps = ArrivalStamps()
 
@@ -132,16 +133,16 @@ class SystemInput:
         self._port.set_callback(take)
 
     def close(self) -> None:
-        """Hand nothing over any more."""
+        """Pass on nothing any more."""
         self._port.cancel_callback()
         self._port.close_port()
 
 
 class SystemOutput:
-    """An output of the system, of ALSA, JACK, CoreMIDI or Windows."""
+    """An output port of ALSA, JACK, CoreMIDI or Windows."""
 
     def __init__(self, wanted: str) -> None:
-        """Open the output whose name contains `wanted`, or one of our own (`virtual`).
+        """Open the output whose name contains `wanted`, or for `virtual` a new one named ergon.
 
         Raises MidiError.
         """
@@ -172,7 +173,7 @@ def _rtmidi() -> Any:
 
 
 def _opened(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str]:
-    """A port of one of the systems for MIDI that this machine has, and its name.
+    """An open port of one of this machine's MIDI systems, and its name.
 
     Raises MidiError.
     """
@@ -198,7 +199,9 @@ def _opened(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str]:
 
 
 def chosen(wanted: str, names: Sequence[str], what: str) -> int:
-    """The number of the port that is called `wanted` or alone contains it. Raises MidiError."""
+    """The number of the port called `wanted`, or of the only one that contains it. Raises
+    MidiError.
+    """
     same = [number for number, name in enumerate(names) if name == wanted]
     begun = [n for n, name in enumerate(names) if wanted and wanted.lower() in name.lower()]
     found = same or begun

@@ -1,9 +1,9 @@
-"""MIDI messages sent at their instants, by a process of its own.
+"""A process of its own that sends MIDI messages at their instants.
 
-In the process of a session a line that is being computed holds the interpreter for milliseconds.
-This one does nothing but wait and send, with real-time priority where the system grants it. What it
-is told: a line `INSTANT BYTES` for each message, the instant in nanoseconds of the monotonic clock,
-the bytes in hexadecimal.
+In the process of a session, computing a line can hold the interpreter for milliseconds. This
+process only waits and sends, with real-time priority if the system grants it. Its input is a
+line `INSTANT BYTES` for each message: the instant in nanoseconds of the monotonic clock, the
+bytes in hexadecimal.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ _PATIENCE = 2.0  # [s] for the process to end
 
 
 class TimedSender:
-    """An output port whose messages wait for their instants in another process."""
+    """An output port whose messages wait in another process until they are due."""
 
     def __init__(self, port: str) -> None:
-        """Open the output that is called so. Raises MidiError."""
+        """Start the process, which opens the output `port`. Raises MidiError."""
         command = [sys.executable, "-m", "ergon.live.midi_sender", port]
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(
@@ -50,18 +50,18 @@ class TimedSender:
         self.name = said
 
     def send_at(self, data: bytes, at: float) -> None:
-        """Send a message at an instant [s, time.monotonic]; one that is past is sent at once."""
+        """Send a message at an instant [s, time.monotonic]; at once if that is past."""
         with contextlib.suppress(OSError):  # the process is gone
             self._to.write(b"%d %s\n" % (round(at * 1e9), data.hex().encode()))
 
     def next_echo(self) -> bytes:
-        """What the port `echo` has written, line by line; empty at the end."""
+        """The next line that the port `echo` has written; empty at the end."""
         with contextlib.suppress(ValueError):  # closed by another thread
             return self._echoes.readline()
         return b""
 
     def close(self) -> None:
-        """Tell whoever plays along to stop, and close the port."""
+        """End the process: it sends a MIDI stop and closes the port."""
         with contextlib.suppress(OSError):
             self._to.close()
         try:
@@ -73,7 +73,9 @@ class TimedSender:
 
 
 def _run(come: int, send: Callable[[bytes], None]) -> None:
-    """Send what comes by a descriptor, until that ends."""
+    """Send the messages that are read from a descriptor, each when it is due, until the descriptor
+    ends.
+    """
     waiting: list[tuple[int, int, bytes]] = []
     numbers = itertools.count()
     rest = b""
@@ -96,7 +98,7 @@ def _echo(data: bytes) -> None:
 
 
 def main(port: str) -> None:
-    """Be that process."""
+    """Run as the process that sends."""
     try:
         system = None if port == ECHO else SystemOutput(port)
     except MidiError as error:

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 _TURN = 0.005  # [s] between two looks at the performance
-_AT_ONCE = 64  # datagrams that are taken before it is looked at again
+_AT_ONCE = 64  # datagrams read before the next look at the performance
 _ANSWERS = 10  # a second: a flood of mistakes gets no flood of answers
-_MOST_KNOWN = 1000  # addresses that nobody knows, each warned of once
-_SHOWN = 80  # characters of such an address
+_MOST_KNOWN = 1000  # unknown addresses that are remembered, each reported once
+_SHOWN = 80  # characters of an unknown address in a report
 
 
 class OscError(ErgonError):
@@ -42,7 +42,7 @@ class OscError(ErgonError):
 
 
 def place(text: str) -> Place:
-    """`[HOST:]PORT` as (host, port); without a host, this machine alone. Raises OscError."""
+    """`[HOST:]PORT` as (host, port); without a host, only this machine. Raises OscError."""
     host, _, port = text.rpartition(":")
     if not port.isascii() or not port.isdigit() or int(port) > 65535:
         raise OscError(f"{text}: an OSC address is PORT or HOST:PORT, such as {LOOPBACK}:9000")
@@ -50,7 +50,7 @@ def place(text: str) -> Place:
 
 
 class Osc:
-    """Receives requests at the address `here`, sends events to `there`; either may be None."""
+    """Receives requests at the address `here` and sends events to `there`; either may be None."""
 
     def __init__(
         self, here: Place | None, there: Place | None, command: Command = no_session
@@ -91,8 +91,9 @@ class Osc:
         self.serve(asked, lambda send: OscTeller(performance, stage, start, send), told)
 
     def serve(self, asked: Table, teller: Callable[[Send], OscTeller], told: ToldInputs) -> None:
-        """Do what a table of addresses says, tell inputs their values, and send what a teller
-        tells."""
+        """Serve requests by a table of addresses, pass values to inputs, and send a teller's
+        messages.
+        """
         self._table, self._told = asked, told
         self._teller = teller(self._send) if self._there else None
         self._over.clear()
@@ -100,7 +101,9 @@ class Osc:
         self._thread.start()
 
     def answerer(self) -> Callable[[str, str], None]:
-        """What answers the request that is being done, by an address and a sentence, any time."""
+        """A function that answers the present request, now or later, with an address and a
+        sentence.
+        """
         return partial(self._answer, self._asking)
 
     def rest(self) -> None:
@@ -120,7 +123,7 @@ class Osc:
                 opened[0].close()
 
     def remarks(self) -> list[str]:
-        """Sentences since the last call."""
+        """Remarks since the last call, one sentence each."""
         found = []
         with contextlib.suppress(IndexError):
             while True:
@@ -154,7 +157,7 @@ class Osc:
             self.unsent += 1
 
     def _hear(self, patience: float) -> None:
-        """Carry out the requests that came; wait up to `patience` [s] for one."""
+        """Handle the requests that have come; wait up to `patience` [s] for one."""
         if self._here is None:
             self._over.wait(max(0.0, patience))
             return
@@ -193,7 +196,7 @@ class Osc:
                 return  # it is over
 
     def _wonder(self, address: str) -> None:
-        """Report an unknown address: once each, and only so many a second."""
+        """Report an unknown address, each only once, and only so many a second."""
         if address in self._unknown or len(self._unknown) >= _MOST_KNOWN or not self._may_speak():
             return
         self._unknown.add(address)
@@ -212,7 +215,7 @@ class Osc:
 
 
 def _shown(address: str) -> str:
-    """An address as a terminal may show it."""
+    """An address in a form that is safe to print in a terminal."""
     return ascii(address[:_SHOWN])[1:-1]
 
 

@@ -15,25 +15,25 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
     Handler = Callable[[Sequence[object]], None]
-    # A line of the prompt; raises OscRequestError where it is refused.
+    # Executes a line of the prompt; raises OscRequestError if it is refused.
     Command = Callable[[str], None]
 
 
 class Table(Protocol):
-    """Address → function of its arguments."""
+    """Address → handler of its arguments."""
 
     def get(self, address: str, /) -> Handler | None:
-        """What an address asks for; None where nobody knows it."""
+        """The handler of an address; None if the address is unknown."""
 
 
-# What comes over a network is not to burst ears [dB].
+# The highest level accepted from the network, to protect the ears [dB].
 _LOUDEST = 24.0
 SILENT = -144.0
 _MAX_COMMAND = 1000  # characters: a line that somebody types is shorter
 
 
 class OscRequestError(ErgonError):
-    """A request by OSC that is refused; the message goes back to the sender."""
+    """An OSC request that is refused; the message goes back to the sender."""
 
 
 def no_session(_line: str) -> None:
@@ -49,8 +49,9 @@ def table(
     told: Callable[[str], Handler],
     command: Command = no_session,
 ) -> dict[str, Handler]:
-    """Address → function of its arguments. `gain` is the ratio that 0 dB stands for; `told` are
-    the functions of inputs, by their names."""
+    """Address → handler of its arguments. `gain` is the ratio that 0 dB stands for; `told` gives
+    the handler of an input by its name.
+    """
     parts = stage.listening.parts()
     groups = {name: group for group, name in enumerate(parts)}
 
@@ -76,7 +77,9 @@ def table(
 
 
 def alone(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
-    """Player → the instruments of `parts` that links connect with no key but the player's."""
+    """Player → those instruments of `parts` that links connect with the player's key and no
+    other.
+    """
     reached = {key: _reached(piece, key) for key in piece.keys}
     found = {}
     for player in piece.players.values():
@@ -86,7 +89,7 @@ def alone(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _reached(piece: Piece, key: str) -> set[str]:
-    """Instruments that links connect with a key, but for those behind other keys."""
+    """Instruments that links connect with a key, without passing through another key."""
     near: dict[str, set[str]] = {}
     for ends in _ties(piece):
         for end in ends:
@@ -101,7 +104,9 @@ def _reached(piece: Piece, key: str) -> set[str]:
 
 
 def _ties(piece: Piece) -> Iterator[set[str]]:
-    """Parts that each link ties: those of its two ends, and the one in which it is written."""
+    """For each link, the parts that it joins: those of its two ends, and the one in which it is
+    written.
+    """
     parts: list[tuple[str, Sequence[Module]]] = [
         *((name, key.modules) for name, key in piece.keys.items()),
         *((name, made.modules) for name, made in piece.instruments.items()),
@@ -121,7 +126,9 @@ def _heeded(all_heeded: Sequence[bool]) -> None:
 
 
 def pressed(act: Callable[[], object]) -> Handler:
-    """A button: sends no argument, or 1 when it is pressed and 0 when it is released."""
+    """Handle a button, which sends no argument, or 1 when it is pressed and 0 when it is
+    released.
+    """
 
     def ask(arguments: Sequence[object]) -> None:
         if not arguments or arguments[0] not in (0, False):
@@ -131,12 +138,12 @@ def pressed(act: Callable[[], object]) -> Handler:
 
 
 def level_of(act: Callable[[float], object]) -> Handler:
-    """A level in dB; acts on the ratio."""
+    """Handle a level in dB: pass its ratio to `act`."""
     return decibels(lambda level: act(_core.decibels(level) if level > SILENT else 0.0))
 
 
 def decibels(act: Callable[[float], object]) -> Handler:
-    """A level; acts on it in dB."""
+    """Handle a level in dB: pass it to `act`."""
 
     def ask(arguments: Sequence[object]) -> None:
         level = arguments[0] if len(arguments) == 1 else None
@@ -150,7 +157,7 @@ def decibels(act: Callable[[float], object]) -> Handler:
 
 
 def number_of(act: Callable[[float], object]) -> Handler:
-    """A number; acts on it."""
+    """Handle a finite number: pass it to `act`."""
 
     def ask(arguments: Sequence[object]) -> None:
         value = arguments[0] if len(arguments) == 1 else None
@@ -166,7 +173,7 @@ def number_of(act: Callable[[float], object]) -> Handler:
 
 
 def text_of(act: Callable[[str], object]) -> Handler:
-    """A text; acts on it."""
+    """Handle a text: pass it to `act`."""
 
     def ask(arguments: Sequence[object]) -> None:
         line = arguments[0] if len(arguments) == 1 else None

@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from ergon.notation.clock.tempo import TempoMap
     from ergon.scores.staging.stage import Stage
 
-    # Send to an address; with an instant [s since 1970], in a bundle that bears it.
+    # Sends arguments to an address; with an instant [s since 1970], in a bundle with that time tag.
     Send = Callable[..., None]
 
-HANDS = 0.01  # [s] between two words about a hand
-_LEVELS = 0.1  # [s] between two words about the level
-_FLOOR = 1e-7  # below it the level is said as its own [ratio]: -140 dB
-# A card's blocks come late, never early: the earliest of so many seconds is the true one [s].
+HANDS = 0.01  # [s] between two messages about a hand
+_LEVELS = 0.1  # [s] between two messages about the level
+_FLOOR = 1e-7  # [ratio]; a lower level is sent as this one, -140 dB
+# Reports of a sound card come late, never early: the earliest of this many seconds counts [s].
 _MEMORY = 1.0
-_JUMP = 0.02  # [s] by which only another time line differs: a server came back, the clock was set
+_JUMP = 0.02  # [s]; a larger change is a new time line: server restarted, clock set
 
 
 class HearingClock:
@@ -36,7 +36,7 @@ class HearingClock:
         self._line: tuple[int, int, bool] | None = None
 
     def look(self, status: _core.Status, now: float) -> None:
-        """Take in a status that was asked for at `now`."""
+        """Use a status that was requested at `now`."""
         if status.sounding is None or not status.paced:
             return
         zero = now - status.sounding + status.latency
@@ -49,7 +49,7 @@ class HearingClock:
             self._seen.popleft()
 
     def when(self, frame: int) -> float | None:
-        """The instant at which a frame is heard [s since 1970]; None where no clock says it."""
+        """The instant at which a frame is heard [s since 1970]; None as long as that is unknown."""
         if not self._seen:
             return None
         zero = min(zero for _, zero in self._seen)
@@ -67,8 +67,8 @@ class OscTeller:
         send: Send,
         events: Events | None = None,
     ) -> None:
-        """`start`: the first frame that is played. `events` are those of a session, whose stages
-        follow one another; without them they are the stage's.
+        """Begin at `start`, the first frame that is played. `events` are those of a session, whose
+        stages follow one another; without them, the events of `stage` are sent.
         """
         self._performance, self._stage, self._send = performance, stage, send
         self._ear = HearingClock(stage.rate, start)
@@ -81,11 +81,14 @@ class OscTeller:
         self._next_hands = self._next_levels = -math.inf
 
     def turn(self, clock: Callable[[], float]) -> None:
-        """Send what is new; `clock` gives the seconds since 1970. Raises EngineError at the end."""
+        """Send what is new; `clock` gives the seconds since 1970. Raises EngineError once it has
+        ended.
+        """
         status = self._performance.status()
         now = clock()
         self._ear.look(status, now)
-        # What is computed is heard later: until the first block went out nobody knows when.
+        # Sound is heard later than it is computed; how much later is unknown until the first block
+        # has gone out.
         if status.sounding is not None or not status.paced:
             for events in self._events:
                 for frame, address, arguments in events.before(status.frame):
@@ -93,7 +96,7 @@ class OscTeller:
         self._told(status, now)
 
     def _told(self, status: _core.Status, now: float) -> None:
-        # A clock that is set back must not silence anybody.
+        # A clock that is set back must not stop the messages.
         if not self._next_hands - HANDS <= now < self._next_hands:
             self._next_hands = now + HANDS
             for address, hand in zip(self._hands, status.hands, strict=False):
@@ -124,14 +127,14 @@ class _Ordered(Protocol):
     """Events in the order of their frames."""
 
     def before(self, frame: int) -> Iterable[Event]:
-        """Those that come before a frame and were not asked for yet."""
+        """Events before a frame that were not returned yet."""
 
 
 class Events(_Ordered, Protocol):
     """Events of a session, and its troubles."""
 
     def troubles(self) -> Sequence[str]:
-        """What is wrong besides the performance."""
+        """Troubles that the performance itself does not report."""
 
 
 class _From:
@@ -142,7 +145,7 @@ class _From:
         self._next = next(self._events, None)
 
     def before(self, frame: int) -> Iterator[Event]:
-        """The events before a frame that were not returned yet."""
+        """Events before a frame that were not returned yet."""
         while self._next is not None and self._next[0] < frame:
             event, self._next = self._next, next(self._events, None)
             yield event
@@ -157,7 +160,7 @@ def _beats(stage: Stage) -> Iterator[Event]:
 
 
 def beats(tempo: TempoMap, rate: float, bar: int) -> Iterator[Event]:
-    """Every beat from a bar on, without end: (bar, beat, bpm)."""
+    """Every beat from a bar on, without end, with (bar, beat, bpm)."""
     while True:
         start, length = tempo.bars.bar(bar)
         for beat in range(math.ceil(length)):
@@ -168,7 +171,7 @@ def beats(tempo: TempoMap, rate: float, bar: int) -> Iterator[Event]:
 
 
 def _strikes(stage: Stage) -> Iterator[Event]:
-    """Every gesture that begins: (player, key, gesture, seconds of the piece)."""
+    """Every beginning of a gesture, with (player, key, gesture, seconds of the piece)."""
     for gesture in sorted(stage.gestures, key=lambda gesture: gesture.start):
         said = (gesture.player, gesture.key, gesture.name, float(gesture.start))
         yield frame_of(gesture.start, stage.rate), "/ergon/strike", said

@@ -17,19 +17,19 @@ _AT_ONCE = 20.0  # values of different inputs that act in one tick, after a paus
 
 
 class ToldInputs:
-    """What inputs are told: of values that come too fast the latest of each input."""
+    """Passes values to inputs; if they come too fast, only the latest of each input."""
 
     def __init__(
         self, tell: Callable[[str, float], bool], clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Take what tells an input a value; it returns False where that has to be tried again."""
+        """Use `tell` to give an input a value; it returns False if that must be tried again."""
         self._tell, self._clock = tell, clock
         self._waiting: dict[str, float] = {}
         self._free = _AT_ONCE
         self._seen = clock()
 
     def of(self, name: str) -> Handler:
-        """What a request for an input does."""
+        """The handler of requests for an input."""
         return number_of(partial(self._take, name))
 
     def _take(self, name: str, value: float) -> None:
@@ -37,7 +37,9 @@ class ToldInputs:
         self.turn()
 
     def turn(self) -> None:
-        """Tell what may be told by now, the input first that has waited longest."""
+        """Pass on as many values as the rate allows, that of the input first that has waited
+        longest.
+        """
         now = self._clock()
         self._free = min(_AT_ONCE, self._free + (now - self._seen) * _RATE)
         self._seen = now

@@ -1,4 +1,4 @@
-"""Pages in browsers that see a performance."""
+"""Browser pages that show a performance."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 class Pages:
-    """A server of pages, and what makes a window of a stage for it."""
+    """A server of pages, and the function that makes the window of a stage for it."""
 
     def __init__(
         self,
         server: _core.ViewServer,
         window: Callable[[Stage, _core.Simulation], _core.Window],
     ) -> None:
-        """`window` takes a stage and its simulation as it is about to play."""
+        """Keep `window`, which is called with a stage and its simulation before it plays."""
         self.server, self.window = server, window
         self.remarks: deque[str] = deque()  # what could not be shown, and why
         self._next: tuple[Stage, _core.Performance] | None = None
@@ -33,8 +33,8 @@ class Pages:
     def follow(self, stage: Stage, performance: _core.Performance) -> None:
         """Show a stage that takes over in a performance, as soon as its window is made.
 
-        A thread makes it, which can take longer than a line may; of several stages it takes the
-        newest.
+        A thread makes the window, because that can take longer than a line may. Of several
+        waiting stages only the newest is shown.
         """
         with self._news:
             self._next = stage, performance

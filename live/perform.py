@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # A piece without hands is computed in ticks of this many frames: 1.5 ms at 44.1 kHz.
 EVERY = 64
-# A hand is guided by a spring that it can hold against, and a damper that lets it swing in
+# Guidance of a hand: a spring against which the hand can hold, and a damper that lets it settle
 # [N/m, N·s/m].
 GUIDE = (120.0, 1.0)
 _BARS_MAX = 100_000
@@ -50,7 +50,7 @@ class PlaybackConfig:
     fold: _core.Fold | None = None  # from the channels of the mix to those that are heard
     pages: Pages | None = None
     endless: bool = False
-    loose: bool = False  # every hand has a guide, which begins let go
+    loose: bool = False  # every hand has a guide, which is off at first
 
 
 def tick_frames(stage: Stage) -> int:
@@ -63,7 +63,8 @@ def perform(
 ) -> _core.Performance:
     """Begin to play a copy of a stage. Raises EngineError.
 
-    `progress` hears how many frames before the first are done.
+    `progress` is called with the number of frames computed so far before the first that is
+    played.
     """
     import numpy as np
 
@@ -165,7 +166,7 @@ def _skip(
     n_frames: int,
     progress: Callable[[int], None],
 ) -> None:
-    """Compute and mix `n_frames` unheard, so that the filters of the mixer have their state."""
+    """Compute and mix `n_frames` unheard, so that the filters of the mixer reach their state."""
     import numpy as np
 
     at = 0

@@ -8,7 +8,7 @@ from pathlib import Path
 from ergon import _core
 
 BY_ID = Path("/dev/serial/by-id")
-# USB vendors → what they make, and the kinds of device that are built of it.
+# USB vendor → name of the board or chip, and the kinds of device that are built with it.
 _VENDORS: dict[int, tuple[str, tuple[str, ...]]] = {
     0x2341: ("Arduino", ("firefader", "frame")),
     0x2A03: ("Arduino", ("firefader", "frame")),
@@ -29,7 +29,7 @@ class Port:
 
 
 def ports() -> list[Port]:
-    """All serial ports; none is opened."""
+    """All serial ports; opens none."""
     return [_port(port.path, port.usb) for port in _core.serial_ports()]
 
 

@@ -1,4 +1,4 @@
-"""The gain of a piece for loudspeakers, found by computing its beginning unheard."""
+"""The playback gain of a piece, found by computing its beginning unheard."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ if TYPE_CHECKING:
     from ergon.exchange.frozen import VerifiedStem
     from ergon.scores.staging.stage import Stage
 
-# So much work is worth it [s], by the table of costs: a listener waits no longer.
+# The most work to spend on finding the gain [s], by the table of costs; a listener has to wait for
+# it.
 _PATIENCE = 5.0
-# What comes after the part that was looked at may be louder: it is kept so far below [dB].
+# The part that was not computed may be louder: the gain leaves this much room for it [dB].
 _ROOM_DB = -6.0
 
 
 @dataclass(frozen=True, slots=True)
 class PreflightGain:
-    """A gain as a ratio; `seconds`: the computed length of the piece, None where it was all."""
+    """A gain as a ratio; `seconds` is the computed length, None if the whole piece was computed."""
 
     gain: float
     peak: float
@@ -29,7 +30,7 @@ class PreflightGain:
 
 
 def length(stage: Stage) -> int:
-    """Number of frames to compute: all, or as many as the work allows."""
+    """The number of frames to compute: all, or as many as `_PATIENCE` allows."""
     from ergon.scores.staging.planning import cost
 
     work = 0.0 if stage.plan is None else cost(stage.plan)
@@ -47,8 +48,8 @@ def level(
 ) -> PreflightGain:
     """The gain that brings the peak of the mix to `target`; the stage itself does not advance.
 
-    `highpass` and `reference` are those of the mixer. Real hands are played by what stands in for
-    them, `frozen` parts are heard. `progress` hears how many frames are done.
+    `highpass` and `reference` are those of the mixer. Stand-ins play for real hands; `frozen`
+    parts are included. `progress` is called with the number of frames done.
     """
     import numpy as np
 

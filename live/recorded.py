@@ -1,4 +1,4 @@
-"""A recording of live hands, for a render: their positions, and the level that was heard."""
+"""A recording of live hands for a render: their positions, and the level at which it was heard."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class RecordingMismatchError(ErgonError):
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Hands by player: where each was at every tick (n_ticks,) [m]; NaN before the first tick.
+    """Positions of hands by player: at every tick (n_ticks,) [m], NaN before the first tick.
 
     `level` is the level that was heard; `warnings` are sentences for the user.
     """
@@ -78,7 +78,7 @@ def read(path: Path, piece: Piece) -> Recorded:
 
 
 def _level(said: dict[str, Any]) -> Level:
-    """The level that was heard; fields that the recording lacks leave the level as it is."""
+    """The level that was heard; fields that the recording lacks have no effect."""
     level = said.get("level")
     level = level if isinstance(level, dict) else {}
 
@@ -111,7 +111,7 @@ def _warnings(recording: _core.Recording, said: dict[str, Any], piece: Piece) ->
 
 
 def about(config: PlaybackConfig) -> dict[str, object]:
-    """The level and filters that a recording notes."""
+    """The level and filters to note in a recording."""
     return {
         "gain": config.gain,
         "limit": config.limit,

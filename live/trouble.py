@@ -19,8 +19,8 @@ def troubles(
 ) -> tuple[str, ...]:
     """The present troubles and those that have occurred, the gravest first.
 
-    `recording` says why hands cannot be recorded at present. What `is_endless` does not end by
-    itself.
+    `recording` says why hands cannot be recorded at present. A performance that `is_endless`
+    should not end by itself.
     """
     return tuple(_troubles(status, players, recording, is_endless))
 

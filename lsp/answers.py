@@ -1,4 +1,4 @@
-"""What is known about a place in a score: completions, explanations, definitions."""
+"""Answers about a position in a score: completions, explanations, definitions."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def completions(text: str, index: int, file: Document, known: Catalogue) -> list
 
 
 def _names(cursor: Cursor) -> Iterator[Completion]:
-    """Fields and kinds that the table has, and that are not written yet."""
+    """Fields and kinds of the table that are not written yet."""
     if cursor.table is None:
         return
     for field in cursor.table.fields:
@@ -98,7 +98,7 @@ def _number_before(text: str, index: int) -> str:
 
 
 def explanation(index: int, file: Document, known: Catalogue) -> str | None:
-    """What is under a character, in Markdown."""
+    """The explanation of the text under a character, in Markdown; None if there is none."""
     cursor = cursors.at(file, index)
     if cursor is None:
         return None

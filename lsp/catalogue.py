@@ -11,7 +11,7 @@ from ergon.notation.text.values import Place
 from ergon.scores.reading.load import Loaded
 from ergon.scores.reading.uses import NOUNS, Names
 
-# Sections whose names stay in their file, and what one of them is called.
+# Sections whose names other files cannot use, each with the noun for one of its entries.
 _OWN = {"marks": "mark", "players": "player", "strikes": "strikes"}
 MODULES = "modules"
 

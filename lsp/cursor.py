@@ -17,7 +17,7 @@ from ergon.scores.reading.sections import SCORE
 _T = TypeVar("_T")
 WORD = re.compile(r"[\w.#/-]*")
 _WORD_BEFORE = re.compile(r"[\w.#/-]*$")
-# It stands for what is not written yet; no score has such a name.
+# Stands for text that is not written yet; no score has such a name.
 _PLACEHOLDER = "erg0n-placeh0lder"
 _LONGEST = 200  # characters of a word
 _CLOSING = {"{": "}", "[": "]"}
@@ -101,13 +101,15 @@ def at_unwritten(text: str, index: int, file: Document) -> list[tuple[Cursor, Do
 
 
 def _last(entries: Iterable[tuple[int, _T]], index: int) -> _T | None:
-    """The last of what begins before a character; aliases stand where they are defined."""
+    """The entry that begins last at or before a character. The order of entries does not tell: an
+    alias has the position of its definition.
+    """
     begun = [(start, value) for start, value in entries if start <= index]
     return max(begun, key=lambda entry: entry[0])[1] if begun else None
 
 
 def _closing(line: str) -> str:
-    """The brackets that close those that a line leaves open."""
+    """The closing brackets for those that a line leaves open."""
     opened = []
     for character in line:
         if character in _CLOSING:
@@ -118,7 +120,7 @@ def _closing(line: str) -> str:
 
 
 def word_before(text: str, index: int) -> str:
-    """What is written of a word before a character."""
+    """The part of a word that is written before a character."""
     match = _WORD_BEFORE.search(text, max(0, index - _LONGEST), index)
     return match.group() if match else ""
 

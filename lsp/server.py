@@ -1,6 +1,7 @@
-"""The Language Server Protocol: documents of an editor, and what is answered about them.
+"""The Language Server Protocol: the open documents of an editor, and answers about them.
 
-As one types a score is read; when it is saved the engine checks it too, as `ergon check` does.
+A score is read while it is typed; when it is opened or saved, the engine checks it too, as
+`ergon check` does.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from ergon.scores.reading.load import Loaded, load
 from . import answers, cursor
 from .catalogue import Catalogue, catalogue
 
-# An editor sends every key; a score is read once the typing rests for so long.
+# An editor reports every keystroke; a score is read once typing has paused for this long [s].
 REST_S = 0.15
 _IS_SCORE = re.compile(r"^ergon[ \t]*:", re.MULTILINE)
 _SEVERITIES = {
@@ -71,7 +72,9 @@ class Server(LanguageServer):
     # --- reading ----------------------------------------------------------------------------------
 
     async def changed(self, uri: str, *, saved: bool = False) -> None:
-        """Read a document, unless it changes meanwhile; after saving, ask the engine too."""
+        """Read a document, unless it changes again meanwhile; if `saved`, let the engine check it
+        too.
+        """
         kept = self._open.setdefault(uri, _Open())
         kept.version += 1
         version = kept.version
@@ -91,7 +94,7 @@ class Server(LanguageServer):
                 self._show(uri, kept, [*loaded.diagnostics, *more])
 
     def closed(self, uri: str) -> None:
-        """Forget a document, and what was shown of it."""
+        """Forget a document, and clear its diagnostics."""
         kept = self._open.pop(uri, _Open())
         kept.version += 1
         self._show(uri, kept, [])
@@ -110,7 +113,7 @@ class Server(LanguageServer):
         return load(path, text=text, overlay=overlay, bounds=scores.bounds(str(path), False))
 
     def _show(self, uri: str, kept: _Open, found: Sequence[Diagnostic]) -> None:
-        """Diagnostics in the documents that they are about; those of before are taken away."""
+        """Publish each diagnostic in the document that it is about, and clear the earlier ones."""
         by_uri: dict[str, list[t.Diagnostic]] = {uri: [], **{old: [] for old in kept.shown}}
         for one in found:
             own = _uri(one.place.file, uri)
@@ -133,7 +136,7 @@ class Server(LanguageServer):
     # --- places -----------------------------------------------------------------------------------
 
     def range(self, uri: str, place: Place) -> t.Range:
-        """A place in the units of the client."""
+        """The range of a place, in the client's units."""
         text = self.workspace.get_text_document(uri)
         start = t.Position(place.line - 1, place.column - 1)
         end = t.Position(place.line - 1, place.column - 1 + place.length)
@@ -148,19 +151,19 @@ class Server(LanguageServer):
 
 
 def serve() -> None:
-    """Answer an editor on stdin and stdout, until it says goodbye."""
+    """Serve an editor on stdin and stdout until it disconnects."""
     server().start_io()
 
 
 def server() -> Server:
-    """A server with all its answers."""
+    """A server with the handlers of all requests."""
     made = Server()
     for method, answer in _ANSWERS.items():
         made.feature(method, *_OPTIONS.get(method, ()))(answer)
     return made
 
 
-# --- answers, one for each request ----------------------------------------------------------------
+# --- handlers, one for each request ---------------------------------------------------------------
 
 
 async def _opened(ls: Server, params: t.DidOpenTextDocumentParams) -> None:
@@ -219,7 +222,7 @@ def _definition(ls: Server, params: t.DefinitionParams) -> t.Location | None:
 
 
 def _actions(ls: Server, params: t.CodeActionParams) -> list[t.CodeAction]:
-    """A suggestion takes the place of what is wrong."""
+    """Quick fixes that replace a mistake by its suggestion."""
     uri = params.text_document.uri
     return [
         t.CodeAction(
@@ -269,14 +272,18 @@ def _format(ls: Server, params: t.DocumentFormattingParams) -> list[t.TextEdit] 
 
 
 def _path(uri: str) -> Path:
-    """The file of a document; one that is not saved yet stands in the working folder."""
+    """The file of a document; a document that is not saved yet counts as one in the working
+    folder.
+    """
     parts = urlparse(uri)
     path = unquote(parts.path)
     return Path(path) if parts.scheme == "file" else Path(Path(path).name or "untitled.yaml")
 
 
 def _uri(file: str, open_uri: str) -> str:
-    """The document of a file that a score names; the library's have names of their own."""
+    """The URI of a file that a score names; a file of the library is found where ergon is
+    installed.
+    """
     path = Path(file)
     if path == _path(open_uri):
         return open_uri

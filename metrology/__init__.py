@@ -1,1 +1,1 @@
-"""What a real key is made of, found from the forces that it was given and where it went."""
+"""The mechanical model of a real key, identified from applied forces and measured positions."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .stages import Measured
 
 
-# What a file and the model call one thing.
+# The name of a parameter in a file, and in the model.
 _OWN = (
     ("K", "stiffness"),
     ("Z", "damping"),
@@ -35,15 +35,15 @@ _OWN = (
 
 
 def t60(frequency: float, ratio: float) -> float:
-    """Decay time by 60 dB [s] of a mode; inf without damping."""
+    """T60 [s] of a mode; inf without damping."""
     return float(LN_1000 / (2 * np.pi * frequency * ratio)) if ratio else float("inf")
 
 
 def _of_fit(fit: Fit) -> tuple[list[str], Floats, Floats]:
-    """The figures of a file in SI units, and their covariance by that of the fit.
+    """The figures of a file in SI units, and their covariance, from that of the fit.
 
-    Names, values (n,), covariance (n, n); a mode's are called as `mode1.f`. `M` is the mass of the
-    key with its modes; without a spring `weight` stands in the place of `rest`.
+    Names, values (n,), covariance (n, n); a figure of a mode has a name such as `mode1.f`. `M`
+    is the mass of the key with its modes; without a spring `weight` takes the place of `rest`.
     """
     row, columns = fit.row, fit.columns
     names: list[str] = []
@@ -75,7 +75,7 @@ def _of_fit(fit: Fit) -> tuple[list[str], Floats, Floats]:
 
 
 def text(measured: Measured, takes: Sequence[str], day: str) -> str:
-    """The file's text; `takes` are the SHA-256 of what it was measured by.
+    """The file's text; `takes` are the SHA-256 of the takes of the measurement.
 
     M is the mass of the key with its modes. Each comment is a standard deviation; a row of
     correlations is of a figure with those before it.
@@ -115,7 +115,7 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-# The figures of a file and of its modes: unit, and units of it in one SI unit.
+# The figures of a file and of its modes: the unit, and how many of it are one SI unit.
 UNITS = {
     "M": ("g", 1e3),
     "K": ("N/m", 1.0),
@@ -140,10 +140,11 @@ _CORRELATED = re.compile(r"  - ((?:mode\d+\.)?[A-Za-z]\w*)((?: -?[01]\.\d+)*)$")
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """A calibration file: its figures in SI units, the deviations that it tells, modes and date.
+    """A calibration file: its figures in SI units, their standard deviations, modes and date.
 
-    `modes` are rows of mass [kg], frequency [Hz] and damping ratio; in `figures` and `deviations`
-    they are called `mode1.M`, `mode1.f` and `mode1.t60`. `correlations` are of pairs of names.
+    `modes` are rows of mass [kg], frequency [Hz] and damping ratio; in `figures` and
+    `deviations` they are called `mode1.M`, `mode1.f` and `mode1.t60`. `correlations` are of
+    pairs of names.
     """
 
     figures: dict[str, float]
@@ -153,7 +154,7 @@ class Calibration:
     correlations: dict[tuple[str, str], float] = field(default_factory=dict)
 
     def covariance(self, names: Sequence[str]) -> Floats:
-        """Of figures whose deviations are known, (names, names), in SI units."""
+        """Covariance of figures with known deviations, (names, names), in SI units."""
         size = np.array([self.deviations[name] for name in names])
         known = self.correlations
         each = [
@@ -164,7 +165,7 @@ class Calibration:
 
     @property
     def row(self) -> Floats:
-        """The parameters of the model, as `_core.key_path` takes them; it starts at rest."""
+        """The parameters of the model, as `_core.key_path` takes them; the key starts at rest."""
         own = self.figures
         row = np.zeros(OWN)
         row[0] = own["M"] - sum(mass for mass, _, _ in self.modes)
@@ -177,7 +178,7 @@ class Calibration:
 
 
 def read(said: str) -> Calibration:
-    """A calibration of a file's text. Raises MeasurementError where `text` did not write it."""
+    """The calibration in a file's text. Raises MeasurementError if `text` did not write it."""
     figures: dict[str, float] = {}
     deviations: dict[str, float] = {}
     correlations: dict[tuple[str, str], float] = {}
@@ -191,7 +192,7 @@ def read(said: str) -> Calibration:
             modes.append(_mode(found, f"mode{len(modes) + 1}", figures, deviations))
         elif section == "correlations:" and (found := _CORRELATED.match(line)):
             each = map(float, found[2].split())
-            # Of a damaged row as much counts as there is.
+            # If a row is damaged, the part of it that exists is used.
             correlations |= {
                 (found[1], name): max(-1.0, min(x, 1.0))
                 for name, x in zip(before, each, strict=False)
@@ -218,7 +219,9 @@ def read(said: str) -> Calibration:
 def _mode(
     found: re.Match[str], name: str, figures: dict[str, float], deviations: dict[str, float]
 ) -> tuple[float, float, float]:
-    """A mode of a line, put among the figures by its name: mass, frequency, damping ratio."""
+    """A mode from a line: mass, frequency, damping ratio; its figures are also added under its
+    name.
+    """
     *said, told = found.groups()
     mass, frequency, decay = (float("inf") if x is None else float(x) for x in said)
     wobbles = (told or "").split()

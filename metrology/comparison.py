@@ -29,10 +29,10 @@ _CERTAIN = 1e-5  # of a correlation matrix: less is what a file has rounded
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """A gesture on a real key and on its model: n positions that count.
+    """A gesture on a real key and on its model; n positions are compared.
 
-    `residual` (n,) [m] is real less model at the instants `t` (n,) [s]; `gesture` has the forces
-    that were found where nobody knew them, `model` (ticks,) [m] is the model's path.
+    `residual` (n,) [m] is real minus model at the instants `t` (n,) [s]; `gesture` has the
+    forces with the unknown ones recovered, `model` (ticks,) [m] is the model's path.
     """
 
     gesture: Gesture
@@ -42,7 +42,7 @@ class Replay:
 
     @property
     def rms(self) -> float:
-        """Of the residual [m]."""
+        """Rms of the residual [m]."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
     @property
@@ -52,7 +52,7 @@ class Replay:
 
 
 def replay(row: Floats, gesture: Gesture) -> Replay:
-    """Give a model the forces that a key was given, from where it rested."""
+    """Apply the forces of a real key to its model, from the position where the key rested."""
     start = gesture.start
     gesture = output_error.recovered(row, gesture, start)
     model = output_error.path(row, gesture, start)
@@ -68,7 +68,7 @@ def replay_difference(one: Floats, other: Floats) -> float:
     paths = []
     for row in (one, other):
         held = row.copy()
-        # Each begins where it rests: what is judged is how it moves.
+        # Each path begins at rest at 0, so that only the motion is compared.
         held[START] = held[INDEX["weight"]] = 0.0
         paths.append(_core.key_path(held, force, _RATE, columns=())[0])
     return float(np.sqrt(np.mean((paths[0] - paths[1]) ** 2)))
@@ -76,10 +76,10 @@ def replay_difference(one: Floats, other: Floats) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A figure of two calibrations, in SI units; None where one lacks it.
+    """A figure of two calibrations, in SI units; None if one of them lacks it.
 
-    `names` are those of the figure in each, which differ where modes have other numbers.
-    `deviation` is the standard deviation of the difference, None where a file tells none.
+    `names` are those of the figure in each; they differ if modes have different numbers.
+    `deviation` is the standard deviation of the difference, None if a file does not give one.
     """
 
     names: tuple[str, str]
@@ -89,14 +89,16 @@ class Difference:
 
     @property
     def deviations(self) -> float | None:
-        """The difference in its standard deviations; None where either is not known."""
+        """The difference in units of its standard deviation; None if either is not known."""
         if self.one is None or self.other is None or not self.deviation:
             return None
         return (self.other - self.one) / self.deviation
 
 
 def differences(one: Calibration, other: Calibration) -> list[Difference]:
-    """All figures of two calibrations. Modes of nearly one pitch are taken for the same mode."""
+    """All figures of two calibrations. Modes of nearly the same frequency count as the same
+    mode.
+    """
     pairs = [(name, name) for name in UNITS if name != "noise"]
     for a, b in _alike(one, other):
         pairs += [(f"mode{a}.{what}", f"mode{b}.{what}") for what in OF_MODES]
@@ -113,7 +115,7 @@ def differences(one: Calibration, other: Calibration) -> list[Difference]:
 
 
 def _alike(one: Calibration, other: Calibration) -> list[tuple[int, int]]:
-    """Numbers of modes, from 1; one that only one calibration has stands beside 0."""
+    """Pairs of mode numbers, from 1; a mode that only one calibration has is paired with 0."""
     apart = sorted(
         (abs(np.log(f / g)), a, b)
         for a, (_, f, _) in enumerate(one.modes, 1)
@@ -130,10 +132,10 @@ def _alike(one: Calibration, other: Calibration) -> list[tuple[int, int]]:
 
 
 def chi_squared(one: Calibration, other: Calibration) -> tuple[float, int]:
-    """Δᵀ(C₁ + C₂)⁻¹Δ of the figures whose deviations both tell, and of how many.
+    """Δᵀ(C₁ + C₂)⁻¹Δ of the figures whose deviations both files give, and their number.
 
-    For two calibrations of one key its mean is their number. What the covariance holds for certain,
-    to five digits, is left out and not counted.
+    For two calibrations of the same key its mean is this number. Combinations that the
+    covariance makes certain, to five digits, are left out and not counted.
     """
     both = [d for d in differences(one, other) if d.deviations is not None]
     if not both:
@@ -149,25 +151,26 @@ def chi_squared(one: Calibration, other: Calibration) -> tuple[float, int]:
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """A figure of a weighed key, and its standard deviation; None where files do not tell it."""
+    """A figure of a weighed key, and its standard deviation; None if the files do not give it."""
 
     value: float
     deviation: float | None
 
 
 def gains(plain: Calibration, loaded: Calibration, mass: float) -> dict[str, Gain]:
-    """What a device makes of forces and lengths, from a key without and with a weighed mass [kg].
+    """The gains of a device for forces and lengths, from a key measured without and with a known
+    mass [kg].
 
-    `mass` is the true mass over the one that was found, `position` what the device reads for a
-    metre and `force` what the motor gives for a newton: both are missing for a key that the mass
-    does not sink. M [kg], K [N/m] and Z [N·s/m] are the key's true ones. Deviations are to first
-    order in those of the files and their covariances. Raises MeasurementError.
+    `mass` is the true mass over the measured one, `position` the device's reading per metre and
+    `force` the motor's force per requested newton. The last two are missing if the mass does not
+    sink the key. M [kg], K [N/m] and Z [N·s/m] are the true values of the key. Deviations are to
+    first order in those of the files and their covariances. Raises MeasurementError.
     """
     heavier = loaded.figures["M"] - plain.figures["M"]
     if heavier <= 0:
         raise MeasurementError("the key with the mass was found no heavier than without it")
     gain = mass / heavier
-    # Logarithms' derivatives by figures of the first file, and of the second.
+    # Derivatives of the logarithms with respect to figures of the first file, and of the second.
     grows = {"M": 1.0 / heavier}, {"M": -1.0 / heavier}
     found = {"mass": _gain(gain, plain, loaded, *grows)}
     for name in ("M", "K", "Z"):
@@ -180,7 +183,7 @@ def gains(plain: Calibration, loaded: Calibration, mass: float) -> dict[str, Gai
         return found
     sinks, k = rests[1] - rests[0], plain.figures["K"]
     wobble = 5 * sum(c.deviations.get("rest", 0.0) for c in (plain, loaded))
-    # Dry friction holds a key anywhere near there; the fit knows the middle.
+    # Dry friction holds a key anywhere near its rest, and the fit knows only the middle.
     if abs(sinks) <= max(wobble, 1e-9):
         return found
     pushes = mass * _GRAVITY / (abs(sinks) * k)
@@ -198,7 +201,7 @@ def _gain(
     first: Mapping[str, float],
     second: Mapping[str, float],
 ) -> Gain:
-    """A figure by the derivatives of its logarithm by figures of two files."""
+    """A figure from the derivatives of its logarithm with respect to figures of two files."""
     variance = 0.0
     for one, slopes in ((plain, first), (loaded, second)):
         if not all(name in one.deviations for name in slopes):

@@ -1,4 +1,4 @@
-"""What a key is pushed by while it is measured: strokes, rain, strikes; and knocks that judge."""
+"""The forces by which a key is measured: strokes, rain, strikes; and knocks for validation."""
 
 from __future__ import annotations
 
@@ -33,7 +33,9 @@ def rain(n: int, chance: np.random.Generator) -> Floats:
 
 
 def strikes(n: int, rate: float, chance: np.random.Generator) -> Floats:
-    """Pushes of two ticks at random instants, each of random sign and taken back at once, (n,)."""
+    """Pushes of two ticks at random instants, each of random sign and followed at once by its
+    opposite, (n,).
+    """
     force = np.zeros(n)
     for at in np.flatnonzero(chance.random(n - 4) < _STRIKES / rate):
         force[at : at + 4] = chance.choice([-1.0, 1.0]) * np.array([1.0, 1.0, -1.0, -1.0])
@@ -41,9 +43,10 @@ def strikes(n: int, rate: float, chance: np.random.Generator) -> Floats:
 
 
 def jolts(n: int, rate: float, chance: np.random.Generator, length: float = 1.0) -> Floats:
-    """Pushes of 6 to 16 ms that are taken back at once, so that no key keeps a speed of them, (n,).
+    """Pushes of 6 to 16 ms, each followed at once by its opposite, so that the key keeps no speed,
+    (n,).
 
-    `length` makes them longer.
+    `length` multiplies their duration.
     """
     force, at = np.zeros(n), 0
     while at < n:
@@ -55,20 +58,20 @@ def jolts(n: int, rate: float, chance: np.random.Generator, length: float = 1.0)
 
 
 def mixed(n: int, rate: float, chance: np.random.Generator, quick: Floats, share: float) -> Floats:
-    """Strokes, and `share` of something quicker (n,); from -1 to 1."""
+    """Strokes with a share `share` of quicker forces (n,); from -1 to 1."""
     return np.clip(share * quick + (1.0 - share) * strokes(n, rate, chance), -1, 1)
 
 
 def framed(force: Floats, rate: float) -> tuple[Floats, int]:
-    """The force after a still beginning, and the ticks of that."""
+    """The force after a beginning without force, and the number of ticks of that beginning."""
     still = round(STILL * rate)
     return np.concatenate([np.zeros(still), force]), still
 
 
 def within(force: Floats, rate: float, row: Floats, reach: float, least: float = 0.05) -> Floats:
-    """The force, weakened until a key goes no farther than `reach` [m] from where it rests.
+    """The force, reduced until a key goes no farther than `reach` [m] from its rest.
 
-    Quick forces move a key little; so of the force the part below 20 Hz gives way first.
+    Quick forces move a key little, so the part of the force below 20 Hz is reduced first.
     """
     spectrum = np.fft.rfft(force)
     slow = np.fft.irfft(spectrum * (np.fft.rfftfreq(force.size, 1 / rate) < 20.0), force.size)
@@ -87,9 +90,10 @@ def within(force: Floats, rate: float, row: Floats, reach: float, least: float =
 
 
 def knocks(row: Floats, rate: float, seconds: float, reach: float, most: float) -> Floats:
-    """Forces [N] of knocks, a lean and quick knocks of many heights, by a rough model of the key.
+    """Forces [N] of a gesture of knocks, a slow push and quick knocks of many heights, by a rough
+    model of the key.
 
-    They take a key without dry friction `reach` [m] far, or as far as `most` [N] does.
+    They move a key without dry friction by `reach` [m], or as far as `most` [N] can.
     """
     n, chance = round(seconds * rate), np.random.default_rng(99)
     x, at = np.zeros(n), 0
@@ -118,19 +122,20 @@ def knocks(row: Floats, rate: float, seconds: float, reach: float, most: float) 
 
 
 def led(path: Floats, row: Floats, rate: float, reach: float, most: float) -> Floats:
-    """Forces [N] that lead a rough model of a key along a path (n,) [m] from where it rests, (n,).
+    """Forces [N] that move a rough model of a key along a path (n,) [m] from its rest, (n,).
 
-    A path that goes farther than `reach` [m] is made smaller as a whole.
+    A path that goes farther than `reach` [m] is scaled down as a whole.
     """
     x = path - path[0]
     return _forces(min(1.0, reach / max(np.abs(x).max(), 1e-12)) * x, row, rate, most)
 
 
 def _forces(x: Floats, row: Floats, rate: float, most: float) -> Floats:
-    """Forces (n,) [N] that lead a key without dry friction along x (n,) [m], at most `most`."""
+    """Forces (n,) [N] that move a key without dry friction along x (n,) [m], at most `most`."""
     v = np.gradient(x) * rate
     force = total_mass(row) * np.gradient(v) * rate + row[2] * v + row[1] * x
-    # Leans weigh little, knocks much: where a knock needs too much, it is weakened alone.
+    # Slow pushes need little force and knocks much: if only knocks need too much, only they are
+    # clipped.
     clipped: Floats = np.clip(
         force * min(1.0, 2.0 * most / max(np.abs(force).max(), 1e-12)), -most, most
     )

@@ -1,4 +1,6 @@
-"""A first guess of a key: linear least squares on filtered derivatives, biased but near."""
+"""A first estimate of a key by linear least squares on filtered derivatives; it is biased but
+close.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ _DELAYS = np.arange(0.0, 8.5, 0.5)  # ticks
 
 
 def _derivatives(signal: Floats, rate: float, cut: float) -> tuple[Floats, Floats, Floats]:
-    """A signal by a low-pass without phase, its first and second derivative, each (n,)."""
+    """A signal through a zero-phase low-pass, and its first and second derivative, each (n,)."""
     n = signal.size
     line = np.linspace(signal[0], signal[-1], n)  # so that its end meets its beginning
     spectrum = np.fft.rfft(signal - line)
@@ -37,11 +39,12 @@ def _derivatives(signal: Floats, rate: float, cut: float) -> tuple[Floats, Float
 
 
 def _equations(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floats, Floats]:
-    """What mass, damping, stiffness, weight and dry friction go with, (n, 5); forces (n,)."""
+    """The regressors of mass, damping, stiffness, weight and dry friction, (n, 5); forces (n,)."""
     rows, right = [], []
     for gesture in gestures:
         x, v, a = _derivatives(gesture.position, gesture.rate, cut)
-        # A force is held for a tick, so its middle is half a tick after its position.
+        # A force is held for one tick, so its middle is half a tick after the position of that
+        # tick.
         at = np.arange(x.size)
         force = np.interp(at - delay - 0.5, at, gesture.force)
         force = _derivatives(force, gesture.rate, cut)[0]
@@ -55,7 +58,7 @@ def _equations(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[F
 
 
 def _solved(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floats, float]:
-    """Mass, damping, stiffness, weight and dry friction at a delay in ticks; what is left."""
+    """Mass, damping, stiffness, weight and dry friction for a delay in ticks; the residual."""
     matrix, force = _equations(gestures, delay, cut)
     found = np.asarray(np.linalg.lstsq(matrix, force, rcond=None)[0], np.float64)
     return found, float(np.sum((force - matrix @ found) ** 2))
@@ -74,9 +77,9 @@ def first_guess(gestures: Sequence[Gesture]) -> Floats:
 
 
 def signed_mass(gesture: Gesture) -> tuple[float, float]:
-    """The mass [kg] of a key that may be pushed the wrong way, then below zero; and how surely.
+    """The mass [kg] of a key, negative if the motor pushes the wrong way; and its certainty.
 
-    The second is the mass over its standard deviation.
+    The certainty is the mass over its standard deviation.
     """
     delay = min(_DELAYS, key=lambda ticks: _solved([gesture], float(ticks), _WIDER)[1])
     matrix, force = _equations([gesture], float(delay), _CUT)

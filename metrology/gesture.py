@@ -1,4 +1,4 @@
-"""Gestures that a key was measured by: the forces on it, and the positions it was read at."""
+"""Gestures by which a key was measured: the forces on it, and the positions read."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _STILL = 50  # ticks of a still beginning by which the sensor's noise is known
 
 
 class MeasurementError(ErgonError):
-    """Takes that no key can be measured by; the message is a sentence."""
+    """Takes from which no key can be measured; the message is a sentence."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unknown:
-    """Forces that nobody knows (q,): their ticks, and the least and the most they were [N]."""
+    """Unknown forces (q,): their ticks, and their lower and upper bounds [N]."""
 
     ticks: NDArray[np.int64]
     least: Floats
@@ -42,12 +42,12 @@ class Unknown:
 
     @property
     def middle(self) -> Floats:
-        """The forces in the middle between the least and the most (q,) [N]."""
+        """The forces midway between the bounds (q,) [N]."""
         return 0.5 * (self.least + self.most)
 
     @property
     def spread(self) -> Floats:
-        """How far the least and the most are from the middle (q,) [N]."""
+        """Distance of the bounds from the middle (q,) [N]."""
         return 0.5 * (self.most - self.least)
 
 
@@ -58,11 +58,11 @@ _NONE = Unknown(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
 class Gesture:
     """Forces on a key and its positions, by ticks; sizes: n ticks.
 
-    `force` (n,) [N] is held from each tick to the next; `position` (n,) [m] is read at each tick's
-    beginning; `counts` (n,) says which positions are compared with a model's. `rate` [Hz] is that
-    of the ticks. `unknown` are forces that nobody knows: packets or rows were lost or late. There
-    `force` is a guess, and a fit finds it. `read` holds what a sensor read where `position` tells
-    positions of other instants.
+    `force` (n,) [N] is held from each tick to the next; `position` (n,) [m] is read at each
+    tick's beginning; `counts` (n,) says which positions are compared with a model's. `rate` [Hz]
+    is that of the ticks. `unknown` are forces at ticks whose packets or rows were lost or late:
+    there `force` is a guess, and a fit finds the value. `read` holds the sensor's readings if
+    `position` was interpolated to other instants.
     """
 
     force: Floats
@@ -91,7 +91,7 @@ class Gesture:
         return float(self.position[: self.still].mean())
 
     def parted(self, share: float) -> tuple[Gesture, Gesture]:
-        """The gesture twice: its first `share` counts in the one, the rest in the other."""
+        """The gesture twice: in the first copy its first `share` counts, in the second the rest."""
         first = np.arange(self.force.size) < share * self.force.size
         return (
             replace(self, counts=self.counts & first),
@@ -100,7 +100,7 @@ class Gesture:
 
 
 def of_arrays(force: Floats, position: Floats, rate: float) -> Gesture:
-    """A gesture of forces (n,) [N] and positions (n,) [m]. Raises MeasurementError."""
+    """A gesture from forces (n,) [N] and positions (n,) [m]. Raises MeasurementError."""
     force, position = (np.ascontiguousarray(x, float) for x in (force, position))
     if force.shape != position.shape or force.ndim != 1:
         raise MeasurementError("forces and positions must be arrays of the same length")
@@ -121,22 +121,22 @@ def of_rows(
     known: NDArray[np.bool_] | None = None,
     is_told: NDArray[np.bool_] | None = None,
 ) -> Gesture:
-    """A gesture of ticks (n,): forces [N], position [m], the device's clock [us] of each reply.
+    """A gesture from ticks (n,): forces [N], position [m], the device's clock [us] of each reply.
 
-    `known` (n,) says of which ticks the force is sure; without it of those with a reply. `is_told`
-    (n,) says of which ticks `sent` holds what was sent; without it of all.
+    `known` (n,) says at which ticks the force is certain; by default at those with a reply.
+    `is_told` (n,) says at which ticks `sent` holds the force sent; by default at all.
 
-    A force acts from the reply before its own on, for in lockstep a reply comes after the force has
-    acted; by other clocks the delay is a tick longer. A tick without a reply has no position that
-    counts. Where replies do not come in step with the ticks of the device's clock, the force of a
-    tick is the mean of those that acted in it, and its position that of the reply next to it,
-    carried on at the key's speed.
+    A force acts from the reply before its own on, because in lockstep a reply comes after the
+    force has acted; otherwise the delay is a tick longer. A tick without a reply has no position
+    that counts. If replies are not in step with the ticks of the device's clock, the force of a
+    tick is the mean of the forces that acted in it, and its position is extrapolated from the
+    nearest reply at the key's speed.
     Raises MeasurementError.
     """
     sent, fresh = np.asarray(sent, float), np.asarray(fresh)
     sure = np.asarray(fresh if known is None else known)
     exact = _instants(np.asarray(ticks, np.int64), fresh, np.asarray(clock), rate)
-    # Two replies within a tick of the device: the later one holds.
+    # Of two replies within one tick of the device, the later one counts.
     at = np.maximum.accumulate(np.round(exact).astype(np.int64))
     n = int(at[-1]) + 1
     which = np.searchsorted(at, np.arange(1, n + 1), side="right") - 1
@@ -159,11 +159,11 @@ def of_rows(
 def _retimed(
     gesture: Gesture, at: Floats, sent: Floats, position: Floats, fresh: NDArray[np.bool_]
 ) -> Gesture:
-    """The gesture by replies at instants `at` (k,) [ticks] between its ticks."""
+    """The gesture resampled from replies at instants `at` (k,) [ticks] between its ticks."""
     n = gesture.force.size
     edges = np.arange(n + 1.0)
     replies, x = at[fresh], position[fresh]
-    # Two replies of one instant have no speed between them.
+    # Two replies at the same instant give no speed.
     apart = np.concatenate([[True], np.diff(replies) > 0])
     replies, x = replies[apart], x[apart]
     speed = np.gradient(x, replies)
@@ -181,10 +181,10 @@ def _retimed(
 def _unknown(
     begins: Floats, sent: tuple[Floats, Floats], known: NDArray[np.bool_], n: int
 ) -> Unknown:
-    """The forces of n ticks that nobody knows, by the least and the most that were sent (k,).
+    """The unknown forces of n ticks, by the least and the most force that was sent (k,).
 
-    A device holds a force until it hears of the next one: between two ticks that had replies no
-    other forces acted than those that were sent. Where many are unknown, replies were late rather
+    A device holds a force until it receives the next one: between two ticks with replies only
+    forces that were sent can have acted. If many ticks are unknown, replies were late rather
     than lost, and all forces count as known.
     """
     shares = _means(begins, (~known).astype(float), np.arange(n + 1.0))
@@ -212,9 +212,9 @@ def _means(begins: Floats, values: Floats, edges: Floats) -> Floats:
 def _instants(
     ticks: NDArray[np.int64], fresh: NDArray[np.bool_], clock: NDArray[np.uint32], rate: float
 ) -> Floats:
-    """When each reply was made (n,) [ticks] of the device's own time, the first near 0.
+    """The instant of each reply (n,) [ticks] in the device's own time, the first near 0.
 
-    A host that is late is seen there. Without a clock: the host's own count.
+    This shows when the host was late. Without a clock: the host's own count of ticks.
     """
     ticks = ticks - ticks[0]
     told = np.flatnonzero(fresh & (clock != 0))
@@ -222,7 +222,7 @@ def _instants(
         return ticks.astype(float)
     passed = np.concatenate([[0], np.cumsum(np.diff(clock[told]).astype(np.int64))])  # it wraps
     passed = passed * 1e-6 * rate
-    # A clock that does not fit the count of ticks is another's, or counts otherwise.
+    # A clock that does not fit the count of ticks belongs to something else, or counts differently.
     if not np.all(np.abs(np.diff(passed)) < 1000):
         return ticks.astype(float)
     phase = np.angle(np.mean(np.exp(2j * np.pi * passed))) / (2 * np.pi)
@@ -232,11 +232,12 @@ def _instants(
 
 
 def of_recording(recording: Recording, axis: int, *, loses_requests: bool = True) -> Gesture:
-    """The gesture of one axis of a recording; a position held from a tick before does not count.
+    """The gesture of one axis of a recording; a position repeated from the tick before does not
+    count.
 
-    Where it `loses_requests`, a tick without a reply may be one whose request was lost: the device
-    then held the force before. The force of a tick without a row is never known.
-    Raises MeasurementError where the recording is too short, lacks many ticks or holds no force.
+    If it `loses_requests`, a tick without a reply may be one whose request was lost: the device
+    then held the force before. The force of a tick without a row is never known. Raises
+    MeasurementError if the recording is too short, lacks many ticks or holds no force.
     """
     sent = recording.sent()[:, axis].astype(float)
     if not sent.any():
@@ -246,7 +247,7 @@ def of_recording(recording: Recording, axis: int, *, loses_requests: bool = True
         )
     ticks = recording.ticks()
     fresh = recording.flags()[:, axis] & _FRESH != 0
-    # A tick without a row is one without a reply, too.
+    # A tick without a row is also a tick without a reply.
     every = np.arange(ticks[0], ticks[-1] + 1)
     if every.size - ticks.size > LATE * every.size:
         raise MeasurementError(
@@ -270,13 +271,14 @@ def of_recording(recording: Recording, axis: int, *, loses_requests: bool = True
 
 def sensor_noise(gestures: list[Gesture]) -> float | None:
     """Standard deviation [m] of the sensor's noise; None where no gesture begins with rest."""
-    # By second differences, which creep hardly changes: there white noise has 6 times its variance.
+    # Second differences suppress slow creep; for white noise their variance is 6 times that of the
+    # noise.
     parts = [np.diff(g.position[: g.still], 2) for g in gestures if g.still >= _STILL]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2) / 6)) if parts else None
 
 
 def sensor_step(gestures: Sequence[Gesture]) -> float | None:
-    """Step [m] of the sensor: of the grid on which positions lie; None where they lie on none."""
+    """Step [m] of the sensor: the grid on which positions lie; None if there is no grid."""
     reads = [g.position[g.counts] if g.read is None else g.read for g in gestures]
     places = np.unique(np.concatenate(reads))
     apart = np.diff(places)

@@ -1,8 +1,9 @@
-"""The way from nothing known of a key to forces that measure it and touch no end of its travel.
+"""The search for forces that measure an unknown key without reaching an end of its travel.
 
-First jolts, as short and as weak as show which way the motor goes, and about what it moves. Then
-rungs of two seconds, from a twentieth of the force on, each at most twice as strong as the one
-before. A guide keeps a key in its place that has no spring; a brake takes over near an end.
+First come jolts, as short and weak as possible, which show the direction of the motor and the
+approximate mass. Then come rungs of two seconds, from a twentieth of the force on, each at most
+twice as strong as the one before. A guide holds a key that has no spring in its place; a brake
+acts near an end.
 """
 
 from __future__ import annotations
@@ -36,12 +37,13 @@ _ENOUGH = 0.4  # of half the travel: a rung that goes so far is the last
 _TARGET = 0.55  # of half the travel: what the next rung aims at
 _BRAKED = 3  # rungs that were braked, until no further one is tried
 _RAIN = 0.3  # of the force of a rung
-# The guide: a pole of so many rad/s, and the brake in multiples of it; a delay of 10 ms is borne.
+# The guide: the frequency of its pole [rad/s] and its damping ratio. It is stable with a delay of
+# 10 ms.
 _GUIDE, _GUIDE_RATIO = 12.0, 0.8
 _BRAKE_STIFFNESS, _BRAKE_DAMPING = 3.0, 45.0  # of the guide's; 1/s of the mass
 _SPRING = 40.0  # (rad/s)²: with a faster spring of its own a key needs no guide
 _NEAR = 0.35  # of half the range: a key that rests nearer to an end has no room
-# Jolts show which way the motor goes, and about what it moves.
+# Jolts show the direction of the motor and the approximate mass.
 _JOLTS = 0.6  # s
 _FIRST_JOLT, _JOLT_MAX = 0.01, 0.8  # of the force
 _JOLTED = 0.2  # of half the travel: a jolt that goes farther is the last
@@ -50,7 +52,7 @@ _LONGEST = 6.0  # times the length of the first jolts, at most
 _IN_TIME = 0.75  # of the ticks: replies, without which nothing can be measured
 _RESTS = 3.0  # s at most, until a key rests
 
-# Why a take ended, and what to do.
+# Why a take ended, and what the user can do.
 _ENDS = {
     "touched": "a hand touched the key, so its force is zero; let go of it and measure again",
     "gate closed": "the device lets no force through but while a hand touches the key, "
@@ -70,7 +72,7 @@ _ENDS = {
 
 
 class TakeEnded(MeasurementError):
-    """A take that did not come to its end; the message says why and what to do."""
+    """A take that ended early; the message says why and what to do."""
 
     def __init__(self, end: str) -> None:
         """`end` is that of `_core.Excited`."""
@@ -80,10 +82,10 @@ class TakeEnded(MeasurementError):
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """An axis that is measured, and what is known of its device.
+    """An axis to measure, and the properties of its device.
 
-    `sign` turns forces round; `force_step` [N] is the motor's where the wire does not show it;
-    `is_gated` is false for a device whose gate is to be passed over.
+    `sign` reverses forces if -1; `force_step` [N] is the motor's step if the protocol does not
+    give it; `is_gated` is false for a device whose touch gate is ignored.
     """
 
     device: Device
@@ -96,14 +98,16 @@ class Axis:
 
     @property
     def most(self) -> float:
-        """The greatest force that is asked for [N]."""
+        """The greatest force that is requested [N]."""
         own = min(self.device.force_max, 1.2 * self.device.force_continuous)
         return own if self.force_max is None else min(own, self.force_max)
 
 
 @dataclass(frozen=True, slots=True)
 class Guide:
-    """Where a key is kept, half its travel there [m], and the springs and dampers that keep it."""
+    """The centre at which a key is kept, half its travel there [m], and the springs and dampers of
+    guide and brake.
+    """
 
     centre: float
     half: float
@@ -112,7 +116,7 @@ class Guide:
     deceleration: float
 
     def for_core(self) -> tuple[float, float, tuple[float, float], tuple[float, float], float]:
-        """As `_core.excite` takes it."""
+        """The guide as arguments of `_core.excite`."""
         return self.centre, self.half, self.guide, self.brake, self.deceleration
 
     @property
@@ -123,7 +127,9 @@ class Guide:
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """A rung of the ladder: its force [N], how far the key went [m], and whether it was braked."""
+    """A rung of the ladder: its force [N], the excursion of the key [m], and whether it was
+    braked.
+    """
 
     force: float
     excursion: float
@@ -132,7 +138,9 @@ class Rung:
 
 @dataclass(slots=True)
 class Ladder:
-    """What the ladder found: the axis with the motor's sign, the guide, a rough key, the rungs."""
+    """The result of the ladder: the axis with the motor's sign, the guide, a rough key, the
+    rungs.
+    """
 
     axis: Axis
     guide: Guide
@@ -147,7 +155,8 @@ class Ladder:
         return max(free) if free else min(rung.force for rung in self.rungs)
 
 
-# Forces and motion are compared for keys that are played; a key in the rain may look wrong to that.
+# Safety stages compare force and motion for keys that are played. Under rain a key in good order
+# may fail them.
 DOUBTS = ("tripped: wrong way", "tripped: frozen", "tripped: at stop", "tripped: speed")
 
 
@@ -160,9 +169,10 @@ def push(
     *,
     forgiven: bool = False,
 ) -> Excited:
-    """Push a key by forces (n,) [N]. Raises TakeEnded where that ends before its time.
+    """Push a key by forces (n,) [N]. Raises TakeEnded if that ends early.
 
-    `forgiven`: not where a safety stage held the axis at zero because force and motion disagreed.
+    With `forgiven` it does not raise if a safety stage stopped the axis because force and motion
+    disagreed.
     """
     excited = _core.excite(
         axis.device,
@@ -197,7 +207,7 @@ def settle(axis: Axis, guide: Guide) -> None:
 
 
 def gesture(excited: Excited) -> Gesture:
-    """A take as the fit sees it."""
+    """A take as a gesture for the fit."""
     n = excited.sent().size
     return of_rows(
         np.arange(n),
@@ -212,7 +222,7 @@ def gesture(excited: Excited) -> Gesture:
 def climb(axis: Axis, seed: int = 0, tell: Callable[[Rung], object] = lambda rung: None) -> Ladder:
     """Find the motor's direction and the greatest force that keeps a key away from its ends.
 
-    Raises TakeEnded, MeasurementError where the key does not move, or has no room.
+    Raises TakeEnded, or MeasurementError if the key does not move or has no room.
     """
     chance = np.random.default_rng(seed)
     where = _Place(axis, chance)
@@ -252,7 +262,7 @@ def climb(axis: Axis, seed: int = 0, tell: Callable[[Rung], object] = lambda run
 
 
 def _rough(gestures: list[Gesture]) -> Floats:
-    """A rough key of takes: mass, spring, damper, weight and dry friction."""
+    """A rough key fitted to takes: mass, spring, damper, weight and dry friction."""
     row = first_guess(gestures)
     columns = [INDEX[name] for name in ("mass", "stiffness", "damping", "weight", "dry")]
     try:
@@ -262,7 +272,7 @@ def _rough(gestures: list[Gesture]) -> Floats:
 
 
 class _Place:
-    """Where a key rests, how much its sensor trembles, and what a push does to it."""
+    """The position where a key rests, its sensor's noise, and its response to a push."""
 
     def __init__(self, axis: Axis, chance: np.random.Generator) -> None:
         self.axis, self.chance = axis, chance
@@ -282,9 +292,9 @@ class _Place:
         self.free = Guide(self.centre, self.half, (0.0, 0.0), (0.0, 0.0), 1.0)
 
     def pushed(self) -> tuple[int, float]:
-        """Which way the motor goes, 1 or -1, and about what it moves [kg].
+        """The direction of the motor, 1 or -1, and the approximate moving mass [kg].
 
-        Raises MeasurementError where the key does not move.
+        Raises MeasurementError if the key does not move.
         """
         most, force, length = self.axis.most, _FIRST_JOLT * self.axis.most, 1.0
         while length < _LONGEST:
@@ -310,7 +320,9 @@ class _Place:
         )
 
     def better(self, mass: float, gesture: Gesture) -> float:
-        """The mass as a rung tells it, where that is no more than the push told."""
+        """The mass estimated from a rung, limited to 0.2 to 1.5 times `mass`; `mass` itself if the
+        key hardly moved.
+        """
         if np.ptp(gesture.position) < 10 * self.shows:
             return mass
         return float(np.clip(first_guess([gesture])[0], 0.2 * mass, 1.5 * mass))

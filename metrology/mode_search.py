@@ -1,4 +1,4 @@
-"""Where a mode would explain most of what a key's model leaves."""
+"""The mode that would explain most of the residual of a key's model."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from .gesture import Floats, Gesture
     from .output_error import Fit
 
-# Between the highest of 20 keys without a mode and 37, the lowest of 50 with one of a twentieth.
+# 28 lies between the highest score of 20 keys without a mode, and 37, the lowest score of 50 keys
+# with a mode of a twentieth of their mass.
 SCORE_MIN = 28.0
 _LOW, _HIGH = 5.0, 0.479  # Hz; of the rate
 _PITCHES = 1200
@@ -28,7 +29,7 @@ _SHARE_MAX = 0.3  # of the key's mass
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """A mode that may be there: mass [kg], frequency [Hz], damping ratio, and how surely."""
+    """A possible mode: mass [kg], frequency [Hz], damping ratio, and its score."""
 
     mass: float
     frequency: float
@@ -52,14 +53,14 @@ def _background(power: NDArray[np.floating], frequency: NDArray[np.floating]) ->
 
 
 def _taper(n: int) -> Floats:
-    """One, but for a twentieth at both ends, where it goes to zero as a cosine does, (n,)."""
+    """A window: one, except for a cosine taper to zero over a twentieth at both ends, (n,)."""
     edge = max(n // 20, 1)
     rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
     return np.concatenate([rise, np.ones(n - 2 * edge), rise[::-1]])
 
 
 def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
-    """The mode that explains most of the errors of a fit, to first order in its mass."""
+    """The mode that explains most of the residual of a fit, to first order in its mass."""
     row, rate = fit.row, gestures[0].rate
     pitches = np.geomspace(_LOW, _HIGH * rate, _PITCHES)
     omega = 2 * np.pi * pitches[:, None]
@@ -73,7 +74,7 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
         s = 2j * np.pi * frequency[band]
         left = np.fft.rfft(error * taper)
         force = np.fft.rfft(gesture.force * taper)[band]
-        # Held for a tick, and late.
+        # The force is held for a tick, and delayed.
         force = (
             force
             * np.sinc(frequency[band] / rate)

@@ -1,4 +1,4 @@
-"""Least squares of the output error: the key whose path is nearest to what was read."""
+"""Least squares of the output error: the key whose path is nearest to the positions read."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 _DAMPING = (1e-3, 1e-7)  # of Levenberg and Marquardt: at first, at least
 _TRIALS = 12
-# Rounds in which forces are found, the relative fall of the cost that ends them, the least share of
-# a step.
+# Maximal rounds of recovering unknown forces, the relative fall of the cost that ends them, and the
+# least share of a step.
 _RECOVERIES, _SETTLED, _LEAST_SHARE = 20, 1e-4, 0.05
 _EVERY = 3  # steps of a fit, from one look at what the unknown forces do to the next
 _CLOSE = 1e-7  # relative fall of the cost below which it has converged
@@ -27,12 +27,12 @@ _CLOSE = 1e-7  # relative fall of the cost below which it has converged
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A key fitted to gestures; sizes: p parameters that were fitted.
+    """A key fitted to gestures; sizes: p fitted parameters.
 
-    `row` holds its parameters; `columns` the indices of those that were fitted, but for the starts,
-    one for each gesture, which `starts` holds [m]. `covariance` (p, p) is in SI units (the bound of
-    Cramér and Rao at the noise that is left), `rms` [m] what is left, `n` the number of positions.
-    `forces` [N] are those at the unknown ticks of each gesture.
+    `row` holds its parameters, `columns` the indices of the fitted ones. Starting positions are
+    fitted too: `starts` holds one for each gesture [m]. `covariance` (p, p) is in SI units (the
+    Cramér-Rao bound at the noise of the residual), `rms` [m] is the residual, `n` the number of
+    positions. `forces` [N] are those at the unknown ticks of each gesture.
     """
 
     row: Floats
@@ -44,7 +44,7 @@ class Fit:
     forces: tuple[Floats, ...] = ()
 
     def recovered(self, gestures: Sequence[Gesture]) -> list[Gesture]:
-        """The gestures that it was fitted to, with what it found of the unknown forces."""
+        """The gestures of the fit, with the unknown forces that it found."""
         return [g.with_forces(f) for g, f in zip(gestures, self.forces, strict=True)]
 
     @property
@@ -60,20 +60,20 @@ class Fit:
 
 
 def path(row: Floats, gesture: Gesture, start: float) -> Floats:
-    """Where a key goes under the forces of a gesture, (n,) [m]."""
+    """The path of a key under the forces of a gesture, (n,) [m]."""
     row = row.copy()
     row[START] = start
     return _core.key_path(row, gesture.force, gesture.rate, columns=())[0]
 
 
 def errors(row: Floats, gesture: Gesture, start: float) -> Floats:
-    """The positions that count less those of the model [m]."""
+    """The positions that count minus those of the model [m]."""
     counts = gesture.counts
     return gesture.position[counts] - path(row, gesture, start)[counts]
 
 
 def _squares(row: Floats, gestures: Sequence[Gesture], starts: Floats) -> tuple[float, float]:
-    """Sums of squares: of what positions leave [m²], and of unknown forces in their spreads."""
+    """Sums of squares: of position errors [m²], and of unknown forces in units of their spreads."""
     try:
         each = [errors(row, g, x) for g, x in zip(gestures, starts, strict=True)]
     except _core.EngineError:
@@ -83,7 +83,7 @@ def _squares(row: Floats, gestures: Sequence[Gesture], starts: Floats) -> tuple[
 
 
 def _off(gesture: Gesture) -> Floats:
-    """How far unknown forces are from their middles, in their spreads (q,)."""
+    """Deviation of unknown forces from their middles, in units of their spreads (q,)."""
     unknown = gesture.unknown
     return (gesture.force[unknown.ticks] - unknown.middle) / unknown.spread
 
@@ -100,7 +100,9 @@ def _force_derivatives(row: Floats, gesture: Gesture, start: float) -> Floats:
 
 
 def recovered(row: Floats, gesture: Gesture, start: float) -> Gesture:
-    """The gesture with the unknown forces by which a key comes nearest to what was read."""
+    """The gesture with the unknown forces for which the model comes nearest to the positions
+    read.
+    """
     ticks, spread = gesture.unknown.ticks, gesture.unknown.spread
     if not ticks.size:
         return gesture
@@ -136,9 +138,10 @@ def _normal(
     by_force: Sequence[Floats],
     variance: float,
 ) -> tuple[Floats, Floats]:
-    """JᵀJ and Jᵀe on the scales of the fit: parameters, starts of all gestures, unknown forces.
+    """JᵀJ and Jᵀe in the scaled variables of the fit: parameters, starts of all gestures, unknown
+    forces.
 
-    Each unknown force is a measurement of its middle, as uncertain as its spread.
+    Each unknown force counts as a measurement of its middle, with its spread as uncertainty.
     """
     p, own = len(columns), [*columns, START]
     first = p + len(starts)
@@ -178,9 +181,9 @@ def fit(
     starts: Sequence[float] | None = None,
     iterations: int = 30,
 ) -> Fit:
-    """Fit the parameters of these indices, from `row` on, by Levenberg and Marquardt's method.
+    """Fit the parameters of these indices by the Levenberg-Marquardt method, starting at `row`.
 
-    Unknown forces are fitted with them. Raises EngineError where `row` is no key.
+    Unknown forces are fitted with them. Raises EngineError if `row` is not a valid key.
     """
     from_ = np.array([g.start for g in gestures] if starts is None else starts)
     p, damping, least = len(columns), *_DAMPING
@@ -190,7 +193,7 @@ def fit(
     by_force: list[Floats] = []
     for iteration in range(iterations):
         _core.poll()
-        # What a force does changes little from step to step.
+        # The effect of a force changes little from step to step.
         if iteration % _EVERY == 0 or not by_force:
             each = zip(gestures, from_, strict=True)
             by_force = [_force_derivatives(row, g, x) for g, x in each]

@@ -1,4 +1,6 @@
-"""The parameters of a key, as `_core.key_path` takes them, and on which scale each is fitted."""
+"""The parameters of a key, as `_core.key_path` takes them, and the scale on which each is
+fitted.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ MODE_NAMES = ("mode_mass", "mode_frequency", "mode_ratio")
 INDEX = {name: index for index, name in enumerate(NAMES)}
 START = INDEX["start"]
 OWN, OF_MODE = len(NAMES), len(MODE_NAMES)
-# Fitted as they are, for they may be zero; [least, most]. All others are above zero: by logarithms.
+# Fitted on a linear scale, because they may be zero; [least, most]. All others are positive and are
+# fitted by their logarithms.
 _PLAIN = {
     INDEX["stiffness"]: (0.0, np.inf),
     INDEX["damping"]: (0.0, np.inf),
@@ -57,12 +60,14 @@ def n_modes(row: Floats) -> int:
 
 
 def scale(row: Floats, columns: Sequence[int]) -> Floats:
-    """Derivatives of the parameters with respect to what is fitted, (columns,)."""
+    """Derivatives of the parameters with respect to the fitted variables, (columns,)."""
     return np.array([1.0 if index in _PLAIN else row[index] for index in columns])
 
 
 def moved(row: Floats, columns: Sequence[int], step: Floats) -> Floats:
-    """The row after a step of what is fitted, (columns,), within what each parameter may be."""
+    """The row after a step of the fitted variables, (columns,), within the bounds of each
+    parameter.
+    """
     to = row.copy()
     for index, by in zip(columns, step, strict=True):
         if index in _PLAIN:
@@ -74,12 +79,12 @@ def moved(row: Floats, columns: Sequence[int], step: Floats) -> Floats:
 
 
 def is_plain(index: int) -> bool:
-    """Whether a parameter may be zero."""
+    """Whether a parameter is fitted on a linear scale, and so may be zero."""
     return index in _PLAIN
 
 
 def is_stiffest(row: Floats, index: int) -> bool:
-    """Whether a stiffness has come to its greatest, where it is as good as rigid."""
+    """Whether a stiffness is at its upper bound, where it is practically rigid."""
     return index in _STIFFEST and bool(row[index] >= 0.99 * _STIFFEST[index])
 
 

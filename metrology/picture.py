@@ -1,4 +1,6 @@
-"""What a key was asked, what it did, what its model does, and what is left: a picture as SVG."""
+"""The requested forces, the motion of a key and of its model, and the residual, as an SVG
+picture.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ _COLUMNS = 700  # of a picture: more points than two a column show nothing
 def picture(after: Replay, title: str, before: Replay | None = None) -> str:
     """An SVG of the forces, of the real key and its model, and of their difference.
 
-    `before` is the replay of a model with less in it.
+    `before` is the replay of a model with fewer parts.
     """
     drawn = rows(after)
     if before is not None:
@@ -29,7 +31,7 @@ def picture(after: Replay, title: str, before: Replay | None = None) -> str:
 
 
 def rows(found: Replay) -> list[tuple[str, list[Curve]]]:
-    """What is drawn of a replay: the label of each picture, and its curves."""
+    """The panels of a replay: the label of each, and its curves."""
     rate = found.gesture.rate
     t = np.arange(found.gesture.force.size) / rate
     real = np.where(found.gesture.counts, found.gesture.position, np.nan)

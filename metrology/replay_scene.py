@@ -1,7 +1,7 @@
-"""A replay as a score for the page: asked, real, model and residual as curves that run.
+"""A replay as a score for the page: asked, real, model and residual as moving curves.
 
-Each curve is a chain of points in space. Its first point goes where the key goes; the next ones
-follow later and later, so that a chain shows the last half second as an oscilloscope does.
+Each curve is a chain of points in space. Its first point moves as the key does; each next point
+follows later, so that a chain shows the last half second as an oscilloscope does.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _HEIGHT = 0.1  # m: the most that a curve goes up or down
 
 @dataclass(frozen=True, slots=True)
 class _Curve:
-    """What a chain shows: values (n,), their unit and its size in SI, and where it stands [m]."""
+    """The content of a chain: values (n,), their unit and its size in SI, and its position [m]."""
 
     name: str
     values: Floats
@@ -33,7 +33,7 @@ class _Curve:
 
 
 def write_scene(found: Replay, folder: Path) -> Path:
-    """Write a score of a replay into a folder, with its take; the path of the score."""
+    """Write a score of a replay into a folder, with its take; returns the path of the score."""
     gesture = found.gesture
     t = np.arange(gesture.force.size) / gesture.rate
     real = np.interp(t, found.t, gesture.position[gesture.counts]) - gesture.start
@@ -57,7 +57,7 @@ def write_scene(found: Replay, folder: Path) -> Path:
     np.savez(folder / "replay.npz", allow_pickle=False, t=t, **columns)
     takes = "".join(f"  {name}: {{file: replay.npz, channel: {name}}}\n" for name in columns)
     score = folder / "replay.yaml"
-    # A piece ends with its last event, and this one has none: all of it is its tail.
+    # A piece ends with its last event. This one has no event, so all of it is its tail.
     score.write_text(
         f"ergon: 1\ntitle: 'from above: {', '.join(told)}'\nrates: {{audio: 8kHz}}\n"
         f"render: {{tail: {t[-1]:.3f}s}}\ntakes:\n{takes}"
@@ -68,21 +68,23 @@ def write_scene(found: Replay, folder: Path) -> Path:
 
 
 def _rounded(most: float) -> float:
-    """What a centimetre is, of 1, 2, 5, 10 …, so that the greatest value stays in the height."""
+    """The value of one centimetre, of 1, 2, 5, 10 …, for which the greatest value fits the
+    height.
+    """
     least = most / (100 * _HEIGHT) or 1.0
     decade = 10.0 ** np.floor(np.log10(least))
     return float(next(step * decade for step in (1, 2, 5, 10) if step * decade >= least))
 
 
 def _chain(curve: _Curve) -> str:
-    """Modules: points that go where a take says, each later than the one before."""
+    """Modules: points that follow a take, each later than the one before."""
     place = f"{curve.behind}m, {curve.above}m"
     leads = "".join(
         f"      {curve.name}_{i}: {{ENX: {{to: {curve.name}.{i}.z, from: {curve.name}, "
         f"at: {i * _LASTS / (_POINTS - 1):.5f}s}}}}\n"
         for i in range(_POINTS)
     )
-    # The springs are drawn, and too weak to pull heavy points sideways.
+    # The springs are drawn; they are too weak to pull the heavy points sideways.
     return (
         f"      {curve.name}: {{CHAIN: {{masses: {_POINTS}, ends: free, M: {_POINTS}kg, "
         f"K: 1e-9N/m, from: [0m, {place}], to: [-{_LENGTH}m, {place}]}}}}\n{leads}"

@@ -1,10 +1,10 @@
-"""The order in which a key's parts are found, and which of them are kept.
+"""The order in which the parts of a key's model are identified, and which of them are kept.
 
-A part stays only where the information criterion falls, a gesture that was held out is followed
-better, and its parameters are known to a half of themselves. Dry friction comes before modes: what
-it leaves unexplained hides them. But a delay or a mode that is not found yet looks like a contact
-that gives way, so what was kept of friction is taken away again once they are known, and stays away
-where the criterion falls.
+A part is kept only if the information criterion falls, the held-out gesture is followed better,
+and its parameters are known to within a half of their values. Dry friction comes before modes,
+because its residual hides them. But a delay or a mode that is not identified yet looks like a
+compliant contact. So once they are known, each kept kind of friction is removed again on trial,
+and stays removed if the criterion falls.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ _ENOUGH = 1.02  # of the sensor's noise: nothing is left to explain
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """A part that was tried: its fit, how a held-out gesture was followed, and whether it stayed.
+    """A part that was tried: its fit, the error on the held-out gesture, and whether it was kept.
 
-    `replay` is the rms [m] of the difference from the held-out positions, their noise included. Of
-    a mode that was not tried, `fit` is the fit before, and `score` says why. `is_removal` says that
-    the part was taken away, and `kept` that it stays away.
+    `replay` is the rms [m] of the difference from the held-out positions, their noise included.
+    For a mode that was not tried, `fit` is the fit before, and `score` says why. `is_removal`
+    says that the part was removed on trial; `kept` then says that it stays removed.
     """
 
     name: str
@@ -55,9 +55,10 @@ class Stage:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A key as measured: all stages in their order, the fit that holds, and the sensor's noise [m].
+    """A measured key: all stages in order, the final fit, its held-out error, and the sensor's
+    noise [m].
 
-    `noise` is None where no take begins with a still key.
+    `noise` is None if no take begins with a still key.
     """
 
     stages: tuple[Stage, ...]
@@ -116,7 +117,8 @@ def measure(
     return Measured(tuple(stages), best.fit, best.replay, noise)
 
 
-# What dry friction may be, and from where its parameters are sought, by a fit and the first guess.
+# Kinds of dry friction, and the starting values of their parameters, from a fit and the first
+# guess.
 _FRICTIONS: tuple[tuple[str, Callable[[Floats, Floats], dict[str, float]]], ...] = (
     ("dry", lambda row, guess: {"dry": guess[INDEX["dry"]]}),
     ("presliding", lambda row, guess: {"presliding": 5e3}),
@@ -127,7 +129,7 @@ _FRICTIONS: tuple[tuple[str, Callable[[Floats, Floats], dict[str, float]]], ...]
 )
 
 
-# Kinds of friction that a delay or a mode may have been taken for, and their parameters.
+# Kinds of friction that may have been fitted in place of a delay or a mode, and their parameters.
 _DOUBTFUL = {"presliding": ("presliding",), "Stribeck": ("static_dry", "static_speed")}
 
 
@@ -148,7 +150,7 @@ def _is_noise(fit: Fit, noise: float | None) -> bool:
 
 
 def _mode(judge: _Judge, before: Stage) -> Stage:
-    """One more mode; the delay is fitted with it, for both act on the quickest motions."""
+    """Try one more mode. The delay is fitted with it, because both act on the quickest motions."""
     peak = highest_peak(judge.recovered(before), before.fit)
     number = n_modes(before.fit.row)
     name = "mode" if number == 0 else f"mode {number + 1}"
@@ -164,14 +166,14 @@ def _mode(judge: _Judge, before: Stage) -> Stage:
 
 
 def _is_known(fit: Fit, index: int) -> bool:
-    """Whether the takes tell a parameter that cannot be zero, to a half of itself."""
+    """Whether a parameter that cannot be zero is known to within a half of its value."""
     if is_stiffest(fit.row, index):
         return False
     return is_plain(index) or fit.deviation(index) < _UNKNOWN * fit.row[index]
 
 
 class _Judge:
-    """Fits stages, and compares each with the one before by what neither was fitted to."""
+    """Fits stages, and compares each with the one before on data to which neither was fitted."""
 
     def __init__(self, gestures: list[Gesture], held_out: Gesture | None) -> None:
         self.is_apart = held_out is not None
@@ -180,7 +182,7 @@ class _Judge:
         self.gestures, self.held_out = gestures, held_out
 
     def recovered(self, before: Stage | None) -> list[Gesture]:
-        """The gestures, with what the fit before has found of unknown forces."""
+        """The gestures, with the unknown forces found by the fit before."""
         return self.gestures if before is None else before.fit.recovered(self.gestures)
 
     def stage(
@@ -192,7 +194,7 @@ class _Judge:
         score: float | None = None,
         iterations: int = 30,
     ) -> Stage:
-        """Fit these columns from a row on, and judge the fit."""
+        """Fit these columns starting at a row, and judge the fit."""
         starts = None if before is None else before.fit.starts
         fit = output_error.fit(self.recovered(before), row, columns, starts, iterations)
         start = self.held_out.start if self.is_apart else fit.starts[-1]
@@ -210,7 +212,7 @@ class _Judge:
         return Stage(name, fit, replay, kept, score)
 
     def without(self, name: str, before: Stage) -> Stage:
-        """Take a kind of friction away and fit the rest; it stays away where BIC falls."""
+        """Remove a kind of friction and fit the rest; it stays removed if BIC falls."""
         own = _DOUBTFUL[name]
         gone = {INDEX[parameter] for parameter in own}
         columns = tuple(index for index in before.fit.columns if index not in gone)
@@ -225,7 +227,7 @@ class _Judge:
         before: Stage,
         score: float | None = None,
     ) -> Stage:
-        """The same from the best of several rows, each fitted roughly."""
+        """Fit several rows roughly, then fit and judge the best one as `stage` does."""
         fits = [
             output_error.fit(self.recovered(before), row, columns, before.fit.starts, _ROUGHLY)
             for row in rows

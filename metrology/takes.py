@@ -1,4 +1,4 @@
-"""The takes by which a key is measured, once the ladder has found what it bears."""
+"""The takes by which a key is measured, after the ladder has found the force that it can take."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _PARTS_MAX = 6
 
 @dataclass(frozen=True, slots=True)
 class Take:
-    """A take: its kind, its number where a safety stage cut it into parts, its gesture."""
+    """A take: its kind, its number if a safety stage cut it into parts, its gesture."""
 
     kind: str
     part: int
@@ -39,7 +39,7 @@ class Take:
 
 
 def lasts(path: Floats | None) -> float:
-    """How long a held-out gesture is [s], along a path by ticks or with knocks."""
+    """The duration of a held-out gesture [s], along a path by ticks or with knocks."""
     return HELD_OUT if path is None else len(path) / TICK_RATE
 
 
@@ -51,11 +51,11 @@ def record(
     seed: int = 0,
     path: Floats | None = None,
 ) -> list[Take]:
-    """Takes of a kind that last so long [s] in all; `target` names the file of each, or None.
+    """Takes of a kind that last so long [s] in all; `target` returns the file of each, or None.
 
-    `path` (n,) [m], by ticks, is what a held-out gesture goes along instead of knocks.
+    `path` (n,) [m], by ticks, replaces the knocks of a held-out gesture.
 
-    Where a safety stage holds the axis at zero, what was recorded counts, and a weaker part
+    If a safety stage holds the axis at zero, the part recorded so far counts, and a weaker part
     follows.
     Raises TakeEnded.
     """
@@ -81,7 +81,7 @@ def record(
 
 
 def _borne(ladder: Ladder, kind: str, guide: Guide, seed: int, path: Floats | None) -> float:
-    """The force of such a take that the key bears [N]: found by rungs, as on the ladder."""
+    """The force of such a take that the key can take [N], found by rungs as on the ladder."""
     axis, most = ladder.axis, _MOST * ladder.axis.most
     force = min(most, 0.5 * ladder.force)
     for rung in range(_RUNGS_MAX):

@@ -1,1 +1,1 @@
-"""Models of other mass-interaction programs: their language read, and written as a score."""
+"""Models of other mass-interaction programs: their languages are read and written as a score."""

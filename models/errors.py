@@ -1,4 +1,4 @@
-"""How a model is refused: a sentence with the line of the model."""
+"""The refusal of a model: a sentence with the line of the model."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from ergon.common.terminal import printable
 
 
 class ModelError(ErgonError, ValueError):
-    """A model that cannot be read, or that no score says; `line` counts from 1, 0 is the file."""
+    """A model that cannot be read, or that no score can express; `line` counts from 1, 0 is the
+    file.
+    """
 
     def __init__(self, message: str, line: int = 0, suggestion: str | None = None) -> None:
-        """`suggestion`: the known word that was meant."""
+        """`suggestion`: the known word that was most likely meant."""
         self.message, self.line, self.suggestion = message, line, suggestion
         self.file = ""
         super().__init__(message)
@@ -23,4 +25,4 @@ class ModelError(ErgonError, ValueError):
 
 
 class DialectError(ModelError):
-    """A model that both dialects read, and that sounds otherwise in each."""
+    """A model that both dialects can read, with a different sound in each."""

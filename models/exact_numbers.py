@@ -1,4 +1,4 @@
-"""Numbers from which a program computes another number exactly."""
+"""Numbers from which another program computes a given number exactly."""
 
 from collections.abc import Callable
 from math import inf, nextafter
@@ -7,7 +7,9 @@ _TRIES = 8  # neighbours of a number that are tried for one that gives another e
 
 
 def nudged(guess: float, made: Callable[[float], float], goal: float) -> float:
-    """The number next to a guess of which `goal` is made exactly; the guess where there is none."""
+    """The number near `guess` from which `made` computes exactly `goal`; `guess` if there is
+    none.
+    """
     low = high = guess
     for _ in range(_TRIES):
         for one in (low, high):

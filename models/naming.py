@@ -1,4 +1,4 @@
-"""Names of a model made into names of a score, and values into what a score writes."""
+"""Names and values of a model as a score writes them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ MOST = 64  # characters
 
 
 class Names:
-    """Gives each thing a name that nothing else has."""
+    """Gives each thing a unique name."""
 
     def __init__(self, taken: Iterable[str] = ()) -> None:
         """`taken`: names that cannot be given."""
         self.taken = set(taken)
 
     def new(self, wanted: str) -> str:
-        """The name, or the first free one with a number behind it."""
+        """The name, or the first free one with a number appended."""
         base = wanted[: MOST - 8].lstrip("_") or "m"
         name, count = base, 2
         while name in self.taken:
@@ -51,7 +51,7 @@ def metres(expression: str) -> str:
 
 
 def times(count: int, expression: str) -> str:
-    """So many times the value of an expression."""
+    """`count` times the value of an expression."""
     return (
         f"{count}*{expression}"
         if re.fullmatch(r"[\w.]+", expression)

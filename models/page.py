@@ -1,4 +1,4 @@
-"""The text of a score of one instrument `model` under `units: ca`, which all dialects end in."""
+"""The text of a score with one instrument `model` under `units: ca`, which all dialects produce."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ RATE = 44_100  # [Hz] of a score that has the numbers of a model without a rate 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A name and what stands behind it, with comments before the line and at its end."""
+    """A name and its value, with comments before the line and at its end."""
 
     name: str
     text: str
@@ -26,16 +26,17 @@ class Line:
         return self.text.lstrip("{").partition(":")[0]
 
     def written(self, indent: str) -> Iterator[str]:
-        """The line as it stands in a score, behind its comments."""
+        """The line as it stands in a score, after its comments."""
         yield from (f"{indent}# {printable(line)}" for line in self.before)
         yield f"{indent}{self.name}: {self.text}{behind(self.comment)}"
 
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """What feeds an input, a file or OSC: its first samples, and the least and the most of all.
+    """The source of an input, a file or OSC: its first samples, and the least and most of all
+    samples.
 
-    `trim` is the part of the file that is used, as a take says it. OSC has no `file`.
+    `trim` is the part of the file that is used, written as for a take. OSC has no `file`.
     """
 
     file: str | None
@@ -48,11 +49,11 @@ class Input:
 
     @property
     def start(self) -> str:
-        """When an ENX or ENF begins that it drives, as a further field."""
+        """When an ENX or ENF that this input drives begins, as a further field."""
         return "" if self.file is None else ", at: 0s"
 
     def take(self, name: str, unit: str) -> Line:
-        """The input as a take; 1 by OSC is 1 of a unit."""
+        """The input as a take; a value of 1 by OSC is 1 of `unit`."""
         if self.file is None:
             comment = f"/ergon/input/{name} VALUE, from -1 to 1"
             return Line(name, f"{{input: osc, gain: 1{unit}}}", comment)
@@ -76,7 +77,7 @@ class Out:
 
 @dataclass(slots=True)
 class Page:
-    """What a score says, in the order in which it says so."""
+    """The content of a score, in the order in which it is written."""
 
     head: Iterable[str]
     modules: Iterable[Line]
@@ -124,7 +125,7 @@ class Page:
         yield "render: {bits: float, tail: 10s}"
 
 
-# What OSC feeds: at rest until the first value, and within full scale.
+# The range of OSC: at rest until the first value, and within full scale.
 OSC = Input(None, 0.0, least=-1.0, most=1.0)
 
 

@@ -1,4 +1,4 @@
-"""What a model can say and no score does yet: a sentence for each, told with its line."""
+"""Features of models that no score can express yet: a sentence for each, reported with its line."""
 
 REFUSED = {
     "pulling string": "a string with a v0 whose Z follows a signal is not built yet; write v0 as 0",

@@ -1,6 +1,6 @@
-"""Chromium without a window, led by its DevTools protocol over two pipes, so that no port is open.
+"""Chromium without a window, controlled by its DevTools protocol over two pipes: no port is open.
 
-A page is asked to draw an instant, and answers when it has: nothing waits for a length of time.
+A page is asked to draw an instant, and answers when it has: nothing waits for a fixed time.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ _FLAGS = (
     "--remote-debugging-pipe",
 )
 _READS, _WRITES = 3, 4  # descriptors at which Chromium reads and writes the protocol
-_CLEAR = 10  # descriptors from here on are none of those two
+_CLEAR = 10  # descriptors from here on are free of the protocol's two
 _ANSWER_MAX = 300.0  # [s] a picture drawn in software on a busy machine takes seconds
 _GRACE = 10.0  # [s] for the browser to end by itself
-# Resolves when the page's own script is ready, or with what the page tells instead.
+# Resolves to "" when the page's own script is ready, or to the message that the page shows.
 _READY = """new Promise((resolve) => {
   const look = () => {
     const told = document.getElementById('told')?.textContent;
@@ -74,7 +74,7 @@ def find(program: str | None = None) -> str:
 
 
 class Page:
-    """A page that is open. What the page asked for, and its errors, are kept."""
+    """An open page. It keeps the addresses that the page requested, and the page's errors."""
 
     def __init__(self, browser: Browser, session: str) -> None:
         """`session`: its name in the protocol."""
@@ -89,7 +89,7 @@ class Page:
         return self._browser.call(method, self.session, **parameters)
 
     def note(self, method: str, what: dict[str, Any]) -> None:
-        """Keep what an event of the protocol says."""
+        """Record an event of the protocol: a finished load, a request or an error."""
         if method == "Page.loadEventFired":
             self._n_loaded += 1
         elif method == "Network.requestWillBeSent":
@@ -115,7 +115,7 @@ class Page:
         return got["result"].get("value")
 
     def size(self, width: int, height: int) -> None:
-        """Make the picture so many pixels large."""
+        """Set the size of the picture [px]."""
         self.call(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -148,7 +148,7 @@ class Page:
 
 
 class Browser:
-    """Chromium that runs, with an empty profile of its own."""
+    """A running Chromium, with an empty profile of its own."""
 
     def __init__(self, program: str, folder: str, flags: Sequence[str] = ()) -> None:
         """Start it; `folder` holds its profile. Raises BrowserError."""
@@ -156,7 +156,7 @@ class Browser:
         theirs_in, ours_out = _pipe()
         arguments = [program, *_FLAGS, *flags, f"--user-data-dir={folder}", "about:blank"]
         if os.geteuid() == 0:
-            arguments.insert(1, "--no-sandbox")  # Chromium's own has none for root
+            arguments.insert(1, "--no-sandbox")  # Chromium's sandbox does not run as root
         nothing = os.open(os.devnull, os.O_RDWR)
         given = {0: nothing, 1: nothing, 2: nothing, _READS: theirs_in, _WRITES: theirs_out}
         try:
@@ -222,7 +222,7 @@ class Browser:
 
     @contextlib.contextmanager
     def page(self, width: int = 640, height: int = 360) -> Iterator[Page]:
-        """A page of its own, closed in the end. Raises BrowserError."""
+        """Open a page, and close it when the context ends. Raises BrowserError."""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         self._pages[session] = page = Page(self, session)
@@ -237,11 +237,11 @@ class Browser:
                 self.call("Target.closeTarget", targetId=target)
 
     def close(self) -> None:
-        """End it."""
+        """End the browser."""
         with contextlib.suppress(BrowserError):
             self.call("Browser.close")
         os.close(self._out)
-        # Its end of the pipe closes when it ends.
+        # The browser's end of the pipe closes when the browser ends.
         while select.select([self._in], [], [], _GRACE)[0] and os.read(self._in, 1 << 16):
             pass
         with contextlib.suppress(ProcessLookupError):
@@ -262,7 +262,7 @@ def running(program: str | None = None, flags: Sequence[str] = ()) -> Iterator[B
 
 
 def _pipe() -> tuple[int, int]:
-    """A pipe at descriptors that are not those of the protocol: to read from, to write to."""
+    """A pipe, (read end, write end), whose descriptors are not those of the protocol."""
     import fcntl
 
     ends = os.pipe()

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from av.video.stream import VideoStream
     from numpy.typing import NDArray
 
-# Of each suffix: its format, its codecs, and what the codec of pictures is told. Constant quality,
-# as fine lines on black need it.
+# For each suffix: container format, video codec, sound codec, options of the video codec. Constant
+# quality, since fine lines on black need it.
 _KINDS: dict[str, tuple[str, str, str, dict[str, str]]] = {
     ".webm": (
         "webm",
@@ -93,7 +93,7 @@ class VideoFile:
         # A decoder of its own for each: one that goes on adds a picture to the one before.
         for seen in self._av.CodecContext.create("png", "r").decode(self._av.Packet(png)):
             pixels = seen.to_ndarray(format="rgb24")
-            # As films are coded everywhere: BT.709, from 16 to 235.
+            # The usual coding of films: BT.709, levels from 16 to 235.
             picture = self._av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
                 format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG"
             )
@@ -111,7 +111,7 @@ class VideoFile:
         self._container.close()
 
     def discard(self) -> None:
-        """Let go of the codecs; what is not written yet is lost."""
+        """Release the codecs; what is not written yet is lost."""
         self._container.close()
 
 
@@ -129,7 +129,7 @@ class _SoundStream:
         self._at = 0  # frames that were encoded
 
     def up_to(self, seconds: float) -> None:
-        """Encode the sound until then [s] of the film, as far as there is any."""
+        """Encode the sound up to an instant [s] of the film, as far as there is any."""
         while self._at < seconds * self._sound.rate:
             block = next(self._blocks, None)
             if block is None:

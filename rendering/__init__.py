@@ -1,1 +1,1 @@
-"""A staged piece computed as fast as it goes: into files, frozen parts, rows of ergons, reports."""
+"""A staged piece computed offline: into files, frozen parts, rows of ergons, reports."""

@@ -11,15 +11,16 @@ from ergon._core import Work
 
 T = TypeVar("T")
 _AHEAD = 4  # blocks that may wait: enough to even out the two, little memory
-_PATIENCE = 0.1  # [s] between looks at whether the consumer is gone
+_PATIENCE = 0.1  # [s] between checks whether the consumer is gone
 
 
 def ahead(source: Iterator[T]) -> Generator[T, None, None]:
     """The items of `source`, computed in a thread of their own up to four items ahead.
 
-    An exception in the source arrives here. When the consumer stops early, so does the thread.
+    An exception in the source is raised here. When the consumer stops early, so does the thread.
     """
-    # A list with one item; an empty list at the end; or why there is no more.
+    # An entry is a list with one item, an empty list at the end, or the exception that ended the
+    # source.
     waiting: queue.Queue[list[T] | BaseException] = queue.Queue(_AHEAD)
     gone = threading.Event()
     computing = Work()

@@ -13,15 +13,15 @@ if TYPE_CHECKING:
 
 ALONE = 20.0  # [LU] by which one instrument hides all others
 MOST = 256  # instruments times channels: beyond that measuring costs more than mixing
-_GATE = -70.0  # [LUFS] of BS.1770-4: quieter blocks are none
-_RELATIVE = -10.0  # [LU] below the mean of the others: neither are these
+_GATE = -70.0  # [LUFS] absolute gate of BS.1770-4: quieter blocks do not count
+_RELATIVE = -10.0  # [LU] relative gate, from the mean of the other blocks
 
 
 class Mixes(Protocol):
-    """Outputs to loudspeakers; `_core.Mixer`."""
+    """Mixes outputs to loudspeakers: `_core.Mixer`."""
 
     def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
-        """(n_frames, n_out) to (n_frames, n_channels)."""
+        """Mix (n_frames, n_out) to (n_frames, n_channels)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,15 +34,18 @@ class InstrumentLevel:
 
 
 class Balance:
-    """The level of one instrument by itself, before the limiter.
+    """Measures the level of one instrument by itself, before the limiter.
 
-    The blocks of 400 ms of BS.1770 are kept, for what its gates let through depends on the gain.
+    The 400 ms blocks of BS.1770 are kept, because which of them pass its gates depends on the
+    gain.
     """
 
     def __init__(
         self, name: str, mixer: Mixes, rate: float, n_channels: int, start: int, stop: int
     ) -> None:
-        """Measure frames `start` to `stop` of those that are taken, counted from 0."""
+        """Measure frames `start` to `stop`, counted from 0 at the first frame that `take`
+        receives.
+        """
         from ergon import _core
 
         self._name, self._mixer = name, mixer
@@ -54,7 +57,7 @@ class Balance:
         self._blocks: list[float] = []
 
     def take(self, frames: NDArray[np.float64]) -> None:
-        """The next (n_frames, n_out)."""
+        """Measure the next frames (n_frames, n_out)."""
         import numpy as np
 
         mixed = np.zeros((len(frames), self._n_channels))
@@ -70,7 +73,7 @@ class Balance:
                 self._blocks.append(self._meter.momentary)
 
     def level(self, gain: float) -> InstrumentLevel:
-        """What it is in a file of a gain, as a ratio."""
+        """The level in a file that has this gain (a ratio)."""
         import numpy as np
 
         blocks = np.array(self._blocks) + 20.0 * np.log10(max(gain, 1e-30))
@@ -82,7 +85,9 @@ class Balance:
 
 
 def outweighed(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLevel, float] | None:
-    """The instrument beside which no other is heard, and by how much it is the loudest [LU]."""
+    """The instrument that hides all others, and how much louder it is than the second [LU]; or
+    None.
+    """
     heard = sorted(
         (one for one in levels if one.loudness > -math.inf), key=lambda one: one.loudness
     )
@@ -94,7 +99,7 @@ def outweighed(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLevel, floa
 
 
 def _mean(blocks: NDArray[np.float64]) -> float:
-    """The level of the mean power."""
+    """The level of the mean power of blocks."""
     import numpy as np
 
     return float(10.0 * np.log10(np.mean(10.0 ** (blocks / 10.0))))

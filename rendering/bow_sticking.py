@@ -11,15 +11,17 @@ if TYPE_CHECKING:
 
     from ergon.scores.staging.probes import Rubbing
 
-_LEAST = 5e-4  # [s] that ends stay together at least: what passes by does not stick
-_FASTEST = 10.0  # [m/s] up to which frictions are looked at
+_LEAST = 5e-4  # [s] that ends must stay together to count as sticking
+_FASTEST = 10.0  # [m/s] up to which friction is examined
 _STEPS = 20_001
-_FALLS = 0.95  # of its most, at the highest speed, where a friction is a bow's
+_FALLS = 0.95  # of its maximum: a bow's friction falls below this at the highest speed
 
 
 @dataclass(slots=True)
 class Sliding:
-    """Whether a bow stuck after it had first slipped; it holds between two rates."""
+    """Whether a bow stuck after it had first slipped: it sticks at speeds between `low` and `high`
+    [m/s].
+    """
 
     rubbing: Rubbing
     low: float
@@ -47,13 +49,15 @@ class Sliding:
 
 
 def sliding(rubbing: Rubbing) -> Sliding | None:
-    """Of a link whose friction falls beyond a top, as a bow's does; None of any other."""
+    """A detector for a link whose friction falls beyond a maximum, as a bow's does; None for other
+    links.
+    """
     band = holding(rubbing.module.fields)
     return None if band is None else Sliding(rubbing, *band)
 
 
 def holding(fields: Any) -> tuple[float, float] | None:
-    """The rates [m/s] between the lowest and the highest friction, where it falls beyond both."""
+    """The speeds [m/s] of the lowest and the highest friction, if friction falls beyond both."""
     import numpy as np
 
     from ergon import _core

@@ -1,4 +1,4 @@
-"""A recording simulation into the rows of the stream of ergons."""
+"""Runs a simulation that records ergons, and gives the rows of their stream."""
 
 from __future__ import annotations
 

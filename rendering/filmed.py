@@ -1,8 +1,8 @@
-"""A simulation whose motion is written down while it sounds, for `ergon render --motion`.
+"""A simulation whose motion is written to a file while it sounds, for `ergon render --motion`.
 
-It is looked at once a video frame. The blocks in which it is asked for samples are cut where it is
-looked at, which changes no sample; and it is looked at up to a frame that is known beforehand, so
-that the bytes depend neither on the size of blocks nor on the number of threads.
+Motion is sampled once per video frame. Requests for samples are split at these frames, which
+changes no sample. The last sampled frame is known beforehand, so the bytes depend neither on the
+size of blocks nor on the number of threads.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 class _Mixer(Protocol):
     def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
-        """(n_frames, n_out) to (n_frames, n_channels)."""
+        """Mix (n_frames, n_out) to (n_frames, n_channels)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """The file of what moves, the last frame that is looked at, and what begins the recording."""
+    """The motion file, the last frame at which motion is sampled, and what begins the recording."""
 
     path: Path
     stop: int
@@ -35,10 +35,12 @@ class Film:
 
 
 class FilmedSimulation:
-    """A simulation at frame 0, whose motion goes into a file; `mixer` is for the levels in it."""
+    """A simulation at frame 0, whose motion goes into a file; `mixer` gives the levels stored
+    there.
+    """
 
     def __init__(self, simulation: Simulation, film: Film, mixer: _Mixer, file: BinaryIO) -> None:
-        """Write manifest and tables."""
+        """Begin the recording; nothing is written yet."""
         self._simulation, self._film, self._mixer, self._file = simulation, film, mixer, file
         self._recorder = film.begin(simulation)
 
@@ -65,7 +67,7 @@ class FilmedSimulation:
             out = out[count:]
 
     def finish(self) -> None:
-        """Go on to the last frame that is looked at, and end the file."""
+        """Run to the last frame at which motion is sampled, and end the file."""
         import numpy as np
 
         while (left := self._film.stop - self._simulation.frame) > 0:
@@ -74,7 +76,7 @@ class FilmedSimulation:
         self._file.write(self._recorder.finish())
 
     def _look(self) -> None:
-        """Look at the simulation where that is due."""
+        """Sample the motion if this frame is due."""
         frame = self._simulation.frame
         if frame == self._recorder.next and frame <= self._film.stop:
             self._recorder.look(self._simulation)

@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class GestureFidelity:
-    """Every time a player plays a gesture on a key, together; SI units as in `_core.Report`.
+    """All plays of one gesture by one player on one key; SI units as in `_core.Report`.
 
-    `is_layer`: nothing was compared, for a layer adds to the path of another gesture. Without
-    ergons it was cut before it began. `worst_at` is NaN when it was followed exactly.
+    `is_layer`: nothing was compared, because a layer adds to the path of another gesture. With
+    `n_ergons` 0 it was cut before it began. `worst_at` is NaN if the path was followed exactly.
     """
 
     player: str
@@ -27,7 +27,7 @@ class GestureFidelity:
     rms: float
     worst: float
     worst_at: float
-    pushed_by: str | None  # the MAT that pushed the key most then
+    pushed_by: str | None  # the MAT that pushed the key most at `worst_at`
     strongest: float
     low: float
     high: float
@@ -49,7 +49,8 @@ def followed(stage: Any) -> list[GestureFidelity]:
 def _together(
     player: str, name: str, key: str, reports: list[Report], reach: float
 ) -> GestureFidelity:
-    # The engine knows a key as the piece sees it, `reach` times as far; a hand knows the key.
+    # The engine moves a key as the piece sees it, `reach` times as far; results are those of the
+    # key.
     worst = max(reports, key=lambda report: report.worst)
     compared = sum(report.compared for report in reports)
     squares = sum(report.rms * report.rms * report.compared for report in reports)

@@ -48,7 +48,7 @@ def write(
         check_target(path, force=force, inputs=inputs)
     stamp = Stamp(source.title, source.score, source.plan)
     with contextlib.ExitStack() as stack:
-        # Entered first, it gets its name last.
+        # Entered first, so that the manifest gets its name last.
         manifest = stack.enter_context(writing(folder / MANIFEST, binary=True, force=force))
         writers = []
         for (_, own), path in zip(pieces, paths, strict=True):

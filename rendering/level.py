@@ -18,16 +18,17 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-# Below what loudspeakers can do: a leaning hand's offset would only push their cones aside.
+# Below what loudspeakers can play: the constant offset of a leaning hand would only displace their
+# cones.
 HIGHPASS = 8.0  # [Hz]
 
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """Peak to bring the file to and ceiling of its limiter, as ratios; default high-pass [Hz].
+    """Target peak of the file and ceiling of its limiter, as ratios; default high-pass [Hz].
 
-    `gain`, a ratio, where no peak is asked for; `reference` the ratio of full scale at which
-    reference quantities are heard, None where samples are in SI units.
+    `gain` (a ratio) applies if no peak is asked for. `reference` is the ratio of full scale at
+    which reference quantities are heard; None if samples are in SI units.
     """
 
     normalise: float | None = None
@@ -38,12 +39,12 @@ class Level:
 
 
 def ceiling_gain(peak: float, ceiling: float) -> float:
-    """The largest gain that keeps `peak` under `ceiling`; endless for silence."""
+    """The largest gain that keeps `peak` under `ceiling`; infinite for silence."""
     return ceiling / peak if peak > 0 else float("inf")
 
 
 class FrameSpool:
-    """Frames in a raw file without a name: however the run ends, nothing stays on the disk."""
+    """Frames in an unnamed raw file, so that nothing stays on the disk however the run ends."""
 
     def __init__(self, folder: Path | None, n_channels: int, start: int, stop: int) -> None:
         """Hold frames from 0 on; the peak is that of frames `start` to `stop`."""
@@ -63,7 +64,7 @@ class FrameSpool:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Give the disk back."""
+        """Free the disk space."""
         self._file.close()
 
     def take(self, block: NDArray[np.float64]) -> None:
@@ -137,7 +138,9 @@ class MasterChain:
         limit: float | None,
         silences: Sequence[Silence] = (),
     ) -> None:
-        """Write frames `start` to `stop` of those that are taken, counted from 0."""
+        """Write frames `start` to `stop`, counted from 0 at the first frame that `take`
+        receives.
+        """
         from ergon import _core
 
         n_channels = writer.format.n_channels
@@ -166,7 +169,7 @@ class MasterChain:
         return self._writer.sha256
 
     def take(self, block: NDArray[np.float64]) -> None:
-        """Frames (n_frames, n_channels) in the order of the piece."""
+        """Process the next frames (n_frames, n_channels) of the piece."""
         import numpy as np
 
         from ergon import _core

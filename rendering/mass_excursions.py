@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from ergon.scores.staging.probes import Contact, Point, Probed
 
-# Frames: short enough that 256 points fit into the processor's cache.
+# Frames of a block: few enough that 256 points fit into the processor's cache.
 _BLOCK = 1024
 
 
@@ -33,7 +33,8 @@ class Swing:
 class Closing:
     """How often a contact closed, from frame `first` to `last`, and its deepest penetration [m].
 
-    Where it never closed the penetration is negative: by so much it missed, at frame `deepest_at`.
+    If it never closed the penetration is negative: its size is the least distance, at frame
+    `deepest_at`.
     """
 
     contact: Contact

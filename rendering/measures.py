@@ -21,11 +21,11 @@ _DECAY = (-5.0, -25.0)  # [dB] between which a decay is measured (T20 of ISO 338
 
 @dataclass(frozen=True, slots=True)
 class Measures:
-    """Of a sound; None is what it has not.
+    """Figures of a sound; None is a figure that the sound does not have.
 
     `centroid` [Hz] is the mean frequency, weighted by power. `pitch` [Hz] is that of the loudest
-    0.2 s, as far as these repeat; `partial` [Hz] the strongest partial of all. `t60` [s] is the
-    decay after the last loud blow.
+    0.2 s, if these are periodic; `partial` [Hz] is the strongest partial of the whole sound.
+    `t60` [s] is the decay after the last loud blow.
     """
 
     centroid: float | None
@@ -37,7 +37,7 @@ class Measures:
 def measures(frames: NDArray[np.float64], rate: float) -> Measures:
     """The figures of frames (n_frames, n_channels) at `rate` [Hz].
 
-    Powers of channels are added up; the pitch is that of the loudest channel.
+    Powers of channels are added up; pitch and partial are those of the loudest channel.
     """
     import numpy as np
 
@@ -60,7 +60,7 @@ def measures(frames: NDArray[np.float64], rate: float) -> Measures:
 def _spectrum(
     frames: NDArray[np.float64], rate: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Frequencies and mean power of Hann windows (Welch 1967), half of each in the next."""
+    """Frequencies, and power summed over Hann windows that overlap by half (Welch 1967)."""
     import numpy as np
 
     window = np.hanning(_SIZE + 1)[:-1, None]
@@ -75,7 +75,7 @@ def _spectrum(
 
 
 def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> float | None:
-    """By the normalised difference function of YIN (de Cheveigné & Kawahara 2002)."""
+    """The pitch by the normalised difference function of YIN (de Cheveigné & Kawahara 2002)."""
     import numpy as np
 
     span, longest = int(_PITCH_SPAN * rate), int(rate / _LOWEST) + 2
@@ -104,7 +104,7 @@ def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> f
 
 
 def _partial(x: NDArray[np.float64], rate: float) -> float | None:
-    """The highest peak of one Hann window over all of it, between bins by a parabola."""
+    """The highest peak of one Hann window over the whole sound, interpolated by a parabola."""
     import numpy as np
 
     size = 2 * len(x)
@@ -117,14 +117,14 @@ def _partial(x: NDArray[np.float64], rate: float) -> float | None:
 
 
 def _between(three: NDArray[np.float64], at: int) -> float:
-    """Where the parabola through three values has its top; the middle one is at `at`."""
+    """Position of the maximum of the parabola through three values; the middle one is at `at`."""
     a, b, c = (float(y) for y in three)
     curve = a - 2.0 * b + c
     return at + 0.5 * (a - c) / curve if curve < 0.0 else float(at)
 
 
 def _t60(power: NDArray[np.float64], rate: float) -> float | None:
-    """By the energy that is still to come (Schroeder 1965), after the last loud blow."""
+    """T60 by backward integration of the energy (Schroeder 1965), after the last loud blow."""
     import numpy as np
 
     span = max(1, int(_LEVEL_SPAN * rate))
@@ -140,7 +140,7 @@ def _t60(power: NDArray[np.float64], rate: float) -> float | None:
         return None
     fall = 10.0 * np.log10(np.maximum(left / left[0], 1e-30))
     here = np.flatnonzero((fall <= _DECAY[0]) & (fall >= _DECAY[1]))
-    # What the file cuts off would be missing from the sum: its end has to lie well below.
+    # The sum misses what the file cuts off, so the end of the file has to lie well below the range.
     if len(here) < 2 or 10.0 * math.log10(max(levels[-1] / levels.max(), 1e-30)) > _DECAY[1] - 10.0:
         return None
     slope = float(np.polyfit(here * span / rate, fall[here], 1)[0])

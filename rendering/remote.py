@@ -1,12 +1,12 @@
-"""A simulation whose dear islands other processes compute, stretch by stretch.
+"""A simulation whose expensive islands other processes compute, stretch by stretch.
 
-    stretch 0 | stretch 1 | stretch 2 | …     a chain for each group of islands: sound and state
-     arrived     arrived     asked for        of one stretch are what the next is asked for with
+    stretch 0 | stretch 1 | stretch 2 | …     one chain for each group of islands: the state at
+    arrived     arrived     requested         the end of a stretch goes into the next request
 
-A request is a function of what it carries, so any worker computes it, again where one has died.
-Home adds the sounds up in the plan's order, as it does those that it recalls or computes itself:
-the samples are those of a render on one machine. What arrives is stored; a render that is stopped
-goes on from there.
+A request depends only on what it carries, so any worker can compute it, and another one can
+repeat it if a worker dies. This process adds the sounds up in the plan's order, whether they
+were received, recalled or computed here, so the samples are those of a render on one machine.
+Sounds that arrive are stored: a render that was stopped continues from there.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ergon._core import Simulation, StorableIsland
     from ergon.exchange.stretch_store import StretchStore
 
-# Stretches that are asked for before they are mixed. Sounds that wait are in memory: 1 MB each.
+# Stretches that are requested before they are mixed. A sound that waits takes 1 MB of memory.
 _LEAD = 3
 _GROUPS_EACH = 2  # chains for each worker: one computes while the sound of the other travels
 
@@ -51,10 +51,11 @@ class Request(TypedDict):
 
 
 class Answer(TypedDict):
-    """What a worker made of a request: for each island its sound (n_frames · n_out of f64, little
-    end first) and its state; or a sentence why it computes none of it.
+    """The answer of a worker: for each island its sound (n_frames · n_out of f64, little-endian)
+    and its state; or `refused`, a sentence that says why it computes none of them.
 
-    Where the work `diverged` there is no sound. `worker` is its name, `seconds` what it took.
+    If the work `diverged` there is no sound. `worker` is the worker's name, `seconds` the time
+    it took.
     """
 
     worker: str
@@ -66,23 +67,23 @@ class Answer(TypedDict):
 
 
 class Workers(Protocol):
-    """What computes requests."""
+    """Processes that compute requests."""
 
     @property
     def count(self) -> int:
         """How many requests are computed at the same time."""
 
     def submit(self, request: Request) -> Future[Answer]:
-        """Have a request computed, again where a worker dies."""
+        """Have a request computed, and computed again if a worker dies."""
 
     def wait(self, futures: Sequence[Future[Answer]]) -> None:
-        """Return when one of them has ended. Raises ClusterError where none will."""
+        """Return when one of the futures has ended. Raises ClusterError if none will."""
 
     def answer(self, future: Future[Answer]) -> Answer:
-        """The answer of one that has ended. Raises ClusterError."""
+        """The answer of a future that has ended. Raises ClusterError."""
 
     def heard(self, answer: Answer, n_frames: int) -> None:
-        """An answer was taken, which holds so many frames of all its islands."""
+        """Note that an answer is used; `n_frames` is summed over its islands."""
 
 
 class ClusterError(ErgonError):
@@ -91,7 +92,7 @@ class ClusterError(ErgonError):
 
 @dataclass(slots=True)
 class _Part:
-    """An island with its number, the key up to where it is known, and its state there."""
+    """An island, its number, and the key and the state at the end of its last known stretch."""
 
     island: StorableIsland
     number: int
@@ -101,7 +102,7 @@ class _Part:
 
 @dataclass(slots=True)
 class _Chain:
-    """Islands that are computed together, and up to which frame they are known or asked for.
+    """Islands that are computed together, and the frame up to which they are known.
 
     `sounds` are those of each stretch that arrived, by its first frame.
     """
@@ -112,7 +113,7 @@ class _Chain:
     asked: Future[Answer] | None = None
     sounds: dict[int, list[NDArray[np.float64]]] = field(default_factory=dict)
     states: dict[int, list[bytes]] = field(default_factory=dict)
-    is_home: bool = False  # it diverged: home computes it, and says where
+    is_home: bool = False  # it diverged: this process computes it, and reports where
 
     @property
     def cost(self) -> float:
@@ -120,7 +121,9 @@ class _Chain:
 
 
 def grouped(costs: Sequence[float], count: int) -> list[list[int]]:
-    """Numbers of costs in at most `count` groups, as even as the largest first makes them."""
+    """Indices of costs in at most `count` groups: each cost, largest first, goes to the cheapest
+    group.
+    """
     groups: list[tuple[float, list[int]]] = [(0.0, []) for _ in range(max(1, count))]
     for number in sorted(range(len(costs)), key=lambda i: (-costs[i], i)):
         least = min(range(len(groups)), key=lambda i: groups[i][0])
@@ -130,9 +133,10 @@ def grouped(costs: Sequence[float], count: int) -> list[list[int]]:
 
 
 def chains(count: int, simulation: Simulation | None = None) -> int:
-    """How many chains of work `count` workers have at most; or those of one simulation, 1 or more.
+    """The largest number of chains for `count` workers; with a simulation, the number of its
+    chains, at least 1.
 
-    Where nothing is dear enough, home has the work.
+    If no island is expensive enough, this process does the work.
     """
     most = _GROUPS_EACH * count
     if simulation is None:
@@ -143,7 +147,7 @@ def chains(count: int, simulation: Simulation | None = None) -> int:
 class RemoteSimulation:
     """The next `n_frames` frames of a simulation at frame 0, most of them computed by `workers`.
 
-    Banks and islands that cost less than their sound's way are computed here.
+    Banks, and islands that cost less than the transfer of their sound, are computed here.
     """
 
     def __init__(
@@ -153,7 +157,7 @@ class RemoteSimulation:
         store: StretchStore | None,
         n_frames: int,
     ) -> None:
-        """Group the islands that are dear enough."""
+        """Group the islands that are expensive enough."""
         self._simulation, self._workers, self._store = simulation, workers, store
         self._n_frames, self._at = n_frames, 0
         self.n_recalled = self.n_computed = 0
@@ -175,7 +179,7 @@ class RemoteSimulation:
 
     @property
     def recalled(self) -> float:
-        """The part of the frames of islands that was recalled (0 to 1)."""
+        """The share of the islands' frames that was recalled (0 to 1)."""
         return self.n_recalled / max(1, self.n_recalled + self.n_computed)
 
     def process(self, out: NDArray[np.float64]) -> None:
@@ -191,7 +195,7 @@ class RemoteSimulation:
                 self._end()
 
     def _begin(self) -> None:
-        """Have the sounds of the stretch that begins."""
+        """Get the sounds of the stretch that begins; wait for those that are missing."""
         while True:
             for chain in self._chains:
                 self._go_on(chain)
@@ -205,7 +209,7 @@ class RemoteSimulation:
                 self._simulation.recall(part.island, sound)
 
     def _end(self) -> None:
-        """Islands tell of themselves as they are now."""
+        """Give the islands of the simulation their state after the stretch."""
         for chain in self._chains:
             for part, state in zip(chain.parts, chain.states.pop(self._at, ()), strict=False):
                 self._simulation.set_state(part.island, state)
@@ -213,7 +217,7 @@ class RemoteSimulation:
             self._store.forget()
 
     def _go_on(self, chain: _Chain) -> None:
-        """Take what arrived, and ask for the next stretch, unless that is far ahead."""
+        """Take what arrived, and request the next stretch, unless it is too far ahead."""
         if chain.asked is not None and chain.asked.done():
             answer, chain.asked = self._workers.answer(chain.asked), None
             self._take(chain, answer)
@@ -256,7 +260,7 @@ class RemoteSimulation:
         if refused := answer.get("refused"):
             raise ClusterError(f"worker {answer['worker']}: {refused}")
         if answer.get("diverged"):
-            chain.is_home = True  # from the state at its end on, which `_end` gives back
+            chain.is_home = True  # from the state that `_end` restores
             return
         stop = min(chain.at + STRETCH, self._n_frames)
         n_frames = stop - chain.at

@@ -38,14 +38,14 @@ BLOCK = 4096  # frames: long enough that Python costs nothing, short enough for 
 
 
 class Mixer(Protocol):
-    """Outputs to loudspeakers; `_core.Mixer`."""
+    """Mixes outputs to loudspeakers: `_core.Mixer`."""
 
     def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
-        """(n_frames, n_out) to (n_frames, n_channels)."""
+        """Mix (n_frames, n_out) to (n_frames, n_channels)."""
 
 
 class Simulation(Protocol):
-    """What moves; `_core.Simulation`."""
+    """Computes the outputs of a piece: `_core.Simulation`."""
 
     @property
     def n_out(self) -> int:
@@ -56,11 +56,11 @@ class Simulation(Protocol):
 
 
 class Staged(Protocol):
-    """What a render needs of a piece on its stage."""
+    """What a render needs of a staged piece."""
 
     @property
     def simulation(self) -> Simulation:
-        """What moves, at frame 0."""
+        """The simulation, at frame 0."""
 
     @property
     def n_frames(self) -> int:
@@ -72,10 +72,10 @@ class Staged(Protocol):
 
     @property
     def n_channels(self) -> int:
-        """Loudspeakers that a mixer feeds."""
+        """Number of loudspeakers that a mixer feeds."""
 
     def mixer(self, *, highpass: float | None = None, reference: float | None = None) -> Mixer:
-        """A fresh mixer; `highpass` [Hz] is for routes that say nothing of their own.
+        """A new mixer; `highpass` [Hz] applies to routes that set none of their own.
 
         `reference` is the ratio of full scale at which reference quantities are heard.
         """
@@ -83,7 +83,7 @@ class Staged(Protocol):
     def stems(
         self, *, highpass: float | None = None, reference: float | None = None
     ) -> Sequence[tuple[str, Mixer]]:
-        """A fresh mixer for every player or instrument."""
+        """A new mixer for every player or instrument, with its name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,12 +100,12 @@ class RenderJob:
     block: int = BLOCK
     threads: int = 1
     force: bool = False
-    inputs: Sequence[Path] = ()  # what is read, and so not written over
+    inputs: Sequence[Path] = ()  # files that are read, and so never overwritten
     silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
     # The file ends where the sound has faded after this frame, at `stop` at the latest.
     fades_from: int | None = None
     stretches: StretchStore | None = None  # of earlier renders, which need not be computed again
-    film: Film | None = None  # what moves, into a file beside
+    film: Film | None = None  # the motion file to write as well
     workers: Workers | None = None  # other processes that compute islands
 
     def __post_init__(self) -> None:
@@ -133,8 +133,8 @@ class RenderedFile:
 class RenderedFiles:
     """The files that a render wrote, their length, and how long it took: `wall` [s].
 
-    `instruments` are those that are heard, where there are several. `recalled` is the part of the
-    work that an earlier render had done (0 to 1).
+    `instruments` are the levels of the instruments, if there are several. `recalled` is the
+    share of the work that an earlier render had done (0 to 1).
     """
 
     mix: RenderedFile
@@ -147,7 +147,7 @@ class RenderedFiles:
 
 @dataclass(slots=True)
 class _Track:
-    """One output in the making: its mixer, the spool of its frames, and its master chain."""
+    """One output file in the making: its mixer, the spool of its frames, and its master chain."""
 
     path: str
     mixer: Mixer
@@ -156,7 +156,7 @@ class _Track:
     finish: MasterChain | None = None
 
     def take(self, block: NDArray[np.float64]) -> None:
-        """The next mixed frames: held, or finished at once."""
+        """Take the next mixed frames: into the spool, or through the chain at once."""
         to = self.held or self.finish
         assert to is not None
         to.take(block)
@@ -169,10 +169,10 @@ def stem_paths(folder: Path, names: Sequence[str], suffix: str) -> list[Path]:
 
 
 def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> RenderedFiles:
-    """Write the files of `job`; `progress` hears how many frames are simulated.
+    """Write the files of `job`; `progress` is called with the number of simulated frames.
 
-    Raises FileRefusedError before any work when a file may not be written, DivergedError from the
-    engine when a part goes non-finite; neither leaves a file.
+    Raises FileRefusedError before any work when a file may not be written, DivergedError from
+    the engine when a part goes non-finite; neither leaves a file.
     """
     start = time.perf_counter()
     highpass, reference = job.level.highpass, job.level.reference
@@ -187,7 +187,7 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
         mixers = [
             (job.target, stage.mixer(highpass=highpass, reference=reference), job.level.limit)
         ]
-        # Stems are not limited: what one limiter does to a sum cannot be shared out to its terms.
+        # Stems are not limited: what a limiter does to a sum cannot be divided among its terms.
         mixers += [(str(path), mixer, None) for path, (_, mixer) in zip(paths, stems, strict=True)]
         tracks = []
         for name, mixer, limit in mixers:
@@ -214,9 +214,11 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
 
 
 def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | RemoteSimulation | None:
-    """The simulation with what earlier renders or other processes compute of it."""
+    """The simulation with stretches from earlier renders or other processes; None if neither is
+    used.
+    """
     simulation = stage.simulation
-    # Frozen parts fill the frames of a simulation from files, and have nothing to be stored.
+    # With frozen parts, the simulation reads frames from files, and there is nothing to store.
     if not isinstance(simulation, _core.Simulation):
         return None
     if job.workers is not None:
@@ -229,7 +231,9 @@ def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | RemoteSimulat
 def _filmed(
     stack: contextlib.ExitStack, stage: Staged, job: RenderJob, reference: float | None
 ) -> FilmedSimulation | None:
-    """The simulation with what moves in it written down. What is recalled does not move."""
+    """The simulation with its motion recorded, if `job` asks for it. It recalls nothing, because a
+    recalled island does not move.
+    """
     simulation = stage.simulation
     if job.film is None or not isinstance(simulation, _core.Simulation):
         return None
@@ -239,7 +243,7 @@ def _filmed(
 
 
 def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
-    """One for each instrument, where there are several and not too many."""
+    """A balance for each instrument, if there are several and not too many."""
     stems = stage.stems(highpass=job.level.highpass, reference=job.level.reference)
     if not 1 < len(stems) <= MOST // max(1, stage.n_channels):
         return []
@@ -279,7 +283,7 @@ def _fill(
     balances: Sequence[Balance],
     simulation: Simulation | None,
 ) -> tuple[RenderJob, list[RenderedFile]]:
-    """Compute the files; also the job, whose end is known then."""
+    """Compute the files; returns them and the job, whose end is known then."""
     if job.fades_from is None:
         for track in tracks:
             track.finish = track.begin(job)
@@ -320,19 +324,19 @@ def _simulate(
     progress: Callable[[int], None],
     balances: Sequence[Balance],
 ) -> int:
-    """Mix all frames; the frame at which the files end."""
+    """Mix all frames; returns the frame at which the files end."""
     import numpy as np
 
     at = 0
-    # A limiter looks ahead, past the cut.
+    # A limiter looks ahead, so it needs frames past the cut.
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
     last = min(stage.n_frames, job.stop + max(latencies, default=0))
     fade = None
     if job.fades_from is not None:
         fade = _core.SilenceDetector(stage.rate, job.format.n_channels, job.fades_from)
     blocks = frames_of(simulation, last, job.block)
-    # What is filmed goes on after the sound has faded: no block may be given up midway.
-    # Nor is another process waited for where Ctrl-C does not arrive.
+    # A filmed simulation goes on after the sound has faded, so no block may be abandoned midway.
+    # Other processes are not waited for in a thread that Ctrl-C does not reach.
     is_ahead = job.threads > 1 and job.film is None and job.workers is None
     with contextlib.closing(ahead(blocks) if is_ahead else blocks) as coming:
         for frames in coming:
@@ -356,7 +360,7 @@ def _simulate(
 def frames_of(
     simulation: Simulation, stop: int, block: int
 ) -> Generator[NDArray[np.float64], None, None]:
-    """The next `stop` frames, each block an array of its own (another thread may hold it)."""
+    """The next `stop` frames in blocks; each is a new array, since another thread may hold it."""
     import numpy as np
 
     for at in range(0, stop, block):
@@ -366,7 +370,7 @@ def frames_of(
 
 
 def _fold(mixed: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
-    """Channel c goes to c mod n_channels, so that fewer loudspeakers lose nothing."""
+    """Add channel c to channel c mod n_channels, so that fewer loudspeakers lose nothing."""
     import numpy as np
 
     if mixed.shape[1] == n_channels:
@@ -378,7 +382,7 @@ def _fold(mixed: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
 
 
 def _release(job: RenderJob, tracks: Sequence[_Track]) -> None:
-    """The second pass of what was held: a file that is normalised gets the gain of the mix's peak.
+    """The second pass, over spooled frames. With normalisation, the peak of the mix sets the gain.
 
     All stems share one gain, so that they still add up; it is that of the mix unless one of them
     would clip.

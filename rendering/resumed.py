@@ -3,9 +3,9 @@
     stretch 0 | stretch 1 | stretch 2 | …        each island by itself
      recalled    recalled   computed, from the state that is kept with stretch 1
 
-Islands do not touch each other, so one whose events did not change sounds as it did; of one whose
-events changed, the stretches before the change are known. The samples are those of a render that
-recalls nothing.
+Islands do not touch each other: if the events of an island did not change, its sound did not
+either. If they changed, the stretches before the change can still be recalled. The samples are
+those of a render that recalls nothing.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from ergon.exchange.stretch_store import StretchStore
 
 STRETCH = 1 << 17  # frames, 3 s at 44.1 kHz: an edit costs half as much again on the average
-# An output's sample is read and written in some 20 ns: what takes less to compute is computed.
+# Reading and writing a sample of an output takes some 20 ns: what takes less to compute is
+# computed.
 _NS_PER_SAMPLE = 100.0
 _WORK_MIN = 1.0  # s on one core: a shorter render is not worth any files
 _OUTPUTS_MAX = 64  # of one island: 64 MiB of sound in memory, and in one file
@@ -29,7 +30,9 @@ _OUTPUTS_MAX = 64  # of one island: 64 MiB of sound in memory, and in one file
 
 @dataclass(slots=True)
 class _Part:
-    """An island, the key of the stretch that runs, and the state after one that was recalled."""
+    """An island, the key of the current stretch, and the state after the last one if it was
+    recalled.
+    """
 
     island: StorableIsland
     key: str = ""
@@ -38,13 +41,13 @@ class _Part:
 
 
 class ResumedSimulation:
-    """The next `n_frames` frames of a simulation at frame 0, as far as they are known by stretches.
+    """The next `n_frames` frames of a simulation at frame 0; known stretches are recalled.
 
     `n_recalled` and `n_computed` count the frames of islands that were worth looking up.
     """
 
     def __init__(self, simulation: Simulation, store: StretchStore, n_frames: int) -> None:
-        """Find the islands that are dear enough."""
+        """Find the islands that are expensive enough."""
         self._simulation = simulation
         self._store = store
         self._n_frames = n_frames
@@ -62,7 +65,7 @@ class ResumedSimulation:
 
     @property
     def recalled(self) -> float:
-        """The part of the frames of islands that was recalled (0 to 1)."""
+        """The share of the islands' frames that was recalled (0 to 1)."""
         return self.n_recalled / max(1, self.n_recalled + self.n_computed)
 
     def process(self, out: NDArray[np.float64]) -> None:
@@ -83,7 +86,8 @@ class ResumedSimulation:
         for part in self._parts:
             if is_whole:
                 part.key = self._simulation.island_key(part.island, self._at, stop, part.key)
-            # The last stretch is computed, so that what the islands tell of themselves is there.
+            # The last stretch is always computed, so that reports of the islands are available at
+            # the end.
             known = self._store.get(part.key) if stop < self._n_frames else None
             n_samples = STRETCH * part.island.n_out
             if known is not None and len(known.sound) == n_samples:

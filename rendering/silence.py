@@ -1,4 +1,4 @@
-"""The silence of a panic, as the sound card got it: a fall, nothing, and a rise."""
+"""The silence of a panic as the sound card played it: a fade-out, zeros, and a fade-in."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ _FALL, _RISE = 0.005, 0.002  # [s], as `audio/output_fades` of the live core
 
 @dataclass(frozen=True, slots=True)
 class Silence:
-    """From frame `start`, where the sound falls, to frame `stop`, where it rises; None: no end."""
+    """From frame `start`, where the sound fades out, to frame `stop`, where it fades in; None: no
+    end.
+    """
 
     start: int
     stop: int | None = None
@@ -24,9 +26,9 @@ class Silence:
 def silenced(
     frames: NDArray[np.float64], at: int, silences: Sequence[Silence], rate: float
 ) -> NDArray[np.float64]:
-    """Frames (n_frames, n_channels), of which the first is number `at`, with silences in them.
+    """Frames (n_frames, n_channels), of which the first is number `at`, with the silences applied.
 
-    In a fall and a rise they have the bits of the single precision in which they were heard.
+    Fades are computed in single precision, as they were heard.
     """
     import numpy as np
 

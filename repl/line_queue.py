@@ -1,4 +1,4 @@
-"""The queue of entered lines; `panic` and `quit` act before their turn."""
+"""The queue of entered lines, in which `panic` and `quit` act before their turn."""
 
 from __future__ import annotations
 
@@ -19,28 +19,29 @@ class QueuedLine(NamedTuple, Generic[Who]):
 
 
 class LineQueue(Generic[Who]):
-    """Lines are entered by one thread and done by another, in their order.
+    """A queue of lines: one thread enters them, another does them in order.
 
-    `panic` and `quit` act when they are entered, while a line is at work; their own turn comes
-    after the lines before them, which bring back neither sound nor force.
+    `panic` and `quit` act when they are entered, even while another line is being computed. They
+    act again in their own turn; the lines entered before them switch neither sound nor force on
+    again.
     """
 
     def __init__(self, session: SessionProtocol) -> None:
-        """Feed a session; the queue is empty."""
+        """Begin with an empty queue of lines for a session."""
         self._session = session
         self._stops = 0  # stops that were entered
         self._seen = ""  # the line that `stop_now` saw last
         self._waiting: SimpleQueue[tuple[Who, str, int] | str | None] = SimpleQueue()
 
     def enter(self, text: str, who: Who) -> None:
-        """Queue a line; a stop acts now, unless `stop_now` has seen the line."""
+        """Queue a line; `panic` and `quit` act now, unless `stop_now` has already seen the line."""
         if text != self._seen:
             self.stop_now(text)
         self._seen = ""
         self._waiting.put((who, text, self._stops))
 
     def stop_now(self, text: str) -> None:
-        """Act on a stop in a line that is about to be entered."""
+        """Let `panic` or `quit` act now, in a line that is about to be entered."""
         self._seen = text
         match stop_of(text):
             case "panic":
@@ -57,12 +58,12 @@ class LineQueue(Generic[Who]):
             self._waiting.put("panic")
 
     def let_go(self) -> None:
-        """End forces now; waiting lines release none."""
+        """End all forces now; lines that wait do not switch them on again."""
         self._stops += 1
         self._session.let_go()
 
     def end(self) -> None:
-        """End the queue: no line follows."""
+        """End the queue: no further line comes."""
         self._stops += 1
         self._session.input_ends()
         self._waiting.put(None)

@@ -1,4 +1,4 @@
-"""What a prompt sees of a session, in this process or another."""
+"""A session as a prompt sees it, in this process or in another."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import Protocol
 class Reply:
     """The answer to a line; a line that was not taken has changed nothing.
 
-    `text` is what was done (`ok 3|1 knock: 3 points`) or, in one line, why not. `try_` is the whole
-    line to type instead. `lines` are a drawing, help or a list, shown as they are. A reply that
-    `leaves` is the last.
+    `text` says what was done (`ok 3|1 knock: 3 points`) or, in one line, why not. `try_` is the
+    whole line to type instead. `lines` are a drawing, help or a list, shown as they are. After a
+    reply that `leaves`, the prompt ends.
     """
 
     taken: bool
@@ -26,8 +26,10 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One look at a session: bars and beats count from 1, `tempo` in bpm, `load` as a share of
-    real time, `level` in dB below full scale (-inf in silence), `recording` in seconds, or None."""
+    """The present state of a session: bars and beats count from 1, `tempo` in bpm, `load` as a
+    share of real time, `level` in dB below full scale (-inf in silence), `recording` in seconds,
+    or None.
+    """
 
     bar: int
     beat: float
@@ -45,38 +47,38 @@ class State:
 
     @property
     def where(self) -> str:
-        """Bar and beat that sound: `3|2`."""
+        """The present bar and beat: `3|2`."""
         return f"{self.bar}|{int(self.beat)}"
 
 
 class Suggestion(Protocol):
-    """A completion: `text` replaces what stands from column `start` to the cursor."""
+    """A completion: `text` replaces the characters from column `start` to the cursor."""
 
     @property
     def text(self) -> str:
-        """What to insert."""
+        """The text to insert."""
 
     @property
     def start(self) -> int:
-        """From which column."""
+        """The column at which it begins."""
 
     @property
     def hint(self) -> str:
-        """What it does, in a few words."""
+        """A few words about it."""
 
 
 class SessionProtocol(Protocol):
     """A session as a prompt sees it.
 
-    `submit` is called a line at a time; the others meanwhile, from another thread, so often that
-    they may take no time.
+    `submit` is called for one line at a time. Meanwhile another thread calls the other methods,
+    often, so that they must return at once.
     """
 
     def submit(self, text: str, *, releases: bool = True) -> Reply:
         """Do a line, or a block of lines as one version. Raises nothing; may take a while.
 
-        A line after which a stop was entered `releases` nothing: no sound and no force that the
-        stop has ended.
+        `releases` is False if a stop was entered after the line: then the line switches neither
+        sound nor force on again.
         """
 
     def state(self) -> State:
@@ -86,19 +88,19 @@ class SessionProtocol(Protocol):
         """Messages since the last call, one sentence each."""
 
     def panic(self) -> None:
-        """Silence and no force, at once, also while a line is at work."""
+        """End sound and force at once, also while a line is being computed."""
 
     def let_go(self) -> None:
-        """No force on any hand, at once, until `release`; the sound goes on."""
+        """End every force at once, until `release`; the sound goes on."""
 
     def input_ends(self) -> None:
-        """Note that no line follows; a session that ends with its prompt ends all forces."""
+        """Note that no further line comes; a session that ends with its prompt ends all forces."""
 
     def cancel(self) -> bool:
-        """Cancel the line that is being computed, from any thread; False where none is."""
+        """Cancel the line that is being computed, from any thread; False if there is none."""
 
     def close(self) -> None:
-        """End the session; the last call."""
+        """End the session; no call follows."""
 
     def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
         """Completions of a line at a column."""
@@ -107,15 +109,15 @@ class SessionProtocol(Protocol):
         """The kinds of a line's words, for colours: (start, end, kind)."""
 
     def is_whole(self, text: str) -> bool:
-        """Whether Enter ends the text; a line that ends in a backslash goes on."""
+        """Whether Enter ends the text; not if it ends in a backslash or within a block."""
 
 
-# The first word or its short form decides. `panic = …` defines a gesture; anything else behind
-# the word is taken as a stop, because zero force is the safe reading.
+# The first word, or its short form, decides. `panic = …` defines a gesture; anything else after the
+# word is still a stop, because zero force is the safe reading.
 _STOP = re.compile(r"[ \t]*(?:(?P<panic>pa|pan|pani|panic)|(?P<quit>qui|quit))(?![^\s#])(?!\s*=)")
 
 
 def stop_of(text: str) -> str | None:
-    """Which stop a line, or one line of a block, asks for: "panic", "quit" or None."""
+    """The stop that a line, or any line of a block, asks for: "panic", "quit" or None."""
     found = {match.lastgroup for line in text.split("\n") if (match := _STOP.match(line))}
     return "panic" if "panic" in found else "quit" if found else None

@@ -1,1 +1,1 @@
-"""Directions, loudspeakers, and the ways from one array of loudspeakers to another."""
+"""Directions, loudspeakers, and conversion from one array of loudspeakers to another."""

@@ -1,7 +1,8 @@
-"""Spherical harmonics and decoders: ACN order; SN3D as AmbiX writes it, N3D in between.
+"""Spherical harmonics and decoders: ACN order; SN3D in files, as in AmbiX, N3D inside computations.
 
-Sources: C. Nachbar et al., "AmbiX" (Ambisonics Symposium, 2011); F. Zotter and M. Frank, "All-round
-ambisonic panning and decoding", J. Audio Eng. Soc. 60 (2012), eq. 10 (max-rE weights), section 4.
+Sources: C. Nachbar et al., "AmbiX" (Ambisonics Symposium, 2011); F. Zotter and M. Frank,
+"All-round ambisonic panning and decoding", J. Audio Eng. Soc. 60 (2012), eq. 10 (max-rE
+weights), section 4.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def harmonics(order: int, directions: NDArray[np.float64]) -> NDArray[np.float64
     """Real N3D harmonics in ACN order, (n_directions, (order + 1)²), of unit vectors (n, 3).
 
     AmbiX has its x to the front and its y to the left. The recurrences are those of associated
-    Legendre functions over cos^m of the elevation, so that no angle is ever taken.
+    Legendre functions divided by cos^m of the elevation, so that no angle has to be computed.
     """
     x, y, z = directions[:, 1], -directions[:, 0], directions[:, 2]
     found = np.zeros((len(directions), channels(order)))
@@ -60,7 +61,7 @@ def _n3d(n: int, m: int) -> float:
 
 
 def sn3d(order: int) -> NDArray[np.float64]:
-    """By how much each N3D channel is multiplied to be SN3D, ((order + 1)²,)."""
+    """Factors that turn N3D channels into SN3D, ((order + 1)²,)."""
     return np.array([1.0 / sqrt(2 * n + 1) for n in _degrees(order)])
 
 
@@ -69,7 +70,9 @@ def _degrees(order: int) -> list[int]:
 
 
 def max_re_weights(order: int) -> NDArray[np.float64]:
-    """Weight of each degree, (order + 1,), by which the energy vector is longest (eq. 10)."""
+    """Weights of the degrees, (order + 1,), that maximise the length of the energy vector (eq.
+    10).
+    """
     x = _core.cos(137.9 / (order + 1.51) * pi / 180.0)
     before, now = 0.0, 1.0
     weights = []
@@ -87,17 +90,18 @@ def encoder(order: int, directions: NDArray[np.float64]) -> NDArray[np.float64]:
 def allrad(
     order: int, array: NDArray[np.float64], virtual: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """All-round decoder with max-rE weights, (n_loudspeakers, (order + 1)²), of N3D channels.
+    """All-round decoder with max-rE weights, (n_loudspeakers, (order + 1)²), for N3D channels.
 
-    `virtual` directions are panned between the loudspeakers. On average over the directions that
-    the array covers a source has the energy 1. Raises ArrayError.
+    `virtual` directions are panned between the loudspeakers. Averaged over the directions that
+    the array covers, a source has energy 1. Raises ArrayError.
     """
     virtual = spread_directions(_VIRTUAL) if virtual is None else virtual
     gains = vbap(virtual, array, keeps_imaginary=True)
     weights = max_re_weights(order)[_degrees(order)]
     basis = harmonics(order, virtual)
     decoder = np.zeros((len(array), channels(order)))
-    # Summed direction by direction: a matrix product would depend on the machine's library.
+    # Summed direction by direction: the bits of a matrix product would depend on the machine's
+    # library.
     for row, harmonic in zip(gains, basis, strict=True):
         at = np.flatnonzero(row)
         decoder[at] += row[at, None] * harmonic

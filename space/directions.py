@@ -28,7 +28,7 @@ _EXACT = {-270.0: (1.0, 0.0), -180.0: (0.0, -1.0), -90.0: (-1.0, 0.0), 0.0: (0.0
 
 
 def sine_cosine(degrees: float) -> tuple[float, float]:
-    """Sine and cosine of an angle in degrees; of quarter turns exactly."""
+    """Sine and cosine of an angle in degrees; exact for quarter turns."""
     if degrees in _EXACT:
         return _EXACT[degrees]
     angle = degrees * pi / 180.0
@@ -42,7 +42,7 @@ def point(azimuth: float, elevation: float, distance: float) -> Point:
 
 
 def angles(place: Point) -> Angles:
-    """Azimuth and elevation [degrees] and distance [m] of a point; (0, 0, 0) of the middle."""
+    """Azimuth and elevation [degrees] and distance [m] of a point; (0, 0, 0) for the middle."""
     x, y, z = place
     level = sqrt(x * x + y * y)
     degrees = 180.0 / pi
@@ -52,9 +52,10 @@ def angles(place: Point) -> Angles:
 
 
 def equidistant(place: Point) -> tuple[float, float]:
-    """(x, y) [m] of a point on a plan where the distance from the middle is that from the zenith.
+    """(x, y) [m] of a point in a plan whose radius grows in proportion to the angle from the
+    zenith.
 
-    The zenith is the middle; the horizon lies as far from it as the point is away.
+    The zenith is the middle; a point at the horizon is drawn at its own distance.
     """
     x, y, _ = place
     level = sqrt(x * x + y * y)
@@ -66,7 +67,7 @@ def equidistant(place: Point) -> tuple[float, float]:
 
 
 def unit_vectors(places: Iterable[Point]) -> NDArray[np.float64]:
-    """Directions of points, (n, 3); the middle itself has none and is the front."""
+    """Directions of points as unit vectors, (n, 3); the middle itself counts as the front."""
     import numpy as np
 
     vectors = np.array([*places], np.float64).reshape(-1, 3)

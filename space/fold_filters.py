@@ -1,7 +1,7 @@
-"""Filters from what a file holds to what it is folded to: loudspeakers, Ambisonics, two ears.
+"""Filters from the channels of a file to those it is folded to: loudspeakers, Ambisonics, two ears.
 
-What comes in and what goes out is a `Field`: loudspeakers, or Ambisonics of an order (ACN, SN3D).
-Filters are (n_in, n_out, n_taps); most have one tap.
+A `Field` is loudspeakers, or Ambisonics of an order (ACN, SN3D). Filters are (n_in, n_out,
+n_taps); most have one tap.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from .directions import Point
     from .head import Head
 
-# Ambisonics goes to two ears, or two channels, by these loudspeakers.
+# Ambisonics goes to two ears, or two channels, by way of these virtual loudspeakers: of each ring
+# their number, elevation and first azimuth [degrees].
 _VIRTUAL = ((12, 0.0, 0.0), (8, 35.0, 22.5), (4, 70.0, 45.0))
 
 
@@ -34,7 +35,7 @@ class Field:
 
     @property
     def n_channels(self) -> int:
-        """How many channels that is."""
+        """Number of these channels."""
         return len(self.speakers) if self.order is None else channels(self.order)
 
 
@@ -73,12 +74,14 @@ def to_ears(source: Field, head: Head, rate: float) -> NDArray[np.float64]:
 
 
 def directions_of(source: Field) -> NDArray[np.float64]:
-    """From where a field is heard by two ears, (n, 3)."""
+    """Directions from which two ears hear a field, (n, 3)."""
     return _heard_from(source)[0]
 
 
 def _heard_from(source: Field) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Directions, and how Ambisonics comes from there (n_directions, n_in)."""
+    """Directions from which a field is heard, and the decoder of Ambisonics to them (n_directions,
+    n_in).
+    """
     if source.order is None:
         return unit_vectors(source.speakers), None
     array = unit_vectors(
@@ -90,14 +93,16 @@ def _heard_from(source: Field) -> tuple[NDArray[np.float64], NDArray[np.float64]
 
 
 def _decoder(order: int, array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of SN3D channels, (n_directions, n_channels)."""
+    """Decoder of SN3D channels, (n_directions, n_channels)."""
     return allrad(order, array) / sn3d(order)
 
 
 def _through(
     decoder: NDArray[np.float64] | None, filters: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Filters of directions (n, n_out, n_taps) as those of the channels that come from there."""
+    """Filters of the channels, from filters (n, n_out, n_taps) of the directions they are decoded
+    to.
+    """
     if decoder is None:
         return np.ascontiguousarray(filters)
     found = np.zeros((decoder.shape[1], *filters.shape[1:]))

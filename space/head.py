@@ -1,8 +1,8 @@
-"""What a head does to sound on its way to two ears: filters for directions.
+"""Filters of a head: what it does to sound from a direction on its way to two ears.
 
-A pair of filters is an equalised impulse response of minimum phase for each ear, and a delay each.
-What ships is a KEMAR manikin (B. Gardner and K. Martin, "HRTF Measurements of a KEMAR Dummy-Head
-Microphone", MIT Media Lab Perceptual Computing Technical Report 280, 1994).
+A pair of filters is an equalised impulse response of minimum phase for each ear, and a delay
+each. The head that ships is a KEMAR manikin (B. Gardner and K. Martin, "HRTF Measurements of a
+KEMAR Dummy-Head Microphone", MIT Media Lab Perceptual Computing Technical Report 280, 1994).
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ TAPS = 128
 SHIPPED = Path(__file__).with_name("kemar.csv")
 FULL_SCALE = 8192.0  # of a coefficient of the shipped file
 _RATE = 44_100.0  # [Hz] of the shipped file
-_REACH = 16  # samples to either side of which a resampled one is made
+_REACH = 16  # samples on either side that make a resampled one
 _POINTS = 4096  # of a spectrum
-_AROUND = 4  # measured directions of which one in between is made
+_AROUND = 4  # measured directions that are averaged for one in between
 _UPSAMPLED = 16
 _LONG_WAVES = (100.0, 400.0)  # [Hz]
-_BAND = (100.0, 16_000.0)  # [Hz] beyond which the equaliser stays as it is at the border
+_BAND = (100.0, 16_000.0)  # [Hz] outside it the equaliser keeps its value at the border
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Head:
     """Pairs of filters of one head.
 
     `directions` (n, 3), `filters` (n, 2, n_taps) at `rate` [Hz], left ear first, `delays` (n, 2)
-    [s]. Directions in between are panned between those that are there.
+    [s]. A direction in between is panned between these directions.
     """
 
     rate: float
@@ -52,8 +52,8 @@ class Head:
     def pairs(self, array: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
         """Filters of loudspeakers in directions (n, 3) at a rate [Hz], (n, 2, n_taps).
 
-        They are late by 16 samples of the slower rate, so that delays can lie between samples.
-        Raises ArrayError.
+        They have an extra delay of 16 samples of the slower rate, which interpolation between
+        samples needs. Raises ArrayError.
         """
         own = self.resampled(rate)
         found = np.zeros((len(array), *own.shape[1:]))
@@ -69,7 +69,7 @@ class Head:
         Band-limited interpolation with a raised cosine as window (J. O. Smith and P. Gossett,
         ICASSP 1984).
         """
-        ratio = self.rate / rate  # samples of ours in one of the others
+        ratio = self.rate / rate  # samples of the head per sample at `rate`
         band = min(1.0, 1.0 / ratio)
         reach = _REACH / band
         n_taps = self.filters.shape[2]
@@ -84,7 +84,7 @@ class Head:
 
 
 def _kernel(n: int, n_taps: int, ratio: float, late: float, band: float) -> NDArray[np.float64]:
-    """How much of each tap is in each sample, (n, n_taps)."""
+    """The weight of each tap in each sample, (n, n_taps)."""
     reach = _REACH / band
     found = np.zeros((n, n_taps))
     for sample in range(n):
@@ -105,7 +105,7 @@ def _windowed_sinc(at: float, band: float, reach: float) -> float:
 
 @cache
 def kemar() -> Head:
-    """The head that ships: 24 pairs, of the directions of the dome 12 + 8 + 4."""
+    """The head that ships: 24 pairs, for the directions of the dome 12 + 8 + 4."""
     directions, delays, filters = [], [], []
     with SHIPPED.open(newline="", encoding="utf-8") as file:
         rows = csv.reader(line for line in file if not line.startswith("#"))
@@ -122,12 +122,14 @@ def prepared(
     rate: float,
     wanted: NDArray[np.float64],
 ) -> Head:
-    """A head for `wanted` directions (n, 3), of responses (n_measured, 2, n_samples) at a `rate`.
+    """A head for `wanted` directions (n, 3), from responses (n_measured, 2, n_samples) at `rate`
+    [Hz].
 
-    Responses are equalised so that sound from everywhere has a flat spectrum (diffuse field);
-    made of minimum phase; and delays are those at which that fits what was measured best (J. Nam et
-    al., AES preprint 7612, 2008). Between measured directions magnitudes (in dB) and delays are
-    means, weighted by the inverse squares of distances (D. Shepard, 1968).
+    Responses are equalised so that sound from all directions together (the diffuse field) has a
+    flat spectrum, and are made minimum-phase. The delay of a response is the one at which its
+    minimum-phase version matches the measured response best (J. Nam et al., AES preprint 7612,
+    2008). Between measured directions, magnitudes (in dB) and delays are means weighted by the
+    inverse squares of angular distances (D. Shepard, 1968).
     """
     size = max(_POINTS, 1 << (responses.shape[2] - 1).bit_length())
     magnitude = np.abs(np.fft.rfft(responses, size))
@@ -148,8 +150,8 @@ def prepared(
 def _diffuse(
     directions: NDArray[np.float64], magnitude: NDArray[np.float64], rate: float
 ) -> NDArray[np.float64]:
-    """The root of the mean power from everywhere at both ears, by frequency."""
-    # Each direction stands for the part of the sphere that is nearest to it.
+    """Root of the mean power over all directions and both ears, by frequency, smoothed."""
+    # A direction is weighted by the area around it: the squared mean angle to its five neighbours.
     rows = np.argsort(directions @ directions.T, 1)[:, -6:-1]
     near = np.take_along_axis(directions @ directions.T, rows, 1)
     area = np.arccos(np.clip(near, -1.0, 1.0)).mean(1) ** 2
@@ -162,8 +164,9 @@ def _diffuse(
 
 
 def _trusted(size: int, rate: float) -> NDArray[np.float64]:
-    """Which part of a level in dB is kept, by frequency: a head is nothing to long waves, and what
-    is measured there is the loudspeaker and the room."""
+    """The share of a level in dB that is kept, by frequency: a head does not affect long waves, and
+    what is measured there is the loudspeaker and the room.
+    """
     frequency = np.fft.rfftfreq(size, 1.0 / rate)
     return np.clip((frequency - _LONG_WAVES[0]) / (_LONG_WAVES[1] - _LONG_WAVES[0]), 0.0, 1.0)
 
@@ -191,7 +194,7 @@ def _weights(directions: NDArray[np.float64], towards: NDArray[np.float64]) -> N
 
 
 def _minimum_phase(magnitude: NDArray[np.float64], size: int) -> NDArray[np.float64]:
-    """The response of minimum phase that has a magnitude (A. Oppenheim, R. Schafer, 1975)."""
+    """The minimum-phase response with a given magnitude (A. Oppenheim, R. Schafer, 1975)."""
     cepstrum = np.fft.irfft(np.log(magnitude), size)
     fold = np.zeros(size)
     fold[0], fold[size // 2], fold[1 : size // 2] = 1.0, 1.0, 2.0
@@ -199,7 +202,7 @@ def _minimum_phase(magnitude: NDArray[np.float64], size: int) -> NDArray[np.floa
 
 
 def _delay(response: NDArray[np.float64], rate: float) -> float:
-    """How late a response is beside its own minimum phase [s]."""
+    """The delay of a response against its own minimum-phase version [s]."""
     size = 1 << (2 * len(response) - 1).bit_length()
     spectrum = np.fft.rfft(response, size)
     least = max(float(np.abs(spectrum).max()) * 1e-5, 1e-30)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_FADE = 0.02  # [s] at either end
+_FADE = 0.02  # [s] of fade at either end
 # Three poles and a constant make -3 dB an octave within 0.5 dB above 9 Hz at 44.1 kHz (P. Kellet,
 # "Filter to make pink noise from white", music-dsp, 1999).
 _POLES = ((0.99765, 0.0990460), (0.96300, 0.2965164), (0.57000, 1.0526913))

@@ -16,8 +16,8 @@ from ergon.common.errors import ErgonError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# Where no loudspeaker lies within 60° of straight up or down an imaginary one closes the hull, as a
-# dome has none below (Zotter and Frank, J. Audio Eng. Soc. 60, 2012, section 3).
+# If no loudspeaker lies within 60° of straight up (or down), an imaginary one there closes the
+# hull, as below a dome (Zotter and Frank, J. Audio Eng. Soc. 60, 2012, section 3).
 _CLOSED = 0.5  # cosine of that angle
 _FLAT = 1e-9  # of a unit: points of one facet lie in one plane
 _INSIDE = -1e-9  # least gain of a source on the edge of a triangle
@@ -39,7 +39,9 @@ def nearest_gains(sources: NDArray[np.float64], array: NDArray[np.float64]) -> N
 
 
 def _products(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Scalar products of each row with each, summed in one order on every machine."""
+    """Scalar products of each row of `a` with each of `b`, summed in the same order on every
+    machine.
+    """
     return a[:, None, 0] * b[:, 0] + a[:, None, 1] * b[:, 1] + a[:, None, 2] * b[:, 2]
 
 
@@ -52,10 +54,12 @@ def imaginary(array: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def triangles(points: NDArray[np.float64]) -> NDArray[np.intp]:
-    """All triples of directions of whose plane no other lies beyond, (n, 3).
+    """Triangles of the convex hull: all triples of points whose plane has no point beyond it, (n,
+    3).
 
-    Of a facet with more than three corners these are all its triangles: they overlap, so that no
-    diagonal is preferred. Raises ArrayError where the middle lies in none of them or on one.
+    A facet with more than three corners gives all its triangles: they overlap, so that no
+    diagonal is preferred. Raises ArrayError if there are too many points, or if no facet has the
+    middle of the room on its inner side.
     """
     if len(points) > MOST + 2:
         raise ArrayError(f"an array for panning has at most {MOST} loudspeakers")
@@ -93,15 +97,15 @@ def vbap(
 ) -> NDArray[np.float64]:
     """Gains of the loudspeakers around each source, (n_sources, n_loudspeakers), of energy 1.
 
-    What imaginary loudspeakers would play is left out and the rest has the whole energy; with
-    `keeps_imaginary` it is left out alone, and sources fade towards a hole. Where a facet has more
-    than three corners, gains are the mean of those of its triangles. Raises ArrayError.
+    The gains of imaginary loudspeakers are dropped, and the others scaled to energy 1. With
+    `keeps_imaginary` they are not scaled, so that sources fade towards a hole. If a facet has
+    more than three corners, the gains of its triangles are averaged. Raises ArrayError.
     """
     points = np.vstack([array, imaginary(array)])
     corners = triangles(points)
     a, b, c = (points[corners[:, i]] for i in range(3))
     volume = (a * _cross(b, c)).sum(1)
-    # Rows of the inverse of (a b c): Cramer's rule, whose bits depend on no library.
+    # Rows of the inverse of (a b c) by Cramer's rule, whose bits do not depend on a library.
     inverse = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], 1) / volume[:, None, None]
     gains = np.zeros((len(sources), len(points)))
     found = np.zeros(len(sources), np.intp)
@@ -120,7 +124,7 @@ def vbap(
 
 
 def _whole(gains: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Gains of energy 1; of nothing but an imaginary loudspeaker none."""
+    """Gains scaled to energy 1; a row of zeros stays zero."""
     energy = np.zeros(len(gains))
     for column in gains.T:
         energy += column * column

@@ -1,7 +1,8 @@
 """How well an array places sound: vectors of velocity and energy, and where it has holes.
 
-Source: M. A. Gerzon, "General metatheory of auditory localisation", AES preprint 3306 (1992): the
-vector rV of amplitudes tells of low, rE of energies of high frequencies; 1 long is a single source.
+Source: M. A. Gerzon, "General metatheory of auditory localisation", AES preprint 3306 (1992):
+the velocity vector rV describes localisation at low frequencies, the energy vector rE at high
+ones; a single loudspeaker gives length 1.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ _SAME = 1e-6
 class Quality:
     """How one way of panning places sound, over the upper half of the sphere.
 
-    Lengths of rE and rV; how far rE points beside the source [degrees]; loudness beside its mean
-    [dB].
+    Lengths of rE and rV; the angle between rE and the source [degrees]; loudness relative to its
+    mean [dB].
     """
 
     name: str
@@ -54,7 +55,7 @@ def energy_vectors(
 def qualities(places: tuple[Point, ...]) -> list[Quality]:
     """What an array of loudspeakers can do by each way of panning.
 
-    Loudspeakers that do not surround the middle of the room can be the nearest ones alone.
+    If the loudspeakers do not surround the middle of the room, only the nearest one can be used.
     """
     array = unit_vectors(places)
     sources = spread_directions(_LOOKED_AT, lowest=0.0)
@@ -95,7 +96,7 @@ def quality(
 
 
 def holes(places: tuple[Point, ...]) -> list[tuple[int, int, float]]:
-    """Neighbours above or at the horizon that are far apart: (index, index, angle [degrees])."""
+    """Neighbours at or above the horizon that are far apart: (index, index, angle [degrees])."""
     array = unit_vectors(places)
     points = np.vstack([array, imaginary(array)])
     try:
@@ -122,7 +123,7 @@ def is_open_above(places: tuple[Point, ...]) -> bool:
 
 
 def is_symmetric(places: tuple[Point, ...]) -> bool:
-    """Whether each loudspeaker has one at the same place of the other side."""
+    """Whether each loudspeaker has a counterpart mirrored from left to right, within 1 mm."""
     points = np.array(places)
     mirrored = points * (-1.0, 1.0, 1.0)
     apart = np.abs(points[:, None] - mirrored[None]).max(2)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 # Bits of U+2800 by dot column (0, 1) and dot row (0 at the top); ISO/TR 11548-1.
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 _BLANK = 0x2800
-# How curves are told apart: of `period` dot columns the first `drawn` are drawn.
+# Dash pattern of each curve: of `period` dot columns the first `drawn` are drawn.
 _PATTERNS = ((1, 1), (4, 2), (6, 1))
 WIDTH_MIN, HEIGHT_MIN = 24, 5
 
@@ -41,9 +41,10 @@ def panels(
     heights: Sequence[int],
     t_label: str = "time [s]",
 ) -> str:
-    """Draw several plots above one another, over one time: the label and the curves of each.
+    """Draw several plots one above the other, with a common time axis: the label and the curves of
+    each.
 
-    `heights` are their lines; those of the time axis belong to the last.
+    `heights` are their numbers of lines; the lines of the time axis belong to the last plot.
     """
     return _drawn(rows, width, [*heights[:-1], heights[-1] + 2], t_label, 4)
 
@@ -99,7 +100,7 @@ def _row(x_axis: Axis, value: float, rows: int) -> int:
 def _columns(
     curve: Curve, t_axis: Axis, x_axis: Axis, columns: int, rows: int
 ) -> dict[int, tuple[int, int]]:
-    """Which dots (lowest and highest row, from the top) the curve covers in each dot column."""
+    """The dots (lowest and highest row, from the top) that the curve covers in each dot column."""
     across = _parts(t_axis, curve.t) * (2 * columns - 1)
     down = (1 - _parts(x_axis, curve.x)) * (4 * rows - 1)
     is_finite = np.isfinite(across) & np.isfinite(down)
@@ -128,7 +129,7 @@ def _stroke(
     column = np.rint(across).astype(np.int64)
     first, n_columns = int(column[0]), int(column[-1] - column[0]) + 1
     middles = np.arange(first, first + n_columns)
-    # It enters and leaves a column at its edges, or begins and ends within it.
+    # A stroke enters and leaves a column at its edges, or begins and ends within it.
     enters = np.interp(np.maximum(middles - 0.5, across[0]), across, down)
     leaves = np.interp(np.minimum(middles + 0.5, across[-1]), across, down)
     top, bottom = np.minimum(enters, leaves), np.maximum(enters, leaves)

@@ -21,7 +21,9 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A range with ticks at round numbers within it; `names` say them otherwise than in figures."""
+    """A range with ticks at round numbers within it; `names` are labels to show in place of the
+    numbers.
+    """
 
     low: float
     high: float
@@ -30,7 +32,7 @@ class Axis:
     names: tuple[str, ...] = ()
 
     def text(self, tick: float) -> str:
-        """The tick as every tick of this axis is written."""
+        """The label of a tick, in the same format for all ticks of the axis."""
         if self.names:
             return self.names[self.ticks.index(tick)]
         return f"{tick:.{self.digits}f}".replace("-", "−")
@@ -54,7 +56,7 @@ def axis(values: Sequence[float], n_ticks: int, *, tight: bool = False) -> Axis:
     step, digits = _step((high - low) / max(n_ticks, 1))
     room = 0.0 if tight else _ROOM * (high - low)
     low, high = low - room, high + room
-    # A hair of tolerance: 3 steps of 0.1 lie above 0.3.
+    # A small tolerance, because 3 steps of 0.1 are above 0.3 in floating point.
     first, last = ceil(low / step - 1e-9), floor(high / step + 1e-9)
     ticks = tuple(index * step for index in range(first, last + 1))
     return Axis(low, high, ticks, digits)
@@ -68,7 +70,8 @@ def _step(wanted: float) -> tuple[float, int]:
     while 10.0 ** (power + 1) <= wanted and power < 18:
         power += 1
     for factor in (1, 2, 5, 10):
-        # A division by a whole number is the double nearest to 0.2; a product with 0.1 is not.
+        # Division by a whole number gives the double nearest to 0.2; multiplication by 0.1 does
+        # not.
         step = factor * 10.0**power if power >= 0 else factor / 10.0**-power
         if step >= wanted * (1 - 1e-9):
             break

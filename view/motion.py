@@ -1,4 +1,6 @@
-"""Two curves of a running simulation: where a gesture wants its key, and where the key is."""
+"""Two curves of a running simulation: the path that a gesture asks of its key, and the path of the
+key.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +26,10 @@ def asked_and_done(
 ) -> tuple[Curve, Curve]:
     """Run from the beginning to `stop` [s] and trace the key from `start` on, in millimetres.
 
-    About `points` of each curve are told.
+    Each curve has about `points` points.
 
-    `key` is the key's index on the timeline, `struck` its struck MAT, which the piece sees move
-    `reach` times as far as the key does.
+    `key` is the key's index on the timeline, `struck` its struck MAT, whose displacement in the
+    piece is `reach` times the key's.
     """
     import numpy as np
 

@@ -1,6 +1,6 @@
 """A rendered sound as a picture: its waveform above, its spectrogram below.
 
-numpy's transforms are welcome here: nothing of this ever becomes a sample again.
+numpy's FFT is allowed here, because no result becomes a sample of sound.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _WIDTH, _LEFT, _RIGHT, _WAVE, _SPECTRUM, _ROWS = 800, 64, 784, 130, 220, 220
 _LOWEST = 20.0  # [Hz] below it nothing is heard
 _RANGE = 90.0  # [dB] from the loudest to paper
 _WINDOW = 4096  # frames: 11 Hz and 93 ms at 44.1 kHz shows partials and strokes alike
-# Dark on light: silence is paper, loud is ink. Five colours of viridis, the last for the loudest.
+# Silence is white and loud is dark. Five colours of viridis, the last for the loudest.
 _COLOURS = ((255, 255, 255), (183, 222, 74), (38, 164, 133), (49, 92, 140), (68, 1, 84))
 
 
@@ -52,7 +52,7 @@ def picture(blocks: Iterable[NDArray[np.float64]], n_frames: int, rate: float, t
 def envelope(
     blocks: Iterable[NDArray[np.float64]], n_frames: int, rate: float, n_points: int = 600
 ) -> tuple[Curve, Curve]:
-    """Highest and lowest sample of the mean of all channels, in `n_points` stretches."""
+    """Highest and lowest sample of the mean of all channels, in `n_points` sections."""
     import numpy as np
 
     mono = _mono(blocks, n_frames)
@@ -94,7 +94,7 @@ def png(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def _frequencies(highest: float) -> Axis:
-    """Decades of frequency, linear in the logarithm, with ticks a composer knows."""
+    """A logarithmic axis of frequency, with ticks at round frequencies."""
     import math
 
     known = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000)
@@ -133,7 +133,7 @@ def _levels(mono: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
         start = int((column + 0.5) / n_columns * len(mono))
         power = np.abs(np.fft.rfft(padded[start : start + _WINDOW] * window)) ** 2
         for row in range(_ROWS):
-            # Bins within the pixel, or the nearest two where a pixel is finer than a bin.
+            # The bins within the pixel, or the nearest two if a pixel is narrower than a bin.
             low, high = int(pixels[row + 1]), int(np.ceil(pixels[row]))
             levels[row, column] = power[low : max(high, low + 1)].max()
     loudest = levels.max()

@@ -1,4 +1,4 @@
-"""Pictures of what a structure is: admittances over frequency, modes by pitch, shapes of modes."""
+"""Pictures of a structure: admittances over frequency, modes by pitch, shapes of modes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ class Shape:
 
 
 def admittance(curves: Sequence[Curve], *, title: str, height: int = 400) -> str:
-    """Levels `x` [dB] of curves over frequencies `t` [Hz], by logarithm, as an SVG document."""
+    """Levels `x` [dB] of curves over frequencies `t` [Hz] on a logarithmic axis, as an SVG
+    document.
+    """
     if not 1 <= len(curves) <= CURVES_MAX:
         raise ValueError(f"a picture has 1 to {CURVES_MAX} curves, not {len(curves)}")
     spread = [Curve(one.name, [log10(f) for f in one.t], one.x) for one in curves]
@@ -55,7 +57,7 @@ def admittance(curves: Sequence[Curve], *, title: str, height: int = 400) -> str
 def stave(parts: Sequence[tuple[str, Sequence[PitchedMode]]], *, title: str) -> str:
     """The modes of each part by pitch and cents from the nearest note, as an SVG document.
 
-    Of a part with more than STAVE_MAX modes the first ones are drawn.
+    If a part has more than STAVE_MAX modes, the first ones are drawn.
     """
     drawn, top = [text(64, 20, short(title), weight="bold")], 32.0
     for name, modes in parts:
@@ -73,11 +75,12 @@ def stave(parts: Sequence[tuple[str, Sequence[PitchedMode]]], *, title: str) -> 
 
 
 def shapes(parts: Sequence[tuple[str, Sequence[Shape]]], *, title: str) -> str:
-    """How masses move in the modes of each part, where they lie on the bench, as an SVG document.
+    """The motion of masses in the modes of each part, drawn at their places on the bench, as an SVG
+    document.
 
-    Of a part with more than SHAPES_MAX modes the first ones are drawn. Masses in a row are drawn as
-    a line that is moved up and down; others as dots as large as they move, full upwards and hollow
-    downwards.
+    If a part has more than SHAPES_MAX modes, the first ones are drawn. Masses in a row are drawn
+    as a line displaced up and down; others as dots whose size is their motion, full for upwards
+    and hollow for downwards.
     """
     drawn, top = [text(24, 20, short(title), weight="bold")], 32.0
     columns, size = 4, 184.0
@@ -98,7 +101,9 @@ def shapes(parts: Sequence[tuple[str, Sequence[Shape]]], *, title: str) -> str:
 
 
 def _frequencies(low: float, high: float) -> Axis:
-    """An axis by logarithm, its ticks 1, 2 and 5 times powers of ten; more on a short one."""
+    """A logarithmic axis with ticks at 1, 2 and 5 times powers of ten; a short range has more
+    ticks.
+    """
     low, high = (low, high) if high > low else (0.9 * low, 1.1 * high)
     decades = range(floor(log10(low)), ceil(log10(high)) + 1)
     for factors in ((1, 2, 5), (1, 2, 3, 4, 5, 6, 7, 8, 9)):
@@ -115,7 +120,7 @@ def _frequencies(low: float, high: float) -> Axis:
 
 
 def _key(names: Sequence[str]) -> tuple[list[str], int]:
-    """Which line is whose, below the title, and the number of rows that this takes."""
+    """The legend below the title, and the number of rows that it takes."""
     parts, at, row = [], 64.0, 0
     room = _WIDTH - 24 - 64
     for number, name in enumerate(names):
@@ -155,7 +160,7 @@ def _stave_of(modes: Sequence[PitchedMode], top: float, bottom: float) -> str:
 
 
 def _apart(wanted: Sequence[float], top: float, bottom: float) -> list[float]:
-    """Places of lines of text near those wanted, which rise, none nearer to another than a line."""
+    """Heights for lines of text near the wanted ones, in rising order and at least a line apart."""
     places: list[float] = []
     for y in wanted:
         places.append(max(y + 4, places[-1] + _LINE if places else top))

@@ -18,7 +18,7 @@ _FONT = "font-family='ui-sans-serif, Helvetica, Arial, sans-serif' font-size='12
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A rectangle of the page with its two axes; x and y of its corners in pixels."""
+    """A rectangle of the page with its two axes; its corners are in pixels."""
 
     left: float
     top: float
@@ -136,7 +136,7 @@ def key_line(x: float, y: float, number: int) -> str:
 
 
 def short(title: str) -> str:
-    """A title that leaves room for what stands beside it."""
+    """A title shortened to leave room for the text beside it."""
     return title if len(title) <= _TITLE_MAX else title[: _TITLE_MAX - 1] + "…"
 
 
@@ -159,7 +159,7 @@ def _dash(dash: str) -> str:
 
 
 def _path(curve: Curve, frame: Frame) -> str:
-    """Path data; a gap starts anew."""
+    """Path data; a gap begins a new subpath."""
     words, pen = [], "M"
     for t, x in zip(curve.t, curve.x, strict=True):
         if isfinite(t) and isfinite(x):

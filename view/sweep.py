@@ -1,4 +1,4 @@
-"""A sweep as a picture: a frame for each figure, over the first of what varies."""
+"""A sweep as a picture: a frame for each figure, over the first parameter that varies."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Point:
 def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
     """The sweep as a whole SVG document.
 
-    Variants that differ in the first value alone are joined by a line; lines get darker from the
+    Variants that differ only in the first value are joined by a line; lines get darker from the
     first to the last of the other values.
     """
     across = _across(points)
@@ -75,7 +75,7 @@ def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Across:
-    """Where the values of the first target stand."""
+    """The horizontal positions of the values of the first target."""
 
     axis: Axis
     unit: str
@@ -86,7 +86,9 @@ class _Across:
 
 
 def _across(points: Sequence[Point]) -> _Across:
-    """Numbers in their own unit, on a logarithm where they are spaced so; else one by one."""
+    """Numbers in their own unit, on a logarithmic axis if they are spaced evenly on one; other
+    values at equal distances.
+    """
     said = list(dict.fromkeys(point.values[0] for point in points))
     found = [_NUMBER.match(value) for value in said]
     units = {
@@ -143,7 +145,7 @@ def _curve(at: Sequence[tuple[float, float]], colour: str) -> str:
 
 
 def _key(others: Sequence[tuple[str, ...]], targets: Sequence[str]) -> str:
-    """Which line is which, where there are a few; of many the first and the last."""
+    """The legend of all lines if they are few, else of the first and the last."""
     if len(others) < 2:
         return ""
     named = others if len(others) <= _CURVES_NAMED else (others[0], others[-1])

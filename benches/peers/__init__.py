@@ -1,4 +1,4 @@
-"""Other programs on the same work; each may be missing, and then a row says so."""
+"""Other programs on the same work; a row says if one is missing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 
 class Missing(Exception):
-    """A peer that is not here, or does not do what it is asked; the text says which and why."""
+    """A peer that is not installed or fails; the text says which and why."""
 
 
 def found(program: str, package: str) -> str:
@@ -20,7 +20,7 @@ def found(program: str, package: str) -> str:
 
 
 def command(line: list[str], limit: float = 600.0) -> str:
-    """Run a command to its end and give what it said; raises Missing where it fails."""
+    """Run a command to its end and return its output; raises Missing if it fails."""
     try:
         done = subprocess.run(line, capture_output=True, text=True, timeout=limit)
     except subprocess.TimeoutExpired:
@@ -32,5 +32,5 @@ def command(line: list[str], limit: float = 600.0) -> str:
 
 
 def by_difference(run: Callable[[float], float], short: float, long: float) -> Callable[[], float]:
-    """What `long - short` seconds of sound take, so that starting and loading do not count."""
+    """The cost of `long - short` seconds of sound, so that starting and loading do not count."""
     return lambda: run(long) - run(short)

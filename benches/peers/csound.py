@@ -20,7 +20,7 @@ def bank(cells: Sequence[tuple[float, float]]) -> Callable[[], float]:
     folder = tempfile.TemporaryDirectory()
 
     def run(sound: float) -> float:
-        # A mode falls by e in Q/(πf).
+        # A mode falls by a factor of e in Q/(πf).
         notes = [f"i1 0 {sound} {f!r} {math.pi * f * t60 / math.log(1e3)!r}" for f, t60 in cells]
         path = Path(folder.name) / f"bank-{sound}.csd"
         if not path.is_file():

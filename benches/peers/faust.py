@@ -47,7 +47,9 @@ class Program:
         self._library.begin.restype = ctypes.c_void_p
 
     def begin(self, rate: float) -> Callable[[int], NDArray[np.float64]]:
-        """From the start again: a call that goes on n_frames and gives (n_frames, n_outputs)."""
+        """Start from the beginning; returns a call that advances n_frames and returns (n_frames,
+        n_outputs).
+        """
         library = self._library
         made = ctypes.c_void_p(library.begin(ctypes.c_int64(int(rate))))
 

@@ -1,6 +1,6 @@
 """Masses, springs and contacts in miPhysics (Java), stepped by its own classes.
 
-Its sources are not ours: `MIPHYSICS` names the folder `src` of a copy of
+Its sources are not part of this project: `MIPHYSICS` names the folder `src` of a copy of
 https://github.com/mi-creative/miPhysics_Processing.
 """
 
@@ -17,7 +17,7 @@ from benches.peers import Missing, command, found
 from benches.sides import Floats
 
 _DRIVER = Path(__file__).parent / "MiPhysics.java"
-# All that its engine takes of Processing.
+# The only class of Processing that its engine uses.
 _STUB = (
     "package processing.core; public class PVector { public PVector(float a, float b, float c) {} }"
 )
@@ -40,14 +40,15 @@ class Program:
         stub.write_text(_STUB)
         driver = Path(self._folder.name) / _DRIVER.name
         driver.write_text(_DRIVER.read_text())
-        # javac finds what these use in the sources.
+        # javac finds the classes that these two use in the sources.
         path = ["-sourcepath", str(sources), "-d", self._folder.name, "-nowarn"]
         command([javac, *path, str(stub), str(driver)])
 
     def scene(
         self, lines: Iterable[str], warm: int, n_frames: int
     ) -> Callable[[], tuple[float, Floats]]:
-        """A call that gives the CPU time of frames after the warm ones [s], and where masses are.
+        """A call that returns the CPU time of frames after the warm-up frames [s], and the places
+        of masses.
 
         Lines are those of the driver; places are (n, 3) [m].
         """

@@ -1,6 +1,7 @@
 """Masses and springs of pmpd in Pure Data's batch mode: objects, and messages between them.
 
-A mass begins at rest, half a step of its weight behind ours: that is one part in as many as frames.
+A mass begins at rest, half a step of its weight later than in our scene. The relative difference
+is one over the number of frames.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from benches.sides import Floats
 
 _OBJECTS = Path("/usr/lib/pd/extra/pmpd")
 _SEEN = 16  # masses whose places are told
-# One frame: springs pull by where masses are, then masses move.
+# One frame: springs pull by the positions of masses, then masses move.
 _FRAME = "\\; ties bang \\; free force3D 0 0 {weight!r} \\; free bang"
 
 
@@ -33,9 +34,11 @@ class Program:
     def scene(
         self, lines: Iterable[str], warm: int, n_frames: int
     ) -> Callable[[], tuple[float, Floats]]:
-        """A call that gives the CPU time of frames after the warm ones [s], and where masses are.
+        """A call that returns the CPU time of frames after the warm-up frames [s], and the places
+        of masses.
 
-        Lines are those of the driver of miPhysics; places are (n, 3) [m], NaN where none is told.
+        Lines are those of miPhysics' driver; places are (n, 3) [m], NaN for a mass that does not
+        report its place.
         """
         file = Path(self._folder.name) / "scene.pd"
         masses, springs, gravity = _read(lines)
@@ -83,7 +86,7 @@ def _patch(
     warm: int,
     n_frames: int,
 ) -> Iterator[str]:
-    """A patch that is loaded, plays its frames, tells what they took, and ends."""
+    """A patch that loads, plays its frames, reports their time, and ends."""
     (heavy,) = {mass[0] for mass in masses if mass[0]}
     yield "#N canvas 0 0 400 300 10;"
     for m, *place in masses:
@@ -93,7 +96,7 @@ def _patch(
     first = len(masses) + len(springs)
     probes = np.linspace(1, len(masses) - 1, _SEEN).astype(int)
     begin, until, frame, clock, end, shown = range(first, first + 6)
-    # What one bang begins, the last outlet first.
+    # The actions of one bang, the last outlet first.
     yield _object("t", *"bbbbbbb")
     yield _object("until")
     yield f"#X msg 0 0 {_FRAME.format(weight=-heavy * gravity)};"
@@ -116,7 +119,7 @@ def _patch(
         yield from (_cord(spring, 0, int(a), 0), _cord(spring, 1, int(b), 0))
     loaded, reset, warmed, most, last, leave = range(control, gates)
     yield _cord(loaded, 0, begin, 0)
-    # The last frame is told, and is timed too.
+    # The last frame reports places, and its time is counted too.
     for outlet, (what, inlet) in enumerate(
         [(leave, 0), (clock, 1), (last, 0), (most, 0), (clock, 0), (warmed, 0), (reset, 0)]
     ):

@@ -17,7 +17,9 @@ _AMPLITUDE = 1e-4
 
 
 def bank(cells: Sequence[tuple[float, float]], each: int) -> Callable[[], float]:
-    """Cells as (f [Hz], t60 [s]), `each` of them a synth: the seconds of LONG - SHORT of sound."""
+    """Cells as (f [Hz], t60 [s]), `each` of them in a synth; a call returns the seconds that LONG -
+    SHORT of sound take.
+    """
     scsynth = found("scsynth", "supercollider-server")
     folder = tempfile.TemporaryDirectory()
     groups = [cells[i : i + each] for i in range(0, len(cells), each)]
@@ -45,7 +47,7 @@ def _score(groups: Sequence[Sequence[tuple[float, float]]], sound: float) -> byt
 
 
 def _definition(name: str, cells: Sequence[tuple[float, float]]) -> bytes:
-    """Impulse.ar(0) into a Klank into Out.ar(0), as a file of version 2 has it."""
+    """Impulse.ar(0) into a Klank into Out.ar(0), as a synth definition file of version 2."""
     constants: dict[bytes, int] = {}
 
     def number(value: float) -> tuple[int, int]:

@@ -1,1 +1,1 @@
-"""Pages of docs/ that are made from the program: `make docs`."""
+"""Generators of the pages of docs/: `make docs`."""

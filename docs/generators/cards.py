@@ -1,7 +1,7 @@
 """Measured cards of the instruments in `instruments/library`, for `docs/instruments`.
 
-Each instrument that `cards.yaml` names plays soft, middle and hard, by itself. What is measured
-of the sounds becomes rows of `cards.csv`, a page for each family, and a picture.
+Each instrument that `cards.yaml` names plays soft, middle and hard, by itself. The measurements
+of the sounds become rows of `cards.csv`, a page for each family, and a picture.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class Figures:
-    """What is measured of an instrument; frequencies in Hz, levels in dB."""
+    """Measured figures of an instrument; frequencies in Hz, levels in dB."""
 
     family: str
     name: str
@@ -114,13 +114,13 @@ def play(text: str, seconds: float) -> tuple[Samples, float]:
 
 
 def spectrum(x: Samples, rate: float) -> tuple[Samples, Samples]:
-    """Frequencies [Hz] and magnitudes, under Hann's window, twice as fine as the stretch allows."""
+    """Frequencies [Hz] and magnitudes with a Hann window, zero-padded to twice the resolution."""
     magnitude = np.abs(np.fft.rfft(x * np.hanning(len(x)), 2 * len(x)))
     return np.fft.rfftfreq(2 * len(x), 1 / rate), magnitude
 
 
 def centroid(x: Samples, rate: float) -> float:
-    """Mean frequency between 20 Hz and 16 kHz, weighed by energy [Hz]."""
+    """Energy-weighted mean frequency between 20 Hz and 16 kHz [Hz]."""
     f, magnitude = spectrum(x, rate)
     heard = (f > 20) & (f < 16_000)
     power = magnitude[heard] ** 2
@@ -236,7 +236,7 @@ def text(card: Card, said: dict[str, Any]) -> str:
 
 
 def _unit(own: Figures) -> str:
-    """The unit of what is heard of an instrument."""
+    """The unit of the instrument's output."""
     path = BESIDE.parents[2] / "instruments" / "library" / f"{own.family}.yaml"
     read = yaml.safe_load(path.read_text(encoding="utf-8"))
     out = read["instruments"][own.name]["out"]
@@ -268,7 +268,7 @@ def _known(card: Card, known: dict[str, Any]) -> list[str]:
 
 
 def main() -> None:
-    """Measure the families that are named (all, if none is), and write their pages."""
+    """Measure the named families (all by default), and write their pages."""
     folder = Path(sys.argv[1])
     table = folder / "cards.csv"
     names = [one.name for one in fields(Figures)]

@@ -31,7 +31,9 @@ NAME = "score.yaml"  # what the examples are called
 
 @dataclass(frozen=True, slots=True)
 class Code:
-    """One report: what it means, a score that gets it, one that does not, files they use."""
+    """One report: its meaning, a score that gets it, one that does not, and the files that they
+    use.
+    """
 
     code: str
     title: str
@@ -42,7 +44,7 @@ class Code:
 
 
 def rendered(loaded: Loaded) -> rendering.Completed:
-    """What was written of a score."""
+    """The files written by rendering a score."""
     options = rendering.FileOptions()
     return rendering.write(rendering.prepare(loaded, "sound.wav", options, Report()), Report())
 
@@ -55,7 +57,7 @@ def codes() -> dict[str, Code]:
 
 
 def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
-    """Everything that is said about a text: when it is read, staged, and run for a second."""
+    """All reports about a text: when it is read, staged, and run for a second."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         for name, content in entry.files.items():
             Path(name).parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The page of faults and of how soon the force then ends, made by `ergon doctor --safety`."""
+"""The page of faults and of the time until the force then ends, made by `ergon doctor --safety`."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def page() -> str:
 
 
 def main() -> None:
-    """Write the page to the path that is given."""
+    """Write the page to the given path."""
     Path(sys.argv[1]).write_text(page(), encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""The pictures and figures of `docs/gallery.md`: of all pieces on it, or of those named."""
+"""The pictures and figures of `docs/gallery.md`: of all pieces on it, or of the named ones."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LEVELS_S = 0.1  # of each level that dynamics are taken from
 
 
 def drawn(path: Path) -> tuple[str, str]:
-    """SVG and a line of features of the mean of all channels of a score, played to its end."""
+    """An SVG and a line of features, for the mean of all channels of a score played to its end."""
     loaded = load(path)
     if loaded.piece is None:
         raise ValueError(str(loaded.diagnostics))
@@ -45,7 +45,7 @@ def drawn(path: Path) -> tuple[str, str]:
 
 
 def features(sound: NDArray[np.float64], rate: float, tail: float) -> str:
-    """Length, centre of the spectrum, level above 2 kHz and dynamics of a sound, as a line."""
+    """One line with the length, spectral centroid, level above 2 kHz and dynamics of a sound."""
     window = np.hanning(_WINDOW)
     power = sum(
         np.abs(np.fft.rfft(sound[first : first + _WINDOW] * window)) ** 2
@@ -71,7 +71,7 @@ def _said(level: float) -> str:
 
 
 def main() -> None:
-    """Play the pieces, write their pictures, and put what was measured under each."""
+    """Play the pieces, write their pictures, and put the measurements under each."""
     FOLDER.mkdir(exist_ok=True)
     pieces = bundled()
     page = PAGE.read_text(encoding="utf-8")

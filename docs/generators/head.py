@@ -2,7 +2,7 @@
 
     python -m docs.generators.head /usr/share/libmysofa/MIT_KEMAR_normal_pinna.sofa space/kemar.csv
 
-The file is that of Debian's package `libmysofa1`.
+The source is the file in Debian's package `libmysofa1`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ RINGS = ((12, 0.0, 0.0), (8, 35.0, 22.5), (4, 70.0, 45.0))
 
 
 def text(path: Path) -> str:
-    """The file that ships, from the measurements."""
+    """The text of the shipped file, from the measurements."""
     measured = sofa.read(path)
     directions = unit_vectors([point(a, e, 1.0) for a, e in measured.angles.tolist()])
     places = [

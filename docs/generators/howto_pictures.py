@@ -1,4 +1,4 @@
-"""The pictures of `docs/howto`: what the commands of its pages draw."""
+"""The pictures of `docs/howto`: those that the commands of its pages draw."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HOWTO = Path(__file__).parents[1] / "howto"
 
 
 def main() -> None:
-    """Do in an empty folder what each page says, and keep the pictures."""
+    """Run the commands of each page in an empty folder, and keep the pictures."""
     for page in sorted(HOWTO.glob("*.md")):
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)

@@ -1,4 +1,4 @@
-"""Pages as readers use them: fenced blocks, each a file or commands that are typed.
+"""Pages as readers use them: fenced blocks, each a file or commands to type.
 
 An HTML comment right above a block says what it is:
 
@@ -23,7 +23,7 @@ _SECTION = re.compile(r"^(?=[a-z]+:)", re.MULTILINE)
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: its language, its text, its comments, and the page and line of it."""
+    """A fenced block: its language, its text, its comments, and its page and line."""
 
     language: str
     text: str
@@ -31,7 +31,7 @@ class Block:
     where: str
 
     def note(self, word: str) -> str | None:
-        """What a comment says after `word:`."""
+        """The text of a comment after `word:`."""
         found = [note.removeprefix(f"{word}: ") for note in self.notes]
         return next((f for f, note in zip(found, self.notes, strict=True) if f != note), None)
 
@@ -46,9 +46,10 @@ def blocks(page: Path) -> Iterator[Block]:
 
 
 def commands(block: Block) -> Iterator[tuple[list[str], str]]:
-    """The words of each `$ ergon …` of a console block, without `ergon`, and what is shown below.
+    """The words of each `$ ergon …` of a console block, without `ergon`, and the output shown below
+    it.
 
-    Raises ValueError where a command is of another program.
+    Raises ValueError if a command is of another program.
     """
     for part in re.split(r"^(?=\$ )", block.text, flags=re.MULTILINE):
         if part.startswith("$ "):

@@ -1,4 +1,4 @@
-"""The reference of all fields, from the tables that the checker reads with."""
+"""The reference of all fields, generated from the tables that the checker uses."""
 
 from __future__ import annotations
 

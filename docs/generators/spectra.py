@@ -26,7 +26,9 @@ _TICKS = (50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 def spectrogram(
     sounds: NDArray[np.float64], rate: float, title: str, names: Sequence[str] = ("",)
 ) -> str:
-    """SVG of sounds (n_sounds, n_frames), each in a frame of its own, from its own loudest down."""
+    """SVG of sounds (n_sounds, n_frames), each in its own frame, with levels relative to its own
+    loudest.
+    """
     n_sounds, n_frames = sounds.shape
     room = _WIDTH - _LEFT - 12 - _BETWEEN * (n_sounds - 1)
     across = room // n_sounds
@@ -51,7 +53,7 @@ def spectrogram(
 
 
 def _shades(x: NDArray[np.float64], rate: float, n_columns: int) -> NDArray[np.uint8]:
-    """Shades (_ROWS, n_columns) from paper, 0, to the loudest; highest frequency first."""
+    """Shades (_ROWS, n_columns) from 0 (white) to the loudest; highest frequency first."""
     padded = np.concatenate((np.zeros(_WINDOW // 2), x, np.zeros(_WINDOW)))
     starts = ((np.arange(n_columns) + 0.5) / n_columns * len(x)).astype(int)
     window = np.hanning(_WINDOW)

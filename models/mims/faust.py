@@ -13,7 +13,9 @@ _KEYWORDS = frozenset(keyword for forms in FORMS.values() for keyword in forms)
 
 
 def script(text: str) -> str:
-    """The lines of a program's script, each at its place. Raises ModelError where there is none."""
+    """The lines of a program's script, with their line numbers kept. Raises ModelError if there is
+    none.
+    """
     scripts = [found for found in _COMMENT.finditer(text) if _is_script(found[0])]
     if not scripts:
         message = (
@@ -33,6 +35,6 @@ def _is_script(comment: str) -> bool:
 
 
 def _said(line: str) -> str:
-    """A line of a script; a heading, and where the comment begins and ends, say nothing."""
+    """A line of a script; headings and comment delimiters become empty."""
     line = line.replace("/*", "").replace("*/", "").strip()
     return line if line.startswith(("@", "~")) else ""

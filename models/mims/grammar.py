@@ -1,7 +1,7 @@
-"""The words of MIMS (v1) and mi-gen (v2): what stands behind each, in which order.
+"""The words of MIMS (v1) and mi-gen (v2): which arguments each takes, in which order.
 
-A form is the points that a word joins, then the names of its values. Those in brackets may be left
-out, from the last one on; what follows them stands at the end of the line in any case.
+A form is the points that a word joins, then the names of its values. Values in brackets may be
+left out, from the last one on; values after them always stand at the end of the line.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Family = Literal["param", "mass", "macro", "link", "input", "output"]
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What stands behind a word: so many points, values, values that may be left out, values."""
+    """The arguments of a word: number of points, values, optional values, values after these."""
 
     family: Family
     points: int
@@ -26,7 +26,7 @@ class Form:
 
     @property
     def words(self) -> str:
-        """As a person writes it: `@a @b K Z [thresh]`."""
+        """The form as documentation shows it: `@a @b K Z [thresh]`."""
         points = ("@m",) if self.points == 1 else ("@a", "@b")[: self.points]
         left_out = (f"[{name}]" for name in self.optional)
         return " ".join((*points, *self.values, *left_out, *self.after)) or "nothing"

@@ -1,4 +1,4 @@
-"""What is heard of a model: positions, and forces at one end of links."""
+"""Outputs of a model: positions, and forces at one end of links."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _ending(own: Writing, name: str) -> Iterator[Statement]:
 
 
 def heard_ends(own: Writing) -> dict[int, str]:
-    """Links of which a force is heard, and the mass on which it is. Raises ModelError."""
+    """Links whose force is heard, and for each the mass on which it is heard. Raises ModelError."""
     heard: dict[int, str] = {}
     for one in own.model.of("output"):
         name = one.points[0].name

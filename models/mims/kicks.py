@@ -1,8 +1,8 @@
-"""What the jump of an input in the first step of a model does to what its links feel.
+"""Force by which the jump of an input in the first step of a model acts through its links.
 
 Before the first sample an input stands at its x0, then at the first value of its file. A model's
-dampers feel that jump. A score's input begins where its file does, so the force of the jump is a
-strike there, one sample long.
+dampers feel that jump. A score's input begins where its file begins, so the force of the jump
+becomes a strike there, one sample long.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ from ergon.models.mims.laws import Link
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """Where a point is when the score begins [m], its last step then, and that of a jump."""
+    """A point when the score begins: its position [m], its last step [m], and the jump that its
+    dampers feel [m].
+    """
 
     x: float
     step: float = 0.0
@@ -24,7 +26,8 @@ class Begin:
 
 
 def kick(law: Link, values: Mapping[str, float], a: Begin, b: Begin) -> float:
-    """The force on the first end by which the jump is missed; its opposite is that on the second.
+    """The force of the jump on the first end of a link, which the score lacks; the second end has
+    its opposite.
 
     `values` are those of the statement.
     """

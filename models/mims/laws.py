@@ -1,7 +1,7 @@
 """The links of a model as links of a score, by the laws of 2019 and of today.
 
-d of a score is x2 - x1, a model's is x1 - x2: odd laws are the same in both. A value is named as in
-the law and holds an expression of the model.
+d is x2 - x1 in a score and x1 - x2 in a model: odd laws are the same in both. A field has the
+letter of the law as its name and an expression of the model as its value.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Laws = Literal["2019", "head"]
 class Link:
     """A kind of link: its fields, each an expression of the model's values.
 
-    `turns`: whether it is the same with its ends exchanged.
+    `turns`: whether the link is the same with its ends exchanged.
     """
 
     kind: str
@@ -80,7 +80,7 @@ _2019 = {
     ),
     "nlBow": _lnl("", _BOW.format(inner="z", outer="0.25*z"), "Z scale"),
 }
-# Of today's laws what 2019 did not have is as it is.
+# Laws that 2019 did not have are those of today.
 LINKS: Mapping[Laws, Mapping[str, Link]] = {
     "head": _HEAD,
     "2019": {**_HEAD, **_2019, "damped nlPluck": _2019["nlPluck"], "smooth nlBow": _2019["nlBow"]},
@@ -103,7 +103,7 @@ _FOLLOWABLE = {
 }
 
 
-# Words of which K, Q and lim say which law holds: all of their laws in one, for the time being.
+# Words whose K, Q and lim choose the law: all of their laws in one, which chooses at each moment.
 _CHANGING = {
     "nlSpringDamper": _lnl(
         "where(q*d*d <= where(q > 0, lim - k, 0), d*(k + q*d*d), lim*d)",
@@ -122,7 +122,7 @@ _D = re.compile(r"\bd\b")
 
 
 def followable(keyword: str, law: Link, led: Collection[str]) -> Link:
-    """The same as a law of which these values may follow a signal."""
+    """The same link, with a law whose values named in `led` may follow a signal."""
     law = _FOLLOWABLE.get(law.kind, law)
     if keyword in _CHANGING and not {"K", "Q", "lim"}.isdisjoint(led):
         law = _CHANGING[keyword]

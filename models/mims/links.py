@@ -22,7 +22,9 @@ _NONE = Value("0", 0.0, 0.0, 0.0)
 
 
 def link(own: Writing, one: Statement, heard: Mapping[int, str]) -> None:
-    """A link; `heard` are those of which a force is heard, and the mass on which it is."""
+    """Add a link; `heard` gives the links whose force is heard, with the mass on which it is
+    heard.
+    """
     values = {name: value_of(own, one, name) for name in one.values}
     law = _law(own, one, values)
     ends_of = [points(own, one, point) for point in one.points]
@@ -71,12 +73,14 @@ def link(own: Writing, one: Statement, heard: Mapping[int, str]) -> None:
 
 
 def _law(own: Writing, one: Statement, values: Mapping[str, Value]) -> Link:
-    """The law of a link, one that takes signals where there are some. Raises ModelError."""
+    """The law of a link; if signals lead its values, a law that can follow them. Raises
+    ModelError.
+    """
     led = [name for name, value in values.items() if value.along]
     if not led:
         firsts = {name: value.first for name, value in values.items()}
         return LINKS[own.laws][which(one.keyword, firsts)]
-    # A value is above 0 somewhere, or it would follow nothing.
+    # The law is chosen by the highest values: a value that follows a signal is above 0 somewhere.
     most = {name: value.most for name, value in values.items()}
     if "smooth" in led:  # which law holds would change too
         message = REFUSED["signal"].format(name=quote(one.values["smooth"]), value="smooth")
@@ -88,7 +92,7 @@ def _law(own: Writing, one: Statement, values: Mapping[str, Value]) -> Link:
 
 
 def _fields(own: Writing, law: Link, values: Mapping[str, Value], share: str) -> list[str]:
-    """Its values, as constants and as what follows."""
+    """The values of a link as fields: constants, and those that follow a signal."""
     said, follows = [], []
     for letter, name in law.fields.items():
         value = values.get(name, _NONE)
@@ -102,10 +106,12 @@ def _fields(own: Writing, law: Link, values: Mapping[str, Value], share: str) ->
 def _between(
     own: Writing, one: Statement, law: Link, points: list[list[tuple[float, str]]], heard: str
 ) -> None:
-    """A spring between points between masses, as springs between any two of these masses.
+    """Write a spring between points that lie between masses, as springs between any two of these
+    masses.
 
-    Its force K·Σcx, with c the share of a mass in the first point less that in the second, is
-    divided by the same shares: -c_i·K·Σcx is the sum of springs -c_i·c_j·K, for the c add up to 0.
+    c_i is the share of mass i in the first point less its share in the second. The force K·Σcx
+    is distributed by the same shares: -c_i·K·Σcx is the sum of springs -c_i·c_j·K, because the c
+    add up to 0.
     """
     shares: dict[str, float] = {}
     for sign, targets in zip((1.0, -1.0), points, strict=True):
@@ -131,7 +137,9 @@ def _between(
 
 
 def _begin(own: Writing, point: Point, targets: list[tuple[float, str]]) -> Begin:
-    """Where a point is in the first step; one of a macro comes from 0, wherever the macro is."""
+    """The start of a point in the first step. A point of a macro is felt to jump there from 0,
+    whatever the macro's x0.
+    """
     begin = own.begins[point.name]
     macro = own.macros.get(point.name)
     if macro is None:

@@ -19,7 +19,7 @@ _FARTHEST, _FASTEST = 1e3, 1e6  # [m], [m/s] of a score
 
 
 def push(own: Writing, one: Statement) -> None:
-    """A force from outside."""
+    """Apply a force from outside."""
     if one.keyword != "frcInput":
         return
     for share, target in points(own, one, one.points[0]):
@@ -31,7 +31,7 @@ def push(own: Writing, one: Statement) -> None:
 
 
 def not_negative(value: Value, name: str, line: int) -> None:
-    """Refuse what would make energy. Raises ModelError."""
+    """Refuse a value below 0, which would make energy. Raises ModelError."""
     if value.least < 0.0:
         raise ModelError(REFUSED["negative"].format(name=name, value=value.least), line)
 
@@ -72,7 +72,7 @@ def _mass(own: Writing, one: Statement) -> None:
 
 
 def _tie(own: Writing, name: str, ties: dict[str, Value]) -> None:
-    """What ties a mass to 0 by values that follow a signal; they are those of the next step."""
+    """Tie a mass to 0 by values that follow a signal, taken from the next sample."""
     ground = own.names.new(f"{name}_ground")
     own.add(ground, "SOL: {}")
     laws = {"K": 'law: "k*d"', "Z": 'damping: "z*v"'}
@@ -96,7 +96,7 @@ def _follows(values: dict[str, str]) -> str:
 def _start(own: Writing, one: Statement, numbers: tuple[float, float, float]) -> tuple[str, str]:
     """X0 and V0: a score begins where the model is after its first step, in which no link acts.
 
-    `numbers` are its M, K and Z in that step.
+    `numbers` are M, K and Z of the mass in that step.
     """
     (mass, k, z), gravity = numbers, _gravity(own, one)
     x0 = own.value(one, "x0")
@@ -121,7 +121,7 @@ def _gravity(own: Writing, one: Statement) -> float:
     text = one.values.get("gravity")
     if text is None or own.model.dialect == "v1":
         return own.value(one, "gravity")
-    # mi-gen writes its factor behind the text, and so divides only b of a + b.
+    # mi-gen appends its factor to the text, so of `a + b` it divides only b.
     own.text(one, "gravity")
     what = f"gravity of {quote(one.name)}"
     return own.model.number(f"{text}/{RATE}", what, one.line)
@@ -174,7 +174,7 @@ def _macro(own: Writing, one: Statement) -> None:
 
 
 def _change(own: Writing, macro: places.Macro, values: dict[str, Value]) -> None:
-    """Links between neighbours of a row whose values follow a signal."""
+    """Add links between neighbours of a row, for values that follow a signal."""
     if not values:
         return
     laws = {"K": 'law: "k*d"', "Z": 'damping: "z*v"'}
@@ -186,7 +186,9 @@ def _change(own: Writing, macro: places.Macro, values: dict[str, Value]) -> None
 
 
 def _pull(own: Writing, macro: places.Macro, z: Value) -> None:
-    """The fixed ends of a string with a v0 stay, and its dampers feel them move for ever."""
+    """Add the force of a string's dampers on its fixed ends: with a v0 these do not move, but the
+    dampers feel a constant speed.
+    """
     if z.along:
         raise ModelError(REFUSED["pulling string"], macro.of.line)
     force = z.first * own.value(macro.of, "v0") / RATE

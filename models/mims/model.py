@@ -1,4 +1,4 @@
-"""A model as it was written: statements with their lines, macros kept, values as expressions."""
+"""A model as written: statements with their lines, macros not expanded, values as expressions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ergon.notation.text.errors import TextError, quote
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A mass, or a place on a macro from 0 to 1, along one side or two."""
+    """A mass, or a place on a macro from 0 to 1, along one or two sides."""
 
     name: str
     along: tuple[str, ...] = ()
@@ -33,7 +33,7 @@ class Statement:
 
 @dataclass(slots=True)
 class Model:
-    """A whole model, and the values that its parameters have."""
+    """A whole model, and the values of its parameters."""
 
     file: str
     dialect: Dialect
@@ -65,14 +65,14 @@ class Model:
         return self.number(text, f"{name} of {quote(statement.name)}", statement.line)
 
     def number(self, text: str, what: str, line: int) -> float:
-        """The number that an expression says, read once. Raises ModelError."""
+        """The value of an expression, computed once. Raises ModelError."""
         if text not in self._numbers:
             self._numbers[text] = number(text, self.params, what, line)
         return self._numbers[text]
 
 
 def number(text: str, params: Mapping[str, Amount], what: str, line: int) -> float:
-    """The number that an expression of parameters says. Raises ModelError."""
+    """The value of an expression of parameters. Raises ModelError."""
     try:
         found = evaluate(text, params)
     except TextError as error:

@@ -1,6 +1,7 @@
-"""Macros as generators of a score, and which member each of their points is.
+"""Macros as generators of a score, and the member that each of their points becomes.
 
-A fixed point is a SOL of the macro's own, for a fixed point is the same wherever it is joined from.
+All fixed points of a macro are one SOL of its own: they are at the same place, whatever is
+joined to them.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Macro:
     modules: list[tuple[str, str]] = field(default_factory=list)
 
     def is_fixed(self, row: int, column: int) -> bool:
-        """Whether a point holds still."""
+        """Whether a point is fixed."""
         ends = row in (0, self.rows - 1), column in (0, self.columns - 1)
         return {
             "string": ends[1],
@@ -49,19 +50,19 @@ class Macro:
 
     @property
     def is_whole(self) -> bool:
-        """Whether one generator is all that moves of it."""
+        """Whether one generator holds all its moving points."""
         keyword = self.of.keyword
         return keyword in ("chain", "mesh") or (keyword != "cornerMesh" and self.height == "0")
 
     def span(self, row: int) -> tuple[int, int]:
-        """The columns of a row that move: first, and how many."""
+        """The columns of a row that move: the first, and their number."""
         if self.of.keyword == "closedMesh" and row in (0, self.rows - 1):
             return 0, 0
         held = self.is_fixed(row, 0)
         return int(held), self.columns - 2 * held
 
     def member(self, row: int, first: int, count: int = 1) -> str:
-        """Some points of a row that move, as a range of a module."""
+        """Moving points of a row, as a range of a module."""
         own, size = self.span(row)
         name, at = self.row(row), first - own
         if self.is_whole:
@@ -73,7 +74,7 @@ class Macro:
 
     @property
     def moving(self) -> list[str]:
-        """All that moves, a range for each module, or several for as many as a link may have."""
+        """All moving points: one range for each module, split where a link cannot take as many."""
         rows = [row for row in range(self.rows) if self.span(row)[1]]
         if not self.is_whole or len(rows) == 1:
             return [self.member(row, *self.span(row)) for row in rows]
@@ -82,7 +83,9 @@ class Macro:
         return [f"{self.name}.{a}..{min(a + MAX_SPREAD, count) - 1}" for a in firsts]
 
     def neighbours(self) -> list[tuple[str, str]]:
-        """Both ends of all links along a single row, a range for those between what moves."""
+        """Both ends of all links along a single row; those between moving points are given as
+        ranges.
+        """
         first, count = self.span(0)
         inner = [
             (self.member(0, at, size), self.member(0, at + 1, size))
@@ -99,7 +102,7 @@ class Macro:
         return self.name if self.rows == 1 else f"{self.name}_row{row}"
 
     def at(self, row: int, column: int) -> str:
-        """One point."""
+        """The name of one point."""
         if not self.is_fixed(row, column):
             return self.member(row, column)
         self.is_joined = True
@@ -108,9 +111,9 @@ class Macro:
     def points(
         self, sides: Sequence[float], *, is_2019: bool, line: int
     ) -> list[tuple[float, str]]:
-        """The members that a place lies between, with the share of each. Raises ModelError.
+        """The members between which a place lies, with the share of each. Raises ModelError.
 
-        Linear along each side, so that at most four members of a mesh have a share.
+        Shares are linear along each side, so that at most four members of a mesh have one.
         """
         is_string = self.of.keyword in STRINGS
         counts = (self.columns,) if is_string else (self.rows, self.columns)
@@ -163,7 +166,7 @@ def size(one: Statement) -> tuple[int, int]:
 
 
 def build(own: Macro, is_2019: bool) -> None:
-    """Its modules; the fixed point comes last, where it is needed."""
+    """Add the modules of the macro."""
     if own.is_whole:
         _whole(own)
     else:
@@ -203,7 +206,7 @@ def _whole(own: Macro) -> None:
 
 
 def _rows(own: Macro) -> None:
-    """A STRING for each row, which links join to the next row and to what is fixed."""
+    """Write a STRING for each row, and links that join it to the next row and to fixed points."""
     for row in range(own.rows):
         first, count = own.span(row)
         if not count:
@@ -236,7 +239,9 @@ def _join(own: Macro, name: str, a: str, b: str) -> None:
 
 
 def _stiffness(own: Macro, is_2019: bool) -> None:
-    """Springs to neighbours but one, and at the ends to the neighbour; 2019 left the first out."""
+    """Add springs to second neighbours, and at the ends to the neighbour; the laws of 2019 had none
+    at the first end.
+    """
     n = own.columns
     k = own.written["K2"]
     if n > 4:

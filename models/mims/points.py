@@ -1,4 +1,4 @@
-"""What points of a model are in its score: modules, members of macros, points between masses."""
+"""Points of a model in its score: modules, members of macros, points between masses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ergon.models.mims.writing import Writing
 
 
 def points(own: Writing, one: Statement, point: Point) -> list[tuple[float, str]]:
-    """What a point is: a module, or members of a macro with the share of each."""
+    """A point as a module, or as members of a macro with the share of each."""
     macro = own.macros.get(point.name)
     if macro is None:
         return [(1.0, own.targets[point.name])]
@@ -21,7 +21,7 @@ def points(own: Writing, one: Statement, point: Point) -> list[tuple[float, str]
 
 
 def shares(own: Writing, one: Statement, point: Point) -> list[tuple[float, str]]:
-    """The masses that feel what happens at a point in the first step."""
+    """The masses that feel a force at a point in the first step, with the share of each."""
     macro = own.macros.get(point.name)
     if macro is None:
         return [(1.0, own.targets[point.name])]
@@ -33,7 +33,7 @@ def shares(own: Writing, one: Statement, point: Point) -> list[tuple[float, str]
 
 
 def _moving(own: Writing, macro: places.Macro, sides: list[Along]) -> str:
-    """A point that signals move; its name."""
+    """Add a point that signals move; returns its name."""
     guides = []
     for side in sides:
         guides.append(guide(own, side.signal) if side.signal else _place(own, macro, side))
@@ -54,7 +54,7 @@ def _place(own: Writing, macro: places.Macro, side: Along) -> str:
 
 
 def still(own: Writing, point: Point, shares: list[tuple[float, str]]) -> str:
-    """A point between masses; its name."""
+    """Add a point between masses; returns its name."""
     key = tuple(shares)
     if key not in own.proxies:
         own.proxies[key] = own.names.new(f"{own.macros[point.name].name}_point")

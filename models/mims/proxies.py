@@ -22,7 +22,9 @@ _CLOSE = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Along:
-    """A place or a value, `slope` times a signal and `start`; without a signal at `start`."""
+    """A place or a value: `start` plus `slope` times a signal; `start` alone if there is no
+    signal.
+    """
 
     signal: str | None
     slope: float
@@ -35,14 +37,14 @@ def signals_in(model: Model, text: str) -> list[str]:
 
 
 def along(model: Model, point: Point, line: int) -> list[Along]:
-    """Where a point is along each side of its macro. Raises ModelError."""
+    """The position of a point along each side of its macro. Raises ModelError."""
     return [
         straight(model, text, f"the place on {quote(point.name)}", line) for text in point.along
     ]
 
 
 def straight(model: Model, text: str, what: str, line: int) -> Along:
-    """An expression as a straight line of its signal. Raises ModelError."""
+    """An expression as a linear function of its signal. Raises ModelError."""
     named = signals_in(model, text)
     if not named:
         return Along(None, 0.0, model.number(text, what, line))
@@ -63,14 +65,16 @@ def straight(model: Model, text: str, what: str, line: int) -> Along:
 
 
 def between_masses(shares: Sequence[tuple[float, str]]) -> str:
-    """A point that stays, as a module."""
+    """A fixed place between masses, as a module."""
     of = ", ".join(name for _, name in shares)
     each = ", ".join(repr(share) for share, _ in shares)
     return f"PROXY: {{of: [{of}], shares: [{each}]}}"
 
 
 def moving(macro: Macro, sides: Sequence[Along], guides: Sequence[str], *, is_2019: bool) -> str:
-    """A point that signals move, as a module; `guides` are the MATs that have their values."""
+    """A point that signals move, as a module; `guides` are the MATs whose positions are the
+    signals.
+    """
     counts = (macro.columns,) if macro.of.keyword in STRINGS else (macro.rows, macro.columns)
     said = [f"of: {_row(macro)}"]
     if " " in said[0] and len(counts) > 1:
@@ -81,7 +85,8 @@ def moving(macro: Macro, sides: Sequence[Along], guides: Sequence[str], *, is_20
     said.append(f"follows: {_list(list(guides))}")
     offsets, spans = [], []
     for side, count in zip(sides, counts, strict=True):
-        # The laws of 2019 take N for N - 1, and hold a point that goes beyond at the last.
+        # The laws of 2019 take N in place of N - 1, and hold a point beyond the last mass at the
+        # last mass.
         reach = (count - 1) / count if is_2019 else 1.0
         slope = side.slope if side.signal else 1.0
         spans.append(f"{reach / slope!r}m")
@@ -98,7 +103,7 @@ def _list(items: list[str]) -> str:
 
 
 def _has_rim(macro: Macro) -> bool:
-    """Whether fixed points lie all around what moves, and nowhere else."""
+    """Whether fixed points surround the moving points, and lie nowhere else."""
     keyword = macro.of.keyword
     return keyword in ("string", "stiffString") or (keyword == "closedMesh" and macro.rows > 3)
 

@@ -1,4 +1,4 @@
-"""From the text of a `.mdl` file to a `Model`: one reader for both dialects."""
+"""Reads the text of a `.mdl` file into a `Model`, in both dialects."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _DISPLAYED = ("ground", "mass", "massG", "osc", "posInput")  # v1: a buffer, x a
 def text_of(path: Path) -> str:
     """The text of a model, or of the script in a Faust program (`.dsp`).
 
-    Raises ModelError where it is none, and OSError.
+    Raises ModelError if the file has neither, and OSError.
     """
     text = _text_of(path)
     return script(text) if path.suffix.lower() == ".dsp" else text
@@ -170,7 +170,7 @@ def _point(word: str, line: int) -> Point:
 def _v1_points(
     points: tuple[Point, ...], values: list[str], macros: set[str], keyword: str, line: int
 ) -> tuple[tuple[Point, ...], list[str]]:
-    """Where on macros the points lie stands behind the values, in their order."""
+    """The places on macros, which stand after the values, in the order of the points."""
     on = [point for point in points if point.name in macros]
     if len(values) < len(on):
         raise ModelError(f"{keyword}: where on {quote(on[0].name)} is left out", line)
@@ -193,7 +193,7 @@ def _values(form: Form, words: list[str], keyword: str, line: int) -> dict[str, 
 
 
 def _height(text: str, line: int) -> str:
-    """The third of [x y z], which alone moves; or the one that is written."""
+    """The third component of [x y z], the only one that moves; or the number as written."""
     words = text.split()
     if len(words) == 1 or not all(re.fullmatch(r"[+-]?[\d.eE+-]+", word) for word in words):
         return text
@@ -257,7 +257,7 @@ def _known_points(model: Model, macros: set[str]) -> None:
 
 
 def _numbers(model: Model, one: Statement) -> None:
-    """Every value is a number, whatever is made of it later."""
+    """Check that every value is a number, even if it is not used later."""
     for name in _values_of(one):
         model.value(one, name)
         if model.dialect == "v2" and name in ("x0", "v0") and not _is_plain(one.values[name]):

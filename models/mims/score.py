@@ -22,7 +22,7 @@ from ergon.notation.tables.expressions import Amount
 def written(
     model: Model, laws: Laws = "head", inputs: Mapping[str, Input] | None = None, title: str = ""
 ) -> str:
-    """The text of a score that sounds as a model. Raises ModelError with the line at fault.
+    """The text of a score with the same sound as a model. Raises ModelError with the line at fault.
 
     `laws`: those that mi-gen had in 2019, for which older models were made, or today's.
     """

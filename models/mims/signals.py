@@ -15,9 +15,10 @@ _HELD = "1e9"  # mass of what is moved whatever pushes it: no link is too stiff 
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A value of a statement: an expression, or a straight line of a signal; least and most of it.
+    """A value of a statement: an expression, or a linear function of a signal, with its least and
+    most.
 
-    `first` is what it is in the first step.
+    `first` is its value in the first step.
     """
 
     text: str
@@ -28,7 +29,9 @@ class Value:
 
 
 def value_of(own: Writing, one: Statement, name: str) -> Value:
-    """A value that may follow a signal; a constant where that has no file. Raises ModelError."""
+    """A value that may follow a signal; a constant if that signal has no file. Raises
+    ModelError.
+    """
     text = one.values.get(name, "0")
     if not signals_in(own.model, text):
         number = own.value(one, name)
@@ -44,9 +47,10 @@ def value_of(own: Writing, one: Statement, name: str) -> Value:
 
 
 def following(own: Writing, value: Value, *, is_ahead: bool = False) -> str:
-    """What a value follows, as the field of a module; the mass of a MAT is that of the next step.
+    """How a value follows a signal, as the field of a module; with `is_ahead` it follows the next
+    sample.
 
-    The value is that of the model wherever the signal is within what its file has.
+    The value is that of the model while the signal stays within the range of its file.
     """
     side = value.along
     if side is None or side.signal is None:
@@ -60,9 +64,9 @@ def following(own: Writing, value: Value, *, is_ahead: bool = False) -> str:
 
 
 def guide(own: Writing, signal: str, *, is_ahead: bool = False) -> str:
-    """The point that has the values of a signal, or those of the next sample; its name."""
+    """The name of the point that has the values of a signal, or those of its next sample."""
     source = own.model.signals[signal]
-    # What comes by OSC has no next sample yet.
+    # The next sample of OSC is not known yet.
     is_ahead &= source in own.inputs and own.inputs[source].file is not None
     known = f"{signal} ahead" if is_ahead else signal
     if known not in own.guides:
@@ -75,7 +79,7 @@ def guide(own: Writing, signal: str, *, is_ahead: bool = False) -> str:
 
 
 def _next(own: Writing, source: str) -> str:
-    """A take that is a sample ahead of an input's; its name."""
+    """The name of a take that is one sample ahead of an input's take."""
     if source not in own.ahead:
         fed = own.inputs[source]
         stop = f"{(fed.n_frames - 1) / RATE!r}s"
@@ -86,7 +90,7 @@ def _next(own: Writing, source: str) -> str:
 
 
 def fed(own: Writing, wanted: str, source: str) -> str:
-    """A point that has the values of an input, or of a take; its name."""
+    """Add a point that has the values of an input or a take; returns its name."""
     takes: dict[str, Input] = {**own.inputs, **own.takes}
     found, name = takes.get(source), own.names.new(wanted)
     if found is None:

@@ -1,4 +1,4 @@
-"""A score in the making: what a model has become so far."""
+"""A score in the making: what has been written of a model so far."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Writing:
     takes: dict[str, Input] = field(default_factory=dict)  # beside those of inputs
 
     def add(self, name: str, text: str, comment: str = "") -> None:
-        """A module."""
+        """Add a module."""
         self.modules.append(Line(name, f"{{{text}}}", comment))
 
     def text(self, one: Statement, name: str, default: str = "0") -> str:

@@ -16,7 +16,7 @@ _MOST_DEPTH = 8
 _PLACE = ("initPos.x", "initPos.y", "initPos.z")
 _SPEED = ("initVel.x", "initVel.y", "initVel.z")
 
-# The numbers of each kind; those of masses begin with their place.
+# The values of each kind; those of masses begin with their place.
 MASSES: Mapping[str, tuple[str, ...]] = {
     "Ground3D": _PLACE,
     "Mass3D": (*_PLACE, *_SPEED, "mass"),
@@ -46,7 +46,7 @@ _REFUSED = {
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A mass or a link: its kind, its name, the masses that it joins, its numbers by name."""
+    """A mass or a link: its kind, its name, the masses that it joins, and its values by name."""
 
     kind: str
     name: str
@@ -57,7 +57,7 @@ class Part:
 
 @dataclass(slots=True)
 class Network:
-    """What a file says; gravity [m per sample²] goes against the third axis."""
+    """The content of a file; gravity [m per sample²] acts against the third axis."""
 
     gravity: float = 0.0
     friction: float = 0.0
@@ -74,7 +74,7 @@ def parse(text: str) -> Network:
     """The masses and links of a file. Raises ModelError with the line at fault."""
     reading = _Reading()
     parser = expat.ParserCreate("utf-8")
-    # An entity stands in a document type alone: without one nothing grows and nothing is loaded.
+    # Only a document type can declare entities: without one, nothing expands and nothing is loaded.
     parser.StartDoctypeDeclHandler = reading.refuse
     parser.StartElementHandler = reading.start
     parser.EndElementHandler = reading.end

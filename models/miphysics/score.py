@@ -1,7 +1,7 @@
 """A model of miPhysics as a score: points in space, and masses of one axis under `units: ca`.
 
-A unit of length is a millimetre of the score. A step of the model is a sample, so that K and Z of
-the score are greater by the rate's square and the rate.
+A unit of length is a millimetre of the score. A step of the model is a sample, so K and Z of the
+score are the model's times the square of the rate and the rate.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ class _Writing:
 
 
 def written(network: Network, title: str, rate: int) -> str:
-    """The text of a score that moves as a model at a rate [Hz]. Raises ModelError with the line."""
+    """The text of a score that moves as a model does at a rate [Hz]. Raises ModelError with the
+    line.
+    """
     own = _Writing(network, rate)
     known = {one.name: one for one in network.masses}
     for link in network.links:
@@ -67,7 +69,9 @@ def written(network: Network, title: str, rate: int) -> str:
 
 
 def _joined(link: Part, known: dict[str, Part]) -> None:
-    """Raises ModelError where a link joins what is not there, or what does not fit it."""
+    """Raises ModelError if a link joins a mass that does not exist, or of a kind that does not fit
+    it.
+    """
     for end in link.ends:
         if end not in known:
             near = nearest(end, known)
@@ -156,7 +160,7 @@ def _link(own: _Writing, link: Part) -> None:
 
 
 def _wall(own: _Writing, axis: int, position: float, link: Part) -> str:
-    """The plane of a contact, which others on it share."""
+    """The plane of a contact; contacts on the same plane share it."""
     _within(link, "position", position, _FARTHEST)
     if (axis, position) not in own.walls:
         name = own.walls[axis, position] = own.new(f"wall_{'xyz'[axis]}")
@@ -169,7 +173,7 @@ def _wall(own: _Writing, axis: int, position: float, link: Part) -> str:
 
 
 def _mass(own: _Writing, one: Part) -> None:
-    """A mass that moves along z; places are metres, for `units: ca` has numbers alone."""
+    """Add a mass that moves along z; places are metres, because `units: ca` has numbers alone."""
     z, name = one.values["initPos.z"], own.masses[one.name]
     _within(one, "a place", z, _FARTHEST * _MILLI)
     x0 = f"X0: {_number(z)}m"
@@ -185,7 +189,7 @@ def _mass(own: _Writing, one: Part) -> None:
         if k < 0.0 or loss < 0.0:
             raise ModelError("stiffness or damping below 0 makes energy", one.line)
         fields += [f"K: {_number(k)}", f"Z: {_number(loss)}"]
-        # It is tied to where it begins, and a CEL has that as its rest.
+        # The mass is tied to the place where it begins: the rest of a CEL.
         fields += [f"rest: {_number(z)}m"] if is_tied and z else []
     fields.append(x0)
     if speed := one.values["initVel.z"]:
@@ -208,7 +212,7 @@ def _spring(own: _Writing, link: Part, known: dict[str, Part]) -> None:
     a, b = link.ends
     if not {known[a].kind, known[b].kind} - {"Ground1D"}:
         return  # nothing of it moves
-    # d of a score is x_b - x_a - rest, that of the model z1 - z2 - drest.
+    # d is x_b - x_a - rest in a score, and z1 - z2 - drest in the model.
     said = [f"between: [{own.masses[b]}, {own.masses[a]}]", f"K: {_number(values['stiffness'])}"]
     said += [f"Z: {_number(values['damping'])}"]
     said += [f"rest: {_number(values['drest'])}m"] if values["drest"] else []

@@ -1,8 +1,8 @@
-"""Where a score of a model of miPhysics begins.
+"""Initial speeds of a score of a model of miPhysics.
 
 miPhysics keeps two places of each mass, and steps x+ = 2x - x₋ + F/M - g - (x - x₋)·f/M. A score
-in space has a place and a speed V0 in seconds, and makes x₋ of them by half of the force that is
-there at 0 s; so V0 is such that this is the model's own x₋.
+in space has a place and a speed V0 in seconds, and computes x₋ from them with half of the force
+at 0 s; so V0 is chosen to give the model's own x₋.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def drag(friction: float, mass: float) -> float:
 
 
 def speeds(network: Network, rate: float) -> dict[str, Vector]:
-    """V0 of each Mass3D, as units a sample; a file has them a second."""
+    """V0 of each Mass3D, in units per sample; a file has them per second."""
     places = {one.name: place(one) for one in network.masses}
     masses = {one.name: one.values["mass"] for one in network.masses if one.kind == "Mass3D"}
     steps = {one.name: step(one, rate) for one in network.masses if one.kind == "Mass3D"}
@@ -55,7 +55,7 @@ def place(one: Part) -> Vector:
 
 
 def step(one: Part, rate: float) -> Vector:
-    """The way [a sample] that a mass made before the first sample."""
+    """The step [per sample] that a mass made before the first sample."""
     values = one.values
     return values["initVel.x"] / rate, values["initVel.y"] / rate, values["initVel.z"] / rate
 
@@ -66,7 +66,7 @@ def _push(
     places: Mapping[str, Vector],
     steps: Mapping[str, Vector],
 ) -> None:
-    """Add what a link does at 0 s."""
+    """Add the force of a link at 0 s."""
     values = link.values
     k, z = values.get("stiffness", 0.0), values.get("damping", 0.0)
     still = (0.0, 0.0, 0.0)

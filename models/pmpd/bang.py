@@ -7,10 +7,11 @@ from ergon.models.pmpd.tables import table
 
 
 def first_bang(network: Network) -> dict[int, float]:
-    """Move the masses by one bang; forces that links then have beyond what a score's links have.
+    """Move the masses by one bang; returns the forces that links then have in addition to those of
+    a score's links.
 
-    In its first bang pmpd moves masses by forces that were sent to it, then looks at the links for
-    the first time. Their dampers feel all that was moved since they were made.
+    In its first bang pmpd moves masses by the forces sent to it, then reads the links for the
+    first time. Their dampers feel all movement since they were made.
     """
     for one in network.masses:
         if one.is_mobile:
@@ -23,7 +24,7 @@ def first_bang(network: Network) -> dict[int, float]:
         a, b = network.masses[link.a], network.masses[link.b]
         length = a.x - b.x
         felt, moved = length - link.before, a.v - b.v
-        # What is moved by its own step is felt by a score's damper too; rounding is none of it.
+        # A score's damper feels the step of a mass too, so only the rest counts, above rounding.
         if abs(felt - moved) <= 1e-12 * max(abs(length), abs(link.before)):
             continue
         if not (link.Lmin <= length < link.Lmax) or length == 0.0:

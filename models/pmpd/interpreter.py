@@ -1,4 +1,4 @@
-"""Messages of pmpd obeyed one by one: the masses, links and ports that stand at the end."""
+"""Interpreter of pmpd's messages: the masses, links and ports that they make."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _KINDS = {"mass": "masses", "link": "links", "NLlink": "nl_links"}
 
 
 def network(kind: Object, messages: Sequence[Message]) -> Network:
-    """Masses and links that messages make. Raises ModelError with the line at fault."""
+    """The masses and links that messages make. Raises ModelError with the line at fault."""
     made = Network(kind)
     arrays = {
         one.rest[at]
@@ -40,7 +40,7 @@ def network(kind: Object, messages: Sequence[Message]) -> Network:
 
 
 def _created(made: Network, message: Message) -> None:
-    """The object as it stands in a patch: `pmpd~ 1 2` has one inlet and two outlets."""
+    """Create the object as a patch writes it: `pmpd~ 1 2` has one inlet and two outlets."""
     values = [number(word) for word in message.rest]
     if made.kind == "pmpd":
         return  # how many masses and links it has room for
@@ -57,7 +57,9 @@ def _created(made: Network, message: Message) -> None:
 
 
 def _array(made: Network, message: Message) -> None:
-    """`NAME resize 5` and `NAME 0 1 2`: values from an index on, as arrays of Pure Data take."""
+    """Set an array as Pure Data does: `NAME resize 5`, or `NAME 0 1 2` for values from an index
+    on.
+    """
     first, *rest = message.rest or ("",)
     values = [number(word) for word in rest]
     start = number(first)
@@ -107,7 +109,7 @@ def _asks(word: str) -> bool:
 
 
 def _value(made: Network, value: Value, word: str | None, line: int) -> Any:
-    """What a word says, by the kind of value that stands there."""
+    """The value of a word, by the kind of value that is expected."""
     if not word:  # left out: all masses, or nothing
         return list(range(len(made.masses))) if value.kind == "masses" else None
     found = number(word)
@@ -230,7 +232,7 @@ def _bang(made: Network, word: str, line: int) -> None:
 
 
 def _reset(made: Network, word: str, line: int) -> None:
-    """All is as at first, but arrays and the number of ports, which are not the object's."""
+    """Reset everything except arrays and the number of ports, which do not belong to the object."""
     fresh = Network(made.kind, arrays=made.arrays, n_ports=made.n_ports)
     for one in fields(Network):
         setattr(made, one.name, getattr(fresh, one.name))
@@ -241,7 +243,7 @@ def _nothing(made: Network, word: str, line: int) -> None:
 
 
 def _set(things: str, name: str) -> Callable[..., None]:
-    """A setter of one value of some masses or links; a value that is left out stays."""
+    """A setter of one value of some masses or links; an omitted value is left as it is."""
 
     def change(made: Network, word: str, line: int, which: int | list[int], value: float) -> None:
         for at in [which] if isinstance(which, int) else which:
@@ -268,7 +270,7 @@ def _set_mass(made: Network, word: str, line: int, which: int | list[int], M: fl
 
 
 def _put(made: Network, word: str, line: int, masses: list[int], x: float) -> None:
-    """pmpd puts a mass somewhere and stops it."""
+    """Put masses at `x` and stop them."""
     for at in masses:
         one = made.masses[at]
         one.x, one.v, one.f = x, 0.0, 0.0

@@ -1,4 +1,4 @@
-"""Masses and links of a pmpd object, and what it is fed and asked for."""
+"""Masses and links of a pmpd object, and its inlets and outlets."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MOST_PORTS = 99  # inlets, outlets
 
 @dataclass(slots=True)
 class Mass:
-    """A mass of a class at x [m], after a step v [m], that a force f waits for."""
+    """A mass of a class at x [m] with a last step v [m] and a pending force f."""
 
     of: str
     is_mobile: bool
@@ -25,7 +25,7 @@ class Mass:
 
 @dataclass(slots=True)
 class Link:
-    """A link of masses by their indices; `before` is its length [m] as it was last looked at.
+    """A link of masses by their indices; `before` is its length [m] when it was last read.
 
     `form` is the kind of law: "link~" and "NLlink~" of pmpd~, "link" and "table" of pmpd.
     """
@@ -67,7 +67,7 @@ class Asked:
 
 @dataclass(slots=True)
 class Network:
-    """What messages have made."""
+    """The object that messages have made."""
 
     kind: Object
     masses: list[Mass] = field(default_factory=list)

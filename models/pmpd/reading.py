@@ -21,7 +21,7 @@ _MOST_WORDS = 20_000  # of a message: the values of an array
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A word and what stands behind it."""
+    """A word and its arguments."""
 
     word: str
     rest: tuple[str, ...]
@@ -37,7 +37,7 @@ def is_list(text: str) -> bool:
 
 
 def messages(text: str, most: int = MOST + 1) -> Iterator[Message]:
-    """Messages end at `;` and `,`, and at line ends where there is no `;`.
+    """Split a text into messages, at `;` and `,`, and at line ends if there is no `;`.
 
     Lines that begin with `#` and a space are comments. Raises ModelError.
     """
@@ -103,6 +103,6 @@ def _object(found: list[Message], wanted: Object | None) -> Object:
 
 
 def number(word: str) -> float | None:
-    """The number that a word is, if it is one."""
+    """The number that a word is; None if it is not a number."""
     value = float(word) if _NUMBER.fullmatch(word) else None
     return value if value is None or isfinite(value) else None

@@ -1,4 +1,6 @@
-"""Masses and links of pmpd as a score under `units: ca`: a bang, or a sample, is a sample."""
+"""Masses and links of pmpd as a score under `units: ca`: a bang of pmpd, or a sample of pmpd~, is a
+sample of the score.
+"""
 
 from __future__ import annotations
 
@@ -36,14 +38,14 @@ class _Writing:
     joined: set[int] = field(default_factory=set)  # links within strings, by their places
 
     def add(self, wanted: str, text: str, comment: str = "") -> str:
-        """A module; its name."""
+        """Add a module; returns its name."""
         name = self.names.new(wanted)
         self.modules.append(Line(name, f"{{{text}}}", comment))
         return name
 
 
 def written(network: Network, inputs: Mapping[str, Input], title: str) -> str:
-    """The text of a score that moves as the object. Raises ModelError with the line at fault.
+    """The text of a score that moves as the object does. Raises ModelError with the line at fault.
 
     `inputs` are files by `in0`, `in1` …, the inlets of pmpd~.
     """
@@ -137,7 +139,7 @@ def _moved(own: _Writing, port: Port, one: Mass, word: str) -> str:
 
 
 def _damper(own: _Writing, word: str, mass: str, D: float) -> None:
-    """A viscosity against what stands still."""
+    """Add a viscosity against the ground."""
     own.ground = own.ground or own.add("ground", "SOL: {}", "what stands still")
     ends = f"between: [{own.ground}, {mass}]"
     if D >= 0.0:
@@ -157,7 +159,7 @@ def _link(own: _Writing, nth: int, link: Link) -> None:
     if all(still):
         return  # nothing of it moves
     D = link.D
-    # d of a score is x_b - x_a, and pmpd's length is x1 - x2.
+    # d is x_b - x_a in a score, and pmpd's length is x1 - x2.
     ends = f"between: [{own.masses[link.b]}, {own.masses[link.a]}]"
     mobile = own.masses[link.b if still[0] else link.a]
     if D and any(at in own.moved for at in (link.a, link.b)):
@@ -186,7 +188,7 @@ def _link(own: _Writing, nth: int, link: Link) -> None:
 
 
 def _is_plain(own: _Writing, link: Link, D: float) -> bool:
-    """Whether a score has it as a spring with a damper."""
+    """Whether a score can write the link as a spring with a damper."""
     return _is_straight(own, link) and link.K >= 0.0 and D >= 0.0
 
 
@@ -202,9 +204,9 @@ def _is_open(link: Link) -> bool:
 
 
 def _law(link: Link, D: float) -> str:
-    """K times a power of the length beyond that at rest, within bounds of the length."""
+    """K times a power of the length beyond the rest length, within bounds of the length."""
     is_audio = link.form == "NLlink~"
-    # Bounds of pmpd~ are for the length beyond that at rest, those of pmpd for the whole length.
+    # Bounds of pmpd~ are for the length beyond the rest length, those of pmpd for the whole length.
     d = "d" if is_audio or not link.L else "(d - l)"
     values = {"k": link.K, **({"p": link.Pow} if link.Pow != 1.0 else {})}
     law = f"k*{d}" if link.Pow == 1.0 else f"where({d} < 0, -k*abs({d})**p, k*abs({d})**p)"
@@ -220,7 +222,8 @@ def _law(link: Link, D: float) -> str:
     if is_within:
         law, damping = (f"where({'*'.join(is_within)}, {one}, 0)" for one in (law, damping))
     if link.Pow < 1.0:
-        # Steep without bound at rest: no certificate allows that of a law, and of friction each.
+        # The slope of this law is infinite at rest. A law without a bound on its slope has no
+        # certificate, but dry friction has one.
         said = [f'damping: "{law}{f" + {damping}" if D else ""}"']
     else:
         said = [f'law: "{law}"', *([f'damping: "{damping}"'] if D else [])]
@@ -241,7 +244,7 @@ def _feeds(own: _Writing) -> None:
         if port.what != "inForce" or fed is None:
             continue
         if not own.of.masses[port.mass].is_mobile:
-            continue  # what is fixed feels nothing
+            continue  # a fixed mass is not moved by forces
         if fed.file is None and any(_moves(other, port.number) for other in own.of.ports):
             message = f"inlet {port.number} moves one mass and pushes another, which a file can do"
             raise ModelError(f"{message} and osc cannot", port.line)

@@ -1,4 +1,4 @@
-"""Equal masses in a row that equal links join: strings, which a score writes as one module."""
+"""Equal masses in a row with equal links: a score writes them as one STRING."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LEAST = 3  # masses
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Masses from `first` on, `count` of them, and the links between neighbours by their places."""
+    """`count` masses from `first` on, and the links between neighbours, by their indices."""
 
     first: int
     count: int
@@ -23,7 +23,9 @@ class Row:
 def rows(
     network: Network, moved: Collection[int], is_plain: Callable[[Link], bool]
 ) -> dict[int, Row]:
-    """Rows of masses by their first ones; `moved` masses are in none, and links are plain ones."""
+    """Rows of masses, by their first ones. `moved` masses are in no row, and its links are
+    plain.
+    """
     masses = network.masses
     between: dict[int, int] = {}  # the first link from a mass to the next one
     for at, link in enumerate(network.links):
@@ -51,7 +53,7 @@ def rows(
 
 
 def _matter(one: Mass, is_moved: bool) -> tuple[object, ...] | None:
-    """What is the same in all masses of a row; None for a mass that is in none."""
+    """The properties that all masses of a row share; None for a mass that cannot be in a row."""
     is_free = one.is_mobile and not one.D and not is_moved
     return (one.of, one.M, one.x, one.v) if is_free else None
 

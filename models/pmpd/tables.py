@@ -17,12 +17,14 @@ _MOST = 2_000  # values of an array that is viscosity
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Values of an array at 0, 1/n … (n - 1)/n, odd, and the last one beyond."""
+    """Values of an array at 0, 1/n … (n - 1)/n, linear between them; odd, and constant beyond the
+    last.
+    """
 
     values: Sequence[float]
 
     def at(self, place: float) -> float:
-        """What pmpd reads there: straight lines between values."""
+        """The value that pmpd reads at a place, by linear interpolation."""
         size = abs(place) * len(self.values)
         sign = 1.0 if place > 0.0 else -1.0
         if size >= len(self.values) - 1:
@@ -42,7 +44,9 @@ def table(arrays: Mapping[str, Sequence[float]], name: str, line: int) -> Table:
 
 
 def springs(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
-    """Laws that add up to a tabLink: by elongation, then by its rate. Raises ModelError."""
+    """Laws that add up to a tabLink: first of the elongation, then of its rate. Raises
+    ModelError.
+    """
     assert link.tables is not None
     name_k, length_k, name_d, length_d = link.tables
     k, d = table(arrays, name_k, link.line).values, table(arrays, name_d, link.line).values
@@ -58,7 +62,7 @@ def springs(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
 
 
 def _elastic(values: Sequence[float], length: float) -> Iterator[str]:
-    """Points without the jump at 0, and the jump."""
+    """The points of a law without its jump at 0, then the jump as a law of its own."""
     first, n = values[0], len(values)
     if any(value != first for value in values):
         half = [(length * at / n, value - first) for at, value in enumerate(values)]
@@ -66,12 +70,12 @@ def _elastic(values: Sequence[float], length: float) -> Iterator[str]:
         points = [(-d, -f) for d, f in reversed(half[1:])] + half
         yield f"points: [{', '.join(f'[{d!r}m, {f!r}N]' for d, f in points)}]"
     if first:
-        # As friction, for no certificate allows a law that is steep without bound at rest.
+        # Written as friction: a law with an infinite slope at rest has no certificate.
         yield f'damping: "f*sign(d)", f: {first!r}'
 
 
 def _viscous(values: Sequence[float], length: float) -> Iterator[str]:
-    """A sum of bends: b·max(0, |v| - c), with the sign of v, in as many laws as it takes."""
+    """A sum of terms b·max(0, |v| - c) with the sign of v, in as many laws as needed."""
     n = len(values)
     slopes = [0.0, *((b - a) * n / length for a, b in pairwise(values)), 0.0]
     bends = [

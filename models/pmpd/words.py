@@ -1,7 +1,7 @@
-"""The words of pmpd and pmpd~ (Pure Data), one-dimensional: what stands behind each.
+"""The words of pmpd and pmpd~ (Pure Data), one-dimensional, and the arguments of each.
 
-A form is a row of values, each with its kind: `mass:masses` is an index or a class of masses. What
-has a `=` may be left out, and is then what stands behind it.
+A form is a row of values, each with its kind: `mass:masses` is an index or a class of masses. A
+value with `=` may be left out; its default is after the `=`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ OBJECTS: tuple[Object, ...] = ("pmpd", "pmpd~")
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A value behind a word: its name, its kind, what it is where it is left out."""
+    """An argument of a word: its name, its kind, its default."""
 
     name: str
     kind: str
@@ -24,7 +24,7 @@ class Value:
 
     @property
     def said(self) -> str:
-        """As a person writes it: `[K]` may be left out."""
+        """The argument as documentation shows it: `[K]` may be left out."""
         return self.name if self.default is None else f"[{self.name}]"
 
 
@@ -45,7 +45,7 @@ def _forms(text: str) -> dict[str, tuple[Value, ...]]:
     return forms
 
 
-# What is left out is 0 there, as in all typed messages of Pure Data.
+# The default is 0 for pmpd~, as in all typed messages of Pure Data.
 _AUDIO = _forms("""
 mass | M=0 x=0
 link | mass1:mass=0 mass2:mass=0 K=0 D=0
@@ -88,7 +88,7 @@ reset print infosL bang |
 """)
 FORMS: Mapping[Object, Mapping[str, tuple[Value, ...]]] = {"pmpd": _CONTROL, "pmpd~": _AUDIO}
 
-# Words that the objects have and no score says: why, and the words.
+# Words of the objects that a score cannot express: the reason, and the words.
 _REFUSED = {
     "space has no ends in a score; leave it out where no mass gets there, or write a BUT": """
         min minX max maxX Xmin Xmax""",
@@ -108,5 +108,5 @@ REFUSED: Mapping[str, str] = {
 
 
 def written(word: str, form: tuple[Value, ...]) -> str:
-    """A message as a person writes it: `link mass1 mass2 [K] [D]`."""
+    """A message as documentation shows it: `link mass1 mass2 [K] [D]`."""
     return " ".join((word, *(value.said for value in form)))

@@ -1,1 +1,1 @@
-"""Parts of a score as programs of others: Faust, mi-gen, Csound."""
+"""Parts of a score written as programs for Faust, mi-gen and Csound."""

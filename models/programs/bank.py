@@ -1,4 +1,4 @@
-"""A part by its modes: what is struck, what is heard, and the resonators between them."""
+"""A part as a bank of modes: struck points, outputs, and the resonators between them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ UNITS = ("m", "m/s", "m/s^2")  # of an output, by how often it is differentiated
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """From a point that is struck to an output: so many modes, each with four numbers.
+    """The path from a struck point to an output: one row of four numbers for each mode.
 
-    `rows` hold the damped frequency [Hz], the decay [1/s], and of an impulse of 1 N·s the amplitude
-    [m] and phase [rad].
+    `rows` hold the damped frequency [Hz], the decay [1/s], and, for an impulse of 1 N·s, the
+    amplitude [m] and phase [rad].
     """
 
     struck: int
@@ -23,10 +23,11 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class Bank:
-    """A part by its modes: points that are struck, outputs, and ways between them.
+    """A part as a bank of modes: struck points, outputs, and paths between them.
 
-    Each output is differentiated so many times. `strikes` are those of each point: instant [s] and
-    impulse [N·s]. `full` is the size of each output that is full scale.
+    `heard` gives each output with the number of times that it is differentiated. `strikes` are
+    those of each point: instant [s] and impulse [N·s]. `full` is the value of each output at
+    full scale.
     """
 
     name: str

@@ -71,7 +71,7 @@ def _orchestra(bank: Bank) -> Iterator[str]:
 
 
 def _differentiated(number: int, order: int) -> Iterator[str]:
-    """A position, or its speed or acceleration as the engine makes them, some samples late."""
+    """A position, or its speed or acceleration as the engine computes them, some samples late."""
     if order == 0:
         yield f"  aHeard{number} = gaOut{number}"
         return
@@ -113,5 +113,5 @@ def _score(bank: Bank) -> Iterator[str]:
 
 
 def _plain(text: str) -> str:
-    """A text that ends no comment."""
+    """A text that cannot end a comment."""
     return "".join(c if c.isprintable() else " " for c in text).replace("*/", " ").replace("<", " ")

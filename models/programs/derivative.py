@@ -1,4 +1,4 @@
-"""Speed and acceleration of what is sampled, by the polynomial through the newest samples."""
+"""Speed and acceleration of a sampled signal, by the polynomial through the newest samples."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ _SIDE = 8  # samples on each side
 
 
 def weights(order: int) -> list[float]:
-    """Of pairs of samples about their middle, the innermost first [1/frame^order] (8,).
+    """Weights of pairs of samples that lie symmetrically about a middle, the innermost first
+    [1/frame^order] (8,).
 
-    For order 1 of differences of samples 1/2, 3/2, … frames from it; for order 2 of sums of samples
-    1, 2, … frames from it, less twice the middle one.
+    For order 1, the pair is a difference of the samples 1/2, 3/2, … frames from the middle. For
+    order 2, it is the sum of the samples 1, 2, … frames from the middle, minus twice the middle
+    sample.
     """
     first = Fraction(1, 2) if order == 1 else Fraction(1)
     at = [first + k for k in range(_SIDE)]
@@ -25,7 +27,9 @@ def weights(order: int) -> list[float]:
 
 
 def differentiated(name: str, order: int, rate: float) -> str:
-    """A signal of Faust that stands still before it begins, differentiated by time."""
+    """A Faust signal, constant before it begins, differentiated `order` times with respect to
+    time.
+    """
     if order == 0:
         return name
     terms = []

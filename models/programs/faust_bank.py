@@ -12,7 +12,9 @@ MOST = 2_000  # resonators: Faust 2.54 takes 14 s for them, 80 s for twice as ma
 
 
 def program(bank: Bank) -> str:
-    """The text of a program: an audio input [N] for each struck point, an output for each heard."""
+    """The text of a program: an audio input [N] for each struck point, an audio output for each
+    output.
+    """
     return "\n".join(_lines(bank)) + "\n"
 
 
@@ -58,7 +60,9 @@ def _lines(bank: Bank) -> Iterator[str]:
 
 
 def _sum(terms: Sequence[str]) -> str:
-    """A sum by halves: Faust takes six times as long for a sum of a thousand from left to right."""
+    """A sum as a balanced tree: Faust takes six times as long for a thousand terms summed from left
+    to right.
+    """
     if len(terms) == 1:
         return terms[0]
     half = len(terms) // 2

@@ -20,7 +20,7 @@ HELPERS = {
 _WORD = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[^\W\d]\w*")
 _NO_LETTER = re.compile(r"\W", re.ASCII)
 _CALLS = frozenset({"where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh"})
-# Signs of two operands, and how tightly they bind.
+# Infix operators and their precedence.
 _INFIX: Mapping[type[ast.AST], tuple[str, int]] = {
     ast.Lt: (" < ", 1),
     ast.LtE: (" <= ", 1),
@@ -39,14 +39,14 @@ _WHOLE = 64.0  # the engine multiplies for whole exponents up to this, and calls
 
 @dataclass(slots=True)
 class Laws:
-    """Functions for the laws of a program: one for all links that have the same one."""
+    """Functions for the laws of a program: links with the same law share one."""
 
     names: dict[object, str] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
     helpers: set[str] = field(default_factory=set)
 
     def name(self, law: Law, word: str) -> str:
-        """The function (d [m], v [m/s]) -> force [N] of a law, which a link called `word` has."""
+        """The function (d [m], v [m/s]) -> force [N] of a law; `word` names the link."""
         fields = law.fields
         constants, points = fields["constants"], fields["points"]
         key = (fields["law"], fields["damping"], *sorted(constants.items()), str(points))
@@ -73,7 +73,9 @@ class Laws:
         return [head, "with {", *own, "};"] if own else [f"{head};"]
 
     def _expression(self, text: str, letters: Mapping[str, str]) -> str:
-        """An expression that the engine has accepted, whose operators bind as those of Python."""
+        """An expression that the engine has accepted; its operators have the precedence of
+        Python's.
+        """
         mapped = {name: f"c{at}" for at, name in enumerate(letters)}
 
         def said(found: re.Match[str]) -> str:
@@ -87,7 +89,7 @@ class Laws:
         return self._said(tree.body, back)
 
     def _said(self, node: ast.expr, letters: Mapping[str, str], least: int = 0) -> str:
-        """A part of an expression, in parentheses where it binds less than `least`."""
+        """A part of an expression, in parentheses if its precedence is below `least`."""
 
         def two(a: ast.expr, operation: ast.AST, b: ast.expr) -> str:
             sign, own = _INFIX[type(operation)]
@@ -122,7 +124,9 @@ class Laws:
         raise AssertionError(ast.dump(node))
 
     def _power(self, of: ast.expr, exponent: ast.expr, letters: Mapping[str, str]) -> str:
-        """Squares from the exponent's highest bit down, as the engine takes whole powers."""
+        """A power by repeated squaring, from the highest bit of the exponent down, as the engine
+        does.
+        """
         value = _whole(exponent)
         if value is None:
             return f"pow({self._said(of, letters)}, {self._said(exponent, letters)})"
@@ -145,7 +149,9 @@ def _whole(node: ast.expr) -> int | None:
 
 
 def _line(points: Sequence[tuple[float, float]]) -> Iterator[str]:
-    """Straight lines through points, extended beyond the first and the last; found by halving."""
+    """Straight lines through points, extended beyond the first and the last; the segment is found
+    by bisection.
+    """
     pairs = list(pairwise(points))
     slopes = [(f1 - f0) / (d1 - d0) for (d0, f0), (d1, f1) in pairs]
     if len(slopes) == 1:
@@ -153,7 +159,8 @@ def _line(points: Sequence[tuple[float, float]]) -> Iterator[str]:
         yield f"  line(d) = {number(f0)} + {number(slope)}*(d - {number(d0)});"
         return
     steps = [2**bit for bit in reversed(range((len(slopes) - 1).bit_length()))]
-    # Beyond the last knot stand some that nothing reaches, so that every half has one to look at.
+    # The knots are padded with values that are never reached, so that every bisection step has a
+    # knot to compare with.
     knots = [d for d, _ in points[1:-1]]
     knots += [sys.float_info.max] * (sum(steps) - len(knots))
     at = "".join(f" : next({step})" for step in steps)
@@ -173,5 +180,5 @@ def _line(points: Sequence[tuple[float, float]]) -> Iterator[str]:
 
 
 def number(value: float) -> str:
-    """A number as Faust reads it, wherever it stands."""
+    """A number that Faust can read in any place."""
     return f"({value!r})" if value < 0 else repr(value)

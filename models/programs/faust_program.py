@@ -17,8 +17,8 @@ _NO_LETTER = re.compile(r"\W", re.ASCII)
 def program(network: Stepped, title: str) -> str:
     """The text of a program: an audio input for each input, an audio output for each output.
 
-    A point is kept as its way from its start, and its step as that beyond its first one: a delay of
-    Faust begins at 0.
+    The state of a point is its displacement from its start, and its step minus its first step,
+    because a delay of Faust begins at 0.
     """
     return "\n".join(_lines(network, title)) + "\n"
 
@@ -60,10 +60,11 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
             yield f"  'u_{word} = u_{word} + y_{word};"
             yield f"  'e_{word} = y_{word} - D0_{word};"
     for word, one in zip(outputs, network.outputs, strict=True):
-        # What pulls the second end of a link is heard.
+        # The force heard is that on the second end of a link.
         terms = [f"(0.0 - f_{links[link]})" for link in one.links]
         ways = [points[point] for point in one.points]
-        # What is differentiated stood still where it begins: at 0 here, as delays do.
+        # A differentiated signal stood still before it began. Without X0 it is 0 then, as Faust's
+        # delays are.
         terms += [f"(x_{way} - X0_{way})" if one.order else f"x_{way}" for way in ways]
         yield f"  '{word} = {' + '.join(terms) or '0.0'};"
     yield "where"
@@ -137,7 +138,7 @@ def _state(word: str, point: Point, points: Sequence[str]) -> Iterator[str]:
 
 
 def _force(word: str, link: Link, points: Sequence[str], laws: Mapping[str, str]) -> Iterator[str]:
-    """What pulls the first end of a link towards the second."""
+    """The force that pulls the first end of a link towards the second."""
     a, b = points[link.a], points[link.b]
     if link.law is not None:
         per_step = "" if link.law.per_step == 1.0 else f"*{link.law.per_step!r}"
@@ -173,10 +174,10 @@ def _ends(network: Stepped) -> list[list[tuple[int, str]]]:
 
 
 def _word(name: str) -> str:
-    """A name of a score as a part of one of Faust."""
+    """A name of a score as part of a Faust identifier."""
     return _NO_LETTER.sub("_", name)
 
 
 def plain(text: str) -> str:
-    """A text that ends neither a comment nor a string."""
+    """A text that can end neither a comment nor a string."""
     return "".join(c if c.isprintable() and c not in '"\\' else " " for c in text)

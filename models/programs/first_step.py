@@ -1,6 +1,6 @@
-"""A CEL by itself at a rate: its ratios, and the step that leads into its first frame.
+"""A single CEL at a rate: its ratios, and the step that leads into its first frame.
 
-M·x'' + Z·x' + K·x = 0 has a closed solution; ratios κ and ζ give its samples.
+M·x'' + Z·x' + K·x = 0 has a closed solution; the ratios κ and ζ give its samples.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from ergon.common.decay import LN_1000
 
 
 def _loss(s: float) -> float:
-    """1 - exp(-s), to its last digit also where s is small."""
+    """1 - exp(-s), to full precision also for small s."""
     with localcontext() as context:
         context.prec = 40
         return float(1 - (-Decimal(s)).exp())
 
 
 def _poles(m: float, K: float, Z: float, f: float | None, t60: float | None) -> tuple[float, float]:
-    """(σ [1/s], ω² [1/s²]); ω² is below 0 beyond critical damping."""
+    """(σ [1/s], ω² [1/s²]); ω² is negative beyond critical damping."""
     if f is not None:
         return LN_1000 / (t60 or inf), (2.0 * pi * f) ** 2
     sigma = 0.5 * Z / m
@@ -52,7 +52,9 @@ def last_step(
     u: float,
     v: float,
 ) -> float:
-    """x(0) - x(-1/rate) [m] of the free motion that is `u` [m] from its rest at 0, at `v` [m/s]."""
+    """x(0) - x(-1/rate) [m] of the free motion that at time 0 is `u` [m] from its rest, with speed
+    `v` [m/s].
+    """
     if u == 0.0 and v == 0.0:
         return 0.0
     sigma, squared = _poles(m, K, Z, f, t60)

@@ -1,4 +1,4 @@
-"""Points and links as a model of mi-gen (v2): what `ergon import` reads, the other way round."""
+"""Points and links as a model of mi-gen (v2), the format that `ergon import` reads."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ _SPACES = re.compile(r"\s+")
 
 
 def model(network: Stepped, title: str) -> str:
-    """The text of a model. Raises ModelError with the places of all that the format cannot say."""
+    """The text of a model. Raises ModelError with the places of all that the format cannot
+    express.
+    """
     return _Writing(network).text(title)
 
 
@@ -81,7 +83,7 @@ class _Writing:
     # --- masses ---
 
     def _name(self, text: str) -> str:
-        """A name of the score: without its part, where nothing else has it."""
+        """A name of the score; the name of its part is left out if the rest is unique."""
         short = text.partition(".")[2] or text
         word = _NO_LETTER.sub("_", short)
         if word in self.names.taken:
@@ -134,7 +136,7 @@ class _Writing:
                 self.at[body.points[member]] = f"[@{name} {' '.join(shares)}]"
 
     def _between(self, point: Point) -> str:
-        """A point between masses as a place of their macro; empty where they are of none."""
+        """A point between masses as a place on their macro; empty if there is no such place."""
         masses = [mass for mass, _ in point.shares]
         bodies = [one for one in self.whole.values() if set(one.points) & set(masses)]
         if len(bodies) != 1:
@@ -175,7 +177,7 @@ class _Writing:
         self._heavy(name, word, point, m, k, z)
 
     def _resting(self, name: str, number: int, point: Point, m: float) -> None:
-        """A CEL whose rest is elsewhere than at 0: a mass, tied to a ground there."""
+        """Write a CEL whose rest is not 0 as a mass tied to a ground there."""
         self._heavy(name, f"mass {_number(m)}", point, m, 0.0, 0.0)
         rest, tie = self._name(f"{point.name}_rest"), self._name(f"{point.name}_tie")
         self.lines.append(f"@{rest} ground {_number(point.rest)}")
@@ -184,7 +186,9 @@ class _Writing:
         self.ends.setdefault(number, []).append(-1)
 
     def _heavy(self, name: str, word: str, point: Point, m: float, k: float, z: float) -> None:
-        """A mass that is where the score begins after its first step, in which no link acts."""
+        """Write a mass that is where the score begins after its first step, in which no link
+        acts.
+        """
         if z == m:
             self.refuse(point.place, f"{point.name}: it is damped within one sample")
             return
@@ -262,7 +266,7 @@ class _Writing:
         self.lines.append(f"@{name} {keyword} {ends} {said}")
 
     def _linear(self, name: str, ends: str, K: float, z: float) -> None:
-        """K·d + Z·v, of any sign: a law whose cubic part is 0."""
+        """Write K·d + Z·v, of any sign, as a law whose cubic part is 0."""
         k = _number(K)
         self.lines.append(f"@{name} nlSpringDamper {ends} {k} 0 {k} {_number(z)}")
 
@@ -288,7 +292,9 @@ class _Writing:
             self.lines.append(f"@{name} posOutput {self.at[one.points[0]]}")
 
     def _force(self, name: str, called: str, one: Heard) -> None:
-        """The force on a mass is that of all its links: they are heard together, or not at all."""
+        """Write the force on a mass as an output. mi-gen hears all links of a mass together, or
+        none.
+        """
         ends = {self.of.links[link].b for link in one.links}
         (end,) = ends if len(ends) == 1 else (-1,)
         is_all = sorted(self.ends.get(end, [])) == sorted(one.links)
@@ -327,7 +333,9 @@ _WORDS = {
 
 
 def _channels(letters: str, wanted: list[str]) -> list[str]:
-    """`in1` and so on: those that are wanted and free, then the lowest that are left."""
+    """Channel names such as `in1`: wanted names that are free, else the lowest numbers that are
+    left.
+    """
     form = re.compile(rf"{letters}[1-9]\d?")
     kept = [name if form.fullmatch(name) else "" for name in wanted]
     kept = [name if name not in kept[:at] else "" for at, name in enumerate(kept)]
@@ -340,7 +348,7 @@ def _share(at: int, count: int) -> str:
 
 
 def _number(value: float) -> str:
-    """A number without a plus, which mi-gen takes for a sum."""
+    """A number without `+`, which mi-gen would read as a sum."""
     if value == int(value) and abs(value) < 1e15:
         return str(int(value))
     return repr(value).replace("+", "")

@@ -1,4 +1,6 @@
-"""Modules of a score as points and links that are stepped: what other programs can be told."""
+"""Modules of a score as stepped points and links, the form that can be written for other
+programs.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ _WRITTEN = ("RES", "FRO", "REF", "BUT", "LNL")
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """An instrument or a key: its modules, what is heard, the rate of its algorithmic values.
+    """An instrument or a key: its modules, its outputs, and the rate of its algorithmic values.
 
     `struck` is the module of a key that a hand moves.
     """
@@ -40,10 +42,10 @@ class Part:
 
 @dataclass(slots=True)
 class Point:
-    """A mass: y = (1 - zeta)·d - kappa·(x - rest) + gain·f is its step [m] for a force f.
+    """A mass. Its step [m] for a force f is y = (1 - zeta)·d - kappa·(x - rest) + gain·f.
 
-    It starts at `x0` [m] after a step `d0` [m]. `mass` is 0 where it is fixed, and `fed` is the
-    input that gives its position. `said` is what the score says.
+    It starts at `x0` [m] after a step `d0` [m]. `mass` is 0 for a fixed point, and `fed` is the
+    input that gives its position. `said` describes it as the score does.
     """
 
     name: str
@@ -68,8 +70,8 @@ class Point:
 class Link:
     """A link between the points `a` and `b`: K in N/m, `z` the force for a step of one metre.
 
-    A contact has an `exponent`, and the `side` (1 or -1) from which the first point comes. Of an
-    LNL `law` has what the score says, and K and z are 0.
+    A contact has an `exponent`, and the `side` (1 or -1) from which the first point comes. An
+    LNL has its `law`, and K and z are 0.
     """
 
     name: str
@@ -117,7 +119,9 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """The sum of the movements of points, differentiated `order` times, or of forces of links."""
+    """An output: the sum of positions of points, differentiated `order` times, or of forces of
+    links.
+    """
 
     name: str
     points: Sequence[int] = ()
@@ -128,7 +132,7 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class Fed:
-    """An input: what it is, and the take that a score feeds it from, if it does."""
+    """An input: its description, and the take from which a score feeds it, if any."""
 
     name: str
     take: str = ""
@@ -136,7 +140,7 @@ class Fed:
 
 @dataclass(slots=True)
 class Stepped:
-    """Points and links at a rate, the names of what is fed, and what is heard."""
+    """Points and links at a rate, with inputs and outputs."""
 
     rate: float
     points: list[Point] = field(default_factory=list)
@@ -156,8 +160,8 @@ def stepped(
 ) -> Stepped:
     """Parts as the engine steps them at `rate` [Hz], with the links between them.
 
-    `struck` points have an input for a force. Links to other parts are left out. `most` points are
-    told. Raises ModelError with the places of all that cannot be told.
+    `struck` points have an input for a force. Links to other parts are left out. There may be at
+    most `most` points. Raises ModelError with the places of all that cannot be written.
     """
     return _Builder(Stepped(rate), most).made(parts, struck)
 
@@ -314,7 +318,7 @@ class _Builder:
         self._body(module, name, count, *own)
 
     def _body(self, module: Module, name: str, count: int, points: range, links: range) -> None:
-        """A generator as a whole, where it is one row or one rectangle of equal masses."""
+        """Add a generator as a whole, if it is one row or one rectangle of equal masses."""
         fields = module.fields
         sides = (count, 1)
         if module.kind == "PLATE" and fields["shape"] == "rectangle":
@@ -473,7 +477,9 @@ class _Builder:
     # --- the first step ---
 
     def _start(self) -> None:
-        """d0 of every point: its own motion, and half a step of what links give at the start."""
+        """Set d0 of every point: the step of its own motion, less half a step of the forces at the
+        start.
+        """
         points, T = self.to.points, 1.0 / self.to.rate
         force = [0.0] * len(points)
         for link in self.to.links:
@@ -493,7 +499,7 @@ class _Builder:
 
 
 def _pull(link: Link, e: float, d: float) -> float:
-    """Force on the first point, for x_b - x_a = e and its last step d."""
+    """Force on the first point, for x_b - x_a = e with a last step d."""
     if link.law is not None:
         return link.law.of.force(e - link.offset, d * link.law.per_step)
     if link.exponent is None:
@@ -506,7 +512,7 @@ def _pull(link: Link, e: float, d: float) -> float:
 
 
 def refusal(refused: Sequence[tuple[Place, str]]) -> ModelError:
-    """All that cannot be told, each with its place."""
+    """An error that lists all that cannot be written, each with its place."""
     (first, why), *others = refused
     more = "".join(f"; {place.file}:{place.line}: {text}" for place, text in others)
     error = ModelError(f"{why}{more}", first.line)

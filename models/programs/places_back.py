@@ -1,4 +1,4 @@
-"""Shares of masses as a place of the macro that has them, from 0 to 1 along each side."""
+"""Shares of masses as a place on the macro that has them, from 0 to 1 along each side."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ _CLOSE = 1e-12  # of a share
 def place_of(
     body: Body, shares: Sequence[tuple[int, float]], point: Callable[[int], Point]
 ) -> list[float]:
-    """Where shares are on a body, linear along each side; nothing where they are at no place.
+    """The place on a body that gives these shares, linear along each side; empty if there is none.
 
-    A fixed point at 0 among them is the end of a string that is held, beside its first mass or its
-    last. `point` tells of a point by its number.
+    A fixed point at 0 among them is the end of a held string, beside its first or last mass.
+    `point` returns the point of a number.
     """
     (across, up), is_string = body.sides, body.kind == "STRING"
     more = 2 * body.is_held
@@ -49,7 +49,7 @@ def place_of(
 
 
 def _share(where: tuple[int, int], means: Sequence[float]) -> float:
-    """What a place between masses has of one, linear along each side."""
+    """The share of one mass in a place between masses, linear along each side."""
     row, column = (max(0.0, 1.0 - abs(mean - at)) for mean, at in zip(means, where, strict=True))
     return row * column
 

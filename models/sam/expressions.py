@@ -1,7 +1,7 @@
-"""Expressions of Faust as trees, as far as models of Synth-A-Modeler have them.
+"""Expressions of Faust as trees, as far as models of Synth-A-Modeler use them.
 
-Infix operators bind tighter than `,` and this tighter than `:`. `*(2)` alone is a function that
-multiplies by 2; `_` is what comes in.
+Infix operators bind tighter than `,`, and `,` binds tighter than `:`. `*(2)` alone is a function
+that multiplies by 2; `_` is its input.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Node:
     """A part of an expression, `kind`: number, text, name, call, chain, negative, partial, input.
 
     `word` is the number, the name, the text or the operator; a chain has an operator for each
-    operand but the first. `text` is the whole as it is written.
+    operand but the first. `text` is the whole part as written.
     """
 
     kind: str
@@ -40,7 +40,7 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """A line `name(arguments) = expression;` of Faust; `comment` is what stands behind `//`."""
+    """A line `name(arguments) = expression;` of Faust; `comment` is the text after `//`."""
 
     name: str
     arguments: tuple[str, ...]
@@ -56,7 +56,9 @@ def parse(text: str, line: int) -> Node:
 
 
 def is_plain(node: Node) -> bool:
-    """Whether it has names, numbers and arithmetic alone, as expressions of a score have."""
+    """Whether an expression has only names, numbers and arithmetic, as expressions of a score
+    do.
+    """
     if node.kind not in _PLAIN or any(sign not in "+-*/" for sign in node.operators):
         return False
     return all(map(is_plain, node.parts))
@@ -151,7 +153,7 @@ class _Parser:
         self.take("(")
         found = []
         while True:
-            # A comma parts arguments here, and so an argument has none outside of parentheses.
+            # A comma separates arguments here, so an argument has no comma outside parentheses.
             first = self.at
             parts, operators = [self.level(2)], []
             while self.sign() == ":":
@@ -178,7 +180,8 @@ _DEFINED = re.compile(
 def definitions(code: Sequence[Code]) -> dict[str, Definition]:
     """Lines of Faust by the names that they define. Raises ModelError.
 
-    Expressions are read where they are needed, so that Faust which nothing needs says nothing.
+    Expressions are parsed when they are needed, so that Faust code that nothing uses cannot
+    fail.
     """
     found: dict[str, Definition] = {}
     waiting, first = "", 0

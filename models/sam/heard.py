@@ -1,4 +1,4 @@
-"""What is heard of a model of Synth-A-Modeler: outputs as sums, and their routes."""
+"""Outputs of a model of Synth-A-Modeler: outputs as sums, and their routes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from ergon.models.sam.writing import Writing, target
 from ergon.notation.text.errors import quote
 
 _MOST_CHANNELS = 1_024
-# A spring [N/m] that is 1e-13 of any that is heard pulls by less than rounding does.
+# A spring so weak [N/m] that its force on the mass is lost in rounding.
 _EAR = 1e-12
 
 
 def heard_names(statements: Sequence[Statement]) -> dict[str, Sound]:
-    """What an expression of an output may name; a port is the force on it."""
+    """The names that an expression of an output may use; the name of a port stands for the force on
+    it.
+    """
     heard = {}
     forces: dict[str, dict[str, float]] = {}
     for one in statements:
@@ -37,7 +39,9 @@ def heard_names(statements: Sequence[Statement]) -> dict[str, Sound]:
 def sides_of(
     own: Writing, outputs: Sequence[Statement], sounds: Iterable[Sound]
 ) -> dict[str, float]:
-    """The sign with which the force of each link is heard. Raises ModelError where it is both."""
+    """The sign with which the force of each link is heard. Raises ModelError if it is heard with
+    both.
+    """
     sides: dict[str, float] = {}
     for one, sound in zip(outputs, sounds, strict=True):
         for name, factor in sound.of.items():
@@ -50,7 +54,7 @@ def sides_of(
 
 
 def hear(own: Writing, one: Statement, sound: Sound, channel: int) -> None:
-    """The outputs and routes of a channel. Raises ModelError."""
+    """Add the outputs and routes of a channel. Raises ModelError."""
     if channel > _MOST_CHANNELS:
         raise ModelError(f"more than {_MOST_CHANNELS:,} outputs", one.line)
     heard = {name: factor for name, factor in sound.of.items() if factor != 0.0}
@@ -83,7 +87,9 @@ def _force(own: Writing, name: str) -> str:
 
 
 def _ear(own: Writing, mass: str) -> str:
-    """A spring that hears a position with a factor below 0, which a route has not."""
+    """Add a spring whose force is a position with a negative factor, which a route cannot have;
+    returns its name.
+    """
     if mass in own.ears:
         return own.ears[mass]
     if "" not in own.ears:
@@ -97,7 +103,7 @@ def _ear(own: Writing, mass: str) -> str:
 
 
 def _filter(sound: Sound) -> tuple[float | None, str]:
-    """The high-pass of a route, of second order, and what is said of it."""
+    """The high-pass of a route, of second order, and a comment on it."""
     highs = [one for one in sound.filters if one.order]
     said = [f"highpass({one.order}, {one.cutoff:g})" for one in highs]
     limited = ["the model's limiter is left out"] if len(highs) < len(sound.filters) else []

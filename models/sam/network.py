@@ -1,10 +1,10 @@
 """Masses and links of Synth-A-Modeler as numbers, and where a score of them begins.
 
 In a sample n the language computes links from positions of sample n - 1, and masses from these
-links: x[n] = x[n-1] + v[n], v[n] = v[n-1] + F/(m fs²). Before sample 0 every position is 0, so that
+links: x[n] = x[n-1] + v[n], v[n] = v[n-1] + F/(m fs²). Before sample 0 every position is 0. So
 in sample 0 links feel their offsets alone, and in sample 1 their dampers feel masses jump from 0
-to where they begin. A score has its frame 0 at sample 0: the first is in X0 and V0, the second a
-strike.
+to where they begin. A score has its frame 0 at sample 0: X0 and V0 include the first effect, and
+a strike is the second.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Resonance:
 
     @property
     def heavier(self) -> float:
-        """How much greater the mass of a cell of the score is.
+        """Factor by which the mass of the score's cell is greater.
 
         A cell x[n+1] = 2r·cos(θ)·x[n] - r²·x[n-1] + F/M takes the force as the library's impulse
         invariance does, with a gain of r·sin(θ)/(2π·f·m·fs).
@@ -45,7 +45,7 @@ class Resonance:
 
 @dataclass(frozen=True, slots=True)
 class Mass:
-    """`mobility` is the way [m] that a newton moves it in a sample, of what cannot move 0."""
+    """`mobility` is the step [m] per newton in one sample; 0 for a mass that cannot move."""
 
     kind: str
     x0: float
@@ -96,6 +96,6 @@ def start(masses: Mapping[str, Mass], links: Sequence[Link]) -> Start:
 
 
 def _push(forces: dict[str, float], link: Link, force: float) -> None:
-    """A force of a link that pulls its ends together where it is above 0."""
+    """Add a force of a link; it pulls the ends together if it is above 0."""
     forces[link.a] -= force
     forces[link.b] += force

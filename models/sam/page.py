@@ -1,4 +1,4 @@
-"""What stands around the modules in a score that was a model of Synth-A-Modeler."""
+"""The rest of a score of a Synth-A-Modeler model, around its modules."""
 
 from __future__ import annotations
 

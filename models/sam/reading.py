@@ -1,4 +1,6 @@
-"""From a text to the statements of Synth-A-Modeler and its lines of Faust, with their comments."""
+"""Reads a text into the statements of Synth-A-Modeler and its lines of Faust, with their
+comments.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ _DRAWN = re.compile(r'#+\s*comment\("([^"]*)"')  # a text in the drawing
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """A line: its word, values as written, its name, what it joins; comments before and behind."""
+    """A line: its word, values as written, its name, the masses that it joins; comments before and
+    after it.
+    """
 
     word: str
     values: tuple[str, ...]
@@ -44,7 +48,7 @@ class Code:
 
 @dataclass(slots=True)
 class Sheet:
-    """All that a text says; `head` are the comments that begin it, `tail` those that end it."""
+    """The content of a text; `head` are the comments at its beginning, `tail` those at its end."""
 
     head: list[str] = field(default_factory=list)
     statements: list[Statement] = field(default_factory=list)
@@ -53,7 +57,7 @@ class Sheet:
 
 
 def ports(sheet: Sheet) -> list[str]:
-    """The names of ports, which files may move."""
+    """The names of ports, which files may drive."""
     return [one.name for one in sheet.statements if one.word == "port"]
 
 
@@ -96,7 +100,7 @@ def parse(text: str) -> Sheet:
 
 
 def _parted(line: str) -> tuple[str, str]:
-    """What is said, and the comment behind it; a `#` within quotes begins none."""
+    """A line's code, and the comment after it; a `#` within quotes does not begin a comment."""
     is_quoted = False
     for at, letter in enumerate(line):
         if letter == '"':
@@ -167,7 +171,7 @@ def _name(text: str, at: int) -> str:
 
 
 def _closed(text: str) -> tuple[str, bool, str]:
-    """What stands before the parenthesis that closes, whether there is one, and what follows."""
+    """The text before the closing parenthesis, whether there is one, and the text after it."""
     depth = 1
     for at, letter in enumerate(text):
         depth += (letter == "(") - (letter == ")")
@@ -177,7 +181,7 @@ def _closed(text: str) -> tuple[str, bool, str]:
 
 
 def _split(text: str) -> Iterator[str]:
-    """The values between commas, but for those within parentheses."""
+    """The values between commas, except commas within parentheses."""
     depth, first = 0, 0
     for at, letter in enumerate(text):
         depth += (letter == "(") - (letter == ")")

@@ -36,9 +36,9 @@ _MOST_MODES = 500
 def written(
     sheet: Sheet, inputs: Mapping[str, Input], given: Mapping[str, float], title: str
 ) -> str:
-    """The text of a score that sounds as a model. Raises ModelError with the line at fault.
+    """The text of a score with the same sound as a model. Raises ModelError with the line at fault.
 
-    `inputs` are files that move ports, by their names; `given` are values of parameters.
+    `inputs` are files that drive ports, by their names; `given` are values of parameters.
     """
     code = definitions(sheet.code)
     ids = {one.name: one for one in sheet.statements}
@@ -84,7 +84,7 @@ def written(
 
 
 def _count(own: Writing, one: Statement) -> None:
-    """A mass as numbers."""
+    """Compute the values of a mass."""
     if one.word == "resonators":
         found = _resonances(own, one)
         mobility = sum(each.mobility for each in found)
@@ -123,7 +123,7 @@ def _resonances(own: Writing, one: Statement) -> list[Resonance]:
 
 
 def _begin(own: Writing, one: Statement, begin: Start) -> list[str]:
-    """X0 and V0, as they are written where nothing presses in the first sample."""
+    """X0 and V0; they stay expressions if no force acts in the first sample."""
     mass = own.masses[one.name]
     x, v = begin.places[one.name], begin.steps[one.name] * RATE
     within(one, "x0", x, _FARTHEST)
@@ -188,7 +188,7 @@ _MAKERS = {"mass": _mass, "ground": _ground, "port": _port, "resonators": _reson
 
 
 def _join(own: Writing, one: Statement) -> None:
-    """A link as numbers."""
+    """Compute the values of a link."""
     for end in one.ends:
         if end not in own.masses:
             near = nearest(end, own.masses)
@@ -202,7 +202,7 @@ def _join(own: Writing, one: Statement) -> None:
 
 
 def _link(own: Writing, one: Statement, side: float) -> None:
-    """A link between its ends in their order, or the other way round where -F is heard."""
+    """Add a link with its ends in order, or reversed if -F is heard."""
     link = own.links[one.name]
     ends = [target(own, name) for name in one.ends]
     k, R, o = (text_of(own, one, at) for at in range(3))
@@ -210,7 +210,7 @@ def _link(own: Writing, one: Statement, side: float) -> None:
     if is_turned:
         ends.reverse()
     said = [f"between: [{', '.join(ends)}]"]
-    # d of a score is x_b - x_a - rest, and that of the language x_a - x_b - o.
+    # d is x_b - x_a - rest in a score, and x_a - x_b - o in the language.
     rest = unit_of(o if is_turned else number(-link.o) if _is_literal(o) else f"-({o})", "m")
     at_rest = [f"rest: {rest}"] if link.o else []
     if link.k < 0.0 or link.R < 0.0:

@@ -1,6 +1,6 @@
-"""What expressions of Synth-A-Modeler are: numbers, lists, and sums of what is heard.
+"""Values of Synth-A-Modeler's expressions: numbers, lists, and sums of positions and forces.
 
-A slider has the value with which it begins.
+A slider has its initial value.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _OPERATORS: Mapping[str, Callable[[float, float], float]] = {
 }
 
 
-# What the library of the language defines, besides functions of numbers.
+# Definitions of the language's library, besides functions of numbers.
 LIBRARY = {
     name: Definition(name, (), text, 0)
     for name, text in (("defaultOutputDSP", "highpass(4,20.0):SAMlimiter"), ("fs", f"{RATE}.0"))
@@ -55,7 +55,7 @@ LIBRARY = {
 
 @dataclass(frozen=True, slots=True)
 class Filter:
-    """A Butterworth high-pass; of order 0 the limiter of the library."""
+    """A Butterworth high-pass; order 0 stands for the limiter of the library."""
 
     order: int
     cutoff: float  # [Hz]
@@ -75,7 +75,7 @@ Value = float | Sound | tuple["Value", ...]
 
 @dataclass(slots=True)
 class Values:
-    """Names with what they are. `heard` are those of what may be heard, as sums."""
+    """Values by name. `heard` are the names of positions and forces, as sums."""
 
     definitions: Mapping[str, Definition]
     heard: Mapping[str, Sound] = field(default_factory=dict)
@@ -87,14 +87,14 @@ class Values:
     _depth: int = 0
 
     def number(self, text: str, line: int, what: str) -> float:
-        """The number that an expression is. Raises ModelError."""
+        """The value of an expression that must be a number. Raises ModelError."""
         value = self._value(parse(text, line), {}, line)
         if not isinstance(value, float):
             raise ModelError(f"{what}: {quote(text[:60])} is not a number", line)
         return value
 
     def sound(self, text: str, line: int) -> Sound:
-        """The sum that an expression is. Raises ModelError."""
+        """The value of an expression that must be a sum. Raises ModelError."""
         value = self._value(parse(text, line), {}, line)
         if isinstance(value, tuple):
             raise ModelError(f"{quote(text[:60])} is a list; an output has one channel", line)
@@ -108,11 +108,11 @@ class Values:
         return self._trees[name]
 
     def needed(self, name: str) -> set[str]:
-        """The names of definitions in that of a name."""
+        """The defined names that the definition of a name uses."""
         return names(self.tree(name)) & set(self.definitions)
 
     def by_name(self, name: str, line: int) -> Value:
-        """What a name is. Raises ModelError."""
+        """The value of a name. Raises ModelError."""
         if name in self.given:
             return self.given[name]
         if name in self.heard:
@@ -135,7 +135,7 @@ class Values:
         self._open.append(name)
 
     def _value(self, node: Node, own: Mapping[str, Value], line: int) -> Value:
-        """What an expression is; `own` are arguments of the function that it stands in."""
+        """The value of an expression; `own` are arguments of the function around it."""
         self._count(line)
         self._depth += 1
         value = self._value_of(node, own, line)
@@ -143,7 +143,7 @@ class Values:
         return value
 
     def _count(self, line: int) -> None:
-        """Raises ModelError where expressions take too long, or stand too deep in one another."""
+        """Raises ModelError if expressions take too many steps, or are nested too deeply."""
         self._steps += 1
         if self._steps > _MOST_STEPS or self._depth > _MOST_DEEP:
             raise ModelError("its expressions are nested too deeply, or are too many", line)
@@ -203,7 +203,7 @@ class Values:
         raise ModelError(f"of Faust {quote(name)} is not read here", line, nearest(name, known))
 
     def _takes(self, node: Node, own: Mapping[str, Value], depth: int = 0) -> bool:
-        """Whether an expression waits for what comes in."""
+        """Whether an expression takes an input."""
         if node.kind in ("input", "partial") or depth > _MOST_DEEP:
             return True
         if node.kind == "call":
@@ -222,7 +222,7 @@ class Values:
         return any(self._takes(part, own, depth + 1) for part in node.parts)
 
     def _through(self, node: Node, value: Value, own: Mapping[str, Value], line: int) -> Value:
-        """What comes out where a value goes in. Raises ModelError."""
+        """The output of an expression for an input value. Raises ModelError."""
         self._count(line)
         if not self._takes(node, own):
             raise ModelError("what stands behind ':' takes nothing in", line)
@@ -281,7 +281,7 @@ class Values:
 
 
 def text_of_slider(node: Node) -> tuple[str, str] | None:
-    """The label of a slider and the value with which it begins, whatever smooths it."""
+    """The label and the initial value of a slider, with any smoothing skipped."""
     while node.kind == "chain" and node.operators[0] == ":":
         if not all(part.word in _SMOOTHERS for part in node.parts[1:]):
             return None
@@ -322,7 +322,7 @@ def _computed(by: Callable[..., float], of: list[float], line: int) -> float:
 
 
 def _pair(sign: str, a: Value, b: Value, line: int) -> Value:
-    """Two values with an operator between them. Raises ModelError where it is no sum."""
+    """Two values joined by an operator. Raises ModelError if the result is not a sum."""
     if isinstance(a, tuple) or isinstance(b, tuple):
         raise ModelError(f"{sign} of a list is not built", line)
     if isinstance(a, float) and isinstance(b, float):

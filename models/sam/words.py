@@ -1,4 +1,4 @@
-"""The words of Synth-A-Modeler: what stands in the parentheses of each, and what no score says."""
+"""The words of Synth-A-Modeler: the values of each, and features that no score can express."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 RATE = 44_100  # [Hz]: the library of the language fixes it
 
-# Values in parentheses. Behind them stands a name; behind that of a link what it joins.
+# Values in parentheses. A name follows them; in a link the masses that it joins follow the name.
 MASSES: Mapping[str, tuple[str, ...]] = {
     "mass": ("m", "x0", "v0"),
     "ground": ("x0",),
@@ -41,7 +41,7 @@ _BEGINS = re.compile(
 
 
 def is_model(text: str) -> bool:
-    """Whether the first line that is no comment is one of Synth-A-Modeler's."""
+    """Whether the first line that is not a comment is a statement of Synth-A-Modeler."""
     for line in text.splitlines():
         if line.strip() and not line.lstrip().startswith("#"):
             return _BEGINS.match(line) is not None
@@ -49,7 +49,7 @@ def is_model(text: str) -> bool:
 
 
 def written(word: str) -> str:
-    """A statement as a person writes it: `link(k, R, o), name, a, b;`."""
+    """A statement as documentation shows it: `link(k, R, o), name, a, b;`."""
     if word in OUTPUTS:
         return f"{word}, name, expression;"
     values = ", ".join(MASSES.get(word) or LINKS.get(word, ()))

@@ -22,7 +22,7 @@ _MOST_TEXT = 160  # characters of an expression; a score has 200
 
 @dataclass(slots=True)
 class Writing:
-    """What is known and written so far; `targets` are the names of statements in the score."""
+    """The state of the writing; `targets` are the names of statements in the score."""
 
     sheet: Sheet
     inputs: Mapping[str, Input]
@@ -41,7 +41,7 @@ class Writing:
     sixty: str = ""  # the parameter that makes a T60 of the model one of the score
 
     def add(self, text: str, one: Statement, comment: str = "") -> None:
-        """The module of a statement, with the comments that its line has."""
+        """Add the module of a statement, with the comments of its line."""
         said = "; ".join(word for word in (comment, one.behind) if word)
         self.modules.append(Line(self.targets[one.name], f"{{{text}}}", said, one.before))
 
@@ -49,14 +49,14 @@ class Writing:
 def let(
     own: Writing, name: str, text: str, comment: str, before: tuple[str, ...] = (), unit: str = ""
 ) -> None:
-    """A parameter under `let:`."""
+    """Add a parameter under `let:`."""
     said = own.params.of[name]
     own.parameters[said] = Line(said, f"{text}{unit}", comment, before)
     own.amounts[said] = evaluate(f"{text}{unit}", own.amounts)
 
 
 def _named(own: Writing, name: str, line: int) -> bool:
-    """Whether a name is one of `let:`, where it is written with those that it needs."""
+    """Whether a name can be used under `let:`; it is added there, with the names that it needs."""
     one = own.values.definitions.get(name)
     if name in own.params.of and own.params.of[name] in own.parameters:
         return True
@@ -78,7 +78,9 @@ def _named(own: Writing, name: str, line: int) -> bool:
 
 
 def _expression(own: Writing, text: str, value: float, line: int) -> str | None:
-    """An expression as one of the score, if that has it and it is the same number."""
+    """An expression of the score for one of the model, if it can be written and has the same
+    value.
+    """
     tree = parse(text, line)
     if tree.kind == "number":
         return number(value)

@@ -1,7 +1,7 @@
 """Meters: how many beats a bar has, and where bars begin.
 
 A beat is the meter's lower number: in 7/8 a bar has seven beats, each an eighth, and bpm counts
-eighths. `3+2+2/8` is 7/8 with its groups told.
+eighths. `3+2+2/8` is 7/8 with its groups written out.
 """
 
 import re
@@ -64,7 +64,9 @@ class Bars:
         self._meters = [Meter()]
 
     def change(self, at: float, meter: Meter) -> None:
-        """Go on in `meter` from beat `at`, in order of time. Raises TextError off a bar."""
+        """Set `meter` from beat `at` on; calls come in order of time. Raises TextError if `at` is
+        not on a bar line.
+        """
         if at > self._starts[-1] + SAME:
             bar, beat = self.bar_beat(at)
             if beat > 1.0 + SAME:

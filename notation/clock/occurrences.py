@@ -19,7 +19,7 @@ MAX_OCCURRENCES = 1_000_000  # in a piece
 
 
 def parse_times(text: str) -> int:
-    """Read how often. Raises TextError."""
+    """Read a number of repetitions. Raises TextError."""
     word = text.strip()
     if not re.fullmatch(r"[0-9]{1,7}", word) or not 1 <= int(word) <= MAX_OCCURRENCES:
         raise TextError(
@@ -41,8 +41,8 @@ def starts(
 ) -> list[float]:
     """Beats of the piece on which the occurrences of a gesture of `length` begin, from beat `at`.
 
-    `room` is how many more the piece may hold. Raises TextError when they would be more, or when
-    nothing separates them.
+    `room` is how many more occurrences the piece may hold. Raises TextError if there would be
+    more, or if the time between two occurrences is 0.
     """
     poll()
     if times in (None, 1) and until is None and room > 0:
@@ -59,7 +59,7 @@ def starts(
     count = room + 1 if times is None else times
     stop = float("inf") if until is None else until - SAME
     mixed = sum(part != 0.0 for part in (step.bars, step.beats, step.seconds)) > 1
-    if step.beats and not mixed:  # what goes on without end in a session: thousands of them
+    if step.beats and not mixed:  # a session repeats without end: thousands of occurrences
         most = min(count, room)
         if stop < at + step.beats * most:
             most = max(0, ceil((stop - at) / step.beats))
@@ -74,6 +74,7 @@ def starts(
         if not len(beats) % 1024:
             poll()
         beats.append(beat)
-        # Counting from `at` does not drift; bars, beats and seconds together must follow the tempo.
+        # Each start is counted from `at`, so rounding does not accumulate. A step of mixed units is
+        # counted from the start before it, because its size depends on meter and tempo there.
         beat = tempo.after(beat, step) if mixed else tempo.after(at, step.times(len(beats)))
     return beats

@@ -1,7 +1,7 @@
-"""Where in the piece, and how long: `3|2.5`, `B+2`, `12.5s`, `4bar`, before any tempo is known.
+"""Positions and lengths as written, before any tempo is known: `3|2.5`, `B+2`, `12.5s`, `4bar`.
 
-Bars and the beats in them count from 1, so `1|1` is the beginning. A bare number counts beats that
-have passed since the beginning, so `0` is `1|1` and `4` is `2|1` in 4/4.
+Bars and the beats in them count from 1, so `1|1` is the beginning. A bare number counts beats
+that have passed since the beginning, so `0` is `1|1` and `4` is `2|1` in 4/4.
 """
 
 import re
@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.numbers import NUMBER, UNIT, stripped, time_of
 
-# bars, beats, seconds in one of each unit, times a divisor that rounds once
+# For each unit: the field of Length that it fills, and the divisor of a value in it. A division
+# rounds once.
 _UNITS = {
     "": ("beats", 1.0),
     "beat": ("beats", 1.0),
@@ -24,13 +25,13 @@ _LENGTH = rf"({NUMBER})(?:/({NUMBER}))?({UNIT})"
 _ONLY_LENGTH = re.compile(_LENGTH)
 _PLUS = rf"(?:\s*([+-])\s*{_LENGTH})?"
 _BAR_BEAT = re.compile(rf"([0-9]{{1,9}})\|({NUMBER})(?:/({NUMBER}))?{_PLUS}")
-# A minus before a digit takes away; before a letter it belongs to the name.
+# A minus before a digit subtracts; before a letter it belongs to the name.
 _MARK = re.compile(rf"([^\W\d]\w*+(?:-[^\W\d]\w*+)*+){_PLUS}")
 
 
 @dataclass(frozen=True, slots=True)
 class Length:
-    """A stretch of the piece as written: in bars, beats or seconds; the others are 0."""
+    """A length as written, in bars, beats or seconds; fields that are not written are 0."""
 
     bars: float = 0.0
     beats: float = 0.0
@@ -43,7 +44,9 @@ class Length:
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """An instant as written: from a mark, else from a bar and beat, else from the start; plus."""
+    """An instant as written: `plus` after a mark, else after a bar and beat, else after the
+    start.
+    """
 
     mark: str | None = None
     bar: int | None = None

@@ -6,19 +6,21 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.values import Time
 
-# Nobody listens any more [s]: thirty years on, where frames are still counted exactly.
+# The instant of what never happens [s]: about 30 years on, where frames are still counted exactly.
 NEVER = 1e9
 
 
 class Elsewhere(TempoMap):
-    """The beats of a piece at other instants: some may be past when the engine begins."""
+    """A tempo map that does not begin at the engine's first frame: some beats may be past when the
+    engine begins.
+    """
 
 
 class Shifted(Elsewhere):
     """The beats of a piece at instants `by` seconds later."""
 
     def __init__(self, of: TempoMap, by: float) -> None:
-        """Of a map that is whole."""
+        """Share the state of `of`, a complete tempo map."""
         self.__dict__.update(of.__dict__)
         self.by = by
 
@@ -36,21 +38,21 @@ class Shifted(Elsewhere):
 
 
 class Standing(Elsewhere):
-    """A piece that stands at a beat: what lies before it is over, what lies after never comes."""
+    """A piece that is stopped at a beat: earlier beats are over, later ones never come."""
 
     def __init__(self, of: TempoMap, at: float, now: float) -> None:
-        """Of a map that is whole, at an instant of the engine [s]."""
+        """Share the state of `of`, a complete tempo map; `now` is an instant of the engine [s]."""
         self.__dict__.update(of.__dict__)
         self.at, self.now = at, now
 
     def seconds(self, beats: float) -> float:
-        """Now, or never."""
+        """`now` up to the beat where the piece is stopped, NEVER after it."""
         return self.now if beats <= self.at + SAME else NEVER
 
     def beats(self, seconds: float) -> float:
-        """The beat where it stands."""
+        """The beat where the piece is stopped."""
         return self.at
 
     def instant(self, start_beats: float, time: Time) -> float:
-        """Now, or never."""
+        """The instant of beat `start_beats`: `now` or NEVER."""
         return self.seconds(start_beats)

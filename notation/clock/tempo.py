@@ -96,7 +96,7 @@ class _Stretch:
 
 
 class TempoMap:
-    """When every beat of the piece is; beats of the piece count from 0."""
+    """The instant of each beat of the piece; beats count from 0."""
 
     def __init__(
         self, entries: Sequence[Entry] = (), marks: Mapping[str, Position] | None = None
@@ -171,7 +171,7 @@ class TempoMap:
         return self.bars.bar_beat(beats)
 
     def written(self, beats: float) -> str:
-        """A beat of the piece as `bar|beat`, with as many digits of the beat as a reader wants."""
+        """A beat of the piece as `bar|beat`, with the beat rounded to 3 decimals."""
         bar, beat = self.bars.bar_beat(beats)
         _, per_bar = self.bars.bar(bar)
         rounded = round(beat, 3)

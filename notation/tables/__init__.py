@@ -1,1 +1,3 @@
-"""One field table: it reads, checks, describes, and makes the editor's schema."""
+"""Tables of fields: they read, check and describe a score, and generate the editor's JSON
+schema.
+"""

@@ -1,9 +1,9 @@
 """Values with names and arithmetic: `2*heavy`, `low + 7st`, `(3 + 1/2)*beat_length`.
 
-An expression is turned into the literal that says its value, and that is read as if it had been
-written. Numbers are exact fractions, notes are semitones: `3*100g` is the very float 300g is.
-There is no code: numbers, units, notes, names of `let:`, + - * / sqrt() and parentheses, bounded in
-length and depth.
+An expression is replaced by the literal of its value, which is then read as if it had been
+written. Numbers are exact fractions and notes are semitones, so `3*100g` gives exactly the float
+of `300g`. No code is executed: there are only numbers, units, notes, names of `let:`, + - * /
+sqrt() and parentheses, bounded in length and depth.
 """
 
 from __future__ import annotations
@@ -73,14 +73,14 @@ _UNIT = re.compile(rf"\s?({'|'.join(map(re.escape, _BY_LENGTH))})(?![\w%])")
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """A number of a unit; of `note`, semitones above A4."""
+    """A number with its unit; for the unit `note`, semitones above A4."""
 
     number: Fraction
     unit: str
 
     @property
     def literal(self) -> str:
-        """How it is written."""
+        """The amount as a score writes it."""
         if self.unit == "note":
             if self.number.denominator == 1:
                 octaves, step = divmod(int(self.number) + 9, 12)
@@ -352,8 +352,9 @@ def _read(section: document.Mapping) -> Lets:
 def with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
     """Read a text of several words, in which names of `let:` may stand for values.
 
-    A word such as `low`, `low@2` or `2*low` is replaced where the text as written is refused.
-    Raises TextError with the characters at fault, as written.
+    The text is parsed as written; if that fails, words such as `low`, `low@2` or `2*low` are
+    replaced by their values and it is parsed again. Raises TextError with the characters at
+    fault, as written.
     """
     try:
         return parse(node.text)
@@ -386,7 +387,7 @@ def has_name(word: str, of: Document) -> bool:
 
 
 def is_computed(word: str, of: Document) -> bool:
-    """Whether a word of a table is meant to be computed: a name of `let:` or a sign is in it."""
+    """Whether a word of a table is an expression: it holds a name of `let:` or an operator."""
     if _PATH.fullmatch(word):
         return False
     return has_name(word, of) or _SIGNS_OF_WORDS.search(word) is not None
@@ -410,7 +411,8 @@ def word_value(word: str, of: Document, parse: Callable[[str], _T]) -> _T:
 
 
 def position(text: str, of: Document, parse: Callable[[str], _T]) -> _T:
-    """Read a position: names of `let:` stand in it for beats and lengths, if no mark has the name.
+    """Read a position. Names of `let:` may stand in it for beats and lengths, unless a mark has the
+    same name.
 
     Raises TextError.
     """
@@ -450,7 +452,7 @@ def _is_mark(text: str, of: Document) -> bool:
 
 
 def note_of(word: str, of: Document) -> str | None:
-    """The note that a word of a table stands for, where it is computed. Raises TextError."""
+    """The note that a word of a table gives, if it is an expression. Raises TextError."""
     if not is_computed(word, of):
         return None
     amount = evaluate(word, lets(of).names)
@@ -479,7 +481,9 @@ def percent(literal: str) -> str:
 
 
 def literal(node: Scalar) -> str | None:
-    """What the expression in a node stands for; None where it is none. Raises TextError."""
+    """The literal that the expression in a node gives; None if the node is not an expression.
+    Raises TextError.
+    """
     names = lets(node.document).names
     text = node.text
     if not looks_like(text, names):

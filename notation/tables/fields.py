@@ -1,4 +1,4 @@
-"""Records: the tables that say which names may be written, with what, and what they mean."""
+"""Records: tables of the names that may be written, their values and their meanings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NO_ARTICLE = ("rates", "strikes", "accuracy", "render", "mix", "master")
 
 @dataclass(frozen=True)
 class Field:
-    """One name that may be written, what it means, and what holds when it is not."""
+    """One name that may be written, its meaning, and its default."""
 
     name: str
     shape: Shape
@@ -40,7 +40,7 @@ class Field:
 
 @dataclass(slots=True)
 class Values:
-    """What was read of a record: by name, with the nodes for places."""
+    """The values read from a record, by name, and their nodes for places in messages."""
 
     record: Record
     node: Node
@@ -58,7 +58,7 @@ class Values:
         return self.given[name] if name in self.given else self.record.by_name[name].default
 
     def written(self, *names: str) -> list[str]:
-        """Those of the names that stand in the text, right or wrong."""
+        """The names among these that are written, with a valid value or not."""
         return [name for name in names if name in self.nodes]
 
     def place_of(self, name: str) -> Place:
@@ -79,7 +79,9 @@ class Values:
 def _whole_numbers(
     entries: Mapping[str, tuple[Scalar, Node]], context: Context
 ) -> Iterator[tuple[str, tuple[Scalar, Node]]]:
-    """The entries without numbers that a decimal comma cut in two (`{t60: 4,5s}`): reported."""
+    """The entries, without numbers that a decimal comma cut in two (`{t60: 4,5s}`): these are
+    reported.
+    """
     pending: tuple[str, tuple[Scalar, Node]] | None = None
     for word, (key, child) in entries.items():
         if pending is not None:
@@ -182,7 +184,7 @@ class Record(Shape):
             where = f" in {context.owner}" if context.owner else ""
             message = f"unknown {noun} {quote(word)}{where}"
             if word in self.foreign:
-                if not values.is_foreign:  # one file in the place of another is one mistake
+                if not values.is_foreign:  # report a file of the wrong kind once
                     context.error("E101", message, key.place, help=self.foreign[word])
                 values.is_foreign = True
                 return
@@ -196,7 +198,9 @@ class Record(Shape):
             context.error("E101", message, key.place, word=word, names=names, help=help)
 
     def _is_free(self, free: Shape, word: str, child: Node) -> bool:
-        """Whether a name is one's own; a misspelt field with a value that does not fit is not."""
+        """Whether an unknown name is a free name. A name that resembles a field, with a value that
+        `free` cannot read, is a misspelt field.
+        """
         if not NAME.fullmatch(word) or len(word) > MAX_NAME:
             return False
         if not isinstance(free, Text) or nearest(word, self.by_name) is None:

@@ -57,7 +57,9 @@ _EXAMPLE = "D3 F3 A3, C3..C5 pentatonic, C3 minor count 8 or A3.min7"
 
 
 def number(word: str) -> int | None:
-    """The number of a note in semitones, 60 for C4 and 69 for A4; None for what is none."""
+    """The number of a note in semitones, 60 for C4 and 69 for A4; None if the word is not a
+    note.
+    """
     match = _NOTE.fullmatch(word)
     if match is None:
         return None

@@ -126,7 +126,7 @@ _LAW_UNITS = (
 CONSTANT = _dimension("constant of a law", _LAW_UNITS, "900N/m")
 
 _PREFIXES = "GMkcmuµμnp"
-# Units as one speaks of them; an s behind them is taken off before.
+# Units spelled as words; a plural s is removed before the look-up.
 _SPOKEN = {
     "sec": "s", "second": "s", "msec": "ms", "millisecond": "ms", "usec": "us", "microsecond": "us",
     "hertz": "Hz", "kilohertz": "kHz", "decibel": "dB", "db": "dB", "degree": "deg", "°": "deg",
@@ -147,9 +147,9 @@ _ALL_UNITS = tuple(
 
 
 def full_scale(text: str) -> tuple[float, bool]:
-    """Read what full scale of an input is: its value [N or m], and whether it is a force.
+    """Read the value of full scale of an input [N or m], and whether it is a force.
 
-    Raises TextError where it is neither, or is 0.
+    Raises TextError if the unit is neither of force nor of length, or if the value is 0.
     """
     word = text.strip()
     is_force = word.endswith("N")
@@ -224,7 +224,9 @@ def _power(unit: str, word: str, offset: int, dimension: Dimension) -> int:
 
 
 def _likely(unit: str, dimension: Dimension) -> str | None:
-    """The unit that was meant. One that is another multiple of what is written is none."""
+    """The unit that was most likely meant; None if `unit` is a valid unit with a prefix that this
+    dimension does not have.
+    """
     spoken = _SPOKEN.get(unit.lower()) or _SPOKEN.get(unit.lower().removesuffix("s"))
     if spoken in dimension.units:
         return spoken
@@ -292,7 +294,9 @@ def frequency(text: str, dimension: Dimension = FREQUENCY) -> float:
 
 
 def _respelled(word: str) -> str | None:
-    """A note in German, in small letters or with its accidental last, as it is written here."""
+    """A note written in German, in small letters or with the accidental last, respelled in this
+    notation.
+    """
     match = _FOREIGN_NOTE.fullmatch(word)
     if match is None:
         return None
@@ -362,7 +366,7 @@ def factor(text: str) -> float:
 
 
 def integer(text: str, low: int, high: int) -> int:
-    """A whole number within bounds; `1e4` is one."""
+    """A whole number within bounds; `1e4` is accepted."""
     word = _trimmed(text)
     if re.fullmatch(r"[+-]?\d{1,30}", word):  # not through a float: seeds have 64 bits
         value = int(word)

@@ -1,8 +1,8 @@
-"""Shapes: what may stand after a name, as texts, lists, names and choices among them.
+"""Shapes: what may stand after a name, such as texts, lists, names and choices among them.
 
-A shape reads one node. It reports what is wrong by itself and then gives MISSING, so that the rest
-of the file is still read and every mistake is told at once. The same shape makes its JSON Schema
-and its words in the reference.
+A shape reads one node. It reports mistakes itself and then returns MISSING, so that the rest of
+the file is still read and all mistakes are reported at once. The same shape gives its JSON
+Schema and its words in the reference.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from ergon.notation.text.values import Place
 MISSING: Final = object()  # read, found wrong, reported
 MAX_NAME = 64  # characters: names are said aloud
 NAME = re.compile(r"[^\W\d][\w-]*")
-# What an editor takes for an expression.
+# The pattern by which an editor recognises an expression.
 EXPRESSION = r"[a-z_]\w*|.*\w *[*(].*|.* [-+] .*"
-# The same for editors, whose \w knows ASCII only.
+# NAME for editors, whose \w matches ASCII only.
 NAME_PATTERN = "^[A-Za-z_\u00aa-\uffff][\\w\u00aa-\uffff-]*$"
 
 
 class Name(str):
-    """A word of the composer's that refers to something, with its place."""
+    """A name by which the score refers to something, with the place where it is written."""
 
     __slots__ = ("place",)
     place: Place
@@ -45,7 +45,9 @@ class Name(str):
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """Where a reader stands: who collects, and whose fields these are (`key 'k1'`)."""
+    """The context of a reading: the collector of reports, and the owner of the fields (`key
+    'k1'`).
+    """
 
     collector: Collector
     owner: str = ""
@@ -118,7 +120,7 @@ class Text(Shape):
     inside: bool = False  # the message speaks of the whole text: "… in gesture 'knock'"
     is_value: bool = False  # names of `let:` and arithmetic may stand for it
     has_values: bool = False  # names of `let:` may stand for words of it
-    is_position: bool = False  # both may stand where no mark has the name
+    is_position: bool = False  # both, unless a mark has the same name
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
@@ -143,7 +145,7 @@ class Text(Shape):
         return expressions.word_value(word, of, self.parse)
 
     def _computed(self, node: Scalar, name: str, context: Context, plain: TextError) -> Any:
-        """The value of a node that is no plain one: an expression, or a mistake."""
+        """The value of a node that is not a plain value: an expression, or a mistake to report."""
         try:
             said = expressions.literal(node)
             if said is not None and self.units == ("%",):
@@ -186,7 +188,7 @@ class NamedValues(Shape):
     """`{heavy: 400g, low: D2}`: values to which others may refer by name."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:
-        """Read a node; the values are known by its document."""
+        """Read a node; its document keeps the values."""
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
         found = expressions.lets(node.document)
@@ -215,7 +217,7 @@ def choice(*words: str) -> Text:
         )
 
     shown = " or ".join(f"`{word}`" for word in words)
-    # `bits: 24` is a number for an editor.
+    # An editor reads `bits: 24` as a number.
     numbers = tuple(int(word) for word in words if word.isdigit())
     types = ("string", "number") if numbers else ("string",)
     return Text(parse, shown, types=types, choices=(*words, *numbers))
@@ -223,9 +225,10 @@ def choice(*words: str) -> Text:
 
 @dataclass(frozen=True)
 class Reference(Shape):
-    """The name of something; whether it exists is asked when everything is read.
+    """The name of something; whether it exists is checked after everything is read.
 
-    `sections` are those of a score whose names may stand here; `modules` are those of instruments.
+    `sections` are those of a score whose names may stand here; `modules` are those of
+    instruments.
     """
 
     what: str
@@ -285,8 +288,9 @@ class ListOf(Shape):
         return values if len(values) >= self.least else MISSING  # a broken pair is no pair
 
     def _by_lines(self, node: document.Sequence, name: str, context: Context) -> list[Any]:
-        """The values of items that stand in lines of their own: each is read once, unless that gave
-        reason to report."""
+        """The values of items in lines of their own. Each item is read once; it is read again only
+        if the reading made a report.
+        """
         let = node.document.let
         key = id(self.item), name, context.owner, let
         reported: dict[int, Any] = {}
@@ -425,7 +429,9 @@ class NamesOf(Shape):
         return result
 
     def _read_once(self, line: Line, node: Node, context: Context, own: document.Document) -> Any:
-        """The value of an entry in a line of its own: read once, unless there was a report."""
+        """The value of an entry in a line of its own. It is read once; it is read again only if the
+        reading made a report.
+        """
         key = id(self.item), context.owner, own.let
         if key in line.values:
             return line.values[key]
@@ -454,7 +460,9 @@ class NamesOf(Shape):
 
 
 def merged(*schemas: dict[str, Any]) -> dict[str, Any]:
-    """Keywords of one type say nothing about another, so a union of types needs no `anyOf`."""
+    """Merge schemas of different types: keywords of one type do not constrain another, so a union
+    needs no `anyOf`.
+    """
     result: dict[str, Any] = {}
     types: list[str] = []
     for schema in schemas:

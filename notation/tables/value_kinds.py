@@ -24,7 +24,8 @@ MAX_CACHED = 4096  # texts of one kind: a score of 10,000 entries repeats a few 
 
 
 def _cached(parse: Callable[[str], Any]) -> Callable[[str], Any]:
-    # Errors are not cached: place_at changes nothing in them, but their offsets may.
+    # lru_cache keeps no exceptions: callers shift the offset of a TextError, so each call must
+    # raise a new one.
     return lru_cache(MAX_CACHED)(parse)
 
 

@@ -1,1 +1,1 @@
-"""Text with places: YAML as nodes, mistakes where they stand, spelling, spacing."""
+"""Text with places: YAML as nodes, mistakes with their places, spelling suggestions, spacing."""

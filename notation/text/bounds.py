@@ -1,8 +1,8 @@
 """Which files a score may name: those of its folder or its project, and those that ship.
 
-A score comes from anybody. What it names is read, and quoted where it is wrong; `render: {file: …}`
-is written. So a name that leads out of the score's folder, by `..`, by an absolute path or by a
-link, is refused unless whoever runs the score trusts it.
+A score may come from anybody. Files that it names are read, and quoted in messages about them;
+the file of `render: {file: …}` is written. So a name that leads out of the score's folder, by
+`..`, by an absolute path or by a link, is refused unless whoever runs the score trusts it.
 """
 
 from __future__ import annotations
@@ -22,13 +22,15 @@ SHIPPED = _PACKAGE / "scores" / "library"
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Folders, without links in their names, whose files a score may name; None is any folder."""
+    """Folders, without links in their names, whose files a score may name; None stands for any
+    folder.
+    """
 
     folders: tuple[Path, ...] | None
 
     @classmethod
     def around(cls, folder: Path, *, trust: bool = False) -> Bounds:
-        """Those of a score in a folder; with `trust` it may name any file."""
+        """The bounds of a score in a folder; with `trust` it may name any file."""
         if trust:
             return cls(None)
         return cls((_project(_real(folder)), _real(INSTRUMENTS), _real(SHIPPED)))
@@ -39,7 +41,7 @@ class Bounds:
         return self.folders is None
 
     def allow(self, path: Path) -> bool:
-        """Whether a path, links followed, lies inside; of a file that is not there yet too."""
+        """Whether a path, with links followed, lies inside the bounds; the file need not exist."""
         if self.folders is None or _is_installed(path):
             return True
         try:
@@ -64,13 +66,15 @@ def _real(path: Path) -> Path:
 
 
 def _project(folder: Path) -> Path:
-    """The nearest folder, from this one up, that holds a marker of the user's; else this one."""
+    """The nearest folder, from this one up, that holds a marker file owned by the user; else this
+    one.
+    """
     for one in (folder, *folder.parents):
         try:
             found = os.lstat(one / MARKER)
         except OSError:
             continue
-        # In a folder that all may write to, the marker may be somebody else's.
+        # In a folder that everybody can write to, the marker may belong to somebody else.
         if stat.S_ISREG(found.st_mode) and found.st_uid == _user(found.st_uid):
             return one
     return folder

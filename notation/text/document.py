@@ -67,7 +67,9 @@ class Scalar(Node):
         return self.document.place(index, max(1, min(length, room)))
 
     def _literal_place(self, offset: int, length: int) -> Place:
-        """Lines of a literal block are the ends of the source's lines below the `|`."""
+        """The place in a literal block: each line of its text is the end of a source line below the
+        `|`.
+        """
         table = self.document.table(self)
         if table.indent is None:
             table.indent = self._indent(table)
@@ -81,10 +83,12 @@ class Scalar(Node):
         return Place(self.document.file, line, column, max(1, min(length, room)))
 
     def _indent(self, table: Table) -> int:
-        """How far the block stands in, one for all its rows; -1 where text and source disagree."""
+        """The indentation of the block, the same for all its rows; -1 if text and source
+        disagree.
+        """
         for row in range(len(table.starts)):
             text = table.row_text(self.text, row)
-            if text:  # an empty row may stand in less
+            if text:  # an empty row may be indented less
                 start, end = self.document.line_span(table.first_row + row)
                 indent = end - start - len(text)
                 agree = indent >= 0 and self.document.text.startswith(text, start + indent)
@@ -92,7 +96,9 @@ class Scalar(Node):
         return 0
 
     def _flow_index(self, offset: int) -> int | None:
-        """Walk text and source together: folding makes one space of a break and its indent."""
+        """Index in the source of a character of the text, found by walking both: folding turns a
+        line break and its indentation into one space.
+        """
         if self.style == ">":
             return None
         source = self.document.text
@@ -113,7 +119,7 @@ class Scalar(Node):
 
 @dataclass(eq=False, slots=True)
 class Line:
-    """An item or entry in a line of its own, and what it was read as: it is read once.
+    """An item or entry in a line of its own, with the values that shapes have read from it.
 
     `node` is the item, or a mapping of the entry alone.
     """
@@ -127,8 +133,8 @@ class Line:
 class Sequence(Node):
     """Items in the order written.
 
-    Of items that were composed line by line, `lines` says which, and `bases` where the lines begin:
-    the places of such an item count from there.
+    If items were composed line by line, `lines` holds their lines, and `bases` the indices at
+    which these lines begin: the places of such an item count from there.
     """
 
     items: list[Node]
@@ -143,10 +149,10 @@ class Sequence(Node):
 
 @dataclass(eq=False, slots=True)
 class Mapping(Node):
-    """Names and what they stand for, in the order written; a name written twice counts once.
+    """Names and their values, in the order written; of a name written twice only the first counts.
 
-    Of entries that were composed line by line, `lines` says which, and `bases` where the lines
-    begin: the places of such an entry count from there.
+    If entries were composed line by line, `lines` holds their lines, and `bases` the indices at
+    which these lines begin: the places of such an entry count from there.
     """
 
     entries: dict[str, tuple[Scalar, Node]]
@@ -161,7 +167,9 @@ class Mapping(Node):
 
 @dataclass(eq=False, slots=True)
 class Table:
-    """Rows of a literal block: the first one's line (from 0), and where each begins in the text."""
+    """Rows of a literal block: the source line of the first row (from 0), and where each row begins
+    in the block's text.
+    """
 
     first_row: int
     starts: list[int]
@@ -183,7 +191,7 @@ class Document:
     folder: Path = field(default_factory=Path)  # paths in the file are relative to it
     first_row: int = 0  # where the text begins in its file
     size: int = 0  # how many nodes there are, aliases written out
-    # Its named values, once read, and where they stand if that is not in it.
+    # The values that `let:` names, once read, and the node of `let:` if it is in another document.
     lets: Any = field(default=None, repr=False, compare=False)
     let: Node | None = field(default=None, repr=False, compare=False)
     _starts: list[int] = field(default_factory=list, repr=False)
@@ -195,7 +203,7 @@ class Document:
         return self._starts
 
     def forget_lines(self) -> None:
-        """Find anew where lines begin: the text is another."""
+        """Forget where lines begin, because the text has changed."""
         self._starts.clear()
         self._tables.clear()
 
@@ -229,7 +237,7 @@ class Document:
         return Place(self.file, line, index - self._line_starts()[row] + 1, length)
 
     def table(self, scalar: Scalar) -> Table:
-        """The rows of a literal block, found once: a table of 100,000 asks one by one."""
+        """The rows of a literal block, found once: a table of 100,000 rows is read row by row."""
         table = self._tables.get(scalar.start)
         if table is None:
             table = Table(self.row(scalar.start) + 1, _line_starts(scalar.text))
@@ -238,7 +246,7 @@ class Document:
 
 
 class _Refused(Exception):
-    """What ends the reading of a file: code, message, index, length."""
+    """Ends the reading of a file: code, message, index, length."""
 
     def __init__(self, code: str, message: str, index: int, length: int = 1) -> None:
         super().__init__(message)

@@ -23,9 +23,9 @@ from ergon.notation.text.splices import Path as Path
 Tree = str | list[Any] | dict[str, Any] | None  # what a text says; nothing and empty are one
 
 
-@lru_cache(maxsize=16)  # what is checked after one edit is what the next one begins with
+@lru_cache(maxsize=16)  # the next edit begins with the text checked after this one
 def read(text: str, file: str) -> Document:
-    """The nodes of a text, for looking only. Raises EditError."""
+    """The nodes of a text, for reading only. Raises EditError."""
     collector = Collector()
     document = compose(text, file, collector)
     if collector.has_errors():
@@ -139,7 +139,7 @@ def rows(text: str) -> list[str]:
 
 
 def add_row(document: Document, path: Path, text: str) -> str:
-    """Add a line at the end of a table, as far in as those above it. Raises EditError."""
+    """Add a line at the end of a table, indented like the lines above it. Raises EditError."""
     edit = _Edit(document)
     table, span = edit.table(path)
     lines = [*rows(table), text]
@@ -202,7 +202,7 @@ def quoted(text: str) -> str:
 
 
 def flow(said: Tree) -> str:
-    """What a text says in one line."""
+    """A value as one line of YAML in flow style."""
     if isinstance(said, dict):
         return "{" + ", ".join(f"{name}: {flow(value)}" for name, value in said.items()) + "}"
     if isinstance(said, list):
@@ -211,7 +211,7 @@ def flow(said: Tree) -> str:
 
 
 class _Edit:
-    """One document, laid out for an edit, and what it says."""
+    """One document with its layout and its values, for an edit."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
@@ -220,7 +220,9 @@ class _Edit:
         self.tree = tree(document.root)
 
     def follow(self, path: Path) -> list[Span]:
-        """The spans from the root to what a path names, or as far as they are written."""
+        """The spans from the root to the value at a path, or to the last of them that is
+        written.
+        """
         if self.layout.root is None:
             return []
         chain = [self.layout.root]
@@ -245,13 +247,13 @@ class _Edit:
         return chain[-1].value, chain[-1]
 
     def indent_of(self, path: Path) -> int:
-        """How far in the line stands that names a value."""
+        """The indentation of the name or dash of the value at a path."""
         parent = self.follow(path)[-2]
         number = parent.index(path[-1])
         return self.layout.column(self.layout.mark(parent, number or 0))
 
     def checked(self, splices: list[Splice], expected: Tree) -> str:
-        """The new text, which says what is wanted and nothing else."""
+        """The new text. Raises EditError if its values are not `expected`."""
         text = spliced(self.layout.text, splices)
         reread = read(text, self.document.file)
         if tree(reread.root) != expected:
@@ -290,7 +292,9 @@ def _comment(row: str) -> str:
 
 
 def _value(text: str, in_flow: bool) -> Tree:
-    """What one line of YAML says where it is to stand."""
+    """The value of one line of YAML, in flow or block context. Raises EditError if it is not one
+    value.
+    """
     collector = Collector()
     source = f"[{text}\n]" if in_flow else f"k: {text}"
     root = compose(source, "", collector).root
@@ -304,7 +308,9 @@ def _value(text: str, in_flow: bool) -> Tree:
 
 
 def tree(node: Node | None, by_node: dict[int, Tree] | None = None) -> Tree:
-    """What a node says, its aliases followed: texts, lists and mappings of them."""
+    """The value of a node with its aliases resolved: texts, and lists and mappings of values; None
+    if it is empty.
+    """
     if node is None:
         return None
     by_node = {} if by_node is None else by_node
@@ -339,7 +345,7 @@ def _with(tree: Tree, path: Path, change: Callable[[Any], Tree]) -> Tree:
 
 
 def _without(said: Tree, paths: list[Path]) -> Tree:
-    """The tree without what paths name, all of one parent, or one path alone."""
+    """The tree without the values at `paths`. Raises EditError if they do not have one parent."""
     parents = {tuple(path[:-1]) for path in paths}
     if len(parents) > 1:
         raise EditError("entries can be removed together only from one list or mapping")

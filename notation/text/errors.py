@@ -68,7 +68,7 @@ class Source(Protocol):
 
 
 class Collector:
-    """Gathers diagnostics; `finish` gives them in file order, each kind up to 20."""
+    """Gathers diagnostics; `finish` returns them in file order, up to 20 of each severity."""
 
     told: int  # how often something was reported, the same twice too
 
@@ -77,7 +77,7 @@ class Collector:
         self.clear()
 
     def clear(self) -> None:
-        """None was reported."""
+        """Forget all reports."""
         self.told = 0
         self._found: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
         self._counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
@@ -95,24 +95,27 @@ class Collector:
         word: str | None = None,
         names: Iterable[str] = (),
     ) -> None:
-        """Add one of any severity; with `word`, the nearest of `names` becomes the suggestion."""
+        """Add a diagnostic of any severity; with `word`, the nearest of `names` becomes the
+        suggestion.
+        """
         self.told += 1
         if self.lacks_names and code == "E301":
             return
-        message = printable(message)  # a name of a file may hold what moves a terminal
-        # A place is read for each alias, note and copy; up to its colon a message says of which.
+        message = printable(message)  # file names may hold terminal control characters
+        # A node is read once for each alias, note and copy. Its message names the owner up to the
+        # first colon, so the key leaves that part out.
         key = (code, message.partition(": ")[2] or message, place)
         if key in self._found:
             return
         diagnostic = Diagnostic(code, message, place, suggestion, help)
         self._counts[diagnostic.severity] += 1
         if len(self._found) < MAX_KEPT:
-            # The search waits for `finish`: of 10,000 mistakes only 20 are shown.
+            # Suggestions are searched in `finish`: of 10,000 mistakes only 20 are shown.
             candidates = (word, *names) if word is not None else ()
             self._found[key] = (diagnostic, candidates)
 
     def file(self, name: str) -> None:
-        """Files are reported in the order in which they were opened."""
+        """Note that a file was opened: reports follow the order of opening."""
         self._files.setdefault(name, len(self._files))
 
     def has_errors(self) -> bool:
@@ -156,7 +159,7 @@ def _with_suggestion(diagnostic: Diagnostic, names: tuple[str, ...]) -> Diagnost
 
 
 def quote(word: str) -> str:
-    """A word of the composer's between quotes, shortened, with nothing that moves a terminal."""
+    """A word of the score in quotes, shortened, without terminal control characters."""
     shown = word if len(word) <= 40 else word[:37] + "..."
     return f"'{printable(shown)}'"
 
@@ -165,7 +168,7 @@ _SPOKEN_VOWEL = (*"aeiou", "ENF", "ENX", "LNL")
 
 
 def with_article(noun: str) -> str:
-    """`a mass`, `an impulse`; kinds are spelled: `a MAS`, `an LNL`."""
+    """The noun with its article: `a mass`, `an impulse`, `a MAS`, `an LNL`."""
     return f"{'an' if noun.startswith(_SPOKEN_VOWEL) else 'a'} {noun}"
 
 

@@ -28,7 +28,7 @@ _HELP = "copy the file into the folder of the score, or use --trust"
 
 
 def is_file(path: Path) -> bool:
-    """Whether a regular file is there; a name that no file can have is not."""
+    """Whether a path is a regular file; False for a name that no file can have."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -36,7 +36,7 @@ def is_file(path: Path) -> bool:
 
 
 def shipped(path: Path) -> str | None:
-    """The name by which scores use a file that ships; None for one of their own."""
+    """The name by which scores use a file that ships; None for any other file."""
     for prefix, root in (*_LIBRARY.items(), ("", SHIPPED)):
         if path.is_relative_to(root):
             return str(PurePosixPath(prefix, path.relative_to(root).as_posix()))
@@ -64,13 +64,12 @@ def is_below(path: Path, folder: Path) -> bool:
 
 
 class Files:
-    """Reads YAML files; `overlay` holds texts that stand for files (an editor's, a test's).
+    """Reads YAML files; `overlay` holds texts that replace files (from an editor or a test).
 
-    Where it is `sealed` no text is read from the disk that is neither in `overlay` nor ships, and
-    no other file from outside `home`.
+    If `sealed`, texts are read only from `overlay` and from the files that ship.
 
-    A file in `home`, the score's folder, stands for the one that ships under the same name, for
-    files of the library too: so a copy that is changed is the one that is meant.
+    A file in `home`, the score's folder, replaces the file that ships under the same name, also
+    where a file of the library names it: a changed copy takes precedence.
     """
 
     def __init__(
@@ -83,7 +82,9 @@ class Files:
         *,
         sealed: bool = False,
     ) -> None:
-        """Start with nothing read, but for what is remembered; `bounds` are those of `home`."""
+        """Start with nothing read except what `memory` holds; `bounds` default to those of
+        `home`.
+        """
         self.collector = collector
         self.memory = memory
         self.documents: dict[str, Document] = {}
@@ -93,10 +94,10 @@ class Files:
         self._sealed = sealed
 
     def find(self, name: str, folder: Path, *, is_text: bool = True) -> Path | None:
-        """A file relative to a folder or to `home`, or one that ships; None when there is none.
+        """A file relative to a folder or to `home`, or one that ships; None if there is none.
 
-        The one that is found may lie outside the bounds. What is no text (a take) is never in the
-        overlay.
+        The file found may lie outside the bounds. A file that is not text (a take) is never in
+        the overlay.
         """
         for path in self._candidates(name, folder):
             if self._holds(path):
@@ -135,7 +136,7 @@ class Files:
         return path if self._is_inside(path, name, asked, who) else None
 
     def target(self, name: str, folder: Path, asked: Place, who: str = "") -> Path | None:
-        """The file that a score wants written; None after a report."""
+        """The path of a file that a score asks to write; None after a report."""
         path = folder / name
         return path if self._is_inside(path, name, asked, who) else None
 
@@ -205,9 +206,9 @@ class Files:
         asked: Place,
         decoder: Decoder = decode,
     ) -> Document | None:
-        """A text that is no YAML, such as a table; None after a report.
+        """A text that is not YAML, such as a table; None after a report.
 
-        Of a file that is no text, `decoder` makes one (bytes, name, collector), or reports.
+        `decoder` (bytes, name, collector) turns the bytes of the file into a text, or reports.
         """
         path = self.locate(name, folder, asked)
         if path is None or str(path) in self.documents:
@@ -258,7 +259,9 @@ def _library_folder(name: str) -> str | None:
 
 
 def _library_list(name: str) -> str | None:
-    """What a folder of the library holds, where that can be told in a line."""
+    """The files of a folder of the library as one line of help; None if there are none or too
+    many.
+    """
     prefix = _library_folder(name)
     files = sorted(installed(prefix).glob("*.yaml")) if prefix else []
     if not 0 < len(files) <= _MAX_TOLD:

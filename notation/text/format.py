@@ -1,8 +1,8 @@
 """`ergon fmt`: canonical spacing, and nothing else.
 
-Changed are spaces inside flow maps and lists (`{ a:1,b: 2 }`), columns of tables that are not
-aligned, spaces at ends of lines, and the end of the file. Comments stay byte for byte. What the
-score means is compared before and after; the text is refused rather than changed in meaning.
+It changes spaces inside flow maps and lists (`{ a:1,b: 2 }`), columns of tables that are not
+aligned, spaces at ends of lines, and the end of the file. Comments stay byte for byte. The
+meaning of the score is compared before and after: a text whose meaning would change is refused.
 """
 
 import re
@@ -31,7 +31,7 @@ class _Text(NamedTuple):
 
     @property
     def columns(self) -> int:
-        """Of how many columns it is a table; 0 when it is none."""
+        """Number of columns of the text as a table; 0 if it is not a table."""
         if self.style == "|" and self.path[-1:] == ("points",):
             return 3  # t x curve
         return 2 if self.style == "|" and self.path[:1] == ("parts",) else 0  # at, play

@@ -1,4 +1,6 @@
-"""Lists and mappings of many values in braces: one that is known is not composed again."""
+"""Long lists and mappings of values in braces, composed line by line: a known line is not composed
+again.
+"""
 
 from __future__ import annotations
 
@@ -12,21 +14,23 @@ from ergon.notation.text import document
 from ergon.notation.text.document import Document, Line, Node, Scalar, Sequence, compose
 from ergon.notation.text.errors import Collector
 
-# An item in braces, without quotes or remarks.
+# An item in braces, without quotes or comments.
 _ITEM = r"\{(?:[^][{}\"'#\n]|\[[^][{}\"'#\n]*\])*\}"
-# Lines of one indentation, each an item or an entry; or items in one line. Of fewer nothing is
-# gained.
+# A run of at least 8 values: lines of one indentation, each an item or an entry, or items in one
+# line. With fewer, nothing is gained.
 _RUN = re.compile(
     r"^( *)- \{[^\n]*\}\n(?:\1- \{[^\n]*\}\n){7,}"
     r"|^( +)[A-Za-z][\w-]*: \{[^\n]*\}\n(?:\2[A-Za-z][\w-]*: \{[^\n]*\}\n){7,}"
     rf"|(?:(?<=\[)|(?<=, ))(?:{_ITEM}, ){{7,}}+{_ITEM}",
     re.MULTILINE,
 )
-_NAME = "lines"  # of the one that stands for them, with a number where it is a mapping's
+_NAME = "lines"  # of the value that replaces a run; in a mapping a number follows
 
 
 class _Run(NamedTuple):
-    """Where values begin and end in a text, and where one stands for them in a shorter one."""
+    """A run of values in a text, and the position of the one value that replaces it in a shortened
+    text.
+    """
 
     first: int
     end: int
@@ -35,34 +39,34 @@ class _Run(NamedTuple):
     short_end: int
     words: list[str]  # lines, or what is between braces
     gap: int  # between two of them
-    name: str  # of what stands for them
+    name: str  # of the value that replaces them
 
     @property
     def is_mapping(self) -> bool:
-        """Whether each is an entry with a name."""
+        """Whether the values are entries with names."""
         return self.name != _NAME
 
     def whole(self, index: int) -> int:
-        """The place in the text of one in the shorter text, at this run or below it."""
+        """Index in the text of an index of the shortened text, at this run or after it."""
         # A mapping begins where its first name does.
         if index < self.item + self.is_mapping:
             return self.first + index - self.short_first
         return self.end + index - self.short_end
 
     def bases(self) -> Iterator[int]:
-        """Where each begins in the text."""
+        """Where each value begins in the text."""
         return accumulate([len(word) + self.gap for word in self.words[:-1]], initial=self.first)
 
 
 def by_lines(
     text: str, file: str, folder: Path, row: int, known: Mapping[str, Line]
 ) -> tuple[Document, dict[str, Line]] | None:
-    """The nodes of a text, and the lines of its lists and mappings; those that are `known` are not
+    """The nodes of a text, and the lines of its lists and mappings; lines that are `known` are not
     composed.
 
-    `row` is the first line of the text in its file; an item keeps the line at which it was
-    composed, an entry is composed again at another. None where there are no such lines, or where
-    they cannot be read alone (an alias, a text of several lines, a mistake).
+    `row` is the first line of the text in its file. A known item keeps the line number at which
+    it was composed; an entry at another line number is composed again. None if there are no such
+    lines, or if they cannot be read alone (an alias, a text of several lines, a mistake).
     """
     short, runs = _shortened(text)
     collector = Collector()
@@ -87,7 +91,7 @@ def by_lines(
 
 
 def _shortened(text: str) -> tuple[str, list[_Run]]:
-    """The text with one value in place of each run of them, and the runs."""
+    """The text with one value in place of each run, and the runs."""
     short, done = "", 0
     runs: list[_Run] = []
     for match in _RUN.finditer(text):
@@ -120,9 +124,9 @@ def _line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
 
 
 def _filled(own: Document, runs: list[_Run], lines: Mapping[str, Line]) -> bool:
-    """Put the lines in their places, and all other nodes where they are in the text.
+    """Put the lines in their places, and move all other nodes to their places in the text.
 
-    False where what looks like a list or mapping is none.
+    False if a run is not part of a list or mapping after all.
     """
     assert own.root is not None
     by_item, nodes = {run.item: run for run in runs}, list(_nodes(own.root))
@@ -158,7 +162,7 @@ def _nodes(root: Node) -> Iterator[Node]:
 
 
 def _whole(index: int, runs: list[_Run]) -> int:
-    """The place in the text of one in the shorter text."""
+    """Index in the text of an index of the shortened text."""
     above = [run for run in runs if run.short_first <= index]
     return above[-1].whole(index) if above else index
 
@@ -166,7 +170,9 @@ def _whole(index: int, runs: list[_Run]) -> int:
 def _fill(
     sequence: Sequence, found: Iterable[_Run | bool | None], lines: Mapping[str, Line]
 ) -> int:
-    """The items of the runs that are `found`, in the place of what stands for them."""
+    """Put the items of the runs in `found` in place of the values that replaced them; returns the
+    number of runs.
+    """
     items: list[Node] = []
     known: list[Line | None] = []
     bases: list[int] = []
@@ -189,9 +195,10 @@ def _fill(
 def _fill_entries(
     mapping: document.Mapping, by_item: Mapping[int, _Run], lines: Mapping[str, Line]
 ) -> int:
-    """The entries of runs in a mapping, in the place of what stands for them.
+    """Put the entries of runs in place of the entries that replaced them; returns the number of
+    runs.
 
-    None are found where a name is written twice.
+    Returns 0 if a name is written twice.
     """
     found = [
         run

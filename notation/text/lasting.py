@@ -1,4 +1,6 @@
-"""Building what lasts: a large score is a million objects, with no cycle worth a search."""
+"""Building long-lived objects: a large score is a million objects, and hardly any cycle to
+collect.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ _Made = TypeVar("_Made")
 
 
 def lasting(build: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made]:
-    """Make a function run without the search for cycles, which takes as long as the building."""
+    """Make a function run with the cyclic garbage collector off; a collection takes as long as the
+    building.
+    """
 
     @wraps(build)
     def built(*args: _Arguments.args, **named: _Arguments.kwargs) -> _Made:

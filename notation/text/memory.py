@@ -1,4 +1,4 @@
-"""What was read of a text, kept for the next reading: what has not changed is read once."""
+"""Memory of what was read from a text, so that the next reading reads only what has changed."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ _Made = TypeVar("_Made")
 
 
 class Memory:
-    """Belongs to whoever reads one text again and again; keeps what the last two readings needed.
+    """The memory of a reader that reads one text repeatedly; it keeps what the last two readings
+    needed.
 
-    What is kept may report later through the collector that it was read with, so all readings share
-    one. Of a memory that `is_loose` items of long lists are read once, and keep the places where
-    they stood then: such a list may grow without end.
+    A kept value may report later through the collector with which it was read, so all readings
+    share one collector. If `is_loose`, items of long lists are read once and keep the places
+    that they had then, so that a list can grow without end.
     """
 
     def __init__(self, *, is_loose: bool = False) -> None:
@@ -26,14 +27,15 @@ class Memory:
         self._now: dict[Hashable, Any] = {}
         self._before: dict[Hashable, Any] = {}
         self.last: tuple[Any, Any] | None = None  # what was read last as a whole, and what it is
-        # The lines of lists of each section, by their texts.
+        # For each section (file, name): the lines of its lists, by their texts.
         self.lines: dict[tuple[str, str], dict[str, Line]] = {}
         self._held: dict[str, tuple[Any, Any]] = {}
 
     def begin(self, *, is_whole: bool = True) -> Collector:
-        """Another reading; where it reports.
+        """Begin another reading; returns its collector.
 
-        One that is not whole, of names alone, needs little: what it leaves aside is not forgotten.
+        A reading that is not whole, such as one of names alone, uses little: values that it does
+        not use are not forgotten.
         """
         if is_whole:
             self._before, self._now = self._now, {}
@@ -50,7 +52,9 @@ class Memory:
         self._held[name] = condition, what
 
     def made(self, key: Hashable, make: Callable[[], _Made]) -> _Made:
-        """What was made under a key, or is made now; what gave reason to report is not kept."""
+        """The value made under a key, or made now; a value whose making made a report is not
+        kept.
+        """
         made: _Made
         if key in self._now:
             made = self._now[key]

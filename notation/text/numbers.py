@@ -1,4 +1,4 @@
-"""How a number with a unit is written, wherever one is."""
+"""The notation of a number with a unit, shared by all parsers."""
 
 from ergon.notation.text.errors import TextError
 
@@ -14,7 +14,9 @@ def stripped(text: str) -> tuple[str, int]:
 
 
 def time_of(number: str, part: str | None, offset: int) -> float:
-    """A time, or with `part` a fraction of one; `number` begins at `offset`. Raises TextError."""
+    """The time `number`, divided by `part` if there is one; `number` begins at `offset`. Raises
+    TextError.
+    """
     value = float(number)
     length = len(number)
     if part is not None:

@@ -1,4 +1,4 @@
-"""A text whose sections are composed one by one, so that those that have not changed stay."""
+"""A text whose sections are composed one by one, so that unchanged sections keep their nodes."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from ergon.notation.text.errors import Collector
 from ergon.notation.text.item_lines import by_lines
 from ergon.notation.text.memory import Memory
 
-# A line that begins at the margin with a name: in a block mapping nothing else does.
+# A line that begins at the margin with a name: in a block mapping only its own names begin there.
 _SECTION = re.compile(r"^[^\s#'\"\-?:,\[\]{}&*!|>%@`][^:\n]*:(?=\s|$)", re.MULTILINE)
-# What stands before the first: nothing, or remarks.
+# What may stand before the first section: blank lines and comments.
 _HEAD = re.compile(r"(?:[ \t]*(?:#.*)?\n)*")
 _MARKER = re.compile(r"^(?:---|\.\.\.|%)", re.MULTILINE)  # of documents, of which there is one
 
@@ -41,7 +41,9 @@ def names(text: str) -> list[tuple[str, int, int]]:
 
 
 def alone(text: str, file: str, folder: Path, name: str, memory: Memory) -> Section | None:
-    """A section, if it can be read without the others; `remembered` knows it then too."""
+    """A section, if it can be read without the others; `memory` then also has it for
+    `remembered`.
+    """
     own = lines(text, name)
     if own is None:
         return None
@@ -68,8 +70,8 @@ def remembered(
 ) -> Document:
     """The nodes of a text, as `compose` makes them, with those of sections that are known.
 
-    Whatever is out of the common is left to `compose`: an alias of another section, a name that
-    stands twice, a mistake.
+    Anything unusual is left to `compose`: an alias of another section, a name written twice, a
+    mistake.
     """
     whole = Document(file, text)
     entries: dict[str, tuple[Scalar, Node]] = {}

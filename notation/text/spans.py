@@ -1,7 +1,7 @@
-"""Where everything of a YAML text stands: what an edit must know and a reader need not.
+"""Where everything of a YAML text stands, as an edit needs it.
 
-Unlike the nodes of a document, aliases stand for themselves, collections say how they are written,
-and nothing ends later than its last character.
+Unlike the nodes of a document, aliases are spans of their own, collections say whether they are
+written in flow style, and nothing ends later than its last character.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ class Splice(NamedTuple):
 
 @dataclass(slots=True)
 class Span:
-    """A node from its first character (of its anchor) to its last; `keys` are a mapping's."""
+    """A node from its first character (or that of its anchor) to its last; `keys` are the keys of a
+    mapping.
+    """
 
     kind: Kind
     start: int
@@ -66,7 +68,7 @@ class Span:
 
 @dataclass(slots=True)
 class Layout:
-    """A text, its root span and its manners: line break, step of indentation."""
+    """A text, its root span, its line break and its indentation step."""
 
     text: str
     root: Span | None
@@ -119,17 +121,21 @@ class Layout:
         return self.token(anchor.end() if anchor else parent.start)
 
     def whole_lines(self, start: int, end: int) -> tuple[int, int]:
-        """The whole lines from one character's to another's, with as many line breaks."""
+        """The range of whole lines from the line of one character to that of another; it holds as
+        many line breaks as lines.
+        """
         return self.broken(self.line_start(start), self.next_line(end))
 
     def broken(self, first: int, after: int) -> tuple[int, int]:
-        """The same lines; where the last has no break, that of the line before goes with them."""
+        """The range of these lines; if the last has no line break, the break before the first is in
+        the range instead.
+        """
         if first and after == len(self.text) and not self.text.endswith(("\n", "\r")):
             first -= 2 if self.text.startswith("\r\n", first - 2) else 1
         return first, after
 
     def is_blank(self, index: int) -> bool:
-        """Whether a line holds nothing; there is none below the last."""
+        """Whether the line of a character is blank."""
         return not self.text[self.line_start(index) : self.line_end(index)].strip()
 
 
@@ -143,7 +149,7 @@ def spliced(text: str, splices: Iterable[Splice]) -> str:
     return "".join((*pieces, text[at:]))
 
 
-@lru_cache(maxsize=8)  # what was checked is what the next edit begins with
+@lru_cache(maxsize=8)  # the next edit begins with the text checked here
 def layout(text: str) -> Layout:
     """Lay out a text that is YAML: one document, its depth and size known to be bounded."""
     root = _root(text)
@@ -186,7 +192,7 @@ def _span(text: str, event: yaml.NodeEvent) -> Span:
     if not isinstance(event, yaml.ScalarEvent):
         return Span("alias", start, end, value=event.anchor or "")
     style = event.style if event.style in ("'", '"', "|", ">") else None
-    if style in ("|", ">"):  # the empty lines below a block are nobody's
+    if style in ("|", ">"):  # the empty lines below a block belong to no value
         last = start + len(text[start:end].rstrip())
         match = _END_OF_LINE.search(text, last)
         end = match.start() if match else last

@@ -1,6 +1,6 @@
-"""What is replaced in a text so that a value is set, added or taken away: each kind of change.
+"""The replacements in a text that set, add or take away a value.
 
-The texts given are one line each; what stands beside the change is found by `Layout`.
+The texts given are one line each; `Layout` finds what stands beside the change.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ Path = Sequence[str | int]
 
 
 class EditError(ErgonError):
-    """Why a text cannot be edited so, in one sentence."""
+    """An edit that cannot be made; the message is one sentence."""
 
 
 def named(path: Path) -> str:
-    """A path as one writes it."""
+    """A path as a user writes it."""
     return quote(".".join(map(str, path)))
 
 
@@ -41,7 +41,7 @@ class Changes:
     # --- setting ---------------------------------------------------------------------------------
 
     def replaced(self, parent: Span, number: int, text: str) -> list[Splice]:
-        """Another value for a child; a value of several lines leaves with all of them."""
+        """Set the value of a child; if the old value has several lines, all of them are removed."""
         lay, child = self.layout, parent.items[number]
         if child.start == child.end:  # nothing after the colon or dash
             if parent.kind == "sequence":
@@ -66,7 +66,9 @@ class Changes:
         return [Splice(child.start, child.end, text)]
 
     def lines_after(self, start: int, end: int) -> list[Splice]:
-        """Away with the lines after that of one character, to that of another."""
+        """Remove the lines after that of the character `start`, up to that of the character
+        `end`.
+        """
         lay = self.layout
         below = lay.next_line(start)
         return [Splice(*lay.whole_lines(below, end), "")] if below <= end and below > start else []
@@ -74,7 +76,7 @@ class Changes:
     def added(
         self, chain: list[Span], path: Path, text: str, order: Sequence[str], is_item: bool
     ) -> list[Splice]:
-        """An entry that is not there yet, below the last of what is."""
+        """Add an entry that does not exist yet, below the last part of its path that does."""
         if not chain:
             value = self.layout.newline.join(self.nested(path, text, 0, is_item))
             source = self.layout.text
@@ -96,7 +98,7 @@ class Changes:
     def filled(
         self, parent: Span, node: Span, name: str | int, rest: Path, text: str, is_item: bool
     ) -> list[Splice]:
-        """What an empty value is to hold: lines below its name, or the flow style in its place."""
+        """Fill an empty value: with lines below its name, or in flow style in its place."""
         number = parent.index(name)
         assert number is not None
         if parent.flow or node.start != node.end or not (rest or is_item):
@@ -107,7 +109,7 @@ class Changes:
         return [self.below(node.end, lines)]
 
     def nested(self, names: Path, text: str, indent: int, is_item: bool) -> list[str]:
-        """Lines of names below names, the last with the value, or with a list of it."""
+        """Lines of nested names; the innermost holds the value, or a list of it."""
         step = self.layout.step
         lines = [f"{' ' * (indent + step * i)}{name}:" for i, name in enumerate(names)]
         if is_item:
@@ -115,14 +117,14 @@ class Changes:
         return [*lines[:-1], f"{lines[-1]} {text}"]
 
     def below(self, index: int, lines: Sequence[str]) -> Splice:
-        """Lines of their own after the line of a character."""
+        """Insert lines after the line of a character."""
         end = self.layout.line_end(index)
         return Splice(end, end, "".join(self.layout.newline + line for line in lines))
 
     def section(
         self, root: Span, name: str, lines: list[str], order: Sequence[str]
     ) -> list[Splice]:
-        """A section in its place, with an empty line above where the others have one."""
+        """Insert a section in its place, with an empty line above if the others have one."""
         rank = order.index(name) if name in order else len(order)
         before = [
             i for i, key in enumerate(root.keys) if key.value in order[:rank] or rank == len(order)
@@ -139,7 +141,7 @@ class Changes:
         return [self.below(end, ["", *lines] if is_spaced and len(lines) > 1 else lines)]
 
     def item(self, node: Span, text: str) -> list[Splice]:
-        """One more at the end of a list, or (in the flow style) of a mapping."""
+        """Add an item at the end of a list or, in flow style, of a mapping."""
         lay = self.layout
         if not node.flow:
             dash = lay.column(lay.mark(node, 0))
@@ -162,7 +164,7 @@ class Changes:
         return [*splices, self.below(end, [line])]
 
     def before(self, node: Span, number: int, text: str) -> list[Splice]:
-        """One more in a list, before another: in its line, or in a line above it."""
+        """Insert an item before another one of a list: in its line, or in a line above it."""
         lay = self.layout
         start = lay.mark(node, number)
         lead = text if node.flow else f"- {text}"
@@ -176,7 +178,7 @@ class Changes:
         return [Splice(start, start, f"{text}, ")]
 
     def wrapped(self, parent: Span, node: Span, text: str) -> list[Splice]:
-        """A lone value becomes the first of a list of two."""
+        """Make a lone value the first item of a list of two."""
         lay = self.layout
         if node.flow or parent.flow or node.kind == "scalar":
             if node.is_block:
@@ -201,7 +203,9 @@ class Changes:
     # --- taking away -----------------------------------------------------------------------------
 
     def cut_block(self, parent: Span, number: int) -> list[Splice]:
-        """An entry with its lines; one of two empty lines that would meet goes too."""
+        """Remove an entry with its lines; of two empty lines that would meet, one is removed
+        too.
+        """
         lay = self.layout
         start, end = lay.mark(parent, number), parent.items[number].end
         if not lay.begins_line(start):
@@ -220,8 +224,9 @@ class Changes:
         return [Splice(*lay.broken(first, after), "")]
 
     def cut_flow(self, parent: Span, number: int, gone: Collection[int]) -> list[Splice]:
-        """An item with its comma, where those that are `gone` go too; with its lines where it has
-        lines of its own."""
+        """Remove an item with its comma, when the items `gone` are removed too. If it has lines of
+        its own, these are removed.
+        """
         lay = self.layout
         start, end = lay.mark(parent, number), parent.items[number].end
         if parent.keys:
@@ -249,7 +254,7 @@ class Changes:
 
 
 def _flow(names: Path, text: str, is_item: bool, outermost: bool = False) -> str:
-    """`a: {b: text}`; the outermost name in braces too where it stands for a value."""
+    """`a: {b: text}`; with `outermost`, the first name is in braces too."""
     inner = f"[{text}]" if is_item else text
     for depth, name in enumerate(reversed(names)):
         is_first = depth == len(names) - 1

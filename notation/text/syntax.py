@@ -8,7 +8,7 @@ from yaml.composer import ComposerError
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.values import Place
 
-# The text of a file's bytes, by its name; None after a report.
+# Turns the bytes of a named file into a text; None after a report.
 Decoder = Callable[[bytes, str, Collector], str | None]
 
 MAX_BYTES = 64 * 2**20  # bigger data are takes, and takes are files of their own
@@ -52,9 +52,10 @@ def is_too_deep(error: Exception) -> bool:
 
 
 def level_opens(text: str, error: Exception, start: tuple[int, int], level: int) -> int:
-    """Index at which a level opens in front of such an error, from an index and its level on.
+    """Index at which bracket level `level` opens before such an error; `start` is an index and its
+    level.
 
-    Brackets in quotes count too, so a place among those may be a few levels away.
+    Brackets in quotes count too, so if there are any the index may be a few levels off.
     """
     (first, depth), end = start, _index_of(error)
     for index in range(first, end):
@@ -65,7 +66,9 @@ def level_opens(text: str, error: Exception, start: tuple[int, int], level: int)
 
 
 def explained(text: str, error: Exception) -> tuple[int, str]:
-    """Where and why: the pure parser's words when the text up to the error is short."""
+    """Index and message of an error; the pure Python parser explains it if the text up to the error
+    is short.
+    """
     if _index_of(error) <= PURE_PARSER_LIMIT and not isinstance(error, ComposerError):
         try:
             for _ in yaml.parse(text[: 2 * PURE_PARSER_LIMIT], yaml.SafeLoader):
@@ -84,7 +87,9 @@ def explained(text: str, error: Exception) -> tuple[int, str]:
 
 
 def _index_of(error: Exception, unclosed: bool = False) -> int:
-    """Where an error was met; for what is never closed, on a later line, where it was opened."""
+    """Index of an error; for something that is never closed, the index where it was opened, if that
+    is on an earlier line.
+    """
     met = getattr(error, "problem_mark", None)
     opened = getattr(error, "context_mark", None)
     if unclosed and met is not None and opened is not None and opened.line < met.line:

@@ -27,7 +27,9 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """Pass `x` [m] at `at`; `curve` is the way into it; `offset`, `length` mark its text."""
+    """A point of a gesture: `x` [m] at `at`. `curve` shapes the path to it; `offset` and `length`
+    mark its text.
+    """
 
     at: Time
     x: float

@@ -32,7 +32,7 @@ class Window:
     tail: str = ""
 
     def put_back(self, edited: str) -> Splice | None:
-        """What takes the window's place; None where the edit has changed the names."""
+        """The splice that puts an edited window back; None if the edit has changed the names."""
         if edited[: self.head] != self.text[: self.head] or not edited.endswith(self.tail):
             return None
         return Splice(self.start, self.stop, edited[self.head : len(edited) - len(self.tail)])
@@ -77,9 +77,9 @@ def last_items(
 
 
 def one_line(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
-    """The line of the value that a path below a section leads into, with the names above it.
+    """The line that holds the value at a path below a section, with the names above it.
 
-    None where the path ends before a line of its own, or where that cannot be read alone.
+    None if the path ends before a line of its own, or if that line cannot be read alone.
     """
     if _ALIAS.search(text) or text.count("\r") != text.count("\r\n"):
         return None

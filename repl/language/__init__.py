@@ -1,1 +1,3 @@
-"""What is typed: a line becomes commands, or a refusal with its place and a better line."""
+"""The language of the prompt: a line becomes commands, or a refusal with its place and a suggested
+line.
+"""

@@ -1,4 +1,4 @@
-"""What follows `set` and `lfo` where a parameter is to go on changing by itself."""
+"""The words after `set` and `lfo` that make a parameter change by itself."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _target(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
 
 
 def _options(text: str, scope: Scope, known: Mapping[str, str]) -> tuple[str, int, dict[str, str]]:
-    """What stands before the options, where it ends, and the options; each is checked."""
+    """The text before the options, where it ends, and the options, each of them checked."""
     try:
         before, options = parse_strikes(text, known)
     except TextError as error:
@@ -124,7 +124,7 @@ SWING = v.Value("a range and a period", _read_lfo, _offers(_OF_LFO, "0.8..1.2"))
 def follow(
     target: str, fields: Mapping[str, str], *, when: When, words: Mapping[str, Word]
 ) -> Automate:
-    """`set` with a pattern."""
+    """`set` with several values or a curve."""
     return Automate(target, "set", fields, when=when, words=words)
 
 

@@ -1,4 +1,4 @@
-"""What a line about a block says: its name, its lines, when it runs."""
+"""The values of lines about blocks: a name, lines, a rule."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _lines(text: str, *_: Any) -> tuple[str, ...]:
 
 
 def _rule(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Condition, str]:
-    """A condition, and behind it the block."""
+    """The condition of a rule, and the name of the block after it."""
     words = text.split()
     if words[-1] in _OF_CONDITIONS or not NAME.fullmatch(words[-1]):
         raise TextError(f"a block is missing: when {text} NAME", offset=len(text))
@@ -79,15 +79,15 @@ RULE = Value("a condition and a block", _rule, _rules)
 
 
 def define(name: str, lines: tuple[str, ...], *, when: c.When, words: Words) -> c.DefineBlock:
-    """A block."""
+    """Define a block."""
     return c.DefineBlock(name, lines, when=when, words=words)
 
 
 def run_every(name: str, trigger: Every, *, when: c.When, words: Words) -> c.RunByRule:
-    """A block that runs every so often."""
+    """Run a block at regular intervals."""
     return c.RunByRule(name, trigger, when=when, words=words)
 
 
 def run_when(rule: tuple[Condition, str], *, when: c.When, words: Words) -> c.RunByRule:
-    """A block that runs where a condition holds."""
+    """Run a block when a condition holds."""
     return c.RunByRule(rule[1], rule[0], when=when, words=words)

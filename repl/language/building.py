@@ -1,4 +1,4 @@
-"""Lines made of values, for the methods of `ergon.Session`."""
+"""Builds lines from values, for the methods of `ergon.Session`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING
 from ergon.repl.language.verbs import FORMS, forms_of
 
-# Functions for verbs that are no Python names.
+# Method names for verbs that are not valid Python names.
 CALLED = {"define": "=", "look": "?", "define_block": "def"}
 FUNCTIONS = {
     **{form.verb: form.verb for form in FORMS if form.verb not in CALLED.values()},
@@ -20,11 +20,11 @@ _WHEN = ("now", "at", "in")
 
 
 def line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str:
-    """The line of a verb: values in the order in which they are written, or by name.
+    """The line of a verb, from values in the order in which they are written, or by name.
 
-    A name is the word that leads into a value (`over`, `as_`, `K`), an option of `plays`, or
-    `now=True`, `at=`, `in_=`; what is None or False is left out. Raises TypeError where the verb
-    is not written so, ValueError for a value of more than one line.
+    A name is the word that comes before a value (`over`, `as_`, `K`), an option of `plays`, or
+    one of `now=True`, `at=`, `in_=`. Values that are None or False are left out. Raises
+    TypeError if the verb has no such form, ValueError for a value of more than one line.
     """
     said = {name.rstrip("_"): value for name, value in named.items()}
     said = {name: value for name, value in said.items() if value is not None and value is not False}
@@ -47,7 +47,7 @@ def _words(form: Form, given: Sequence[object], named: Mapping[str, object]) -> 
             if name in rest and number not in bound:
                 bound[number] = rest.pop(name)
     open_ = [number for number in range(len(form.slots)) if number not in bound]
-    # Optional places are filled from the left with the values to spare.
+    # If there are more values than required places, they fill optional places from the left.
     spare = len(given) - sum(not form.slots[number].optional for number in open_)
     values = iter(given)
     for number in open_:

@@ -1,4 +1,4 @@
-"""Commands: what a typed line asks for, a class for each."""
+"""Commands: one class for each thing that a typed line can ask for."""
 
 from __future__ import annotations
 
@@ -37,8 +37,9 @@ class Word(NamedTuple):
 class Command:
     """When a command acts, and its values as written, by the names of its fields.
 
-    An option of `plays` is under its own name (`every`, `from`, `grain`), and all of them without
-    when are under `play`, as a part's table has them. What `set` changes to is under `change`.
+    An option of `plays` is under its own name (`every`, `from`, `grain`); `play` has the whole
+    of it without the time, as the table of a part has it. The value or factor of `set` is under
+    `change`.
     """
 
     when: When = None
@@ -49,7 +50,7 @@ class Command:
 class BlockCommand(Command):
     """A command that a block may hold: it changes the music at the beat on which the block runs.
 
-    It reads no file, runs no block and moves no real hand.
+    It is not about files, history, other blocks or real hands.
     """
 
 
@@ -66,7 +67,7 @@ class Define(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class Plays(BlockCommand):
-    """`ada plays knock every 1`: play this in place of the rest of the part."""
+    """`ada plays knock every 1`: play this from now on, in place of the rest of the part."""
 
     player: str
     what: str
@@ -94,7 +95,7 @@ class Do(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class StrikeModules(BlockCommand):
-    """`rain strikes sky.all every 1/2 impulse 2mNs`: strike modules in place of what it struck.
+    """`rain strikes sky.all every 1/2 impulse 2mNs`: replace what `rain` strikes.
 
     The fields are those of `strikes:` in a score, as texts.
     """
@@ -117,7 +118,7 @@ class DefinePhrase(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class Automate(BlockCommand):
-    """`set bell.m.f A3 C4 E4 every 1`, `lfo bell.m.K 0.8..1.2 period 4bar`: change by itself.
+    """`set bell.m.f A3 C4 E4 every 1`, `lfo bell.m.K 0.8..1.2 period 4bar`: automate a parameter.
 
     `kind` is `set` or `lfo`; the fields are those of `automation:` in a score, as texts.
     """
@@ -136,7 +137,7 @@ class StopLfo(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class Rest(BlockCommand):
-    """Play no further occurrence after the one in flight. None: every player."""
+    """Play no further occurrence after the present one. None: every player."""
 
     player: str | None
 
@@ -189,12 +190,12 @@ class Tempo(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class Tap(Command):
-    """Mark a beat; three or more set the tempo."""
+    """Mark a beat; two or more taps set the tempo."""
 
 
 @dataclass(frozen=True, slots=True)
 class Nudge(BlockCommand):
-    """Delay the beat by a length; negative: bring it forward."""
+    """Delay the following beats by a length; a negative length brings them forward."""
 
     by: Length
 
@@ -211,7 +212,9 @@ class Quant(Command):
 
 @dataclass(frozen=True, slots=True)
 class Set(BlockCommand):
-    """Set a physical parameter to a value [SI], or multiply it by a factor; it glides `over`."""
+    """Set a physical parameter to a value [SI], or multiply it by a factor, gliding for the length
+    `over`.
+    """
 
     target: str
     value: float | None
@@ -231,7 +234,7 @@ class Couple(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class Uncouple(BlockCommand):
-    """Remove what joins two keys."""
+    """Remove the couplings between two keys."""
 
     a: str
     b: str
@@ -239,9 +242,10 @@ class Uncouple(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class Build(BlockCommand):
-    """`bell2 = bell/bell transpose 7st`: an instrument like another, or from a file.
+    """`bell2 = bell/bell transpose 7st`: add an instrument made from another, or from one in a
+    file.
 
-    `fields` replace those of the other, as written.
+    `fields` replace its fields, as written.
     """
 
     name: str
@@ -262,7 +266,7 @@ class Link(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class Takes(BlockCommand):
-    """Let a player take a key; a key that is new is `like` another (None: the first)."""
+    """Let a player take a key; a new key is a copy of the key `like` (None: of the first)."""
 
     player: str
     key: str
@@ -271,9 +275,9 @@ class Takes(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class Route(BlockCommand):
-    """Let an instrument sound from channels, in a place between two, and in a room.
+    """Set the channels, gain, pan and room of an instrument.
 
-    None: as it did. `send` is a room and a level.
+    None leaves a setting as it was. `send` is a room and a level.
     """
 
     name: str
@@ -285,7 +289,7 @@ class Route(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class Room(Command):
-    """Add a room, or give one other fields, as written."""
+    """Add a room, or change fields of one, as written."""
 
     name: str
     fields: Mapping[str, str]
@@ -293,7 +297,7 @@ class Room(Command):
 
 @dataclass(frozen=True, slots=True)
 class Fade(Command):
-    """Fade an instrument, or with None everything, in or out over a length."""
+    """Fade in or out, over a length: an instrument, or everything if the name is None."""
 
     name: str | None
     is_in: bool
@@ -302,14 +306,14 @@ class Fade(Command):
 
 @dataclass(frozen=True, slots=True)
 class Remove(BlockCommand):
-    """Remove what has a name, with what belongs to it alone."""
+    """Remove what a name stands for, and what belongs to it alone."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Rename(Command):
-    """Give a gesture, a take, a player or a block another name."""
+    """Give a gesture, a phrase, a take, a player, a block, a key or an instrument another name."""
 
     old: str
     name: str
@@ -317,9 +321,10 @@ class Rename(Command):
 
 @dataclass(frozen=True, slots=True)
 class Guide(Command):
-    """Guide a real hand along another player's part; by None: end that.
+    """Guide a real hand along the part of the player `by`; None ends the guidance.
 
-    `stiffness` [N/m] and `viscosity` [Ns/m] of the guide, None where they are not written.
+    `stiffness` [N/m] and `viscosity` [Ns/m] are those of the guide; None if they are not
+    written.
     """
 
     player: str
@@ -343,7 +348,7 @@ class RecordOff(Command):
 
 @dataclass(frozen=True, slots=True)
 class RecordAudio(Command):
-    """Record what is heard in a file; None: end that."""
+    """Record the sound that is heard into a file; None ends the recording."""
 
     file: str | None
 
@@ -352,8 +357,9 @@ class RecordAudio(Command):
 class MapControl(Command):
     """`map cc 21 bell.m.K 1kN/m..9kN/m`: a MIDI controller moves a parameter, or a level.
 
-    `range` is at the controller's values 0 and 127, in the SI `unit` of the parameter `target`, or
-    in dB for the level of `sounding` (None: of everything) where there is no target.
+    `range` has the values at the controller's positions 0 and 127. They are in the SI `unit` of
+    the parameter `target`; without a target, in dB for the level of `sounding` (None: of
+    everything).
     """
 
     number: int
@@ -364,7 +370,7 @@ class MapControl(Command):
 
     @property
     def name(self) -> str:
-        """What is mapped."""
+        """The name of the map."""
         return f"cc {self.number}"
 
     @property
@@ -381,7 +387,7 @@ class MapControl(Command):
 class MapNotes(Command):
     """`map note 60..72 sky.all 1mNs..20mNs`: MIDI notes strike modules.
 
-    `impulse` [N·s] is at the velocities 1 and 127.
+    `impulse` [N·s] has the impulses at the velocities 1 and 127.
     """
 
     low: int
@@ -391,7 +397,7 @@ class MapNotes(Command):
 
     @property
     def name(self) -> str:
-        """What is mapped."""
+        """The name of the map."""
         return f"note {self.low}" + ("" if self.high == self.low else f"..{self.high}")
 
     @property
@@ -403,7 +409,7 @@ class MapNotes(Command):
 
 @dataclass(frozen=True, slots=True)
 class Unmap(Command):
-    """End a map, by what is mapped."""
+    """End a map, by its name."""
 
     name: str
 
@@ -415,7 +421,7 @@ class Maps(Command):
 
 @dataclass(frozen=True, slots=True)
 class Gain(BlockCommand):
-    """Set the ratio of amplitudes of an instrument or a player; None: of everything."""
+    """Set the gain (a ratio of amplitudes) of an instrument or a player; None: of everything."""
 
     name: str | None
     ratio: float
@@ -454,7 +460,7 @@ class Seed(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class DefineBlock(Command):
-    """`def fill: …`: give lines a name, in place of those that had it."""
+    """`def fill: …`: define a block of lines; it replaces a block of the same name."""
 
     name: str
     lines: tuple[str, ...]
@@ -469,7 +475,7 @@ class RunBlock(Command):
 
 @dataclass(frozen=True, slots=True)
 class RunByRule(Command):
-    """`fill every 4bar`, `when bar % 4 == 3 fill`: run a block again and again."""
+    """`fill every 4bar`, `when bar % 4 == 3 fill`: run a block by a rule."""
 
     name: str
     trigger: Trigger
@@ -477,7 +483,7 @@ class RunByRule(Command):
 
 @dataclass(frozen=True, slots=True)
 class StopBlock(Command):
-    """`stop fill`: run a block no further."""
+    """`stop fill`: end the rule of a block."""
 
     name: str
 
@@ -487,7 +493,7 @@ class StopBlock(Command):
 
 @dataclass(frozen=True, slots=True)
 class Undo(Command):
-    """Return to the version before."""
+    """Return to the previous version."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -497,7 +503,7 @@ class Redo(Command):
 
 @dataclass(frozen=True, slots=True)
 class History(Command):
-    """List the versions, with the bars in which they began."""
+    """List the versions, each with the place at which it took effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -509,7 +515,7 @@ class Back(Command):
 
 @dataclass(frozen=True, slots=True)
 class Keep(Command):
-    """Write what was played in the last `length` as a score."""
+    """Write the last `length` of the piece as a score."""
 
     length: Length
     name: str
@@ -517,9 +523,9 @@ class Keep(Command):
 
 @dataclass(frozen=True, slots=True)
 class Scene(Command):
-    """Play kept bars from their beginning, again and again; `over` is how long parameters glide.
+    """Play the bars of a scene from their beginning, again and again; parameters glide for `over`.
 
-    With `before` its bars are played meanwhile, and those of `name` afterwards.
+    With `before`, the bars of that scene play for `over`, and then those of `name`.
     """
 
     name: str
@@ -536,14 +542,14 @@ class Save(Command):
 
 @dataclass(frozen=True, slots=True)
 class Load(Command):
-    """Open another score in place of this one."""
+    """Open another score in place of the present one."""
 
     file: str
 
 
 @dataclass(frozen=True, slots=True)
 class Reload(Command):
-    """Read the score's files again; what differs changes."""
+    """Read the score's files again, and take over what has changed in them."""
 
 
 # --- looking -------------------------------------------------------------------------------------
@@ -573,7 +579,7 @@ class Trace(Command):
 
 @dataclass(frozen=True, slots=True)
 class TraceOn(Command):
-    """Keep that drawing above the status line; None: end it."""
+    """Keep the drawing of a player's key above the status line; None ends it."""
 
     name: str | None = None
 

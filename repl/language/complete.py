@@ -45,7 +45,9 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
 
 
 def _beginning(head: str) -> int:
-    """Where the line begins that the cursor is in, with the lines that go on into it."""
+    """The beginning of the line at the cursor, together with the lines above that continue into
+    it.
+    """
     start = head.rfind("\n") + 1
     while start > 0 and len(head) - start <= MAX_LINE:
         above = head.rfind("\n", 0, start - 1) + 1

@@ -1,4 +1,4 @@
-"""How a verb is written: its places in order, and the command that their values make."""
+"""How a verb is written: its places in order, and the command that is made of their values."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from ergon.repl.language.values import Value
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A place of a form: the field that its value is, how help names it, and its lead word.
+    """One place of a form: the field for its value, its name in the help, and its lead word.
 
-    A `lead` that ends in "=" is one word with its value (`K=40N/m`); one without value stands alone
-    (`off`). `many` takes all words up to the next lead.
+    A `lead` that ends in "=" is one word with its value (`K=40N/m`); a lead without a value is a
+    word of its own (`off`). `many` takes all words up to the next lead.
     """
 
     field: str
@@ -36,7 +36,7 @@ class Slot:
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """One way to write a verb. With `subject` its first slot stands before the verb."""
+    """One way to write a verb. With `subject`, its first slot comes before the verb."""
 
     verb: str
     short: str
@@ -66,7 +66,7 @@ def change(
     when: c.When,
     words: Words,
 ) -> c.Set:
-    """A value or a factor."""
+    """Set a value, or multiply by a factor."""
     return c.Set(target, *change, over, when=when, words=words)
 
 
@@ -79,7 +79,7 @@ def couple(
     when: c.When,
     words: Words,
 ) -> c.Couple:
-    """A REF with K, Z or both. Raises TextError."""
+    """Couple two keys by a REF with K, Z or both. Raises TextError."""
     if stiffness is None and viscosity is None:
         end = words["b"].end
         raise TextError("a coupling needs K, Z or both: couple k1 k2 K=40N/m", offset=end)
@@ -87,14 +87,14 @@ def couple(
 
 
 def record_audio(file: str | None = None, *, when: c.When, words: Words) -> c.RecordAudio:
-    """A file of sound, or without one its end."""
+    """Record sound into a file; without a file, end the recording."""
     return c.RecordAudio(file, when=when, words=words)
 
 
 def map_control(
     number: int, target: str, range: tuple[float, float, str], *, when: c.When, words: Words
 ) -> c.MapControl:
-    """A controller of a parameter."""
+    """Map a controller to a parameter."""
     low, high, unit = range
     return c.MapControl(number, target, (low, high), unit, when=when, words=words)
 
@@ -107,7 +107,7 @@ def map_gain(
     when: c.When,
     words: Words,
 ) -> c.MapControl:
-    """A controller of a level."""
+    """Map a controller to a level."""
     return c.MapControl(number, None, range, "dB", sounding, when=when, words=words)
 
 
@@ -119,24 +119,24 @@ def map_notes(
     when: c.When,
     words: Words,
 ) -> c.MapNotes:
-    """Notes that strike."""
+    """Map notes to strikes."""
     return c.MapNotes(*notes, target, impulse, when=when, words=words)
 
 
 def unmap_control(number: int, *, when: c.When, words: Words) -> c.Unmap:
-    """The end of a controller's map."""
+    """End the map of a controller."""
     return c.Unmap(c.MapControl(number, None, (0.0, 0.0)).name, when=when, words=words)
 
 
 def unmap_notes(notes: tuple[int, int], *, when: c.When, words: Words) -> c.Unmap:
-    """The end of a map of notes."""
+    """End the map of a range of notes."""
     return c.Unmap(c.MapNotes(*notes, "", (0.0, 0.0)).name, when=when, words=words)
 
 
 def tempo(
     bpm: tuple[float, float | None], over: Length | None, *, when: c.When, words: Words
 ) -> c.Tempo:
-    """A tempo, or a ramp with both its ends and its length. Raises TextError."""
+    """Set a tempo, or a ramp, which needs both tempos and a length. Raises TextError."""
     if (bpm[1] is None) != (over is None):
         word = words["over" if bpm[1] is None else "bpm"]
         message = "a ramp needs two tempos and a length: tempo 60 -> 84 over 4bar"
@@ -151,14 +151,14 @@ def build(
     when: c.When,
     words: Words,
 ) -> c.Build:
-    """An instrument with its own fields."""
+    """Build an instrument with its own fields."""
     return c.Build(name, *base, when=when, words=words)
 
 
 def scene(
     names: tuple[str, str | None], over: Length | None, *, when: c.When, words: Words
 ) -> c.Scene:
-    """A scene, or the way from one to another, which has a length. Raises TextError."""
+    """Play a scene, or go from one scene to another, which needs a length. Raises TextError."""
     first, second = names
     if second is None:
         return c.Scene(first, None, over, when=when, words=words)

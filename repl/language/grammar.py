@@ -1,6 +1,7 @@
-"""From the words of a line to a command; and, where a line is still being typed, what could follow.
+"""Reads the words of a line as a command; for a line that is still being typed, finds completions.
 
-One walk through the places of a form does both, so that what is offered is what would be taken.
+The same pass over the places of a form does both, so that exactly what would be accepted is
+offered.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.lines import Line, split
 from ergon.repl.language.scope import Scope
 
-_LEADS = {"at": v.POSITION, "in": v.LENGTH}  # of when a line acts
+_LEADS = {"at": v.POSITION, "in": v.LENGTH}  # words before the time at which a line acts
 _WHENS = (
     v.Completion("now", "at the next tick"),
     v.Completion("at", "at a position or a mark"),
@@ -27,7 +28,7 @@ _WHENS = (
 
 @dataclass(slots=True)
 class Hints:
-    """Completions found for the word that begins with `typed`."""
+    """Completions for the word of which `typed` is the beginning."""
 
     typed: str
     found: list[v.Completion] = field(default_factory=list)
@@ -36,8 +37,8 @@ class Hints:
 def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | None:
     """Read a line. Raises TextError, with places in the submitted text.
 
-    With `hints` the line ends before a word that is being typed: what could stand there is told,
-    and None is returned.
+    With `hints`, the line ends before a word that is being typed: the possible words are added
+    to `hints`, and None is returned.
     """
     words = _separated(split(line))
     if hints is not None and len(words) < 2:
@@ -58,12 +59,12 @@ def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | N
                 return taken
     if hints is not None:
         return None
-    # The form that fits furthest is probably the intended one.
+    # The form that could be read furthest is probably the intended one.
     raise max(refusals, key=lambda error: (error.offset, error.suggestion is not None))
 
 
 def _separated(words: list[Word]) -> list[Word]:
-    """`knock=0@0` and `?lean` are written together, and are several words."""
+    """Split `knock=0@0` and `?lean`, which are several words written together."""
     if not words:
         return words
     first, rest = words[0], words[1:]
@@ -200,7 +201,7 @@ class _Reading:
         return self.form.make(**self.given, when=self.when, words=self.as_written)
 
     def _when(self) -> None:
-        """Take `now`, `at C` or `in 2` from the end."""
+        """Take the time `now`, `at C` or `in 2` from the end of the words."""
         if not self.form.timed or not self.words:
             return
         last = self.words[-1]
@@ -219,7 +220,7 @@ class _Reading:
             raise TextError(f"'{last.text}' needs {what}", offset=last.start, length=len(last.text))
 
     def _place(self, slot: Slot, later: list[Slot], options: list[Slot]) -> bool:
-        """Read a place that has its order; False where it is being typed."""
+        """Read a place that has a fixed order; False if that word is still being typed."""
         needed = sum(
             (slot.value is not None) + bool(slot.lead) for slot in later if not slot.optional
         )
@@ -261,7 +262,7 @@ class _Reading:
         return True
 
     def _option(self, options: list[Slot]) -> Slot | None:
-        """The option that begins here, its lead taken."""
+        """The option whose lead is the next word; that lead is removed."""
         if not self.words:
             return None
         word = self.words[0]
@@ -325,7 +326,7 @@ class _Reading:
             message = f"'{self.form.verb}' acts at once: leave out '{word.text}'"
         return TextError(message, offset=word.start, length=len(word.text), suggestion=near)
 
-    # --- what could follow -----------------------------------------------------------------------
+    # --- completions ------------------------------------------------------------------------------
 
     def _offer(self, value: v.Value, before: tuple[str, ...] = ()) -> None:
         if self.hints is not None and not self.has_when:
@@ -339,7 +340,7 @@ class _Reading:
             )
 
     def _end_hints(self, options: list[Slot]) -> None:
-        """What may stand when everything that must is there."""
+        """Offer what may still follow when all required places are filled."""
         if self.hints is None or self.words or self.has_when:
             return
         for option in options:

@@ -1,4 +1,4 @@
-"""Help: every verb on a screen, one verb in full, and a sheet to print."""
+"""Help: all verbs on one screen, one verb in full, and a sheet to print."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ KEYS = (
 
 
 def overview() -> tuple[str, ...]:
-    """Every verb by an example, in lines of at most 100 characters."""
+    """One example of every form, in lines of at most 100 characters."""
     lines = []
     for title, some in GROUPS.items():
         lines.append(f"{title}:")
@@ -53,7 +53,7 @@ def overview() -> tuple[str, ...]:
 
 
 def about(verb: str) -> tuple[str, ...]:
-    """One verb: how it is written, what it does, its words."""
+    """One verb: how it is written, what it does, and the words that belong to it."""
     lines = []
     for form in forms_of(verb):
         when = " [now | at WHERE | in LENGTH]" if form.timed else ""
@@ -95,7 +95,7 @@ def _short(verb: str) -> str:
 
 
 def _table(title: str, heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
-    """A table whose cells are code, but for those of the second column."""
+    """A table whose cells are set as code, except those of the second column."""
     yield f"## {title.capitalize()}"
     yield ""
     yield "| " + " | ".join(heads) + " |"

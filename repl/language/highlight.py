@@ -1,4 +1,4 @@
-"""Which characters are what, for colours: they help, and never carry meaning alone."""
+"""The kind of each word of a line, for colours; no meaning depends on a colour alone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _PARTS = ("players", "gestures", "takes", "keys", "marks", "instruments", "targe
 
 
 def tokens(text: str, scope: Scope) -> list[Token]:
-    """Spans and their kinds, in order and apart.
+    """Spans and their kinds, in order and without overlap.
 
     Kinds are verb, name, option, curve, number, unit, comment, and unknown for what would be
     refused. Raises nothing.
@@ -59,7 +59,7 @@ def _lexical(text: str, scope: Scope) -> Iterator[Token]:
 
 
 def _verb(words: list[re.Match[str]], scope: Scope) -> int:
-    """Which word is the verb; -1 where none is yet."""
+    """The index of the verb; -1 if there is none yet."""
     if not words:
         return -1
     first, second = words[0].group(), words[1].group() if len(words) > 1 else ""

@@ -1,4 +1,4 @@
-"""Characters to words: lines that go on, comments, quotes, and what nobody can have meant."""
+"""Characters to words: continued lines, comments, quotes, and characters that are not allowed."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ _WORD = re.compile(r'"[^"]*"|\S+')
 
 
 class Line(NamedTuple):
-    """A line without its comment, joined with those that it goes on in.
+    """A line without its comment, joined with the lines that continue it.
 
-    `start` is where it begins in the submitted text; a joint counts as many characters as before.
+    `start` is where it begins in the submitted text. Joining keeps the number of characters, so
+    that places in the line are places in the text.
     """
 
     text: str
@@ -31,7 +32,8 @@ class Line(NamedTuple):
 
 
 def lines(text: str) -> Iterator[Line]:
-    """Yield the lines of a submission. Raises TextError for what is too long or cannot be typed.
+    """Yield the lines of a submission. Raises TextError if it is too long or has a character that
+    cannot be typed.
 
     `def NAME:` is one line with those below it, up to `end` or an empty line.
     """
@@ -69,7 +71,7 @@ def lines(text: str) -> Iterator[Line]:
 
 
 def _below(block: Line, line: Line) -> Line:
-    """A block with a line below it, which keeps its place."""
+    """A block with one more line, at the place where that line was typed."""
     text = block.text.ljust(line.start - block.start - 1) + "\n" + line.text
     return Line(text, block.start)
 
@@ -93,13 +95,13 @@ def is_whole(text: str) -> bool:
 
 
 def split(line: Line) -> list[Word]:
-    """The words of a line; what stands between double quotes is one."""
+    """The words of a line; text between double quotes is one word."""
     start = line.start
     return [Word(w.group(), start + w.start(), start + w.end()) for w in _WORD.finditer(line.text)]
 
 
 def comment(line: str) -> int:
-    """Where the comment of a physical line begins; its length where it has none."""
+    """Where the comment of a physical line begins; the length of the line if it has none."""
     match = None if _PYTHON.match(line) else _COMMENT.search(line)
     return match.start() if match else len(line)
 

@@ -1,4 +1,4 @@
-"""Values of lines that place instruments: pan, rooms, fades."""
+"""Values of lines that place instruments in space: pan, rooms, fades."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def route(
     when: c.When,
     words: Words,
 ) -> c.Route:
-    """Where an instrument sounds, or one thing of it that changes."""
+    """Set where an instrument sounds; what is None stays as it was."""
     return c.Route(name, channels, gain, pan, send, when=when, words=words)
 
 
 def fade(name: str, way: str, over: Length, *, when: c.When, words: Words) -> c.Fade:
-    """The end or the beginning of an instrument, or of everything."""
+    """Fade an instrument, or everything, in or out."""
     return c.Fade(None if name == _MASTER else name, way == "in", over, when=when, words=words)
 
 

@@ -24,7 +24,7 @@ MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered a
 
 
 def parse(text: str, scope: Scope) -> tuple[Command, ...]:
-    """The commands of what was submitted; none for comments and blank lines. Raises Refusal."""
+    """The commands of a submitted text; none for comments and blank lines. Raises Refusal."""
     try:
         return tuple(_commands(text, scope))
     except TextError as error:
@@ -70,7 +70,7 @@ def block_line(text: str, scope: Scope) -> Command:
 
 
 def _check_block(block: DefineBlock, scope: Scope) -> None:
-    """Refuse a block whose name is a verb, or a line of it that no block may hold."""
+    """Refuse a block whose name is a verb, or that has a line which no block may hold."""
     if block.name in VERBS:
         word = block.words["name"]
         message = f"{quote(block.name)} is a verb: give the block another name"
@@ -82,7 +82,7 @@ def _check_block(block: DefineBlock, scope: Scope) -> None:
 
 
 def _held(line: Line, offset: int, scope: Scope) -> Command | None:
-    """The command of a line of a block whose text begins at `offset`. Raises TextError."""
+    """The command of a line of a block; the block's text begins at `offset`. Raises TextError."""
     read = command(Line(line.text, offset + line.start), scope)
     if read is None or (isinstance(read, BlockCommand) and read.when is None):
         return read
@@ -96,7 +96,7 @@ def _held(line: Line, offset: int, scope: Scope) -> Command | None:
 
 
 def _after(scope: Scope, read: Command) -> Scope:
-    """The scope of the lines below a command: with the names that it adds."""
+    """The scope of the lines below a command: it also has the names that the command adds."""
     if isinstance(read, Define):
         return with_name(scope, "gestures", read.name)
     if isinstance(read, DefinePhrase):
@@ -111,7 +111,7 @@ def _after(scope: Scope, read: Command) -> Scope:
 
 
 def _corrected(text: str, scope: Scope, error: TextError) -> str | None:
-    """The text with every suggestion followed, when that makes a whole that would be taken."""
+    """The text with every suggestion applied; None if that is not accepted either."""
     for _ in range(MAX_CORRECTIONS):
         if error.suggestion is None:
             return None

@@ -1,4 +1,4 @@
-"""Phrases at the prompt: what defines one, and what follows `strikes` where one is played."""
+"""Phrases at the prompt: their definition, and the words after `strikes` that play one."""
 
 from __future__ import annotations
 
@@ -28,7 +28,9 @@ Entry = Mapping[str, str]  # `at`, `what` and `impulse`, as texts
 
 
 def _entries(text: str, *_: Any) -> tuple[Entry, ...]:
-    """Entries apart by commas: so long after the beginning, what is struck, and how strongly."""
+    """Entries separated by commas: the time after the beginning, what is struck, and the
+    impulse.
+    """
     found: list[Entry] = []
     start = 0
     for part in text.split(","):
@@ -161,5 +163,5 @@ def define(
     when: c.When,
     words: Words,
 ) -> c.DefinePhrase:
-    """A phrase."""
+    """Define a phrase."""
     return c.DefinePhrase(name, entries, to, when=when, words=words)

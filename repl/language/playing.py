@@ -1,4 +1,4 @@
-"""What follows `plays`: the words of a part's table."""
+"""The words after `plays`: those of the table of a part."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ergon.scores.pattern import words as play_words
 from ergon.scores.reading.part import PLAY, SHAPES
 from ergon.scores.reading.playing_options import playing_options
 
-# Options that a line may not set: the rate of a gesture belongs to the score.
+# Options that a line may not set.
 _ELSEWHERE = {"rate": "'rate' belongs to the score: leave it out here"}
 
 
@@ -62,14 +62,14 @@ def _at(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
 
 
 def _by_example(option: str) -> v.Value:
-    """A value of which an example tells most."""
+    """A value whose completion is its example."""
     shape, example = SHAPES[option], play_words.OPTIONS[option] or ""
     assert isinstance(shape, Text), option
     parse, offered = shape.parse, v.Completion(example, PLAY.by_name[option].doc)
     return v.Value(shape.what, lambda text, *_: parse(text), lambda _: (offered,))
 
 
-# Values for which a line knows more than a part's table: marks and completions.
+# Values that a line checks or completes better than the table of a part: marks and completions.
 _HERE = {
     "at": v.POSITION,
     "until": v.POSITION,
@@ -88,7 +88,7 @@ def _value(option: str) -> v.Value:
 
 
 def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
-    """Completions: a value after its option, else options and transformations."""
+    """Completions: after an option its values, else options and transformations."""
     if not context.before:
         yield from v.PLAYED.offers(context)
         return
@@ -110,14 +110,14 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
     yield from v.transforms(context)
 
 
-# The options of `plays`, each with a line about it.
+# The options of `plays`, each with a line of help.
 _UNTYPED = (*_ELSEWHERE, "at", play_words.NTH)
 OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in _UNTYPED}
 PLAYING = v.Value("a gesture or a take", _read, _offers)
 
 
 def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) -> Plays:
-    """The command. Raises TextError when it says twice when it begins."""
+    """Make the command. Raises TextError if the line says twice when it begins."""
     options = dict(play.options)
     said = {"player": words["player"], "what": _word(play.written.what, words["play"])}
     said |= {name: _word(word, words["play"]) for name, word in play.written.options.items()}
@@ -149,7 +149,7 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
 
 
 def _as_in_a_part(said: Mapping[str, Word], play: ParsedPlay) -> str:
-    """What is played and how, without when."""
+    """The text as a part has it: what is played and how, without the time."""
     options = [name for name in play.written.options if name != "at"]
     flags = [name for name in options if play_words.OPTIONS.get(name, "") is None]
     words = {play_words.NTH: "every"}

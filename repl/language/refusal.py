@@ -10,7 +10,7 @@ class Refusal(ErgonError):
     def __init__(
         self, message: str, offset: int = 0, length: int = 1, try_: str | None = None
     ) -> None:
-        """`offset` and `length` count characters of what was submitted."""
+        """Keep the place: `offset` and `length` count characters of the submitted text."""
         super().__init__(printable(message))
         self.message = printable(message)
         self.offset = offset

@@ -19,14 +19,14 @@ from ergon.scores.reading.piece import Gesture, Piece
 
 SUFFIXES = (".yaml", ".yml")  # of scores
 _FILES_MAX = 10_000  # of a folder that is listed
-_AT_THE_BEGINNING = ("X0", "V0")  # they set where a mass starts, which is over
+_AT_THE_BEGINNING = ("X0", "V0")  # they set how a mass starts: no effect once it moves
 
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """The names of a session, each with a hint; `targets` are what `set` may change.
+    """The names of a session, each with a hint; `targets` are the parameters that `set` may change.
 
-    Scores that a line may name lie in `folder`.
+    `folder` has the scores that a line may name.
     """
 
     players: Mapping[str, str] = field(default_factory=dict)
@@ -45,7 +45,7 @@ class Scope:
 
 
 def scores_in(folder: Path | None) -> list[Path]:
-    """The files of scores in a folder, by name; none where it cannot be read."""
+    """The score files in a folder, by name; none if it cannot be read."""
     if folder is None:
         return []
     try:
@@ -81,7 +81,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
 
 
 def with_name(scope: Scope, section: str, name: str) -> Scope:
-    """The scope, and a name in one of its sections that a line above has defined."""
+    """The scope with a name added to one section, because a line above defines it."""
     known = getattr(scope, section)
     if name in known:
         return scope
@@ -94,7 +94,7 @@ def _lines(block: Sequence[str]) -> str:
 
 
 def _path_of(gesture: Gesture) -> str:
-    """The name of the path in space of which a gesture is an axis; "" where it is none."""
+    """The name of the path in space of which a gesture is one axis; "" if it is not one."""
     is_path = gesture.written is not None and space_path.axes(gesture.written.text) > 1
     return gesture.name.rpartition(".")[0] if is_path else ""
 
@@ -105,7 +105,7 @@ def _about(gesture: Gesture) -> str:
 
 
 def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
-    """Every field with a quantity, of every module that is written: members share theirs."""
+    """The fields with a quantity of every written module; all members of a module share them."""
     for key in piece.keys.values():
         for module in key.modules:
             yield from _fields(key.name, module, "si")
@@ -132,7 +132,7 @@ def _fields(part: str, module: Module, form: Form) -> Iterator[tuple[str, Text]]
         yield f"{path}.{name}", k.NUMBER if form == "ca" else k.CONSTANT
 
 
-# Fields of one number, which can glide.
+# Kinds of fields that hold one number, which can glide.
 QUANTITIES = frozenset(
     (
         k.MASS,

@@ -1,4 +1,4 @@
-"""What follows `strikes`: modules, then the fields of strikes as a score has them."""
+"""The words after `strikes`: modules, then the fields of strikes as in a score."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ergon.scores.pattern.words import Word as PlacedWord
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.sections import STRIKES
 
-# Each option with an example.
+# `OPTIONS` has each option of `strikes` with an example.
 _LOUD = "1mNs"  # the impulse of notes that say none
 OPTIONS = {
     "every": "1/2",
@@ -136,5 +136,5 @@ NAMED = v.Value("a name for the strikes", _name, lambda context: ())
 def strikes(
     name: str, fields: Mapping[str, str], when: When, words: Mapping[str, Word]
 ) -> StrikeModules:
-    """The command; strikes with notes bear the name of what they strike."""
+    """Make the command; strikes with notes have the name of the module that they strike."""
     return StrikeModules(name.replace(".", "-"), fields, when=when, words=words)

@@ -1,4 +1,4 @@
-"""Values of lines that add, join and remove what a score is made of."""
+"""Values of lines that add, join and remove instruments, links, keys and players."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ENDS = ("to", "between")  # which a link of a line has already
 
 
 def _modules(scope: Scope) -> dict[str, str]:
-    """Keys and modules, by which a link is tied."""
+    """Keys and modules that a link may join."""
     found = dict(scope.keys)
     for target in scope.targets:
         found.setdefault(target.rpartition(".")[0], "module")
@@ -35,7 +35,7 @@ def _end(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text in ("on", "off"):
         raise TextError(_TEMPO, length=len(text))
     part = text.partition(".")[0]
-    # Members (`string.12`) and what a file brings in: the score says whether they exist.
+    # Only the part is checked here: the score knows members (`string.12`) and modules from files.
     if part not in scope.keys and part not in scope.instruments:
         raise v.unknown(text, "a key or a module", _modules(scope))
     return text
@@ -84,7 +84,7 @@ def _fields(text: str, scope: Scope, given: Mapping[str, Any]) -> dict[str, str]
 
 
 def checked(shape: Text, value: str, offset: int) -> None:
-    """Check that a value is one. Raises TextError with its place."""
+    """Check that a value fits a shape. Raises TextError with its place."""
     try:
         shape.parse(value)
     except TextError as error:

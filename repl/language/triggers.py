@@ -1,4 +1,6 @@
-"""When a block runs by itself: every so often, or where a condition on bar and beat holds."""
+"""Rules by which a block runs by itself: at intervals, or when a condition on bar and beat
+holds.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ FORM = "bar or beat, perhaps % a number, then == != < <= > or >= and a number; `
 
 @dataclass(frozen=True, slots=True)
 class Every:
-    """`every 4bar`: whole bars, or beats, from the beat on which the rule began."""
+    """`every 4bar`: an interval in whole bars, or in beats, from the beat on which the rule
+    began.
+    """
 
     length: Length
     text: str = field(compare=False)
@@ -59,7 +63,7 @@ class Every:
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """`bar % 4 == 3`: one comparison; without modulus the bar or beat itself is compared."""
+    """`bar % 4 == 3`: one comparison of the bar or beat, or with a modulus, of its remainder."""
 
     what: str
     modulus: int | None
@@ -67,7 +71,7 @@ class Clause:
     number: int
 
     def holds(self, bar: int, beat: int) -> bool:
-        """Whether it holds on a beat of a bar, both from 1."""
+        """Whether it holds on a beat of a bar; both count from 1."""
         value = bar if self.what == "bar" else beat
         return _COMPARES[self.compares](
             value % self.modulus if self.modulus else value, self.number
@@ -76,13 +80,15 @@ class Clause:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """`when bar % 4 == 3 and beat == 1`: on bars, or on beats where a clause asks for the beat."""
+    """`when bar % 4 == 3 and beat == 1`: clauses that hold on a bar, or if one has `beat`, on a
+    beat.
+    """
 
     clauses: tuple[Clause, ...]
     text: str = field(compare=False)
 
     def holds(self, bar: int, beat: int) -> bool:
-        """Whether all clauses hold on a beat of a bar, both from 1."""
+        """Whether all clauses hold on a beat of a bar; both count from 1."""
         return all(clause.holds(bar, beat) for clause in self.clauses)
 
     def begins(self, tempo: TempoMap, beat: float) -> bool:
@@ -128,7 +134,7 @@ def parse_condition(text: str) -> Condition:
 
 
 def parse_trigger(text: str) -> Trigger:
-    """Read `every 4bar` or `when bar % 4 == 3`. Raises TextError."""
+    """Words that may follow a name in a line: no gesture or take may have such a name."""
     word, _, rest = text.partition(" ")
     if word not in ("every", "when"):
         raise TextError(f"{quote(text)} does not say when a block runs", length=len(text))

@@ -38,7 +38,8 @@ class Completion(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CompletionContext:
-    """Where a word is completed: its beginning, the words before it in its place, the scope.
+    """Where a word is completed: its typed beginning, the words before it in the same place, the
+    scope.
 
     `given` are the values of the line so far.
     """
@@ -51,7 +52,9 @@ class CompletionContext:
 
 @dataclass(frozen=True)
 class Value:
-    """`read` takes the text, the scope and the values so far, and raises TextError."""
+    """A kind of value. `read` takes the text, the scope and the values so far; it raises
+    TextError.
+    """
 
     what: str
     read: Callable[[str, Scope, Mapping[str, Any]], Any]
@@ -62,7 +65,7 @@ class Value:
 
 
 def name(what: str, *sections: str) -> Value:
-    """A name out of sections of the scope."""
+    """The name of something in one of these sections of the scope."""
 
     def known(scope: Scope) -> dict[str, str]:
         return {n: hint for s in sections for n, hint in getattr(scope, s).items()}
@@ -81,7 +84,7 @@ def listed(names: Mapping[str, str]) -> Iterator[Completion]:
 
 
 def unknown(text: str, what: str, names: Iterable[str]) -> TextError:
-    """The error of a word that is not a known name, with the nearest one."""
+    """The error for a word that is not a known name, with the most similar name."""
     known = list(names)[:MAX_COMPARED]
     near = nearest(text, known)
     message = f"{quote(text)} is not {what}"
@@ -92,7 +95,7 @@ def unknown(text: str, what: str, names: Iterable[str]) -> TextError:
 
 
 def new_name(text: str) -> str:
-    """A name that could be given to something. Raises TextError."""
+    """Check that a text may be a new name. Raises TextError."""
     if not NAME.fullmatch(text) or len(text) > MAX_NAME:
         message = f"{quote(text)} is not a name: a letter, then letters, digits, '-' and '_'"
         raise TextError(message, length=len(text))
@@ -125,7 +128,7 @@ def _defined(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 
 def another(value: Value, field: str) -> Value:
-    """A name that is not the one given before, in the field."""
+    """A value that must differ from the one in `field`."""
 
     def read(text: str, scope: Scope, given: Mapping[str, Any]) -> Any:
         if text == given[field]:
@@ -185,7 +188,7 @@ def _with_units(
 
 
 def quantity(shape: Text, example: str, units: Iterable[str], what: str = "") -> Value:
-    """A value that the score's own table reads."""
+    """A value that is read as a score reads it."""
     what = what or shape.what
     return Value(what, lambda text, *_: shape.parse(text), _with_units(example, units, what))
 
@@ -254,7 +257,7 @@ def _grid(text: str, *_: Any) -> Now | Length:
 
 
 def position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -> Position:
-    """A position whose mark exists. Raises TextError."""
+    """Read a position whose mark must exist. Raises TextError."""
     at = parse_position(text)
     if at.mark is not None and at.text not in scope.marks and at.mark not in scope.marks:
         raise unknown(at.mark, "a mark", scope.marks)
@@ -262,7 +265,7 @@ def position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -> Pos
 
 
 def positions(context: CompletionContext) -> Iterator[Completion]:
-    """Marks, and how a bar is written."""
+    """Marks, and an example of a bar."""
     yield from listed(context.scope.marks)
     yield Completion("9|1", "bar 9, beat 1")
 
@@ -294,11 +297,11 @@ COUNT = quantity(k.integer(1, 10_000, "3"), "3", (), "how many, such as 3")
 SEED = quantity(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
 
 
-# --- what is set ---------------------------------------------------------------------------------
+# --- parameters --------------------------------------------------------------------------------
 
 
 def _near_targets(text: str, scope: Scope) -> list[str]:
-    """The parameters of the same module as a wrong path, or all."""
+    """The parameters of the module, or else the part, that a wrong path names; or all."""
     head = text.rpartition(".")[0]
     while head:
         some = [target for target in scope.targets if target.startswith(f"{head}.")]
@@ -327,7 +330,7 @@ def _changes(context: CompletionContext) -> Iterator[Completion]:
 
 
 def _targets(context: CompletionContext) -> Iterator[Completion]:
-    """Up to the next dot: a part, then its modules, then their parameters."""
+    """The completions up to the next dot: a part, then its modules, then their parameters."""
     typed = context.typed
     for target, shape in context.scope.targets.items():
         if target.startswith(typed):
@@ -351,7 +354,7 @@ CHANGE = Value("a value with its unit, or a factor such as x1.5", _change, _chan
 
 
 def _ends(text: str, example: str) -> tuple[str, str]:
-    """Both ends of a range; one alone is both."""
+    """Both ends of a range; a single value is both."""
     low, dots, high = text.partition("..")
     if dots and not (low and high):
         raise TextError(f"a range has two ends, such as {example}", length=max(1, len(text)))
@@ -362,7 +365,7 @@ def _range(text: str, scope: Scope, given: Mapping[str, Any]) -> tuple[float, fl
     shape = scope.targets[given["target"]]
     dimension = _DIMENSIONS.get(shape, q.NUMBER)
     low, high = (float(shape.parse(end)) for end in _ends(text, f"{dimension.example}..…"))
-    # A constant of a law is taken in SI units, whichever they are.
+    # A constant of a law is in SI units, whatever its dimension.
     return low, high, "" if shape is k.CONSTANT else dimension.si
 
 
@@ -438,7 +441,7 @@ def _curves(context: CompletionContext) -> Iterator[Completion]:
 
 
 def transforms(context: CompletionContext) -> Iterator[Completion]:
-    """The transformations, or what one of them wants first."""
+    """The names of transformations, or after one of them an example of its first value."""
     last = context.before[-1] if context.before else ""
     if ARITY.get(last):
         yield Completion(EXAMPLES[last].split()[1], f"for instance {EXAMPLES[last]}")
@@ -447,7 +450,7 @@ def transforms(context: CompletionContext) -> Iterator[Completion]:
 
 
 def _notation(text: str) -> notation.Notation:
-    """A gesture; of a path in space that along its first axis."""
+    """Read a gesture; for a path in space, its first axis."""
     if space_path.axes(text) > 1:
         return space_path.parse(text, most=MAX_POINTS)[0]
     return notation.parse(text, most=MAX_POINTS)

@@ -1,4 +1,4 @@
-"""The table of verbs. The grammar, help, completion, colours and the Python API derive from it."""
+"""The table of verbs, from which grammar, help, completion, colours and the Python API derive."""
 
 from __future__ import annotations
 
@@ -300,7 +300,9 @@ def forms_of(verb: str) -> tuple[Form, ...]:
 
 
 def verbs_matching(word: str, among: tuple[str, ...]) -> tuple[str, ...]:
-    """The verbs that a word may be the beginning of; one where it is long enough for one."""
+    """The verbs that begin with a word; only those for which it is long enough, if there are
+    any.
+    """
     if word in among:
         return (word,)
     begun = tuple(verb for verb in among if verb.startswith(word))
@@ -320,6 +322,6 @@ def find_verb(word: str) -> str:
 
 
 def ambiguous(word: str, verbs: tuple[str, ...], offset: int = 0) -> TextError:
-    """Why a word that begins several verbs is refused."""
+    """The error for a word with which several verbs begin."""
     message = f"{quote(word)} may be {' or '.join(verbs)}: write more of it"
     return TextError(message, offset=offset, length=len(word))

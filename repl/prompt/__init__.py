@@ -1,1 +1,1 @@
-"""The terminal's side of a session: keys, prompt, status line, or plain lines."""
+"""The terminal side of a session: keys, prompt and status line, or plain lines."""

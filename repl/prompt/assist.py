@@ -1,4 +1,4 @@
-"""Colours while a line is typed, and how it may go on: the session's words for prompt_toolkit."""
+"""Colours and completions of a session, for prompt_toolkit."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _HINT_MAX = 60
 
 
 class Colours(Lexer):
-    """Each word of a line in the style of its kind."""
+    """Shows each word of a line in the style of its kind."""
 
     def __init__(self, session: SessionProtocol) -> None:
-        """Ask a session."""
+        """Use the kinds of words that a session reports."""
         self._session = session
 
     def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
-        """Lines on demand: of a block only those in sight are looked at."""
+        """Colour lines on demand: of a block, only the visible lines are processed."""
         return lambda number: self._line(document.lines, number)
 
     def _line(self, lines: list[str], number: int) -> StyleAndTextTuples:
@@ -54,10 +54,10 @@ class Colours(Lexer):
 
 
 class Completions(Completer):
-    """How the line under the cursor may go on, each with its hint."""
+    """The completions at the cursor, each with a hint."""
 
     def __init__(self, session: SessionProtocol) -> None:
-        """Ask a session."""
+        """Use the completions of a session."""
         self._session = session
 
     def get_completions(

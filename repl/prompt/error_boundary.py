@@ -11,7 +11,7 @@ Answer = TypeVar("Answer")
 
 
 class ErrorBoundary:
-    """A session whose every call returns; an error becomes one of its messages."""
+    """A session whose calls never raise an error; it becomes a message instead."""
 
     def __init__(self, session: SessionProtocol) -> None:
         """Wrap a session."""
@@ -29,7 +29,7 @@ class ErrorBoundary:
             return Reply(False, _told(error))
 
     def state(self) -> State:
-        """The state, or the last one that was known."""
+        """The state, or if that fails the last known one."""
         self._state = self._try(self._session.state, self._state)
         return self._state
 
@@ -53,7 +53,7 @@ class ErrorBoundary:
         self._try(self._session.let_go, None)
 
     def input_ends(self) -> None:
-        """Note that no line follows."""
+        """Note that no further line comes."""
         self._try(self._session.input_ends, None)
 
     def close(self) -> None:
@@ -87,7 +87,9 @@ class ErrorBoundary:
 
 
 def _is_mistake(error: BaseException) -> bool:
-    """Whether code went wrong; what a signal raises (Ctrl-C, SIGTERM) goes its way."""
+    """Whether an error is a fault in the code; what a signal raises (Ctrl-C, SIGTERM) is not
+    caught.
+    """
     panic = type(error).__name__ == "PanicException"  # pyo3's panic, which is not an Exception
     return panic or isinstance(error, (Exception, SystemExit))
 

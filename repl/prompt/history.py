@@ -1,4 +1,4 @@
-"""The lines of earlier sessions, in a file that its owner alone reads."""
+"""The lines of earlier sessions, in a file that only its owner can read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LINE_MAX = 10_000  # characters; a longer one is a paste that nobody looks for a
 
 
 class LineHistory(FileHistory):
-    """Lines kept in a file, if that can be; where it cannot, they are kept for this session."""
+    """Lines kept in a file; if it cannot be used, they last for this session only."""
 
     def __init__(self, path: Path) -> None:
         """Use a file, which need not exist."""
@@ -21,7 +21,7 @@ class LineHistory(FileHistory):
         super().__init__(path)
 
     def load_history_strings(self) -> Iterable[str]:
-        """The newest first."""
+        """The lines, the newest first."""
         try:
             return list(super().load_history_strings())
         except OSError:

@@ -1,4 +1,4 @@
-"""What is typed: keys that have a meaning here, and a way out of a paste that never ends."""
+"""Keyboard input: the keys that have a meaning here, and a way out of a paste that never ends."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .output import F12
 TEXT_MAX = 20_000  # characters of a block: the screen is drawn anew at every key
 _BEGIN, _END = "\x1b[200~", "\x1b[201~"
 _CTRL_C = "\x03"
-# One key; or a run of characters that no hand types at once.
+# One key, or a run of characters that is too long to have been typed.
 _KEY_OR_RUN = re.compile(
     "(?P<key>\x1b\\[[0-9;]*[@-~]|\x1bO?.)|([^\x00-\x1f\x7f-\x9f]{16,})", re.DOTALL
 )
@@ -29,25 +29,25 @@ _ANSWER = re.compile("\x1b\\[[0-9]+;[0-9]+R")  # the terminal's report of the cu
 
 
 class KeyActions(Protocol):
-    """What keys do."""
+    """The actions of keys."""
 
     def panic(self) -> None:
         """End sound and force at once."""
 
     def clear(self) -> None:
-        """Forget what is typed."""
+        """Clear the text that is typed."""
 
     def leave(self) -> None:
-        """Leave when all lines are done; the second time at once."""
+        """Leave when all lines are done; if pressed again, at once."""
 
     def enter(self) -> None:
-        """The line is typed."""
+        """Enter the line."""
 
     def complete(self) -> None:
-        """Tab."""
+        """Complete the word, or take a suggestion (Tab)."""
 
     def too_long(self, length: int) -> None:
-        """A paste of so many characters did not fit."""
+        """Report that a paste of `length` characters did not fit."""
 
 
 def bindings(actions: KeyActions) -> KeyBindings:
@@ -66,7 +66,8 @@ def bindings(actions: KeyActions) -> KeyBindings:
     keys.add("c-d", filter=typing & empty)(does(actions.leave))
     keys.add("enter", filter=typing)(does(actions.enter))
     keys.add("tab", filter=typing)(does(actions.complete))
-    # Suspend, freeze and continue elsewhere; here nothing may halt a performance.
+    # In other programs these keys suspend, freeze and continue; here nothing may halt a
+    # performance.
     for key in ("c-z", "c-s", "c-q"):
         keys.add(key)(does(lambda: None))
     keys.add(Keys.Any, filter=full)(does(lambda: None))
@@ -89,7 +90,7 @@ def _marked(found: re.Match[str]) -> str:
 
 
 def keyboard(comes: Callable[[str], None]) -> Input:
-    """The terminal's keys; `comes` hears what is typed before keys are made of it."""
+    """The input of the terminal; `comes` is called with the characters before they become keys."""
     return create_input() if sys.platform == "win32" else _Keys(sys.stdin, comes)
 
 
@@ -98,7 +99,7 @@ if sys.platform != "win32":
     from prompt_toolkit.input.vt100 import Vt100Input
 
     class _Keys(Vt100Input):
-        """Keys of a terminal that stays raw from start to end."""
+        """Input of a terminal that stays in raw mode all the time."""
 
         def __init__(self, stdin: TextIO, comes: Callable[[str], None]) -> None:
             super().__init__(stdin)
@@ -106,19 +107,19 @@ if sys.platform != "win32":
             self.stdin_reader.comes = comes
 
         def cooked_mode(self) -> AbstractContextManager[None]:
-            """Raw all the same, while something is printed above the prompt.
+            """Stay in raw mode, also while text is printed above the prompt.
 
-            A cooked terminal echoes what is typed meanwhile, makes signals of Ctrl-C and Ctrl-Z,
-            takes Ctrl-D away and leaves out what is beyond 4,096 characters.
+            In cooked mode the terminal would echo what is typed meanwhile, turn Ctrl-C and
+            Ctrl-Z into signals, take Ctrl-D away and drop characters beyond 4,096.
             """
             return contextlib.nullcontext()
 
     class _Reader(PosixStdinReader):
-        """Sees to it that no paste keeps F12 from being heard.
+        """Makes sure that no paste keeps F12 from being noticed.
 
-        One whose end never comes is ended by F12 and Ctrl-C: all that is typed would count as
-        pasted. One that a terminal sends as if it were typed is marked as a paste: key by key, a
-        million characters take two minutes.
+        If the end of a paste never comes, all further input would count as pasted; F12 and
+        Ctrl-C end such a paste. If a terminal sends a paste as if it were typed, it is marked as
+        a paste: a million characters, key by key, would take two minutes.
         """
 
         comes: Callable[[str], None]
@@ -127,7 +128,7 @@ if sys.platform != "win32":
         _tail = ""  # of the last read: marks may come in two pieces
 
         def read(self, count: int = 1024) -> str:
-            """What has been typed since the last call."""
+            """The characters that have come since the last call."""
             data = super().read(count)
             if not self._open and _BEGIN not in data:
                 self.comes(data)
@@ -142,9 +143,9 @@ if sys.platform != "win32":
             return data if in_two else _KEY_OR_RUN.sub(_marked, data)
 
         def _with_end(self, data: str) -> str:
-            """The end of an open paste before Ctrl-C that comes alone, and before F12 anywhere.
+            """Close an open paste before a Ctrl-C that comes alone, and before F12 anywhere.
 
-            A program that is busy reads what was pasted and the key after it at once.
+            A busy program reads pasted text and the key after it in one piece.
             """
             if self._open and data == _CTRL_C:
                 return _END + data
@@ -154,7 +155,7 @@ if sys.platform != "win32":
             return data[:key] + _END + data[key:] if is_open and key > last else data
 
         def _without_answers(self, data: str) -> str:
-            """Within a paste, what the terminal answers comes in between; it is kept to the end."""
+            """Move reports of the terminal, which may come within a paste, to its end."""
             self._answers += "".join(_ANSWER.findall(data))
             data = _ANSWER.sub("", data)
             if self._open:

@@ -1,4 +1,6 @@
-"""Lines of a file, a pipe or a terminal, read while a line is at work: a stop waits for none."""
+"""Reads lines of a file, a pipe or a terminal while a line is computed, so that a stop acts at
+once.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,10 @@ _CHUNK = 1 << 16  # bytes
 
 
 class LineReader:
-    """A thread that reads lines and enters them.
+    """A thread that reads lines and enters them into a queue.
 
-    Of a file, which is there as a whole, it reads one line ahead; of what somebody is typing, all.
+    From a regular file it reads only one line ahead; from a pipe or a terminal, everything that
+    comes.
     """
 
     def __init__(self, source: TextIO, queue: LineQueue[None]) -> None:
@@ -42,12 +45,12 @@ class LineReader:
         self._thread.start()
 
     def taken(self) -> None:
-        """Note that a line has left the queue."""
+        """Note that a line was taken from the queue."""
         if self._room is not None:
             self._room.release()
 
     def forget(self) -> None:
-        """Drop what is typed and not yet entered."""
+        """Drop a line that is typed and not yet entered."""
         self._part = ""
 
     def stop(self) -> None:
@@ -73,7 +76,7 @@ class LineReader:
             self._queue.end()
 
     def _bytes(self) -> bytes:
-        """What is there, or comes next; nothing at the end."""
+        """The next bytes, for which it waits; empty at the end."""
         if self._wake >= 0:
             ready, _, _ = select.select([self._fd, self._wake], [], [])
             if self._wake in ready:
@@ -91,13 +94,13 @@ class LineReader:
             self._queue.enter(typed(self._heard(line)), None)
 
     def _has_room(self) -> bool:
-        """Wait until a line may be read; False when none may be any more."""
+        """Wait until another line may be entered; False after `stop`."""
         if self._room is not None:
             self._room.acquire()
         return not self._over
 
     def _heard(self, text: str) -> str:
-        """The text without F12, which is a panic at once."""
+        """Remove F12 from a text, and act on it as a panic."""
         if F12 not in text:
             return text
         self._queue.panic()

@@ -1,4 +1,4 @@
-"""Messages at a pace that can be read: so many a second, those that repeat as one."""
+"""Messages at a readable pace: a limited number a second, with repeated messages combined."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ HELD = 100  # different messages that wait: ten seconds of them
 
 
 class MessageThrottle:
-    """Takes messages as they come and gives lines when they are due."""
+    """Collects messages as they come and returns lines when they may be shown."""
 
     def __init__(self) -> None:
-        """Begin empty."""
+        """Begin without messages."""
         self._waiting: dict[str, int] = {}
         self._left_out = 0
         self._shown: deque[tuple[float, str]] = deque()  # within the last second
 
     def take(self, messages: Iterable[str]) -> None:
-        """Keep messages until they are due."""
+        """Keep messages until they may be shown."""
         for message in messages:
             if message in self._waiting or len(self._waiting) < HELD:
                 self._waiting[message] = self._waiting.get(message, 0) + 1
@@ -28,7 +28,7 @@ class MessageThrottle:
                 self._left_out += 1
 
     def due(self, now: float) -> list[str]:
-        """The lines to show at an instant [s]: at most ten in any second, none of them twice."""
+        """The lines to show now [s]: at most ten in any second, and no message twice."""
         while self._shown and now - self._shown[0][0] >= SECOND:
             self._shown.popleft()
         fresh = {message for _, message in self._shown}
@@ -45,7 +45,7 @@ class MessageThrottle:
         return lines
 
     def rest(self) -> list[str]:
-        """All messages that still wait."""
+        """All messages that were not shown yet."""
         lines = [_folded(message, count) for message, count in self._waiting.items()]
         if self._left_out:
             lines.append(f"… {self._left_out} more")

@@ -1,4 +1,4 @@
-"""What is printed: replies, and text from anywhere with nothing in it that steers a terminal."""
+"""Text for the terminal: replies, and any text without characters that control the terminal."""
 
 from __future__ import annotations
 
@@ -15,19 +15,21 @@ _SURROGATE = re.compile("[\ud800-\udfff]")  # Python reads bytes that are not UT
 
 
 def typed(text: str) -> str:
-    """What was typed or piped as valid Unicode: what no UTF-8 stands for becomes U+FFFD."""
+    """Typed or piped text as valid Unicode: characters that UTF-8 cannot hold become U+FFFD."""
     return _SURROGATE.sub("\ufffd", text)
 
 
 def echo(prompt: str, text: str) -> str:
-    """What was typed, as it stays on the screen: a block begins each line below its first."""
+    """Entered text as it stays on the screen: every line after the first has a continuation
+    mark.
+    """
     left_out = len(text) - _ECHO_MAX
     shown = clean(text[:_ECHO_MAX]).replace("\n", "\n" + continuation(len(prompt)))
     return prompt + shown + (f" … {left_out:,} more characters" if left_out > 0 else "")
 
 
 def continuation(width: int) -> str:
-    """What stands before a further line, as wide as the prompt."""
+    """The mark before a continued line, as wide as the prompt."""
     return ". ".rjust(width)
 
 

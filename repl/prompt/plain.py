@@ -1,4 +1,4 @@
-"""Lines without a screen: for screen readers, pipes and scripts. Nothing is drawn twice."""
+"""A prompt without a screen: for screen readers, pipes and scripts. It only appends lines."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ class Plain:
     """A prompt that reads and prints lines."""
 
     def __init__(self, session: ErrorBoundary, source: TextIO, sink: TextIO, watch: Watch) -> None:
-        """Serve a session; lines from a file or a pipe are echoed, so that a log holds them."""
+        """Prepare a session's prompt; lines from a file or a pipe are echoed, so that a log has
+        them.
+        """
         self._session = session
         self._source, self._sink, self._watch = source, sink, watch
         self._by_hand = source.isatty()
@@ -44,7 +46,7 @@ class Plain:
             sink.reconfigure(errors="replace")
 
     def run(self) -> int:
-        """Serve until the end of input, or somebody leaves; the number of lines refused."""
+        """Serve until the input ends or a line leaves; the number of refused lines."""
         refusals = 0
         listener = threading.Thread(target=self._listen, name="ergon-messages", daemon=True)
         with left_to_me():
@@ -78,7 +80,7 @@ class Plain:
             return self._session.submit(queued.text, releases=queued.releases)
 
     def _whole_line(self) -> QueuedLine[None] | None:
-        """A line with those that go on from it; None at the end of input."""
+        """A line together with the lines that continue it; None at the end of input."""
         lines: list[QueuedLine[None]] = []
         while True:
             try:
@@ -118,7 +120,7 @@ class Plain:
     def _print(self, lines: Sequence[str]) -> None:
         if lines:
             with self._writing:
-                # Print below the waiting prompt, and the prompt again.
+                # Print below the prompt that waits, and then the prompt again.
                 self._write("\n" * bool(self._prompt) + "\n".join(lines) + "\n" + self._prompt)
 
     def _write(self, text: str) -> None:
@@ -134,7 +136,9 @@ class Plain:
 
     @contextlib.contextmanager
     def _terminal(self) -> Iterator[None]:
-        """A hand's terminal in which Ctrl-C clears the line and Ctrl-S freezes nothing."""
+        """Prepare a terminal so that Ctrl-C clears the line, and Ctrl-S does not stop the
+        output.
+        """
         if not self._by_hand:
             self._watch([signal.SIGINT], ends=True)
             yield
@@ -155,7 +159,7 @@ class Plain:
 
 
 def _forget(terminal: int) -> None:
-    """Drop what is typed and not yet entered."""
+    """Drop typed characters that were not read yet."""
     if sys.platform != "win32":
         import termios
 
@@ -164,7 +168,7 @@ def _forget(terminal: int) -> None:
 
 @contextlib.contextmanager
 def _unfrozen(terminal: int) -> Iterator[None]:
-    """Ctrl-S and Ctrl-Q are letters, not the terminal's own brake; Ctrl-C takes no output away."""
+    """Let Ctrl-S and Ctrl-Q be ordinary characters, and let Ctrl-C discard no output."""
     if sys.platform == "win32":
         yield
         return

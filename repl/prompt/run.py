@@ -1,4 +1,4 @@
-"""A session in whatever terminal there is."""
+"""Runs a session at a prompt that suits the terminal."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def run(
     history: Path | None,
     watch: Watch = unwatched,
 ) -> int:
-    """Serve a session until somebody leaves, and close it; the exit code.
+    """Serve a session until it is left, and close it; the exit code.
 
-    `plain` draws nothing and prints lines, as it does where there is no terminal, or a dumb one.
-    `history` is the file of lines typed before (`history_of_user()`), None for none. SIGTERM,
-    SIGHUP and, in a script, Ctrl-C close the session and then act as they would have; `watch` has
-    them end forces and sound before that. In a terminal Ctrl-C clears what is typed; while a line
-    is at work it lets go of every hand.
+    `plain` prints lines instead of drawing a screen; so does a prompt without a terminal, or
+    with one that cannot redraw. `history` is the file of earlier lines (`history_of_user()`),
+    None for none. SIGTERM, SIGHUP and, in a script, Ctrl-C close the session and then have their
+    usual effect; before that, `watch` makes them end forces and sound. In a terminal, Ctrl-C
+    clears the typed text; while a line is computed, it ends all forces.
     """
     refused = 0
     calm = ErrorBoundary(session)
@@ -61,7 +61,7 @@ def _server(
 
 
 def drawable() -> bool:
-    """Whether there is a terminal in which a line can be drawn anew."""
+    """Whether there is a terminal that can redraw a line."""
     dumb = os.environ.get("TERM", "").lower() in ("dumb", "unknown")
     return sys.stdin.isatty() and sys.stdout.isatty() and not dumb
 

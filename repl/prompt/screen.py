@@ -1,8 +1,8 @@
-"""The prompt in a terminal: one application from start to end, so that no key goes elsewhere.
+"""The prompt in a terminal: a single application that runs all the time and gets every key.
 
-A prompt that ends with every line gives the terminal back in between, and there Ctrl-C kills,
-Ctrl-Z suspends and Ctrl-S freezes. So a line that is entered is printed above, and the prompt
-stays.
+If it ended with each line, the terminal would be in its normal mode in between, where Ctrl-C
+kills, Ctrl-Z suspends and Ctrl-S freezes. Instead, entered lines are printed above, and the
+prompt stays.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from .status import status
 
 _REDRAWN = 0.25  # s between two drawings while nobody types
 _LISTENED = 0.05  # s between two looks at what happened
-_PATIENCE = 2.0  # s; a terminal may take one of them to answer where its cursor is
-_BUNDLED = 0.005  # s in which what is printed is printed at once: each time the prompt is redrawn
+_PATIENCE = 2.0  # s; a terminal may take 1 s to report where its cursor is
+_BUNDLED = 0.005  # s of output that are written together: each write redraws the prompt
 
 
 class Screen:
@@ -75,14 +75,14 @@ class Screen:
         self._prompt.default_buffer.accept_handler = self._entered
 
     def _below(self) -> str:
-        """The status line, below the drawing of a key that is traced where there is room."""
+        """The status line, with the drawing of a traced key above it if there is room."""
         state, size = self._session.state(), self._app.output.get_size()
         rows = state.drawing if len(state.drawing) < size.rows // 2 else ()
         drawn = [clean(row)[: size.columns] for row in rows]
         return "\n".join([*drawn, status(state, size.columns)])
 
     def run(self) -> int:
-        """Serve until somebody leaves; the number of lines that were refused."""
+        """Serve until it is left; the number of refused lines."""
         self._watch([signal.SIGINT], ends=None)  # Ctrl-C clears what is typed
         asyncio.run(self._run())
         self._watch([signal.SIGINT], ends=True)
@@ -110,18 +110,19 @@ class Screen:
                 await asyncio.wait({serving}, timeout=_LISTENED)
                 self._listen()
                 if self._app.is_done:
-                    # If the terminal was closed while printing, prompt_toolkit waits for ever.
+                    # If the terminal was closed while text was printed, prompt_toolkit waits for
+                    # ever.
                     await asyncio.wait({serving}, timeout=_PATIENCE)
                     serving.cancel()
             proxy.close()
-            # The last output is still on its way through the loop.
+            # The loop still has to print the last output.
             if under_way := asyncio.all_tasks() - {asyncio.current_task()}:
                 await asyncio.wait(under_way, timeout=_PATIENCE)
             with contextlib.suppress(EOFError, asyncio.CancelledError), _hung_up():
                 await serving
 
     def _listen(self) -> None:
-        """Tell what happened, and now and then how things are."""
+        """Show new messages, and redraw the status from time to time."""
         self._throttle.take(self._session.messages())
         now = time.monotonic()
         for line in self._throttle.due(now):
@@ -130,35 +131,37 @@ class Screen:
             self._drawn = now
             self._app.invalidate()
 
-    # --- what keys do ---------------------------------------------------------------------------
+    # --- actions of keys ------------------------------------------------------------------------
 
     def panic(self) -> None:
         """End sound and force at once."""
         self._queue.panic()
 
     def clear(self) -> None:
-        """Forget what is typed; while a line is at work, drop it, and let go of every hand."""
+        """Clear the typed text; while a line is computed, also cancel it and end all forces."""
         if self._at_work:
             self._session.let_go()
             self._session.cancel()
         self._buffer.reset()
 
     def leave(self) -> None:
-        """Leave when all lines are done; the second time at once."""
+        """Leave when all lines are done; if pressed again, at once."""
         if self._leaving:
             self._go()
         self._leaving = True
         self._queue.end()
 
     def enter(self) -> None:
-        """A whole line is done; another one goes on."""
+        """Enter the text if it is complete; else begin another line of it."""
         if self._session.is_whole(self._buffer.text):
             self._buffer.validate_and_handle()
         else:
             self._buffer.insert_text("\n")
 
     def complete(self) -> None:
-        """What a refusal asked to type instead, where nothing else is typed; or how to go on."""
+        """Insert the suggestion of the last refusal, if no other text is typed; else complete the
+        word.
+        """
         line, try_ = self._refused
         if try_ and self._buffer.text.strip() in ("", line.strip()):
             self._buffer.document = Document(try_)
@@ -168,12 +171,12 @@ class Screen:
             self._buffer.start_completion(insert_common_part=True)
 
     def too_long(self, length: int) -> None:
-        """A paste of so many characters did not fit."""
+        """Report that a paste of `length` characters did not fit."""
         why = f"not taken: a paste of {length:,} characters (a line has {TEXT_MAX:,} at most)"
         self._throttle.take([INDENT + why])
 
     def _comes(self, data: str) -> None:
-        """What was typed, before keys are made of it, which takes longer than a stop may."""
+        """Let a stop in the typed characters act before they become keys, which takes too long."""
         line, enter, _ = data.partition("\r")
         if enter:
             self._queue.stop_now(typed(self._buffer.text + line))
@@ -185,13 +188,15 @@ class Screen:
         return self._prompt.default_buffer
 
     def _before(self) -> str:
-        """The prompt: it follows the clock until something is typed, which it must not move."""
+        """The prompt: it shows the present beat until text is typed, which would move if it
+        changed.
+        """
         if not self._where or not self._buffer.text:
             self._where = self._session.state().where
         return f"{self._where} > "
 
     def _entered(self, buffer: Buffer) -> bool:
-        """Do the line when those before it are done."""
+        """Queue the entered line, after those before it."""
         text = typed(buffer.text)
         print(echo(f"{self._session.state().where} > ", text))
         if text.strip():
@@ -199,7 +204,7 @@ class Screen:
         return False  # the buffer is emptied
 
     def _work(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Do lines, in a thread of its own, because a line may take a while."""
+        """Do lines, in a separate thread, because a line may take a while."""
         with contextlib.suppress(RuntimeError):  # the loop is closed: the user left at once
             while (queued := self._queue.next()) is not None:
                 self._at_work = True
@@ -224,13 +229,13 @@ class Screen:
             self._app.exit()
 
     def _went_wrong(self, context: dict[str, Any]) -> None:
-        """An error in a key or a drawing; the prompt goes on."""
+        """Report an error in a key or a drawing; the prompt goes on."""
         self._session.mistake(context.get("exception") or RuntimeError(context["message"]))
 
 
 @contextlib.contextmanager
 def _hung_up() -> Iterator[None]:
-    """Nothing can be written to a terminal that was closed: that is an end, not an error."""
+    """Treat a terminal that was closed as the end, not as an error."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,6 @@
-"""Signals while a session runs: none stops it, and those that end the program end it well."""
+"""Signals while a session runs: none suspends it, and those that end the program end it in
+order.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
 from typing import Protocol
 
-# By name: not every system has all of them.
+# Looked up by name: not every system has all of them.
 _ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _STOPPING = [getattr(signal, name) for name in ("SIGTSTP", "SIGQUIT") if hasattr(signal, name)]
 Handler = Callable[[int, FrameType | None], object]
@@ -18,20 +20,22 @@ Handler = Callable[[int, FrameType | None], object]
 class Watch(Protocol):
     """Makes signals end forces before Python handles them, as `_core.stop_on_signals` does.
 
-    It is to be asked whenever a handler was set, for that takes the signal over.
+    It has to be called after every change of a handler, because that replaces its own.
     """
 
     def __call__(self, signals: Sequence[int], *, ends: bool | None) -> None:
-        """End every force and sound where the program `ends`, else every force; None: nothing."""
+        """On these signals: if the program `ends`, end every force and sound; else, every force;
+        None: do nothing.
+        """
 
 
 def unwatched(signals: Sequence[int], *, ends: bool | None) -> None:
-    """Do nothing: no force is near."""
+    """Do nothing: there is no force to end."""
 
 
 @contextlib.contextmanager
 def at_work(watch: Watch) -> Iterator[None]:
-    """While a line is being done, Ctrl-C ends every force instead of clearing what is typed."""
+    """While a line is computed, let Ctrl-C end every force instead of clearing the typed text."""
     watch([signal.SIGINT], ends=False)
     try:
         yield
@@ -55,10 +59,11 @@ def handled(handler: Handler, *signals: signal.Signals) -> Iterator[None]:
 
 @contextlib.contextmanager
 def left_to_me() -> Iterator[None]:
-    """Let threads that begin in this block leave signals to the thread that begins them.
+    """Block signals in threads started here, so that only the starting thread receives them.
 
-    Where two come at once the system may give the second to another thread; then the first alone
-    wakes whoever waits for a line, who goes back to wait.
+    Otherwise, of two signals that come at once, the system may give the second to another
+    thread; then only the first wakes the thread that waits for a line, which goes back to
+    waiting.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -73,7 +78,7 @@ def left_to_me() -> Iterator[None]:
 @contextlib.contextmanager
 def unstopped(watch: Watch) -> Iterator[None]:
     r"""Ctrl-Z and Ctrl-\ stop nothing, also where the terminal makes signals of them."""
-    # A handler rather than SIG_IGN, which programs that are started from here would inherit.
+    # Not SIG_IGN: programs that are started from here would inherit that.
     with handled(lambda number, frame: None, *_STOPPING):
         watch(_STOPPING, ends=None)
         yield
@@ -81,15 +86,16 @@ def unstopped(watch: Watch) -> Iterator[None]:
 
 
 class Ended(BaseException):
-    """SIGTERM or SIGHUP came."""
+    """Raised when SIGTERM or SIGHUP came."""
 
 
 @contextlib.contextmanager
 def put_off(end: Callable[[], None], watch: Watch) -> Iterator[None]:
-    """SIGTERM and SIGHUP call `end`, which may raise Ended; after the block they act as ever.
+    """In this block, SIGTERM and SIGHUP call `end`, which may raise Ended; afterwards they take
+    effect.
 
-    So the block has cleaned up by then; a second one does not wait for that. Forces and sound end
-    at once, whatever Python does meanwhile.
+    So the block can clean up first; a second signal acts at once. Forces and sound end at once,
+    whatever Python is doing.
     """
     came: list[int] = []
 

@@ -1,4 +1,4 @@
-"""The status line: where it is, who plays what, how the machine and the sound are."""
+"""The status line: position, who plays what, and the state of machine and sound."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ _LEAST = 12  # characters that the list of players keeps
 def status(state: State, width: int) -> str:
     """The state in one line of at most `width` characters.
 
-    Where there is no room, what plays is shortened, then what is at the end left out.
+    If there is not enough room, the list of what plays is shortened, then fields at the end are
+    left out.
     """
     before = ["PANIC: type release"] if state.panicked else []
     if state.let_go and not state.panicked:
         before = ["NO FORCE: type release"]
     before += state.troubles
-    # Tenths are cut, not rounded: 4.96 is still beat 4.
+    # Tenths are cut off, not rounded: 4.96 is still beat 4.
     before += [f"{state.bar}|{math.floor(10 * state.beat) / 10:.1f}", f"{state.tempo:g} bpm"]
     after = [f"load {state.load:.0%}", f"late {state.late}", _level(state.level)]
     after += [f"quant {state.quant}"]

@@ -1,1 +1,1 @@
-"""A session: versions of a score, each an edit of its text, and what takes effect when."""
+"""A session: versions of a score, each an edit of its text, and when they take effect."""

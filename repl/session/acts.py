@@ -1,4 +1,4 @@
-"""What comes from outside and acts at the next tick: strikes by MIDI, values of inputs by OSC."""
+"""Events from outside that act at the next tick: strikes by MIDI, values of inputs by OSC."""
 
 from __future__ import annotations
 
@@ -13,17 +13,21 @@ _UNDER_WAY = 1024  # acts whose events have not come: the engine keeps 4096 even
 
 
 class Acts:
-    """Acts that are under way, and what writes each to the journal. Any thread may begin one."""
+    """Acts (strikes and input values) under way, each written to the journal once done.
+
+    Any thread may begin one.
+    """
 
     def __init__(self, tell: Callable[..., None]) -> None:
-        """Take what writes an event to the journal."""
+        """Use `tell` to write an event to the journal."""
         self._tell = tell
         self._lock = threading.Lock()
         self._under_way: dict[int, tuple[str, dict[str, object]]] = {}
 
     def begin(self, ask: Callable[[], int | None], event: str, **fields: object) -> bool:
-        """Ask the engine for an act, which is an event of the journal once it has acted; False
-        where too many are under way."""
+        """Ask the engine for an act, which becomes an `event` of the journal once it has acted;
+        False if too many are under way.
+        """
         with self._lock:  # so that its event finds it
             ticket = ask() if len(self._under_way) < _UNDER_WAY else None
             if ticket is not None:
@@ -31,8 +35,9 @@ class Acts:
             return ticket is not None
 
     def ended(self, event: EngineEvent) -> None:
-        """Write an act to the journal, if it was done. One that was not came before or after the
-        version that has its place."""
+        """Write an act to the journal if it was done. An act is not done if the version that plays
+        does not have its place.
+        """
         assert event.act is not None
         with self._lock:
             known = self._under_way.pop(event.act, None)

@@ -1,4 +1,4 @@
-"""A session for programs: the verbs as methods, each a line that is typed."""
+"""A session for programs: the verbs are methods, each of which submits a line."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ class NotTaken(ErgonError):
     """A line was refused and has changed nothing; `reply` says why."""
 
     def __init__(self, reply: Reply) -> None:
-        """Make the message of a reply, with the line to type instead if there is one."""
+        """Take the message from a reply, with the line to type instead if there is one."""
         super().__init__(reply.text + (f"; try: {reply.try_}" if reply.try_ else ""))
         self.reply = reply
 
 
 class SessionProxy:
-    """A session to call: `s("ada plays knock every 1")` is `s.plays("ada", "knock", every=1)`.
+    """A callable session: `s("ada plays knock every 1")` is `s.plays("ada", "knock", every=1)`.
 
     Every verb is a method; `NAME = NOTATION` is `define`, `? NAME` is `look`.
     """
 
     def __init__(self, session: SessionProtocol) -> None:
-        """Wrap a session; whoever makes this closes it."""
+        """Wrap a session, which `close` ends."""
         self._session = session
 
     def __call__(self, line: str) -> Reply:
@@ -41,7 +41,7 @@ class SessionProxy:
         return reply
 
     def __getattr__(self, name: str) -> Callable[..., Reply]:
-        """A verb."""
+        """The method of a verb."""
         verb = building.FUNCTIONS.get(name)
         if verb is None:
             raise AttributeError(f"a session has no verb '{name}'", name=name, obj=self)

@@ -1,4 +1,4 @@
-"""Who plays what at which beat: the bar that plays and the next, a row for each player."""
+"""Who plays what at which beat: the present bar and the next, with a row for each player."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _GOES_ON = "\u2026"  # of a gesture that began before the first bar
 
 
 def drawn(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
-    """The bar of beat `now` and the next: their beats, what begins on them, and where `now` is.
+    """The bar of beat `now` and the next: their beats, what begins on them, and a mark at `now`.
 
     `playing` are the gestures in flight: (player, gesture).
     """
@@ -61,7 +61,7 @@ def _beat(piece: Piece, beat: float) -> str:
 
 
 def _begins(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tuple[float, str]]:
-    """What a player begins within bars, and on which beat."""
+    """What a player begins within these bars, each with its beat."""
     for play, found in zip(piece.parts, piece.starts, strict=True):
         if play.player != player:
             continue

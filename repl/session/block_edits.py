@@ -1,4 +1,4 @@
-"""Version edits of blocks: lines by a name, run by hand or by a rule."""
+"""Version edits of blocks: named lines, run by hand or by a rule."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _run(command: c.RunBlock) -> VersionEdit:
 
 @makes(c.RunByRule)
 def _run_by_rule(command: c.RunByRule) -> VersionEdit:
-    """Run a block by a rule from here on, and now where the rule says so."""
+    """Run a block by a rule from here on; and at once, if the rule says so."""
     name, trigger = command.name, command.trigger
 
     def edit(version: Version, beat: float) -> Version:
@@ -59,7 +59,7 @@ def _stop(command: c.StopBlock) -> VersionEdit:
 
 
 def lines_of(version: Version, name: str) -> list[str]:
-    """The lines of a block. Raises NotTakenError where the score has none of the name."""
+    """The lines of a block. Raises NotTakenError if the score has no block of that name."""
     lines = version.piece.blocks.get(name)
     if lines is None:
         raise NotTakenError(f"the score has no block {name}")

@@ -1,4 +1,4 @@
-"""Rules by which blocks run by themselves, and how a journal keeps them."""
+"""Rules by which blocks run by themselves, and their fields in a journal."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _BEAT_MAX = 1e7
 
 
 class Rule(NamedTuple):
-    """When a block runs, and the beat on which the rule took effect."""
+    """A rule of a block: its trigger, and the beat on which it took effect."""
 
     begin: float
     trigger: Trigger
 
 
 def rules_field(rules: Mapping[str, Rule]) -> dict[str, object]:
-    """The field of a journal for rules; none where there are none."""
+    """The journal field for rules; empty if there are none."""
     rows = [[name, rule.begin, rule.trigger.text] for name, rule in rules.items()]
     return {"rules": rows} if rows else {}
 

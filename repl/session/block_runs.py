@@ -1,4 +1,4 @@
-"""The lines of blocks that run by themselves: each is queued shortly before its beat."""
+"""Blocks that run by themselves: each run is queued shortly before its beat."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _APART = 0.25  # [s] at least between two runs of a block
 
 
 class Running(Protocol):
-    """What blocks run in: the versions of a session."""
+    """The session in which blocks run."""
 
     commits: Commits
     number: int
@@ -40,10 +40,10 @@ class Running(Protocol):
 
 
 class BlockRuns:
-    """The runs that wait, by the number of their line, and the last run of each block."""
+    """The queued runs by the number of their line, and the last run of each block."""
 
     def __init__(self, session: Running) -> None:
-        """Begin with nothing that waits."""
+        """Begin without queued runs."""
         self._session = session
         self._waiting: dict[int, tuple[str, Rule]] = {}
         self._done: dict[str, float] = {}
@@ -51,7 +51,7 @@ class BlockRuns:
         self._refused: set[str] = set()
 
     def turn(self) -> None:
-        """Queue what is due, and drop what waits for a rule that does not hold any more."""
+        """Queue runs that are due, and drop those whose rule no longer holds."""
         commits = self._session.commits
         rules = {(name, rule) for name, rule in self._rules()}
         if not rules and not self._waiting:
@@ -74,7 +74,7 @@ class BlockRuns:
                 self._queue_next(name, rule)
 
     def _rules(self) -> Iterator[tuple[str, Rule]]:
-        """The rules of all versions that play or wait."""
+        """The rules of the running version and of all waiting ones."""
         commits = self._session.commits
         yield from commits.running.version.rules.items()
         for one in commits.waiting:
@@ -85,7 +85,7 @@ class BlockRuns:
         return self._session.commits.version_at(beat).rules.get(name) == rule
 
     def _queue_next(self, name: str, rule: Rule) -> None:
-        """Queue the next run of a block where it is due, and is not queued yet."""
+        """Queue the next run of a block if it is due and not yet queued."""
         commits = self._session.commits
         tempo, clock = commits.head.piece.tempo_map, commits.running.clock
         soonest = commits.soonest() / commits.rate + commits.lead

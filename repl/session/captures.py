@@ -1,4 +1,4 @@
-"""Takes: what a real hand does between `record` and `record off`, for written players to play."""
+"""Takes: the movement of a real hand between `record` and `record off`, for written players."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class Capture:
 
 @dataclass(slots=True)
 class Captures:
-    """One take at a time, from the recording of all hands that a session writes.
+    """Takes, one at a time, cut out of the recording of all hands that a session writes.
 
-    `path` is that recording, None where no hand is real.
+    `path` is that recording; None if no hand is real.
     """
 
     path: Path | None

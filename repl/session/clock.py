@@ -1,4 +1,4 @@
-"""The beat of the piece at an instant of the engine, and the next boundary of a grid."""
+"""The beat of the piece at a time of the engine, and the next boundary of a grid."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """A running piece began at second `by` of the engine; a stopped one is at beat `at`."""
+    """How beats map to time: a running piece began at second `by` of the engine, a stopped one is
+    at beat `at`.
+    """
 
     by: float | None = None
     at: float = 0.0
@@ -33,31 +35,32 @@ class Clock:
         return Standing(tempo, self.at, now)
 
     def beat(self, tempo: TempoMap, seconds: float) -> float:
-        """The beat of the piece at an instant of the engine."""
+        """The beat of the piece at a second of the engine."""
         return self.at if self.by is None else max(0.0, tempo.beats(seconds - self.by))
 
     def seconds(self, tempo: TempoMap, beat: float) -> float:
-        """The engine's second of a beat; the piece must be running."""
+        """The second of the engine at a beat; the piece must be running."""
         assert self.by is not None
         return tempo.seconds(beat) + self.by
 
 
 def started(tempo: TempoMap, beat: float, seconds: float) -> Clock:
-    """A piece that runs from a beat, which is at a second of the engine."""
+    """The clock of a piece that is at `beat` at a second of the engine, and runs."""
     return Clock(seconds - tempo.seconds(beat), beat)
 
 
 def entered(clock: Clock, tempo: TempoMap, beat: float, seconds: float) -> Clock:
-    """The clock of another piece, which goes on, or stands, at a beat."""
+    """The clock of another piece, which continues at a beat if this one runs, else stands there."""
     return started(tempo, beat, seconds) if clock.goes else Clock(None, beat)
 
 
 def taking_over(
     clock: Clock, before: TempoMap, after: TempoMap, beat: float, seconds: float, tick: float
 ) -> tuple[Clock, float]:
-    """The clock and the beat with which a version of another tempo map takes over on a beat.
+    """The clock and the beat with which a version takes over that may have another tempo map.
 
-    Where the piece had jumped over that beat a tick [s] before, it goes on from where it is.
+    If the piece has already jumped past that beat, one tick [s] before, it continues from where
+    it is.
     """
     if not clock.goes or clock.beat(before, seconds - tick) <= beat + SAME:
         return clock, beat
@@ -67,8 +70,9 @@ def taking_over(
 
 
 def boundary(tempo: TempoMap, beat: float, grid: Length) -> float:
-    """The first beat from `beat` on that is a multiple of `grid`: of bars from the first, of beats
-    from the beginning of their bar, in seconds from the beginning of the piece."""
+    """The first beat, not before `beat`, that is a multiple of `grid`. Bars count from the first
+    one, beats from the beginning of their bar, seconds from the beginning of the piece.
+    """
     bars = tempo.bars
     bar, into = bars.bar_beat(beat)
     if grid.bars:

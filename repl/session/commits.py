@@ -1,4 +1,4 @@
-"""Accepted lines that wait for their boundary, and how they take effect there."""
+"""Accepted lines that wait for their boundary, and their way to the engine."""
 
 from __future__ import annotations
 
@@ -31,13 +31,14 @@ if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
     from ergon.scores.staging.stage import Stage
 
-# How long before it is due a waiting line is handed to the engine [s].
+# A waiting line is handed to the engine this long before the last moment at which it is in time
+# [s].
 _AHEAD = 0.3
 
-# A line that acts now is given twice the time that the slowest of the last lines took.
+# A line that acts now gets twice the time that the slowest of the last lines took.
 _AGAIN = 2.0
 
-# Errors by which a line is refused after it was parsed.
+# The errors with which a line can be refused after it was parsed.
 REFUSALS = (NotTakenError, StageError, EditError, EngineError, StoppedError)
 
 # Makes a version from the one before it and the beat at which it takes effect.
@@ -48,9 +49,9 @@ VersionEdit = Callable[[Version, float], Version]
 class Waiting:
     """An accepted line that has not taken effect yet.
 
-    `goes` starts the piece at beat `beat` (True) or stops it there (False). A line
-    that `resets` puts all masses at their start; a line that `is_now` was to act as
-    soon as possible. A line that a panic `forgot` does not wait again when it comes too late.
+    `goes` starts the piece at beat `beat` (True) or stops it there (False). A line that `resets`
+    puts all masses at their start; a line that `is_now` should act as soon as possible. A line
+    with `forgot` set by a panic is dropped if it comes too late.
     """
 
     line: str
@@ -65,12 +66,13 @@ class Waiting:
     made: Running | None = None
     on: Running | None = None  # the version that `made` follows
     number: int = 0
-    version: Version | None = None  # what the texts are from this line on
+    version: Version | None = None  # the version from this line on
 
     def is_before(self, other: Waiting) -> bool:
         """Whether it takes effect before a line that was typed later.
 
-        Of one frame the order is that of beats; what starts or stops the piece comes last.
+        Lines of the same frame are in the order of their beats; those that start or stop the
+        piece come last.
         """
         if self.start != other.start:
             return self.start < other.start
@@ -87,17 +89,18 @@ class Commits:
     engine: Engine
     running: Running
     real: Real
-    # Frames from the request of a change to the first at which it can be made; with real hands
-    # including the time in which their forces fall to what a stiffer scene allows.
+    # Frames from the request of a change to the first frame at which it can be made. With real
+    # hands this includes the time in which their forces fall to the limit of a stiffer scene.
     margin: int
     head: Version
     waiting: list[Waiting] = field(default_factory=list)
-    # Changes under way: the ticket, the lines, and the version that played before.
+    # Changes under way: the ticket, the lines, and the version that was running before.
     under_way: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
     making: MakingTime = field(default_factory=MakingTime)  # of versions
     dropped: list[tuple[Waiting, str]] = field(default_factory=list)  # lines dropped, and why
     said: list[str] = field(default_factory=list)  # messages
-    # What each line made when it was last computed, by number: in the end what takes effect.
+    # The version that each line made when it was last computed, by number. In the end this is the
+    # version that takes effect.
     past: dict[int, PastVersion] = field(default_factory=dict)
     handed: list[int] = field(default_factory=list)  # numbers of lines, in the order of effect
     moved: list[Waiting] = field(default_factory=list)  # lines whose beat has another frame now
@@ -116,7 +119,7 @@ class Commits:
 
     @property
     def lead(self) -> float:
-        """How long before its beat a version takes over [s]."""
+        """How long a version takes over before its beat [s]."""
         return JOIN + self.engine.tick_frames / self.rate
 
     def soonest(self) -> int:
@@ -152,7 +155,7 @@ class Commits:
         return beat, max(start, self._takes_over(clock, tempo, beat))
 
     def _takes_over(self, clock: Clock, tempo: TempoMap, beat: float) -> int:
-        """The frame at which a version takes over that acts on a beat."""
+        """The frame at which a version takes over, for a beat on which it acts."""
         every = self.engine.tick_frames
         frames = (clock.seconds(tempo, beat) - self.lead) * self.rate
         return math.floor(frames / every + SAME) * every
@@ -165,7 +168,7 @@ class Commits:
         return int(self.running.clock.seconds(tempo, beat) * self.rate) // every * every
 
     def version_at(self, beat: float) -> Version:
-        """The version of a beat from now on: with all lines that take effect by then."""
+        """The version at a coming beat: with all waiting lines that take effect by then."""
         version = self.running.version
         for one in self.waiting:
             if one.beat <= beat + SAME and one.version is not None:
@@ -181,14 +184,14 @@ class Commits:
     # --- taking a line ---------------------------------------------------------------------------
 
     def take(self, waiting: Waiting) -> Running:
-        """Insert a line among those that wait, and make its version and those before it.
+        """Insert a line among those that wait, and make the versions up to its own.
 
-        Raises NotTakenError or StageError, and then nothing has changed.
+        If it raises NotTakenError or StageError, nothing has changed.
         """
         return self._insert(waiting, sum(one.is_before(waiting) for one in self.waiting))
 
     def take_last(self, waiting: Waiting) -> Running:
-        """As `take`, behind all lines of its frame, in the order in which a journal has them."""
+        """Like `take`, but behind all lines of the same frame, in the order of a journal."""
         return self._insert(waiting, sum(one.start <= waiting.start for one in self.waiting))
 
     def _insert(self, waiting: Waiting, place: int) -> Running:
@@ -209,7 +212,9 @@ class Commits:
         made: list[tuple[Running, Running]],
         after: list[Waiting],
     ) -> None:
-        """Replace the waiting lines: `queue`, whose versions are `made`, and `after`."""
+        """Set the waiting lines: `queue`, whose versions are `made`, and `after`, whose versions
+        are remade.
+        """
         on = made[-1][0] if made else self.running
         starts = self._starts(after, on)
         after = sorted(after, key=lambda one: starts[id(one)])
@@ -241,9 +246,11 @@ class Commits:
         self.head = version
 
     def _starts(self, lines: Sequence[Waiting], on: Running) -> dict[int, int]:
-        """When lines take over that wait for their beats behind a version, by identity.
+        """The frames at which waiting lines take over if they follow a version, by identity of the
+        line.
 
-        A tempo or a jump moves the frame of a beat; a beat that is past then is due just after.
+        A change of tempo or a jump moves the frame of a beat; if the beat is then past, the line
+        takes over as soon as it can.
         """
         clock, tempo = on.clock, on.version.piece.tempo_map
         soonest = max(on.start + self.engine.tick_frames, self.soonest())
@@ -298,7 +305,7 @@ class Commits:
             extends=not one.number,
         )
         self._check_sound(made.stage)
-        # Every version is made here, so none plays that a real hand's key cannot bear.
+        # Every version passes here, so none plays that a real hand's key cannot bear.
         borne = self.engine.bearings(made.stage, made.start, made.glides, on.bearings)
         made = replace(made, bearings=borne)
         if one.number:
@@ -309,7 +316,9 @@ class Commits:
         return made
 
     def forget(self) -> list[Waiting]:
-        """Drop all lines that wait, and those under way that come too late; those that wait."""
+        """Drop all waiting lines and return them; changes under way will be dropped if they come
+        too late.
+        """
         waited = [one for one in self.waiting if one.number]
         self.waiting.clear()
         for _, group, _ in self.under_way:
@@ -319,7 +328,9 @@ class Commits:
         return waited
 
     def _check_sound(self, stage: Stage) -> None:
-        """Raise NotTakenError where a stage needs another sound card than the one that is open."""
+        """Raise NotTakenError if a stage needs another number of channels or rate than the open
+        sound card.
+        """
         begun = self.running.stage
         for unit, plays, asked in (
             ("number of channels", self.engine.n_channels, stage.n_channels),
@@ -334,10 +345,10 @@ class Commits:
     # --- handing over ----------------------------------------------------------------------------
 
     def tick(self, before: float = math.inf) -> list[Waiting]:
-        """Hand due versions to the engine, and extend the timeline beyond its horizon.
+        """Hand due versions to the engine, and extend the timeline before it ends.
 
-        Returns the lines that were not ready in time and wait again. Nothing is extended in or
-        after the frame `before`: a line takes over there, which extends the timeline itself.
+        Returns the lines that were not ready in time and wait again. The timeline is not
+        extended at or after the frame `before`, where a line takes over that extends it itself.
         """
         late: list[Waiting] = []
         while self.waiting and self.waiting[0].start <= self._soon():
@@ -355,13 +366,13 @@ class Commits:
             self._hand(group)
         running = self.running
         tempo = running.version.piece.tempo_map
-        # An extension that waits already is enough; nothing extends what has no end.
+        # One waiting extension is enough, and a timeline without end needs none.
         is_fixed = any(not one.number for one in self.waiting) or running.until == math.inf
         if not running.clock.goes or is_fixed:
             return late
         now = self.now()
         n_bars = horizon(tempo, now)[1]
-        # A line that waits extends it too, if it is due in time.
+        # A waiting line extends it too, if it is due in time.
         left = n_bars // 4 if self.waiting else n_bars // 2
         if now > tempo.bars.start(tempo.bars.bar_beat(running.until)[0] - left):
             if now > running.until + SAME:  # the program was stopped, or a line took very long
@@ -387,7 +398,7 @@ class Commits:
         return late
 
     def first(self, making: float) -> int:
-        """The first frame that a change can reach which takes `making` [s] to compute."""
+        """The first frame for a change that takes `making` [s] to compute."""
         every = self.engine.tick_frames
         ahead = self.margin + int(making * self.rate)
         return -(-max(self.engine.frame + ahead, self.running.start + 1) // every) * every
@@ -431,7 +442,7 @@ class Commits:
             self._find_head()
 
     def _find_head(self) -> None:
-        """Find the version that plays when all waiting lines have taken effect."""
+        """Find the version after all waiting lines; drop those that can no longer take effect."""
         version = self.running.version
         for one in self.waiting[:]:
             try:
@@ -442,9 +453,9 @@ class Commits:
         self.head = version
 
     def late(self, ticket: int) -> list[Waiting]:
-        """Queue a change that came too late again, with all that follow it; the lines of these.
+        """Queue again the lines of a change that came too late, and those of all changes after it.
 
-        Lines that a panic forgot are left out.
+        Returns these lines, without those that a panic forgot.
         """
         index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)
         if index is None:
@@ -475,17 +486,17 @@ class Commits:
         self._find_head()
 
     def lines_of(self, ticket: int) -> Sequence[Waiting]:
-        """The lines of a change under way; none where it is not known yet. From any thread."""
+        """The lines of a change under way; none if it is not known yet. Any thread may call it."""
         return next((group for own, group, _ in [*self.under_way] if own == ticket), ())
 
     def done(self, ticket: int) -> Sequence[Waiting]:
-        """Forget a change that was made; the lines whose it was."""
+        """Remove a completed change from those under way; returns its lines."""
         index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)
         return () if index is None else self.under_way.pop(index)[1]
 
 
 def _names(version: Version) -> frozenset[str]:
-    """The names that lines may say of a version."""
+    """The names of a version that lines may use."""
     piece = version.piece
     listed = (
         [one.name for one in piece.strikes],
@@ -499,9 +510,10 @@ def _names(version: Version) -> frozenset[str]:
 
 
 def read_again(line: str, version: Version) -> Sequence[Command]:
-    """The commands of a line of a session, read where its version takes over.
+    """The commands of a line, read again with the names of the version before it.
 
-    So a render of the session reads it. Raises NotTakenError, as where a name is gone by then.
+    A render of the journal reads it in the same way. Raises NotTakenError, for instance if a
+    name no longer exists.
     """
     try:
         return parse(line, scope_of(version.piece))
@@ -520,6 +532,6 @@ def fader_ratios(running: Running) -> dict[int, float]:
 
 
 def _moved(before: Running, after: Running) -> dict[int, float]:
-    """Groups of routes whose ratio differs from before; all groups where the mixer is new."""
+    """The groups of routes whose ratio has changed; all groups if the mixer is new."""
     old = fader_ratios(before) if after.stage.network is before.stage.network else {}
     return {group: to for group, to in fader_ratios(after).items() if to != old.get(group)}

@@ -32,14 +32,14 @@ class Computing:
             self._works.remove(work)
 
     def cancel(self) -> bool:
-        """Cancel what is being computed, from any thread; False where nothing is."""
+        """Cancel all running computations, from any thread; False if there are none."""
         works = self._works[:]
         for work in works:
             work.cancel()
         return bool(works)
 
     def refusal(self, error: StoppedError) -> str:
-        """Why a line that was stopped is not taken."""
+        """Why a line is not taken whose computation was stopped."""
         if error.why == "cancelled":
             return "cancelled; nothing has changed"
         said = f"this line takes more than {self.seconds:g} s to compute; nothing has changed"

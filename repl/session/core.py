@@ -1,4 +1,4 @@
-"""What the commands of a session act on: its versions, waiting lines, files and journal."""
+"""The core of a session, on which commands act: its versions, waiting lines, files and journal."""
 
 from __future__ import annotations
 
@@ -49,18 +49,20 @@ if TYPE_CHECKING:
 _BAR = Length(bars=1.0)
 _DRAWS_EVERY = 0.5  # [s] between two drawings of a key that is traced: one takes 15 ms
 _TRACE_HEIGHT = 6  # characters
-_LOOKS_BACK = 200  # lines among which the one is looked for that a reload drops
+_LOOKS_BACK = 200  # latest lines that are searched for the one that a reload discards
 
 
 class Attached(Protocol):
-    """What is open for as long as a session: a port, a socket."""
+    """Something that stays open as long as the session: a port, a socket."""
 
     def close(self) -> None:
         """Close it."""
 
 
 class SessionCore:
-    """Versions of a score that take over from one another while they sound."""
+    """A session without its prompt: versions of a score that take over from one another as they
+    play.
+    """
 
     def __init__(
         self,
@@ -81,12 +83,12 @@ class SessionCore:
     ) -> None:
         """Begin with a version whose piece is stopped; `make` makes an engine for its stage.
 
-        `margin` [s] is the time a change takes to reach the engine; `hands` is the recording that
-        the engine writes of real hands; `disk` holds known hashes where files on the disk differ
-        from the version. A session that `watches` reloads the score when it is saved elsewhere.
-        `past` is the history of a session that goes on; its version 0 is `version`. `frozen` parts
-        are heard as they were computed before, until the score says otherwise of them. Where it
-        `is_seen`, what nobody hears is computed too.
+        `margin` [s] is the time in which a change reaches the engine; `hands` is the engine's
+        recording of real hands; `disk` has the known hashes if files on the disk differ from the
+        version. A session that `watches` reloads the score when it is saved elsewhere. `past` is
+        the history of a resumed session, whose version 0 is `version`. `frozen` parts are played
+        from their samples until the score changes them. If it `is_seen`, parts that are not
+        heard are computed too.
         """
         version = replace(version, base=version.base or version.texts)
         running = begin(version, clock or Clock(), real or {}, store, frozen, is_seen=is_seen)
@@ -125,7 +127,7 @@ class SessionCore:
         self._scope = scope_of(version.piece, folder_of(version.texts))
         self._scope_piece = version.piece
         self._messages: deque[str] = deque(maxlen=1000)
-        # The share of the scene's force that each player was last told.
+        # By player, the share of force that was reported last.
         self._scales: dict[str, float] = {}
         self._frozen = {part.name for part in frozen}  # those that the last line left frozen
         # By kind of trouble: what was told last, and at which frame.
@@ -133,7 +135,7 @@ class SessionCore:
         self._messages += self.force_messages(running)
         self.lock = threading.RLock()
         self._taking = threading.Lock()
-        # Taken from the engine and not handled, and whether the journal has them.
+        # Events taken from the engine and not yet handled, each with whether the journal has it.
         self._events: deque[tuple[EngineEvent, bool]] = deque()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
@@ -148,10 +150,10 @@ class SessionCore:
         return self._scope
 
     def attach(self, one: Attached, turn: Callable[[float], object] | None = None) -> None:
-        """Close a port or a socket when the session ends.
+        """Let a port or a socket be closed when the session ends.
 
-        Until then the thread that attends to the engine takes its `turn` some 50 times a second,
-        at an instant [s, time.monotonic].
+        Until then, the session's thread calls its `turn` some 50 times a second with the present
+        instant [s, time.monotonic].
         """
         self._attached.append(one)
         if turn is not None:
@@ -182,7 +184,7 @@ class SessionCore:
         return Reply(True, f"ok {where} {'; '.join(filter(None, said))}".rstrip())
 
     def _dropped_messages(self, version: Version) -> list[str]:
-        """Messages about what was typed and gave way to what the files say now."""
+        """Messages about typed values that were replaced by those of the files."""
         found = []
         for spot in version.dropped:
             line = self._typed_at(spot)
@@ -194,7 +196,7 @@ class SessionCore:
         return found
 
     def _typed_at(self, spot: Spot) -> str:
-        """The last line before this one that changed a place; empty where none is found."""
+        """The last earlier line that changed a place; empty if none is found."""
         past = [self.commits.past[n] for n in self.history.numbers[: self.history.index]]
         for before, after in itertools.pairwise(reversed(past[-_LOOKS_BACK:])):
             if merging.differ(before.texts, after.texts, spot):
@@ -225,11 +227,12 @@ class SessionCore:
         replaces: int | None = None,
         is_typed: bool = True,
     ) -> tuple[str, Running]:
-        """Queue a line for its boundary: a new version, or an old one that it `restores`.
+        """Queue a line for its boundary: a new version, or an earlier one that it `restores`.
 
-        In the history it `replaces` a line; one that nobody typed has no place
-        there. Returns the beat as written, and the version staged. Texts read from files are kept
-        in the journal. Raises StoppedError where a line that `is_limited` takes too long.
+        In the history it may take the place of the line `replaces`; a line that is not
+        `is_typed` is not in the history. Returns the beat as written, and the staged version.
+        The journal keeps texts that were read from files. Raises StoppedError if a line that
+        `is_limited` takes too long.
         """
         place, start = self.commits.place(when, self.quant)
         self.number += 1
@@ -289,7 +292,7 @@ class SessionCore:
         return where, made
 
     def _tell_thawed(self, made: Running) -> None:
-        """A message where frozen parts are computed from a version on."""
+        """Report which frozen parts are computed live from a version on."""
         frozen = {part.name for part in made.frozen}
         thawed = [
             made.version.sounds_as.shown(name, made.version.piece.instruments)
@@ -305,7 +308,7 @@ class SessionCore:
             )
 
     def _tell_moved(self) -> None:
-        """Note in the journal which lines wait for another frame now."""
+        """Note in the journal the new frames of waiting lines that have moved."""
         for one in self.commits.moved:
             self._tell("late", number=one.number, beat=one.beat, start=one.start)
         self.commits.moved.clear()
@@ -332,7 +335,7 @@ class SessionCore:
         self._tell("dropped", number=waiting.number)
 
     def note_written(self, texts: Texts, *, is_own: bool) -> None:
-        """Note that files were written: those of these texts, or (not `is_own`) copies of them."""
+        """Note that files were written: those of the score itself (`is_own`), or copies."""
         base = {"base": text_fields(texts)} if is_own else {}
         names = self.disk.hashes_by_name(texts)
         self._tell("saved", score=texts.path, disk=names, **base)
@@ -346,7 +349,9 @@ class SessionCore:
         return self.commits.head.piece.tempo_map.written(beat)
 
     def pump(self) -> None:
-        """Hand due versions to the engine, and handle its events."""
+        """Do what is due: hand versions to the engine, handle its events, and run what else is
+        waiting.
+        """
         with self.lock:
             self._handle_events()
             self._late(self.commits.tick())
@@ -378,7 +383,7 @@ class SessionCore:
                     self.trace()
 
     def trace(self) -> None:
-        """Draw the key that is traced, if one is."""
+        """Draw the traced key, if there is one."""
         engine, running = self.commits.engine, self.commits.running
         self._drawn, self.drawing = engine.frame, ()
         if self.traced is not None:
@@ -388,8 +393,9 @@ class SessionCore:
                 self.drawing = tuple(lines)
 
     def _tell_troubles(self) -> None:
-        """A message for each trouble of the engine that is new; counts not more than once a
-        second of sound."""
+        """Report each new trouble of the engine; a count that rises, at most once per second of
+        sound.
+        """
         frame = self.commits.engine.frame
         for trouble in self.commits.engine.status().troubles:
             kind = trouble.rstrip("0123456789")
@@ -399,8 +405,9 @@ class SessionCore:
                 self._messages.append(f"{self._written(frame)} {trouble}")
 
     def _take_events(self) -> None:
-        """Take the engine's events, and write to the journal what happened at once, while a line
-        is computed too: a kill loses none of it. Any thread may call it."""
+        """Take the engine's events and write at once to the journal what happened, even while a
+        line is computed, so that a kill loses nothing. Any thread may call it.
+        """
         with self._taking:
             for event in self.commits.engine.events():
                 if event.act is not None:
@@ -432,7 +439,7 @@ class SessionCore:
             self._tell("silence", frame=frame, begins=begins)
 
     def _keep_take(self, own: Capture) -> None:
-        """Write the file of a take that has ended, and give it a name in the score."""
+        """Write the file of a take that has ended, and add the take to the score."""
         folder = Path(self.commits.head.texts.path).parent
         try:
             path = self.captures.write(own, folder, self.commits.engine.tick_frames)
@@ -471,7 +478,8 @@ class SessionCore:
         """Note in the journal which lines took effect at a frame."""
         for one in lines:
             if one.number:  # 0: no line, only the timeline was extended
-                # What a line read is merged with what plays when it takes effect.
+                # If the line read files, its texts were merged with the version that now takes
+                # effect.
                 texts: dict[str, object] = {}
                 if one.is_read and one.made:
                     version = one.made.version

@@ -1,4 +1,4 @@
-"""The state of a session's files on the disk, and which of them it may write."""
+"""The state of a session's files on the disk, and which files it may write."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BOM = b"\xef\xbb\xbf"
 
 
 class Disk:
-    """The hash of every text that was last read from a file, or written to it."""
+    """Hashes of the texts that were last read from files or written to them."""
 
     def __init__(self, known: Mapping[str, str] | None = None) -> None:
         """Begin with hashes by file name."""
@@ -30,7 +30,7 @@ class Disk:
 
     @classmethod
     def of(cls, texts: Texts) -> Disk:
-        """The state after texts were read."""
+        """The state after these texts were read from the disk."""
         disk = cls()
         disk.note_read(texts)
         return disk
@@ -54,11 +54,13 @@ class Disk:
         return {name: known for name, known in found.items() if not name.startswith("..")}
 
     def add_hashes(self, hashes: Mapping[str, str]) -> None:
-        """Add hashes from a journal; `check` compares files with them before one is written."""
+        """Add hashes from a journal; `check` compares files with them before they are
+        overwritten.
+        """
         self._known.update(hashes)
 
     def changed(self, texts: Texts) -> dict[str, str]:
-        """Unsaved texts of the score and the files that it uses, by file."""
+        """The unsaved texts of the score and the files that it uses, by file."""
         folder = Path(texts.path).parent
         return {
             file: text
@@ -67,13 +69,13 @@ class Disk:
         }
 
     def check(self, file: str, score: Path) -> None:
-        """Raise NotTakenError where the session of a score may not write a file."""
+        """Raise NotTakenError if a session with this score may not write a file."""
         path = Path(file)
         if is_shipped(path):
             raise NotTakenError(
                 f"{file} ships with ergon and is never changed; `save NAME` writes a copy"
             )
-        # A score that is a link is written to its target; other files must be in its folder.
+        # The score may be a link, and its target is written; other files must be in its folder.
         if path != score and not is_below(path, score.parent):
             raise NotTakenError(f"{file} is outside the folder of the score, {score.parent}")
         if not os.path.lexists(file):
@@ -103,7 +105,7 @@ def of_text(text: str) -> str:
 
 
 def home(file: str, folder: Path) -> str:
-    """Where a file is written: one that ships becomes the score's own, beside the score."""
+    """The path to which a file is written: a file of the library becomes one beside the score."""
     name = shipped(Path(file))
     return file if name is None else str(folder / name)
 
@@ -117,13 +119,15 @@ def on_disk(path: Path) -> str | None:
 
 
 def folder_of(texts: Texts) -> Path:
-    """The folder that a session writes to: the score's; for a score that ships, the current one."""
+    """The folder that a session writes to: that of the score, or the current one if the score is in
+    the library.
+    """
     path = Path(texts.path)
     return Path() if is_shipped(path) else path.parent
 
 
 def as_written(file: str, text: str) -> bytes:
-    """The bytes of a text that replaces a file; the file's byte order mark is kept."""
+    """The bytes with which a text replaces a file; a byte order mark of the file is kept."""
     try:
         with Path(file).open("rb") as old:
             mark = old.read(len(_BOM)) == _BOM

@@ -1,6 +1,6 @@
-"""The table of edits: which function makes a new version of the old one, for each command.
+"""The table of edits: for each command, the function that makes the new version from the old one.
 
-A file of edits adds its functions by decorators; `version_edits` imports all such files.
+A module of edits adds its functions by decorators; `version_edits` imports all such modules.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ VERSION_EDITS: dict[type[c.Command], Callable[[Any], VersionEdit]] = {}
 
 
 def makes(kind: type[c.Command]) -> Callable[[_Make], _Make]:
-    """For a function that makes the edit of a command."""
+    """Decorate a function that makes the edit of a command."""
 
     def known(make: _Make) -> _Make:
         VERSION_EDITS[kind] = make
@@ -34,7 +34,7 @@ def makes(kind: type[c.Command]) -> Callable[[_Make], _Make]:
 
 
 def writes(kind: type[c.Command]) -> Callable[[_Change], _Change]:
-    """For a function of command, version and beat that gives the new texts."""
+    """Decorate a function that gives the new texts from command, version and beat."""
 
     def known(change: _Change) -> _Change:
         def make(command: c.Command) -> VersionEdit:
@@ -47,7 +47,9 @@ def writes(kind: type[c.Command]) -> Callable[[_Change], _Change]:
 
 
 def moves(kind: type[c.Command]) -> Callable[[_Move], _Move]:
-    """For a function of command, faders and names of instruments that gives the new faders."""
+    """Decorate a function that gives the new faders from command, faders and names of
+    instruments.
+    """
 
     def known(change: _Move) -> _Move:
         def make(command: Any) -> VersionEdit:
@@ -67,7 +69,7 @@ def with_texts(version: Version, texts: Texts) -> Version:
 
 
 def _parts(version: Version, name: str | None) -> frozenset[str]:
-    """An instrument, or those that a player's key touches."""
+    """The named instrument or its notes, or the instruments that a player's key is linked to."""
     piece = version.piece
     if name is None:
         return frozenset()
@@ -93,7 +95,7 @@ def _parts(version: Version, name: str | None) -> frozenset[str]:
 
 
 def _ends(between: Any, key: str) -> list[Any]:
-    """The ends of a link that are not the key; none where the key is not linked."""
+    """The ends of a link other than the key; none if the link does not touch the key."""
     if not between or all(end.part != key for end in between):
         return []
     return [end for end in between if end.part != key]

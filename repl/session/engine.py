@@ -1,4 +1,4 @@
-"""The engine that a session plays on: its protocol, and one that is stepped by its caller."""
+"""The engine of a session: its protocol, and one that its caller steps."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change of what plays from frame `at` on, a multiple of the engine's tick.
+    """A change of what plays, from frame `at` on, which is a multiple of the engine's tick.
 
-    `stage` takes over from `before`, or begins anew where it `resets`; `gains` (ratios)
-    are of groups of routes; `damp` [s] is a T60 added to all that sounds; `bearings` are
-    the forces that real hands may get from it.
+    `stage` takes over from `before`, or begins anew if it `resets`; `gains` are the ratios of
+    groups of routes; `damp` [s] is a T60 added to all that sounds; `bearings` are the forces
+    that real hands may get from the stage.
     """
 
     at: int
@@ -39,16 +39,17 @@ class Change:
 
     @property
     def is_mixed_anew(self) -> bool:
-        """Whether it needs a mixer of its own."""
+        """Whether the change needs a new mixer."""
         new, old = self.stage, self.before
         return new.network is not old.network or new.placed != old.placed
 
 
 @dataclass(frozen=True, slots=True)
 class GuidedPath:
-    """What leads a hand: `path` (n_ticks,) [m] is where to, tick by tick.
+    """A path that guides a hand: `path` (n_ticks,) [m] has the position at each tick.
 
-    `steps`: (tick, share of stiffness, share of viscosity) from which on they hold, 0 to 1.
+    `steps` are (tick, share of stiffness, share of viscosity): from that tick on these shares
+    hold, 0 to 1.
     """
 
     path: NDArray[np.float64]
@@ -60,7 +61,7 @@ class HeldHand:
     """A hand whose movement is known: `positions` (n_ticks,) [m] of the key, tick by tick.
 
     `index` is its number in the simulation, `reach` the factor between key and scene. After the
-    last tick the key stays.
+    last tick the key stays where it is.
     """
 
     index: int
@@ -72,7 +73,7 @@ class HeldHand:
 class EngineStatus:
     """Load as a share of real time, late ticks, peaks of channels as ratios.
 
-    `away` are players whose keys are gone.
+    `away` are the players whose keys are disconnected.
     """
 
     load: float = 0.0
@@ -85,10 +86,10 @@ class EngineStatus:
 
 @dataclass(frozen=True, slots=True)
 class EngineEvent:
-    """A change, a strike or a value that was made or came too late (by its ticket), or a sentence
-    for the player.
+    """A change, a strike or an input value that took effect or came too late, by its ticket; or a
+    sentence for the player.
 
-    `real`, by player: whether a person moves the player's key from this frame on.
+    `real` says by player whether a person moves the key from this frame on.
     """
 
     frame: int
@@ -101,9 +102,10 @@ class EngineEvent:
 
 @dataclass(frozen=True, slots=True)
 class SoundFileStatus:
-    """The state of a file of sound: its first frame of the session (None: not begun), its frames,
-    how many of them are silence because the disk was too slow, whether it is closed, and why it
-    could not be written."""
+    """The state of a recorded sound file: its first frame in the session (None: not begun), its
+    number of frames, how many of them are silence because the disk was too slow, whether it is
+    closed, and why it could not be written.
+    """
 
     first: int | None
     frames: int
@@ -113,11 +115,11 @@ class SoundFileStatus:
 
 
 class Engine(Protocol):
-    """What a session needs of an engine."""
+    """The engine as a session needs it."""
 
     @property
     def n_channels(self) -> int:
-        """Channels of the sound, which no change alters."""
+        """Number of channels of the sound, which no change alters."""
 
     @property
     def tick_frames(self) -> int:
@@ -136,22 +138,23 @@ class Engine(Protocol):
         """
 
     def change(self, change: Change) -> int:
-        """Request a change; its ticket."""
+        """Request a change; returns its ticket."""
 
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
-        """Guide players' hands by new paths from frame `at` on; the ticket."""
+        """Guide players' hands along new paths from frame `at` on; returns the ticket."""
 
     def strike(self, point: int, impulse: float) -> int | None:
-        """Strike a point of what plays by an impulse [N·s], at the next tick, from any thread.
+        """Strike a point of the running stage by an impulse [N·s], at the next tick; any thread may
+        call it.
 
-        Its ticket, which an event reports; None where too many strikes wait.
+        Returns a ticket, which an event reports; None if too many strikes wait.
         """
 
     def tell(self, number: int, value: float) -> int | None:
-        """Let an input that is told go to a value, full scale 1, as `strike`."""
+        """Set an input that is told its values, full scale 1; otherwise like `strike`."""
 
     def record_sound(self, path: Path) -> None:
-        """Write what is heard to a new file, from the next tick on.
+        """Write the sound that is heard to a new file, from the next tick on.
 
         Raises NotTakenError, EngineError.
         """
@@ -169,10 +172,12 @@ class Engine(Protocol):
         """Events since the last call."""
 
     def silences(self) -> Sequence[tuple[int, bool]]:
-        """Edges of the silence of panics since the last call: (frame, whether it begins)."""
+        """Begins and ends of the silence of panics since the last call: (frame, whether it
+        begins).
+        """
 
     def status(self) -> EngineStatus:
-        """Load, late ticks, peaks, and keys that are gone."""
+        """Load, late ticks, peaks, disconnected keys, and troubles."""
 
     def panic(self) -> None:
         """Silence sound within 5 ms, and end every force."""
@@ -202,7 +207,7 @@ class SteppedEngine:
         reference: float | None = None,
         hands: Sequence[HeldHand] = (),
     ) -> None:
-        """Begin with a stage at frame 0, whose hands go where `hands` went."""
+        """Begin with a stage at frame 0, in which the hands move as `hands` did."""
         self.tick_frames = tick_frames
         self._hands = hands
         self.frame = 0
@@ -236,11 +241,11 @@ class SteppedEngine:
         return self._tickets
 
     def strike(self, point: int, impulse: float) -> int:
-        """Strike a point of what plays by an impulse [N·s], at the next frame."""
+        """Strike a point of the running stage by an impulse [N·s], at the next frame."""
         return self._acted(lambda playing: playing.strike(point, impulse))
 
     def tell(self, number: int, value: float) -> int:
-        """Let an input that is told go to a value, full scale 1, from the next frame on."""
+        """Set an input that is told its values, full scale 1, from the next frame on."""
         return self._acted(lambda playing: playing.tell(number, value))
 
     def _acted(self, act: Callable[[_core.Simulation], bool]) -> int:
@@ -251,14 +256,14 @@ class SteppedEngine:
         return self._tickets
 
     def record_sound(self, path: Path) -> None:
-        """Refuse: what is computed here is rendered, not heard. Raises NotTakenError."""
+        """Refuse: here sound is rendered, not played. Raises NotTakenError."""
         raise NotTakenError("no sound output is open: `ergon render` writes a file")
 
     def end_sound(self) -> None:
         """Do nothing: no sound is recorded."""
 
     def sound_recorded(self) -> SoundFileStatus | None:
-        """No sound is recorded."""
+        """None: no sound is recorded."""
         return None
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
@@ -291,7 +296,7 @@ class SteppedEngine:
         return mixed
 
     def _held(self) -> int:
-        """Say where hands are in this tick; its last frame."""
+        """Hold each hand where it is in this tick; returns the first frame of the next one."""
         tick = self.frame // self.tick_frames
         for hand in self._hands:
             x = hand.positions[min(tick, len(hand.positions) - 1)]
@@ -317,11 +322,11 @@ class SteppedEngine:
         new.damp(change.damp)
 
     def silences(self) -> Sequence[tuple[int, bool]]:
-        """No edges: nothing is silenced here."""
+        """None: nothing is silenced here."""
         return ()
 
     def status(self) -> EngineStatus:
-        """Nothing is ever late here."""
+        """The state of an engine that is never late."""
         return EngineStatus()
 
     def panic(self) -> None:

@@ -1,4 +1,4 @@
-"""Values that move faster than lines are computed: controllers of MIDI, levels by OSC."""
+"""Values that change faster than lines are computed: controllers by MIDI, levels by OSC."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from ergon.repl.session.history import History
     from ergon.repl.session.version import Version
 
-# The line that a movement stands for in a version; None where it means nothing there.
+# The line that sets the value in a version; None if that version does not use it.
 LineOf = Callable[["Version"], str | None]
 
 
 class Moved(Protocol):
-    """What moves: the versions of a session."""
+    """The session whose values move."""
 
     commits: Commits
     history: History
@@ -42,10 +42,10 @@ class Moved(Protocol):
 
 
 class FastValues:
-    """The latest movement of each name. `move` may be called by any thread."""
+    """The latest value of each name, set by lines. Any thread may call `move`."""
 
     def __init__(self, session: Moved) -> None:
-        """Begin with nothing that moves."""
+        """Begin without values."""
         self._session = session
         self._moved: dict[str, LineOf] = {}
         self._number = 0  # of the last line that movements stood for
@@ -53,14 +53,15 @@ class FastValues:
         self._refused: tuple[str, ...] = ()
 
     def move(self, name: str, line: LineOf) -> None:
-        """Note a movement, in place of an earlier one of its name that is not set yet."""
+        """Keep the value of a name, in place of one that is not set yet."""
         self._moved[name] = line
 
     def turn(self) -> None:
-        """Set what has moved, as one line; not while the last such line still waits.
+        """Set the values that have come, by one line; wait as long as the last such line has not
+        taken effect.
 
-        Lines of the same names are one line of the history, so that `undo` takes back a movement
-        as a whole.
+        Successive lines with the same names are one entry of the history, so that `undo` reverts
+        the movement as a whole.
         """
         session = self._session
         if not self._moved or any(one.number == self._number for one in session.commits.waiting):
@@ -73,11 +74,11 @@ class FastValues:
         self._set(tuple(lines), "\n".join(lines.values()), NOW)
 
     def set_now(self, name: str, line: str) -> None:
-        """Set a movement at once; its line says when it acts."""
+        """Set a value at once, by a line that says itself when it acts."""
         self._set((name,), line, None)
 
     def _set(self, names: tuple[str, ...], text: str, when: When) -> None:
-        """Queue a line, in place of the last one in the history if it was of the same names."""
+        """Queue a line; if the last line of the history has the same names, it is replaced."""
         session = self._session
         is_same = names == self._names and session.history.now == self._number
         try:

@@ -1,4 +1,4 @@
-"""Saving: the score of a version, and the changed files that it uses."""
+"""Saving: the score of a version, and those files it uses that have changed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def keep(session: SessionCore, length: Length, name: str) -> list[str]:
-    """Write the last bars as a score beside this one; the names of the files written."""
+    """Write the last bars as a score beside this one; the names of the written files."""
     version, now = session.commits.head, session.commits.now()
     tempo = version.piece.tempo_map
     bar = tempo.bars.start(tempo.bar_beat(now)[0])
@@ -50,9 +50,9 @@ def keep(session: SessionCore, length: Length, name: str) -> list[str]:
 
 
 def save(session: SessionCore, target: Path | None) -> list[str]:
-    """Write the latest version, endless parts ended here; the names of the files written.
+    """Write the latest version, with endless parts ended here; the names of the written files.
 
-    Without a target it replaces its own file, and the changed files that it uses.
+    Without a target, the score and the changed files that it uses are overwritten.
     """
     version = session.commits.head
     texts = parts.finish(version.texts, version.piece, session.commits.now())
@@ -82,7 +82,7 @@ def beside(texts: Texts, target: Path, suffix: str) -> Path:
 
 
 def _target(texts: Texts, target: Path) -> Path | None:
-    """The file of a name; None where it is the score itself. Raises NotTakenError."""
+    """The file for a name; None if that is the score itself. Raises NotTakenError."""
     own, folder = Path(texts.path), folder_of(texts)
     path = folder / target if target.parent == Path() else target
     if path.suffix == "":
@@ -101,7 +101,7 @@ def _target(texts: Texts, target: Path) -> Path | None:
 
 
 def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]:
-    """Write texts over their files, or as another score: all of them or none."""
+    """Write texts over their files, or as another score; either all files are written or none."""
     own, disk = Path(texts.path), session.disk
     changed = disk.changed(texts)
     files: Mapping[str, str]
@@ -131,7 +131,7 @@ def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]
 def _proven(
     texts: Texts, changed: Mapping[str, str], score: Path, files: Mapping[str, str]
 ) -> None:
-    """Check that the written files will say the piece that plays. Raises NotTakenError."""
+    """Check that the written files give the piece that plays. Raises NotTakenError."""
     left = {file: text for file, text in texts.overlay.items() if file not in changed}
     text = files.get(str(score), texts.text)
     there = Texts(str(score), text, {**left, **files}, sealed=True).load().piece

@@ -1,4 +1,4 @@
-"""Frozen parts of a session: which of them still are what the score says, and where they stand."""
+"""Frozen parts of a session: which of them still match the score, and where their samples begin."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.listening import Listening
 
-# A session jumps, so that it holds all samples in (locked) memory.
+# A session may jump, so that it keeps all samples in (locked) memory.
 _BYTES_MAX = 2 << 30
 _ROWS_MAX = 10_000  # parts of a folder, or stems of a part, in a journal
 
@@ -42,7 +42,7 @@ class FrozenStem:
 
 @dataclass(frozen=True, slots=True)
 class FrozenPart:
-    """A frozen instrument: its stems, and the digest of what its sound is a function of."""
+    """A frozen instrument: its stems, and the digest of everything that its sound depends on."""
 
     name: str
     content: str
@@ -51,7 +51,7 @@ class FrozenPart:
 
 @dataclass(frozen=True, slots=True)
 class FrozenFolder:
-    """The frozen parts of a session, by the folder that holds them, and its name in a journal."""
+    """The folder with the frozen parts of a session, and its name in a journal."""
 
     folder: Path
     parts: tuple[FrozenPart, ...]
@@ -59,18 +59,18 @@ class FrozenFolder:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files that a session reads of it."""
+        """The files of the folder that a session reads."""
         stems = (stem.file for part in self.parts for stem in part.stems)
         return tuple(self.folder / name for name in (MANIFEST, *stems))
 
     def beside(self, journal: Path) -> FrozenFolder:
-        """The same folder, named as from a journal's own."""
+        """The same folder, with its name relative to a journal."""
         return replace(self, name=Path(os.path.relpath(self.folder, journal.parent)).as_posix())
 
 
 @dataclass(frozen=True, slots=True)
 class HeldPart:
-    """A frozen instrument whose samples are in memory: (samples, names of their outputs)."""
+    """A frozen instrument with its samples in memory: (samples, names of their outputs)."""
 
     name: str
     n_frames: int
@@ -80,7 +80,7 @@ class HeldPart:
 def of_frozen(folder: Path, frozen: Frozen, piece: Piece, listening: Listening) -> FrozenFolder:
     """The parts of a folder that was frozen from a piece. Raises NotFrozenError.
 
-    `frozen` is what the folder's manifest says; `listening` has the taps of the piece.
+    `frozen` is the content of the folder's manifest; `listening` has the taps of the piece.
     """
     for part in frozen.parts:
         own = [tap for stem in frozen.stems if stem.part == part for tap in stem.taps]
@@ -106,7 +106,7 @@ def of_frozen(folder: Path, frozen: Frozen, piece: Piece, listening: Listening) 
 
 
 def held(frozen: FrozenFolder, version: Version, real: Collection[str]) -> tuple[HeldPart, ...]:
-    """The parts that a version plays as they were frozen, with their samples.
+    """The parts that a version can play from their frozen samples, with these samples.
 
     `real` are the players whose hands are real. Raises NotFrozenError.
     """
@@ -145,7 +145,7 @@ def held(frozen: FrozenFolder, version: Version, real: Collection[str]) -> tuple
 def still_frozen(
     parts: Sequence[HeldPart], before: Version, version: Version, real: Collection[str]
 ) -> tuple[HeldPart, ...]:
-    """The parts whose sound a version leaves as it was in the version before."""
+    """The parts whose sound a version does not change against the version before."""
     return tuple(
         part
         for part in parts
@@ -158,7 +158,7 @@ def still_frozen(
 def placed(
     parts: Sequence[HeldPart], listening: Listening, clock: Clock, rate: float
 ) -> tuple[Placed, ...]:
-    """The samples of parts where the piece stands; none while it is stopped."""
+    """The samples of parts, placed on the running piece; none while it is stopped."""
     if clock.by is None:
         return ()
     begins = math.floor(clock.by * rate + 0.5)
@@ -174,7 +174,7 @@ def placed(
 
 
 def _is_reached(version: Version, part: str, real: Collection[str]) -> bool:
-    """Whether a real hand or a MIDI note moves what a part hangs together with."""
+    """Whether a real hand or a MIDI note acts on the part, or on a part that is joined with it."""
     piece = version.sounding
     parts = joined(piece, part)
     is_felt = any(piece.players[name].key in parts for name in real if name in piece.players)
@@ -201,10 +201,10 @@ def frozen_fields(frozen: FrozenFolder) -> dict[str, object]:
 
 
 def frozen_of(first: Event, journal: Path, *, trust: bool) -> FrozenFolder | None:
-    """The frozen parts that a journal's first event names; None without such parts.
+    """The frozen parts named by a journal's first event; None if there are none.
 
-    Raises JournalError, also where they lie outside the journal's folder and the current one and
-    nobody `trust`s the journal.
+    Raises JournalError, also if they lie outside both the journal's folder and the current one,
+    and the journal is not trusted (`trust`).
     """
     if "frozen" not in first.fields:
         return None

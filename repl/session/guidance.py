@@ -18,18 +18,18 @@ if TYPE_CHECKING:
     from ergon.repl.session.commits import Commits
     from ergon.repl.session.running import Running
 
-# The length of a path, which is replaced when half of it is left [s]. Making one takes some
-# hundredths of a second.
+# The length of a path [s]; it is replaced after half of it. Making one takes some hundredths of a
+# second.
 _PATH = 6.0
-# A rest longer than _REST frees the hand; guidance begins _BEFORE the next gesture [s].
+# During a rest longer than _REST the hand is free; guidance begins _BEFORE the next gesture [s].
 _REST = 1.0
 _BEFORE = 0.2
-# The time allowed for the first path; later, the time of the slowest of the last [s].
+# The time assumed for making the first path; later, that of the slowest of the last paths [s].
 _MAKING = 0.1
 
 
 def guide_of(command: Guide) -> HandGuide:
-    """The guide of a command, as shares of the strongest guide. Raises NotTakenError."""
+    """The guide that a command asks for, as shares of the strongest guide. Raises NotTakenError."""
     assert command.by is not None
     stiffest, thickest = GUIDE
     stiffness = stiffest if command.stiffness is None else command.stiffness
@@ -47,7 +47,9 @@ def guide_of(command: Guide) -> HandGuide:
 
 
 def allow(command: Guide, commits: Commits) -> None:
-    """Refuse a guide unless a real hand follows a written part. Raises NotTakenError."""
+    """Refuse a guide unless the hand is real and its guide is a written part. Raises
+    NotTakenError.
+    """
     player, by = command.player, command.by
     if player not in commits.real:
         raise NotTakenError(f"no real hand plays {player}: start ergon with --live {player}=DEVICE")
@@ -65,7 +67,7 @@ def allow(command: Guide, commits: Commits) -> None:
 
 @dataclass(slots=True)
 class Guidance:
-    """Sends the engine the paths of guided hands, piece by piece, as the version plays."""
+    """Sends the engine the paths of guided hands, section by section, as the version plays."""
 
     commits: Commits
     _running: Running | None = None  # the version whose paths were sent
@@ -75,7 +77,7 @@ class Guidance:
     _making: MakingTime = field(default_factory=lambda: MakingTime(_MAKING))
 
     def due(self) -> tuple[int, Mapping[str, GuidedPath]] | None:
-        """The frame and the new paths by player where they have to be sent now; else None."""
+        """The frame and the new paths by player, if they must be sent now; else None."""
         running, commits = self.commits.running, self.commits
         players = running.version.piece.players
         guides = {
@@ -120,7 +122,7 @@ class Guidance:
             self._running = None
 
     def late(self, ticket: int) -> None:
-        """Note a late ticket: if paths were sent with it, `due` makes them again."""
+        """If the paths of this ticket came too late, `due` makes them again."""
         if ticket == self._ticket:
             self._running = None
 
@@ -142,7 +144,7 @@ def _guided_path(
         for start, stop in _joined(plays)
     ]
     shares = guide.stiffness, guide.viscosity
-    # If no other path comes in time, this one ends by freeing the hand.
+    # If no other path comes in time, this one ends by letting the hand go.
     steps = [(0, 0.0, 0.0), *_steps(spans, shares), (len(path), 0.0, 0.0)]
     first = sum(at <= 0 for at, *_ in steps) - 1
     now = (0, *steps[first][1:])
@@ -150,7 +152,7 @@ def _guided_path(
 
 
 def _joined(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Join stretches between which there is no long rest."""
+    """Join spans that no long rest separates."""
     found: list[tuple[float, float]] = []
     for start, stop in sorted(plays):
         if found and start - found[-1][1] <= _REST:

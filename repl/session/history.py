@@ -1,6 +1,6 @@
-"""Numbers of versions in order of effect; `commits.past` holds the versions.
+"""The history: numbers of versions in the order of effect; `commits.past` has the versions.
 
-`undo`, `redo`, `back` and `history` go by these numbers; `session_commands` decides what each does.
+`undo`, `redo`, `back` and `history` use these numbers; `session_commands` defines what they do.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from ergon.repl.session.version import PastVersion
 
 @dataclass(slots=True)
 class History:
-    """Numbers of versions, those that wait last; `index` is the last that was not undone.
+    """Numbers of versions, waiting ones included; `index` is the place of the last that was not
+    undone.
 
-    Versions behind `index` were undone after they had taken effect.
+    Versions after `index` were undone after they had taken effect.
     """
 
     numbers: list[int] = field(default_factory=lambda: [0])
@@ -27,7 +28,7 @@ class History:
         return self.numbers[self.index]
 
     def add(self, number: int) -> None:
-        """Add a version; those that were undone are forgotten."""
+        """Add a version; versions that were undone are removed."""
         del self.numbers[self.index + 1 :]
         self.numbers.append(number)
         self.index += 1
@@ -40,14 +41,14 @@ class History:
             self.index -= place <= self.index
 
     def go_to(self, number: int) -> None:
-        """Note that an earlier version is restored; one that is unknown changes nothing."""
+        """Note that an earlier version is restored; an unknown number changes nothing."""
         if number in self.numbers:
             self.index = self.numbers.index(number)
 
     def sort(self, order: Mapping[int, float]) -> None:
-        """Put versions that were not undone in the order in which they take effect.
+        """Sort the versions that were not undone into the order in which they take effect.
 
-        Versions that `order` lacks were there at the beginning.
+        Versions that are not in `order` come first: they are from before the session.
         """
         stop = self.index + 1
         self.numbers[:stop] = sorted(self.numbers[:stop], key=lambda n: order.get(n, -1.0))
@@ -55,7 +56,7 @@ class History:
 
 @dataclass(frozen=True, slots=True)
 class PastVersions:
-    """The history of a session that goes on: its versions, and which of them plays."""
+    """The history of a resumed session: its versions, and the place of the present one."""
 
     versions: Sequence[PastVersion]
     index: int

@@ -1,7 +1,7 @@
-"""The history of a session as one field of a journal: each version as what differs from the last.
+"""The history of a session as a field of a journal: each version as its difference from the last.
 
-A session that goes on writes it once, so that its journal renders an `undo` that goes back behind
-its beginning.
+A resumed session writes it once, so that its journal can render an `undo` to a version from
+before it.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from ergon.scores.reading.sounding import SoundingNames
 _VERSIONS = 1000  # the latest are kept
 _CHARACTERS = 1 << 28  # of all texts of a history together
 
-# The texts of a journal's event, and its faders.
+# Read the texts of a journal's event, and its faders.
 ReadTexts = Callable[[Event], Texts]
 ReadFaders = Callable[[Event], Faders]
 
 
 def faders_fields(faders: Faders) -> dict[str, object]:
-    """The fields of a journal for faders."""
+    """The journal fields for faders."""
     return {
         "gains": dict(faders.gains),
         "muted": sorted(faders.muted),
@@ -39,13 +39,16 @@ def faders_fields(faders: Faders) -> dict[str, object]:
 
 
 def sounding_field(names: SoundingNames) -> dict[str, object]:
-    """The field of a journal for keys and instruments that sound by other names; none where there
-    are none."""
+    """The journal field for keys and instruments that sound under other names; empty if there are
+    none.
+    """
     return {"sounds_as": dict(names.names)} if names.names else {}
 
 
 def read_sounding(event: Event) -> SoundingNames:
-    """By which names keys and instruments sound, in a journal's event. Raises JournalError."""
+    """The names under which keys and instruments sound, in a journal's event. Raises
+    JournalError.
+    """
     if "sounds_as" not in event.fields:
         return SoundingNames()
     found = event.mapping("sounds_as", str)
@@ -55,7 +58,7 @@ def read_sounding(event: Event) -> SoundingNames:
 
 
 def history_fields(history: PastVersions) -> dict[str, object]:
-    """The fields of a journal for a history; none where there is only its beginning."""
+    """The journal fields for a history; empty if it has only its beginning."""
     first = max(0, history.index + 1 - _VERSIONS)
     versions = history.versions[first:]
     if len(versions) < 2:
@@ -122,7 +125,7 @@ def read_history(event: Event, texts: ReadTexts, faders: ReadFaders) -> PastVers
 
 
 def _files(texts: Texts) -> dict[str, str]:
-    """The texts by the journal's names of their files; the score is ''."""
+    """The texts by the names of their files in the journal; the name of the score is ''."""
     folder = Path(texts.path).parent
     texts = texts if texts.sealed else texts.complete()
     return {
@@ -136,7 +139,7 @@ def _used(files: Mapping[str, str]) -> dict[str, str]:
 
 
 def _delta(before: str, text: str) -> list[object] | None:
-    """[characters kept in front, characters kept behind, what is between]; None: the same."""
+    """[characters kept in front, characters kept at the end, new text between]; None if equal."""
     if before == text:
         return None
     front = _shared(before, text)
@@ -145,7 +148,7 @@ def _delta(before: str, text: str) -> list[object] | None:
 
 
 def _shared(a: str, b: str) -> int:
-    """How many characters two texts share at their beginning."""
+    """The number of characters that two texts have in common at their beginning."""
     most = min(len(a), len(b))
     return next((i for i in range(most) if a[i] != b[i]), most)
 

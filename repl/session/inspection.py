@@ -1,4 +1,4 @@
-"""What `?`, `show` and `scope` print: curves, lines of the score, who plays what."""
+"""The output of `?`, `show` and `scope`: curves, lines of the score, who plays what."""
 
 from __future__ import annotations
 
@@ -51,7 +51,8 @@ _SECTIONS = (
 
 
 def drawn(version: Version, name: str, sounding: Piece, now: float) -> list[str]:
-    """The written and the played curve of a gesture or take; for other names what `defined` gives.
+    """The written and the played curve of a gesture or take; for any other name, the result of
+    `defined`.
 
     The piece that is `sounding` is at beat `now`.
     """
@@ -90,8 +91,9 @@ def scoped(
 ) -> list[str]:
     """Draw where a player's key was in the last seconds.
 
-    A real hand's is read from the recording `hands`, in ticks of `every` frames; any other is where
-    its part takes the key by itself, without what it touches. Raises NotTakenError.
+    The path of a real hand is read from the recording `hands`, in ticks of `every` frames; for
+    any other player it is the path of its part, without the effect of what the key touches.
+    Raises NotTakenError.
     """
     from ergon.view.braille import plot
     from ergon.view.curve import Curve
@@ -121,7 +123,7 @@ def scoped(
 
 
 def _recorded(hands: Path, player: str, ticks: range) -> NDArray[np.float64]:
-    """Positions of a real hand (n_ticks,) [m], as far as they are on the disk."""
+    """Positions of a real hand (n_ticks,) [m], as far as the recording is on the disk."""
     from ergon import _core
 
     try:
@@ -137,8 +139,8 @@ def _recorded(hands: Path, player: str, ticks: range) -> NDArray[np.float64]:
 def defined(version: Version, name: str, sounding: Piece, now: float) -> list[str]:
     """The lines of the score that define a name, with their numbers.
 
-    A parameter (`bell.m.f`) is shown with the value that it has at beat `now` in the piece that is
-    `sounding`, which lines that wait have not changed yet.
+    A parameter (`bell.m.f`) is shown with its value at beat `now` of the piece that is
+    `sounding`, which waiting lines have not changed yet.
     """
     head, _, parameter = name.rpartition(".")
     found = automatable.found(head, sounding.keys, sounding.instruments) if head else None
@@ -159,7 +161,9 @@ def defined(version: Version, name: str, sounding: Piece, now: float) -> list[st
 def _value(
     piece: Piece, where: tuple[str, str], module: Module, parameter: str, now: float
 ) -> tuple[float | None, bool]:
-    """The value of a parameter at a beat, if it is one number, and whether automation leads it."""
+    """The value of a parameter at a beat, or None if it is not one number; and whether it is
+    automated.
+    """
     for one in piece.automation:
         if (one.target.part, one.target.module) == where and one.parameter == parameter:
             return value_on(piece, where, parameter, now), True
@@ -171,7 +175,7 @@ def _value(
 
 
 def show(version: Version, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
-    """What each player plays at beat `now`, and what comes next.
+    """What each player plays at beat `now`, and what follows.
 
     `playing` are the gestures in flight: (player, gesture).
     """
@@ -182,7 +186,7 @@ def show(version: Version, playing: Sequence[tuple[str, str]], now: float) -> li
         sounding = [what for name, what in playing if name == player.name]
         begun = [line for line in lines if line.begin <= now]
         goes_on = [line for line in begun if line.is_open(now, piece)]
-        # Of an entry that begins nothing more the last occurrence may sound.
+        # An entry that begins nothing more may still have its last occurrence in flight.
         on = {name for line in goes_on for name in line.play.names}
         for what in dict.fromkeys(sounding):
             goes_on += [line for line in begun if what in line.play.names and what not in on][-1:]
@@ -213,7 +217,8 @@ def _defined(texts: Texts, name: str) -> list[str]:
             known += node.entries
             if name in node.entries:
                 first, last = node.entries[name]
-                # A block of YAML ends where the next entry begins: what is blank is not its own.
+                # A block of YAML reaches to the next entry: blank lines at its end are not part of
+                # it.
                 end = last.start + len(document.text[last.start : last.end].rstrip())
                 row, stop = document.row(first.start), document.row(max(end - 1, last.start))
                 numbers: Sequence[int] = range(row + 1, min(stop + 2, row + 1 + _LINES_MAX))

@@ -1,8 +1,8 @@
-"""session.jsonl: every line that was typed, and when it took effect, written as it happens.
+"""session.jsonl: every typed line and when it took effect, written as it happens.
 
-A line is handed to the system at once, so that it survives the end of the program; a thread of
-the journal's own brings it to the disk, which takes some milliseconds, on a busy disk some
-hundred. A power failure loses the lines of that time.
+Each event is passed to the operating system at once, so that it survives the end of the program.
+A thread then syncs it to the disk, which takes some milliseconds, or on a busy disk some
+hundred; a power failure loses the events of that time.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class JournalError(ErgonError):
 
 
 class Journal:
-    """A journal that is being written; its events survive whatever ends the program."""
+    """A journal that is being written; its events survive however the program ends."""
 
     def __init__(self, path: Path) -> None:
         """Begin a journal in a new file. Raises JournalError."""
@@ -50,9 +50,9 @@ class Journal:
 
     @classmethod
     def begun(cls, path: Path) -> Journal:
-        """Begin a journal under the first free of `name`, `name-2`, … Raises JournalError.
+        """Begin a journal under the first free name of `name`, `name-2`, … Raises JournalError.
 
-        Several journals that begin at once get different names.
+        Several journals that begin at the same time get different names.
         """
         for found in names(path):
             try:
@@ -63,7 +63,7 @@ class Journal:
         raise AssertionError  # the sequence of names is endless
 
     def tell(self, event: str, **fields: Any) -> None:
-        """Append an event; a failure is reported once by `trouble`, and stops nothing."""
+        """Append an event. A failure is reported once by `trouble`, and the session goes on."""
         line = json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=True)
         if len(line) >= MAX_LINE:
             self._trouble = (
@@ -94,7 +94,7 @@ class Journal:
             self._file.close()
 
     def _settle(self) -> None:
-        """Bring events to the disk, all that have come meanwhile at once."""
+        """Sync events to the disk, all that have come meanwhile in one go."""
         is_over = False
         while not is_over:
             self._told.wait()
@@ -109,7 +109,7 @@ class Journal:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One line of a journal: its number in the file, what it is, its fields."""
+    """One line of a journal: its number in the file, the name of the event, its fields."""
 
     file: str
     number: int
@@ -117,7 +117,7 @@ class Event:
     fields: Mapping[str, Any]
 
     def wrong(self, sentence: str) -> NoReturn:
-        """Raise JournalError with the place of this line."""
+        """Raise JournalError with the file and number of this line."""
         raise JournalError(f"{self.file}, line {self.number}: {sentence}") from None
 
     def get(self, name: str, kind: type, default: Any = None) -> Any:
@@ -213,5 +213,5 @@ def names(path: Path) -> Iterator[Path]:
 
 
 def free(path: Path) -> Path:
-    """The first of `name`, `name-2`, … that does not exist now."""
+    """The first name of `name`, `name-2`, … under which no file exists now."""
     return next(found for found in names(path) if not os.path.lexists(found))

@@ -1,4 +1,4 @@
-"""The content of a journal, checked: how a session began, and what took effect when."""
+"""The checked content of a journal: how a session began, and what took effect when."""
 
 from __future__ import annotations
 
@@ -43,10 +43,11 @@ _VALUE_MAX = sys.float_info.max  # of an input
 
 @dataclass(frozen=True, slots=True)
 class SessionStart:
-    """How a session began: its score, the beat where it stood, the faders, and how it was heard
-    (`gain`, `limit` and `reference` are ratios). `take` records real hands, `frozen` holds
-    parts that were computed before. Where it `is_seen`, what nobody heard was computed too: what
-    a later line let be heard then had moved before."""
+    """How a session began: its score, the beat at which it stood, the faders, and how it was heard
+    (`gain`, `limit` and `reference` are ratios). `take` is the recording of real hands; `frozen`
+    has the frozen parts. If it `is_seen`, parts that were not heard were computed too, so that
+    they were already moving when a later line made them heard.
+    """
 
     texts: Texts
     at: float
@@ -93,14 +94,16 @@ class SessionStart:
 
 
 def text_fields(texts: Texts) -> dict[str, object]:
-    """The fields of a journal for texts: all files that they use too, which may be edited later."""
+    """The journal fields for texts; they include all files that the score uses, which may change
+    later.
+    """
     folder = Path(texts.path).parent
     overlay = {journal_name(file, folder): text for file, text in texts.complete().overlay.items()}
     return {"score": texts.path, "text": texts.text, "overlay": overlay}
 
 
 def effect_fields(version: Version) -> dict[str, object]:
-    """The fields of a journal for how a version that was read takes over."""
+    """The journal fields for how a version read from files takes over."""
     found: dict[str, object] = {}
     if version.glide != GLIDE:
         found["glide"] = version.glide
@@ -110,8 +113,9 @@ def effect_fields(version: Version) -> dict[str, object]:
 
 
 class JournalAct(NamedTuple):
-    """A strike of a place by an impulse [N·s], or a value of an input, by its name; `line` is that
-    of the journal."""
+    """A strike of a place by an impulse [N·s], or a value of an input, by the input's name; `line`
+    is the number of its line in the journal.
+    """
 
     frame: int
     of: Place | str
@@ -120,7 +124,7 @@ class JournalAct(NamedTuple):
 
 
 class ReadVersion(NamedTuple):
-    """What a line read from files, and how that takes over, as in a `Version`."""
+    """The texts that a line read from files, and how their version takes over, as in `Version`."""
 
     texts: Texts
     glide: float
@@ -131,8 +135,8 @@ class ReadVersion(NamedTuple):
 class JournalContent:
     """How a session began, and which line took effect at which frame.
 
-    `read` are the versions that lines read, by the line of the journal; `disk` holds the last
-    hashes of files on the disk. A journal that `ended` was written to its end.
+    `read` has the versions that lines read from files, by line of the journal; `disk` has the
+    last known hashes of files. A journal that `ended` is complete.
     """
 
     opening: SessionStart
@@ -151,25 +155,25 @@ class JournalContent:
     silences: list[Silence] = field(default_factory=list)
     base: Texts | None = None  # what the files held when they were last read or saved
     events: list[Event] = field(default_factory=list)  # lines and drops, in the order written
-    # Strikes by MIDI notes and values of inputs by OSC, in the order done.
+    # Strikes by MIDI notes and values of inputs by OSC, in the order in which they were done.
     acts: list[JournalAct] = field(default_factory=list)
 
     def order(self) -> dict[int, float]:
-        """The place of every line in the order in which they take effect, by number."""
+        """The place of every line in the order of effect, by number."""
         done = {event.get("number", int): float(i) for i, (*_, event) in enumerate(self.commits)}
         waits = [number for number in self.lines if number not in done]
         waits.sort(key=self._due)
         return done | {number: len(done) + i for i, number in enumerate(waits)}
 
     def _due(self, number: int) -> tuple[int, bool, float]:
-        """When a line that waits would take effect: frame, whether it is `play` or `stop`, beat."""
+        """When a waiting line would take effect: (frame, whether it is `play` or `stop`, beat)."""
         line = self.lines[number]
         start = self.starts.get(number, line.number_of("start", int, 0, _FRAME_MAX, 0))
         beat = self.late.get(number, line.get("beat", float))
         return start, line.fields.get("goes") is not None, beat
 
     def history(self) -> History:
-        """The numbers of the versions at the end."""
+        """The history at the end of the session."""
         before = self.opening.history
         history = History()
         if before is not None:
@@ -203,9 +207,9 @@ def read_journal(
 ) -> JournalContent:
     """Read a journal. Raises JournalError.
 
-    A `score` replaces the one that the journal names. Otherwise the score must be
-    below the journal's folder or the current one: elsewhere, a journal that `resumes` is
-    refused, and any other is read as if the score lay beside it.
+    `score` replaces the score that the journal names. Without it, the score must be in or below
+    the journal's folder or the current one: otherwise, a journal that `resumes` is refused, and
+    any other is read as if the score were beside it.
     """
     events = read(path)
     first = next(events, None)
@@ -255,7 +259,9 @@ def _is_seen(first: Event) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _FileLocations:
-    """The files that a journal names; `named` is its score, `score` the file that stands for it."""
+    """Finds the files that a journal names; `named` is its score, `score` the file used in its
+    place.
+    """
 
     journal: Path
     named: str
@@ -382,7 +388,7 @@ _ACTS = {"strike": _strike, "value": _value}
 
 
 def _add_silence(replay: JournalContent, event: Event) -> None:
-    """An edge of the silence of a panic: every other one begins it."""
+    """Add the begin or the end of a panic's silence; they must alternate."""
     frame = event.number_of("frame", int, 0, _FRAME_MAX)
     last = replay.silences[-1] if replay.silences else None
     is_open = last is not None and last.stop is None

@@ -1,4 +1,4 @@
-"""Real hands in a journal: which device plays which key, and the recording of what they did."""
+"""Real hands in a journal: which device plays which key, and the recording of the hands."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ _SUFFIX = ".take"
 
 @dataclass(frozen=True, slots=True)
 class JournalHand:
-    """A real hand: its player and key, and the axis of the device on which it plays from a frame
-    on."""
+    """A real hand: its player and key, and the device and axis that play it from frame `start`
+    on.
+    """
 
     player: str
     key: str
@@ -51,7 +52,7 @@ class JournalTake:
 
 @dataclass(frozen=True, slots=True)
 class HeldHands:
-    """What real hands did: positions for each, the frames that are recorded, and warnings."""
+    """The movement of real hands: their positions, the number of recorded frames, and warnings."""
 
     hands: tuple[HeldHand, ...]
     n_frames: int
@@ -59,7 +60,7 @@ class HeldHands:
 
 
 def take_of(first: Event, journal: Path) -> JournalTake | None:
-    """The recording that a journal's first event names; None without real hands.
+    """The recording named by a journal's first event; None without real hands.
 
     Raises JournalError.
     """

@@ -1,4 +1,4 @@
-"""Names of files in a journal: below the score's folder, or in the library; never anywhere else."""
+"""Names of files in a journal: below the score's folder, or in the library; no other file."""
 
 from __future__ import annotations
 
@@ -43,9 +43,10 @@ def file_named(name: str, folder: Path) -> str:
 
 
 def score_named(name: str, journal: Path) -> Path | None:
-    """The score that a journal names, if it is below the journal's folder or the current one.
+    """The score that a journal names, if it is below the journal's folder or the current one; else
+    None.
 
-    None where it lies elsewhere. Raises JournalNameError where no score has such a name.
+    Raises JournalNameError if no score can have such a name.
     """
     _possible(name)
     path = Path(name)

@@ -1,4 +1,4 @@
-"""The engine on hardware: one performance, whose simulation is exchanged while it goes on."""
+"""The live engine: one performance, whose simulation is replaced while it runs."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ class LiveEngine:
         self._on_board = [[player for _, player in board.axes] for board in config.boards]
         self._sound = 0
         self._n_silences = 0
-        # Once it is closed: its last status, and the events that were not reported.
+        # Set by `close`: the last status, and the events that were not reported yet.
         self._last: _core.Status | None = None
         self._left: list[_core.PerformanceEvent] = []
 
     @property
     def performance(self) -> _core.Performance:
-        """The performance itself, for OSC and tests."""
+        """The performance, for OSC and tests."""
         return self._performance
 
     @property
@@ -82,7 +82,7 @@ class LiveEngine:
         return found
 
     def change(self, change: Change) -> int:
-        """Send a change to the physics thread; its ticket."""
+        """Send a change to the physics thread; returns its ticket."""
         stage, before = change.stage, change.before
         ticket = self._performance.change(
             change.at,
@@ -105,7 +105,7 @@ class LiveEngine:
         return [list(by_player.get(player, ())) for player in self._players]
 
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
-        """Guide players' hands by new paths from a frame on; the ticket."""
+        """Guide players' hands along new paths from frame `at` on; returns the ticket."""
         import numpy as np
 
         guided = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]
@@ -116,15 +116,19 @@ class LiveEngine:
         )
 
     def strike(self, point: int, impulse: float) -> int | None:
-        """Strike a point of what plays by an impulse [N·s], at the next tick, from any thread."""
+        """Strike a point of the running stage by an impulse [N·s], at the next tick; any thread may
+        call it.
+        """
         return None if self._last else self._performance.strike(point, impulse)
 
     def tell(self, number: int, value: float) -> int | None:
-        """Let an input that is told go to a value, full scale 1, at the next tick."""
+        """Set an input that is told its values, full scale 1, at the next tick."""
         return None if self._last else self._performance.tell(number, value)
 
     def record_sound(self, path: Path) -> None:
-        """Write what is heard to a new file, from the next tick on. Raises EngineError."""
+        """Write the sound that is heard to a new file, from the next tick on. Raises
+        EngineError.
+        """
         self._performance.record_audio(path)
 
     def end_sound(self) -> None:
@@ -144,7 +148,7 @@ class LiveEngine:
             self._performance.part_gain(group, gain)
 
     def status(self) -> EngineStatus:
-        """Load, late ticks, peaks, and keys that are gone."""
+        """Load, late ticks, peaks, disconnected keys, and troubles."""
         status = self._status()
         hands = zip(self._players, status.hands, strict=False)
         away = frozenset(
@@ -185,7 +189,9 @@ class LiveEngine:
         return {self._players[int(number)]: True} if what == "took over" else {}
 
     def silences(self) -> Sequence[tuple[int, bool]]:
-        """Edges of the silence of panics since the last call: (frame, whether it begins)."""
+        """Begins and ends of the silence of panics since the last call: (frame, whether it
+        begins).
+        """
         if self._last is not None:
             return ()
         found = self._performance.silences(self._n_silences)
@@ -208,7 +214,7 @@ class LiveEngine:
         self._performance.release()
 
     def close(self) -> None:
-        """Play out what is in the ring buffer, and end."""
+        """Play out the ring buffer, and end."""
         self._last = self._performance.status()
         self._performance.stop()
         self._left = self._performance.close(_PATIENCE)

@@ -1,19 +1,21 @@
-"""How long it takes to make a change for the engine: the change is placed no sooner."""
+"""The time that it takes to make a change for the engine; a change is not placed sooner than
+that.
+"""
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass
 
-_FORGET = 0.8  # by so much the slowest making counts less at each later one
+_FORGET = 0.8  # factor on the earlier time at each later making
 
-# The clock of all makings [s]. Tests that count the time of a performance let it stand still.
+# The clock that measures this time [s]. Tests replace it by one that stands still.
 clock = time.perf_counter
 
 
 @dataclass(slots=True)
 class MakingTime:
-    """The time of the slowest of the last makings [s]."""
+    """The time of making that is to be expected: that of the slowest recent one [s]."""
 
     seconds: float = 0.0
 
@@ -23,5 +25,5 @@ class MakingTime:
         return clock()
 
     def add(self, began: float) -> None:
-        """Count a making that ends now."""
+        """Count making that began at `began` and ends now."""
         self.seconds = max(clock() - began, _FORGET * self.seconds)

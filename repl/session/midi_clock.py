@@ -29,7 +29,7 @@ _TURN = 0.004  # [s] between two looks at the performance
 _SIXTEENTH = 0.25  # beats of one unit of a song position
 _CLOCKS_OF_A_SIXTEENTH = 6
 _PRIORITY = 60  # below the process that sends
-# Beats after which a correction has taken the whole error away, and the error that stays [s].
+# A correction removes the whole error within this many beats; smaller errors than _BORNE [s] stay.
 _AIM = 2.0
 _BORNE = 0.0005
 _CATCHES_UP = 1.4  # the greatest ratio of a corrected tempo to the one that is followed
@@ -38,7 +38,7 @@ Clocked = tuple[int, bytes]  # (frame, message)
 
 
 class TimedOutput(Protocol):
-    """A port whose messages wait for their instants."""
+    """A port whose messages wait until they are due."""
 
     def send_at(self, data: bytes, at: float) -> None:
         """Send a message at an instant [s, time.monotonic]."""
@@ -48,9 +48,9 @@ class TimedOutput(Protocol):
 
 
 class ClockEvents:
-    """The clock messages of the versions of a session, in the order of their frames.
+    """The clock messages of a session's versions, in the order of their frames.
 
-    Clocks are counted, so that a change of tempo neither loses one nor tells it twice.
+    Clocks are counted, so that a change of tempo neither skips one nor sends it twice.
     """
 
     def __init__(self, commits: Commits) -> None:
@@ -60,14 +60,15 @@ class ClockEvents:
         self._next = 0  # the number of the next clock
 
     def before(self, frame: int) -> Iterator[Clocked]:
-        """Those that come before a frame and were not asked for yet."""
+        """The messages before a frame that were not returned yet."""
         for running, first, last in self._played.before(frame):
             clock, stage = running.clock, running.stage
             if clock.by != self._by:
                 if self._by is not None:
                     yield first, bytes([Transport.STOP.value])
                 if clock.by is not None:
-                    # Programs know places of sixteenths alone: the first where they can go along.
+                    # A song position counts sixteenths: it is that of the next sixteenth, where
+                    # others can join in.
                     self._next = math.ceil(clock.at / _SIXTEENTH - SAME) * _CLOCKS_OF_A_SIXTEENTH
                     if self._next:
                         yield first, song_position(self._next / CLOCKS)
@@ -82,14 +83,14 @@ class ClockEvents:
 
 
 class ClockOut:
-    """Tells other programs the beat, each clock at the instant at which it is heard.
+    """Sends MIDI clock to other programs, each message at the instant at which its frame is heard.
 
-    What is computed lies in the ring for some milliseconds before it is heard, so that every clock
-    is known before its time.
+    Computed frames wait in the ring buffer for some milliseconds, so that every clock is known
+    before it is due.
     """
 
     def __init__(self, commits: Commits, performance: _core.Performance, port: TimedOutput) -> None:
-        """Begin to send to a port, which is closed with this."""
+        """Begin to send to a port, which `close` closes."""
         self._events = ClockEvents(commits)
         self._performance, self._port = performance, port
         self._ear = HearingClock(commits.rate, 0)
@@ -105,7 +106,7 @@ class ClockOut:
                 self.look(time.monotonic())
 
     def look(self, now: float) -> None:
-        """Send what has been computed at its instants; `now` is that of this look [s]."""
+        """Send the messages of frames that were computed by `now` [s], each when it is due."""
         status = self._performance.status()
         self._ear.look(status, now)
         if status.sounding is None and status.paced:
@@ -115,22 +116,25 @@ class ClockOut:
             self._port.send_at(data, now if due is None else due)
 
     def close(self) -> None:
-        """End sending; the port tells whoever plays along to stop."""
+        """End sending; the port tells other programs to stop."""
         self._over.set()
         self._thread.join()
         self._port.close()
 
 
 class ClockIn:
-    """Follows the clock of another program: its start and stop, its tempo and its phase.
+    """Follows the MIDI clock of another program: its start and stop, its tempo and its phase.
 
-    Tempos become lines of the session (`tempo 120.4 at 5|2`), so that a journal renders them.
+    Tempos become lines of the session (`tempo 120.4 at 5|2`), so that a render of the journal
+    has them.
     """
 
     def __init__(
         self, session: Session, when: Callable[[int], float | None], port: InputPort | None = None
     ) -> None:
-        """`when` tells the instant at which a frame is heard [s, time.monotonic]."""
+        """Begin to follow; `when` gives the instant at which a frame is heard [s,
+        time.monotonic].
+        """
         self._session, self._when, self._port = session, when, port
         self._follower = ClockFollower()
         self._transport: deque[tuple[Transport, float]] = deque(maxlen=16)
@@ -140,7 +144,7 @@ class ClockIn:
             port.listen(self.receive)
 
     def receive(self, data: bytes, at: float) -> None:
-        """Take in a message that came at an instant [s]; any thread may call it."""
+        """Process a message that came at an instant [s]; any thread may call it."""
         found = message(data)
         if found is None:
             return
@@ -173,8 +177,9 @@ class ClockIn:
             session.say(f"MIDI clock: {reply.text}")
 
     def _correct(self, known: Beat, is_placed: bool) -> None:
-        """Set the tempo so that the error is gone `_AIM` beats after the next beat that a line can
-        reach; one correction a beat."""
+        """Set the tempo from the next beat that a line can reach, so that the error is gone `_AIM`
+        beats later; at most one correction per beat.
+        """
         session = self._session
         with session.lock:
             commits = session.commits

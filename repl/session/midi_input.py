@@ -1,4 +1,4 @@
-"""What comes by MIDI into a session: notes that strike, controllers that move parameters."""
+"""MIDI input of a session: notes strike modules, controllers move parameters."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Played(Protocol):
-    """What notes and controllers act on."""
+    """The session on which notes and controllers act."""
 
     acts: Acts
     commits: Commits
@@ -25,15 +25,15 @@ class Played(Protocol):
 
 
 class MidiInput:
-    """Notes and controllers of a session. `receive` may be called by any thread."""
+    """Notes and controllers of a session. Any thread may call `receive`."""
 
     def __init__(self, session: Played) -> None:
-        """Take the session."""
+        """Act on a session."""
         self._session = session
         self.lost = 0  # notes that could not strike because too many came at once
 
     def receive(self, data: bytes, at: float) -> None:
-        """Act on a message that came at an instant [s]; malformed and unknown ones do nothing."""
+        """Act on a message; malformed and unknown ones do nothing."""
         found = message(data)
         if isinstance(found, Note):
             self._strike(found)
@@ -41,7 +41,7 @@ class MidiInput:
             self._session.fast_values.move(f"cc {found.number}", partial(moved_line, found))
 
     def _strike(self, note: Note) -> None:
-        """Strike what the note is mapped to in the version that plays; nothing in a panic."""
+        """Strike what a note is mapped to in the running version; do nothing during a panic."""
         session = self._session
         if session.stops.panicked:
             return

@@ -1,4 +1,4 @@
-"""What MIDI controllers and notes are mapped to: parameters, levels, and points that are struck."""
+"""Maps of MIDI controllers and notes to parameters, levels and places that are struck."""
 
 from __future__ import annotations
 
@@ -32,14 +32,16 @@ _UNIT = re.compile(r"[A-Za-z0-9/]{0,8}")
 Map = MapControl | MapNotes
 Place = tuple[str, str, int]  # part, module and member of a MAT that is struck
 
-# The engine's numbers of places that are struck: each place keeps its number while this process
-# lasts, so that a strike finds it in every version.
+# The engine's numbers of struck places: each place keeps its number as long as this process runs,
+# so that a strike finds it in every version.
 _numbers: dict[Place, int] = {}
 _next_number = itertools.count(1)
 
 
 def with_map(version: Version, new: Map) -> Mapping[str, Map]:
-    """The maps of a version with a new one, in place of one of its name. Raises NotTakenError."""
+    """The maps of a version with a new one, which replaces one of the same name. Raises
+    NotTakenError.
+    """
     if isinstance(new, MapNotes):
         places(version.piece, new)
     if len(version.maps) >= MAX_MAPS and new.name not in version.maps:
@@ -76,7 +78,7 @@ def _sounding(version: Version, notes: MapNotes) -> list[Place]:
 
 
 def renamed(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, Map]:
-    """Maps to what has another name now."""
+    """Maps in which a renamed key or instrument has its new name."""
 
     def called(text: str | None) -> str | None:
         head, dot, rest = (text or "").partition(".")
@@ -104,15 +106,14 @@ def _target(piece: Piece, text: str) -> Target:
 
 
 def number_of(place: Place) -> int:
-    """The engine's number of a place that is struck."""
+    """The engine's number of a struck place."""
     return _numbers.setdefault(place, next(_next_number))
 
 
 def strike_points(version: Version) -> StrikePoints:
     """The engine's numbers of all places that notes may strike.
 
-    A map whose target the score does not have any more is left out: it acts again where the target
-    comes back.
+    A map is left out while the score does not have its target.
     """
     found: dict[Place, None] = {}
     for own in version.maps.values():
@@ -129,8 +130,8 @@ def strike_points(version: Version) -> StrikePoints:
 def struck(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, float]]:
     """The places that a note strikes, each with its impulse [N·s].
 
-    The lowest note of a range strikes the first MAT of the target, the next the second. A single
-    MAT is struck by every note of its range.
+    The lowest note of a range strikes the first MAT of the target, the next note the second. A
+    single MAT is struck by every note of the range.
     """
     for own in version.maps.values():
         if not isinstance(own, MapNotes) or not own.low <= note <= own.high:
@@ -146,7 +147,7 @@ def struck(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, 
 
 
 def moved_line(moved: Control, version: Version) -> str | None:
-    """The line that a controller which has moved stands for; None where it has no map."""
+    """The line that sets the value of a moved controller; None if it has no map."""
     own = version.maps.get(f"cc {moved.number}")
     if not isinstance(own, MapControl):
         return None
@@ -159,7 +160,7 @@ def moved_line(moved: Control, version: Version) -> str | None:
 
 
 def maps_field(maps: Mapping[str, Map]) -> dict[str, object]:
-    """The field of a journal for maps; none where there are none."""
+    """The journal field for maps; empty if there are none."""
     return {"maps": [_row(own) for own in maps.values()]} if maps else {}
 
 

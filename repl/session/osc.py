@@ -1,4 +1,4 @@
-"""OSC beside a session: requests become lines of its journal, and what plays is told."""
+"""OSC for a session: requests become lines of its journal, and events of the versions are sent."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 _GAIN = re.compile(r"/ergon/(?:(instrument|player)/([^/]+)/)?gain")
 _INPUT = "/ergon/input/"
 _WAITING = 64  # lines that may wait to be done
-# OSC knows no passwords: what reads or writes files, runs Python or ends the session is typed.
+# OSC has no passwords: lines that read or write files, run Python or end the session must be typed.
 _TYPED = (c.Py, c.Save, c.Keep, c.Load, c.Reload, c.Record, c.RecordOff, c.RecordAudio, c.Quit)
 
 
 class SessionOsc:
-    """OSC of a session until it is closed; lines are done one after the other by a thread."""
+    """OSC of a session until it is closed; a thread does its lines one after the other."""
 
     def __init__(self, session: Session, osc: Osc, performance: _core.Performance) -> None:
         """Begin to serve, at the sockets that `osc` has opened."""
@@ -59,7 +59,7 @@ class SessionOsc:
         osc.serve(self, lambda send: OscTeller(performance, stage, 0, send, events), self._told)
 
     def get(self, address: str, /) -> Handler | None:
-        """What an address asks for; None where nobody knows it."""
+        """The handler of an address; None if the address is unknown."""
         known = self._ask.get(address)
         if known is not None:
             return known
@@ -85,7 +85,7 @@ class SessionOsc:
         return scope.instruments if kind == "instrument" else scope.players
 
     def _move(self, address: str, name: str | None, level: float) -> None:
-        """Move a level: the latest of many values becomes a line."""
+        """Set a level: of many values, the latest becomes a line."""
         value = f"{level:.6g}dB" if level > SILENT else "x0"
         line = " ".join(filter(None, ("gain", name, value, "now")))
         self._session.fast_values.move(address, lambda version: line)
@@ -128,7 +128,7 @@ class SessionOsc:
 
 
 class SessionEvents:
-    """Beats and gestures of the versions of a session, in the order of their frames."""
+    """Beats and gestures of a session's versions, in the order of their frames."""
 
     def __init__(self, commits: Commits, journal: Journal | None = None) -> None:
         """Begin at frame 0."""
@@ -136,18 +136,18 @@ class SessionEvents:
         self._journal = journal
 
     def troubles(self) -> Sequence[str]:
-        """What is wrong besides the performance."""
+        """Troubles that the performance itself does not report."""
         failed = self._journal is not None and self._journal.has_failed
         return ("JOURNAL NOT WRITTEN",) if failed else ()
 
     def before(self, frame: int) -> Iterator[Event]:
-        """Those that come before a frame and were not asked for yet."""
+        """The events before a frame that were not returned yet."""
         for running, first, last in self._played.before(frame):
             yield from sorted(_events(running, first, last), key=lambda event: event[0])
 
 
 def _events(running: Running, first: int, last: int) -> Iterator[Event]:
-    """The events of one version from a frame to another."""
+    """The events of one version, from frame `first` to before `last`."""
     stage, clock = running.stage, running.clock
     if clock.by is None:
         return

@@ -1,4 +1,4 @@
-"""Which version of a session played in which frames, for what is told of it to other programs."""
+"""Which version of a session played in which frames; other programs are told of them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class PlayedVersions:
-    """The versions that the engine has played, a stretch of frames after the other."""
+    """The versions that the engine has played, each with its range of frames."""
 
     def __init__(self, commits: Commits) -> None:
         """Begin at frame 0."""
@@ -20,13 +20,13 @@ class PlayedVersions:
         self._last = commits.running
 
     def before(self, frame: int) -> Iterator[tuple[Running, int, int]]:
-        """Each version with its first frame and the one behind its last, up to a frame.
+        """Each version with its first frame and the frame after its last, up to `frame`.
 
-        Frames that were asked for already are left out.
+        Frames that were returned before are left out.
         """
         first, self._from = self._from, max(self._from, frame)
         commits = self._commits
-        # Those of changes that are under way come between; what was over before is not among them.
+        # Versions that are under way come between; those that were over before are not included.
         versions = [self._last, *(before for *_, before in commits.under_way[:]), commits.running]
         for number, running in enumerate(versions):
             begins = max(first, running.start) if number else first

@@ -1,4 +1,4 @@
-"""Gestures alone on keys: whether a key can follow one, and how it does."""
+"""A gesture alone on a key: whether the key can follow it, and how it does."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 
 def rehearse(piece: Piece, name: str) -> Stage | None:
-    """A gesture alone on the first key that plays it; on all others it is tried as it is played.
+    """A stage with a gesture alone on the first key that plays it; all other keys that play it are
+    tried too.
 
-    One that nobody plays needs one key that can follow it; None where there is no key at all.
-    Raises StageError.
+    A gesture that nobody plays needs one key that can follow it; None if there is no key. Raises
+    StageError.
     """
     plays = {
         (piece.players[play.player].key, _without_places(do), play.manner): (play.manner, do)
@@ -59,7 +60,7 @@ def _tried(bare: Piece, name: str, key: str) -> Stage | StageError:
 
 
 def _bare(piece: Piece) -> Piece:
-    """A piece of which only keys, gestures and takes are left."""
+    """The piece with nothing but keys, gestures and takes."""
     mix = replace(piece.mix, routes=(), channels=1)
     return replace(piece, instruments={}, duet=(), strikes=(), mix=mix)
 

@@ -1,6 +1,6 @@
-"""Replaying a journal: the same versions at the same frames.
+"""Replays a journal: the same versions at the same frames.
 
-For `render`, and for a session that is resumed (`--resume`).
+It serves `render`, and sessions that are resumed (`--resume`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-# What a forged journal can raise while it is replayed.
+# Errors that a forged journal can cause while it is replayed.
 _HOSTILE = (ArithmeticError, AssertionError, LookupError, RecursionError, TypeError, ValueError)
 _BLOCK = 4096  # frames between two checks for due lines
 
@@ -56,7 +56,8 @@ def _errors_placed(event: Event) -> Iterator[None]:
 
 
 class ReplayedSession:
-    """A session computed from its journal, with what `rendering.render` needs of a stage.
+    """A session that is computed from its journal, with the interface of a stage for
+    `rendering.render`.
 
     Its simulation gives mixed frames, and its mixer passes them through.
     """
@@ -105,12 +106,12 @@ class ReplayedSession:
 
     @property
     def simulation(self) -> ReplayedSession:
-        """The source of frames: this object."""
+        """The source of frames: this object itself."""
         return self
 
     @property
     def running(self) -> Running:
-        """The version that plays, staged."""
+        """The running version, staged."""
         return self._commits.running
 
     def mixer(
@@ -135,7 +136,7 @@ class ReplayedSession:
             done += n
 
     def _next(self, most: int) -> Iterator[int]:
-        """Frames to the next line that comes into effect."""
+        """Numbers of frames until the next line or act, and `most`."""
         for frame, *_ in self._coming[:1]:
             yield max(1, frame - self._engine.frame)
         for act in self._acts and (self._acts[0],):
@@ -143,7 +144,7 @@ class ReplayedSession:
         yield most
 
     def _due(self) -> None:
-        """Hand the engine the lines that take effect at this frame."""
+        """Hand the engine the lines and acts that take effect at this frame."""
         while self._coming and self._coming[0][0] <= self._engine.frame:
             frame, beat, event = self._coming.pop(0)
             number = event.get("number", int)
@@ -161,7 +162,7 @@ class ReplayedSession:
                 self._versions[number] = PastVersion.of(self._commits.take_last(waiting).version)
                 self._done = event
         with _errors_placed(self._done):
-            # An extension in the frame of the next line would leave that line no frame of its own.
+            # An extension in the same frame as the next line would take that frame from the line.
             self._commits.tick(self._coming[0][0] if self._coming else math.inf)
         while self._acts and self._acts[0].frame <= self._engine.frame:
             self._act(self._acts.popleft())
@@ -196,14 +197,14 @@ def _frozen(
 
 
 def _earlier(replay: JournalContent, version: Version) -> dict[int, PastVersion]:
-    """The versions of which a session knows when it begins, by number."""
+    """The versions that exist when a session begins, by number."""
     history = replay.opening.history
     known = {} if history is None else {one.number: one for one in history.versions}
     return {0: PastVersion.of(version, "1|1"), **known}
 
 
 def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
-    """The last version, the bar at which its piece stands, and the history; nothing is computed.
+    """The last version, a clock that stands at the last bar, and the history; no sound is computed.
 
     Raises JournalError, NotTakenError.
     """
@@ -245,7 +246,7 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
     if not (math.isfinite(beat) and replay.n_frames <= MAX_SECONDS * rate):
         raise NotTakenError("the journal claims that the session lasted longer than a day")
     bar, _ = tempo.bar_beat(beat)
-    # Guidance does not resume: a hand is pulled only after a line asks for it.
+    # Guidance is not resumed: a hand is pulled only after a line that asks for it.
     begun = replace(version, number=0, line="", guides={}, cuts=False, damp=None, glide=GLIDE)
     begun = replace(begun, base=replay.base, enters=None, goes=False)
     return begun, Clock(None, tempo.bars.start(bar)), _past(replay, begun, versions)
@@ -254,11 +255,11 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
 def _past(
     replay: JournalContent, begun: Version, versions: Mapping[int, PastVersion]
 ) -> PastVersions:
-    """The history of a session that goes on as version `begun`, numbered for its journal."""
+    """The history of a session that is resumed as version `begun`, numbered for its own journal."""
     history = replay.history()
     past = []
     for place, number in enumerate(history.numbers):
-        # Numbers from 1 on are those of its lines, and -1 is none.
+        # Numbers from 1 on belong to the lines of that session, and -1 means none.
         new = 0 if place == history.index else -2 - place
         known = versions.get(number) or PastVersion.of(begun)
         if new == 0:
@@ -273,7 +274,7 @@ def edit_of_line(
     on: Version,
     read: Mapping[int, ReadVersion],
 ) -> VersionEdit:
-    """The version edit of a journal's line; other effects are left out. Raises NotTakenError."""
+    """The version edit of a journal's line, without its other effects. Raises NotTakenError."""
     if event.fields.get("resets"):
         return version_edits.hushed
     if (known := read.get(event.number)) is not None:

@@ -1,4 +1,4 @@
-"""What plays: a version staged on an engine, with what goes on of those before it."""
+"""The running version, staged on an engine, with what still plays of earlier versions."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from ergon.scores.staging.planning import Store
     from ergon.scores.staging.stage import Stage
 
-# Endless parts are put on the timeline for so many seconds ahead, and this many bars at least and
-# at most; again when half of them are over. What is further ahead would delay the answer to a line;
-# what is less would end while a long line is computed, which keeps the next stretch waiting.
+# Endless parts are put on the timeline this many seconds ahead, with a least and a greatest number
+# of bars; they are extended when half of these bars are over. A longer timeline would delay the
+# answer to a line; a shorter one could end while a long line is computed.
 _AHEAD, _FEWEST_BARS, _MOST_BARS = 16.0, 4, 32
 # The joining curve before a gesture [s]; a version takes over before it begins.
 JOIN = 0.02
@@ -36,11 +36,11 @@ JOIN = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A version that plays from frame `start` on, and stretches of earlier ones that go on.
+    """A version that plays from frame `start` on, and spans of earlier versions that go on.
 
-    The timeline holds occurrences up to beat `until`; `bearings` are the forces on real hands;
-    links that are `leaving` were removed, and still let go. `frozen` parts are heard as they were
-    computed before. Where it `is_seen`, what nobody hears is computed too.
+    The timeline has occurrences up to beat `until`; `bearings` are the forces on real hands;
+    `leaving` are removed links that still separate. `frozen` parts are played from their
+    samples. If it `is_seen`, parts that are not heard are computed too.
     """
 
     version: Version
@@ -67,8 +67,9 @@ class Running:
 
 
 def horizon(tempo: TempoMap, beat: float) -> tuple[float, int]:
-    """The beat up to which endless parts are put on the timeline from a beat on, and how many bars
-    that is."""
+    """The beat up to which endless parts are put on the timeline, seen from `beat`, and how many
+    bars that is.
+    """
     first, reached = tempo.bars.bar_beat(beat)[0], tempo.seconds(beat) + _AHEAD
     n_bars = _FEWEST_BARS
     while n_bars < _MOST_BARS and tempo.seconds(tempo.bars.start(first + n_bars)) < reached:
@@ -79,7 +80,7 @@ def horizon(tempo: TempoMap, beat: float) -> tuple[float, int]:
 def rehearsal(piece: Piece) -> Piece:
     """A piece in which each player plays each gesture that its key can follow, once.
 
-    It is for measuring how loud the piece is.
+    It serves to measure the level of the piece.
     """
     plays, starts, beat = [], [], 0.0
     able = {name: keys_for(piece, name) for name in piece.gestures}
@@ -123,9 +124,9 @@ def follow(
 ) -> Running:
     """Stage a version that takes over at frame `start`.
 
-    What the version before began by beat `leave` goes on; the new one plays from beat `enter`. One
-    that only `extends` the timeline keeps the scene, also what was on its way: so it is heard
-    nowhere, at whichever frame it comes.
+    What the version before began by beat `leave` goes on; the new one plays from beat `enter`. A
+    version that only `extends` the timeline keeps all glides, removed links and frozen parts, so
+    that it is inaudible at whichever frame it comes.
     """
     after = start / before.stage.rate
     old = () if version.cuts else tuple(_left(before, leave, after))
@@ -158,7 +159,9 @@ def follow(
 
 
 def _left(before: Running, leave: float, after: float) -> Sequence[Span]:
-    """Earlier stretches, cut at a beat, of which something goes on after `after` [s]."""
+    """The spans of earlier versions, the last one cut at a beat, of which something goes on after
+    `after` [s].
+    """
     on = [(gesture.start, gesture.stop) for gesture in before.stage.gestures]
     kept = []
     for index, (piece, window) in enumerate(before.spans):

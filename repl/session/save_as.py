@@ -1,7 +1,7 @@
 """Saving under another name: the score, with copies of the used files that were changed.
 
-The files that it uses may be those of other scores: they stay as they are. What was changed, and
-what uses it, is copied into a folder that bears the score's name.
+Files that it uses may belong to other scores, so they stay as they are. Changed files, and files
+that use them, are copied into a folder with the name of the score.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def files(texts: Texts, changed: Collection[str], target: Path) -> Mapping[str, 
 
 
 def _using(texts: Texts, changed: Collection[str]) -> set[str]:
-    """These files, and all that use one of them."""
+    """These files, and all files that use one of them, directly or not."""
     found, count = set(changed), -1
     while changed and len(found) != count:
         count = len(found)
@@ -44,7 +44,9 @@ def _using(texts: Texts, changed: Collection[str]) -> set[str]:
 
 
 def _uses(texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
-    """Every `use`: its file, its place there, its name, and the file that it means."""
+    """Every `use`: its file, its path in that file, the name written there, and the file that it
+    means.
+    """
     home = Path(texts.path).parent
     finder = Files(Collector(), home, texts.overlay, bounds=texts.bounds, sealed=True)
     for file in (texts.path, *texts.overlay):

@@ -1,4 +1,4 @@
-"""Scenes of a session: the files beside a score whose bars come back."""
+"""Scenes of a session: scores beside its own, whose bars it repeats."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def scene_of(texts: Texts, name: str) -> Scene:
 
 @lru_cache(maxsize=8)  # a scene of 100 modules takes 40 ms to read
 def _read(stamps: _Stamps, bounds: Bounds) -> tuple[Scene, _Stamps]:
-    """The scene in a file, and the stamps of all files that it was read from."""
+    """The scene in a file, and the stamps of all files from which it was read."""
     texts = Texts.read(stamps[0][0], bounds)
     scene = Scene.of(texts, piece_of(texts))
     return scene, _stamps([Path(texts.path), *map(Path, texts.overlay)])
@@ -69,7 +69,9 @@ def _stamps(paths: Iterable[Path]) -> _Stamps:
 
 @makes(c.Scene)
 def _scene(command: c.Scene) -> VersionEdit:
-    """Play kept bars again and again; parameters go to theirs, if need be over a length."""
+    """Repeat the bars of a scene; parameters go to those of the scene, over a length if one is
+    given.
+    """
     read: dict[str, Scene] = {}
 
     def scene(version: Version, name: str) -> Scene:

@@ -118,19 +118,19 @@ class Session(SessionCore):
         return found
 
     def panic(self) -> None:
-        """Silence and no force, at once; a line that is being computed is dropped."""
+        """End sound and force at once; a line that is being computed is cancelled."""
         self.stops.panic()
 
     def let_go(self) -> None:
-        """No force on any hand, at once, until `release`; the sound goes on."""
+        """End every force at once, until `release`; the sound goes on."""
         self.stops.let_go()
 
     def input_ends(self) -> None:
-        """End all forces: no further line can stop one."""
+        """End all forces, because no further line can stop one."""
         self.stops.let_go()
 
     def cancel(self) -> bool:
-        """Cancel the line that is being computed, from any thread; False where none is."""
+        """Cancel the line that is being computed, from any thread; False if there is none."""
         return self.computing.cancel()
 
     def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
@@ -185,7 +185,8 @@ class Session(SessionCore):
         with self.lock:
             self._handle_events()
             self.commits.engine.close()
-            # A line may take effect until the engine is closed: the end is told after all of them.
+            # Lines may take effect until the engine is closed: the end is written after all of
+            # them.
             self._handle_events()
             self._tell("end", frame=self.commits.engine.frame)
             if self.journal is not None:

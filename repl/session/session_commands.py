@@ -1,4 +1,4 @@
-"""Commands that edit no version: transport, stopping, undo, saving, looking."""
+"""Commands that make no new version: transport, stopping, undo, saving, looking."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from ergon.repl.session.core import SessionCore
     from ergon.scores.reading.piece import Piece
 
-# Taps farther apart than this begin a new count [s]: slower than 20 bpm nobody taps.
+# A longer pause between taps begins a new count [s]: nobody taps slower than 20 bpm.
 _TAPS_APART = 3.0
 _TAPS = 8  # only the latest taps count
 _SHOWN = 1000  # characters of what `py` gives
 
 _Act = TypeVar("_Act", bound=Callable[..., Reply])
 
-# What each command does: a verb is a row of `language/verbs`, its values, and a function here or in
-# `version_edits`.
+# The function of each command. A new verb needs a row in `language/verbs`, its values, and a
+# function here or in `version_edits`.
 SESSION_COMMANDS: dict[type[c.Command], Callable[[SessionCore, Any], Reply]] = {}
 
 
@@ -126,7 +126,9 @@ def _back(session: SessionCore, command: c.Back) -> Reply:
 
 
 def _back_by(session: SessionCore, command: c.Command, count: int, line: str, none: str) -> Reply:
-    """Restore the version of so many lines ago; lines that wait are taken back."""
+    """Go back by `count` lines. Those that still wait are cancelled; if any has taken effect, the
+    version before all of them is restored.
+    """
     history = session.history
     target = history.index - count
     if target < 0:
@@ -192,7 +194,7 @@ def _help(session: SessionCore, command: c.Help) -> Reply:
 
 
 def _looked_at(commits: Commits, name: str) -> tuple[Version, str, Piece, float]:
-    """A name, with the version that all lines make and what sounds now."""
+    """A name, with the latest version, the running piece and its present beat, for `inspection`."""
     return commits.head, name, commits.running.version.piece, commits.now()
 
 
@@ -306,7 +308,7 @@ def _keep(session: SessionCore, command: c.Keep) -> Reply:
 
 @_does(c.Py)
 def _py(session: SessionCore, command: c.Py) -> Reply:
-    """Evaluate the performer's own code: whatever it raises is the performer's error."""
+    """Evaluate an expression of the user; an error in it is reported as theirs."""
     scope: dict[str, Any] = {
         "session": session,
         "piece": session.commits.head.piece,

@@ -1,4 +1,4 @@
-"""`record audio`: what is heard, into a file, while it plays."""
+"""`record audio`: writes the sound that is heard into a file while it plays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class SoundFile:
-    """The file of sound that a session writes, one at a time."""
+    """The sound file that a session writes, one at a time."""
 
     def __init__(self) -> None:
         """Begin without a file."""
@@ -30,7 +30,7 @@ class SoundFile:
         self._path, self._is_ending, self._missing = path, False, 0
 
     def end(self, engine: Engine) -> Path:
-        """End the file; `turn` says when it is whole. Raises NotTakenError."""
+        """End the file; `turn` reports when it is complete. Raises NotTakenError."""
         if self._path is None or self._is_ending:
             raise NotTakenError("no sound is being recorded; `record audio FILE` begins")
         engine.end_sound()
@@ -38,8 +38,9 @@ class SoundFile:
         return self._path
 
     def turn(self, engine: Engine, rate: float) -> tuple[str, SoundFileStatus | None]:
-        """A sentence about what has happened to the file, empty where nothing has; and its state
-        where it is closed."""
+        """A sentence about a change in the state of the file, empty if there is none; and its
+        status once it is complete.
+        """
         if self._path is None:
             return "", None
         status = engine.sound_recorded()

@@ -1,4 +1,4 @@
-"""Panic and release: ending sound and force at once, and switching them on again."""
+"""Panic and release: end sound and force at once, and switch them on again."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LET_GO = "forces on all hands are off; `release` switches them on"
 
 
 class Stopped(Protocol):
-    """What a stop acts on: a session's lines, its engine, and its messages."""
+    """The session on which a stop acts: its lines, its engine, and its messages."""
 
     commits: Commits
     computing: Computing
@@ -45,22 +45,25 @@ class Stopped(Protocol):
 
 
 class Stops:
-    """The stops of a session; `panic` and `let_go` take no lock, so they wait for no line."""
+    """The stops of a session; `panic` and `let_go` take no lock, so that they never wait for a
+    line.
+    """
 
     def __init__(self, session: Stopped) -> None:
-        """Begin with nothing stopped."""
+        """Begin without a stop."""
         self._session = session
         self._count = 0
         self._panics = self._forgotten = 0  # panics, and those whose reset is done
         self._hushed: int | None = None  # the number of lines at the last reset
-        # Of the line that is being done: whether it may release, and the stops before it.
+        # For the line that is being done: whether it may release, and the number of stops before
+        # it.
         self._line = (True, 0)
-        self._told = False  # that forces are off
+        self._told = False  # whether it was reported that forces are off
         self.panicked = False
 
     @property
     def count(self) -> int:
-        """How many stops there have been."""
+        """The number of stops so far."""
         return self._count
 
     def begins(self, releases: bool, count: int) -> None:
@@ -69,7 +72,7 @@ class Stops:
 
     @property
     def let_go_is_on(self) -> bool:
-        """Whether no force is sent, by `let_go` or by a signal."""
+        """Whether forces are off, by `let_go` or by a signal."""
         return self._session.commits.engine.status().let_go
 
     @property
@@ -93,7 +96,7 @@ class Stops:
         threading.Thread(target=self.forget, daemon=True).start()
 
     def panic_in_turn(self) -> None:
-        """Do the line `panic` in its turn: what lines before it have begun is dropped too."""
+        """Do the line `panic` in its turn: also drop what lines before it have begun."""
         self._session.commits.engine.panic()
         self._panics += 1
         self._say_panic()
@@ -105,7 +108,7 @@ class Stops:
             self._session.say(PANIC)
 
     def let_go(self) -> None:
-        """No force on any hand, until `release`; the sound goes on."""
+        """End every force, until `release`; the sound goes on."""
         self._session.commits.engine.let_go()
         self._count += 1
         if self._session.commits.real and not self._told:

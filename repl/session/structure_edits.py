@@ -1,4 +1,4 @@
-"""Version edits that add, join and remove what a score is made of."""
+"""Version edits that add, join and remove instruments, links, keys and players."""
 
 from __future__ import annotations
 
@@ -90,8 +90,9 @@ def _remove(command: c.Remove, version: Version, beat: float) -> Texts:
 
 @makes(c.Rename)
 def _rename(command: c.Rename) -> VersionEdit:
-    """Give something another name: a block goes on running by its rule, and what sounds sounds on,
-    as loud as it was and moved by the same controllers."""
+    """Give something another name. A block keeps its rule; an instrument or key sounds on, with its
+    level and its controllers.
+    """
     old, new = command.old, command.name
 
     def edit(version: Version, beat: float) -> Version:
@@ -115,7 +116,7 @@ def _rename(command: c.Rename) -> VersionEdit:
 
 
 def _renamed(faders: Faders, piece: Piece, old: str, new: str) -> Faders:
-    """The faders of instruments of which one has another name."""
+    """The faders under the new name of an instrument and its notes."""
     of = {old: new, **{name: new + name[len(old) :] for name in piece.families.get(old, ())}}
     return replace(
         faders,

@@ -1,4 +1,4 @@
-"""A version of a session: the texts of a score, the piece they say, and the faders."""
+"""A version of a session: the texts of a score, their piece, and the faders."""
 
 from __future__ import annotations
 
@@ -17,13 +17,15 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 
-# A jump of K by a half raises the third difference of a sound twelvefold, a glide over 64 frames by
-# a fifth; lower modes need longer [s].
+# The shortest glide of a parameter [s]. A jump of K by a half raises the third difference of the
+# sound twelvefold, a glide over 64 frames by a fifth; lower modes need longer.
 GLIDE = 0.02
 
 
 class NotTakenError(ErgonError):
-    """A line is refused and changes nothing: one sentence why, and the line to type instead."""
+    """A line is refused and changes nothing; it has a sentence that says why, and the line to type
+    instead.
+    """
 
     def __init__(self, message: str, try_: str | None = None) -> None:
         """Keep what to type instead."""
@@ -33,7 +35,7 @@ class NotTakenError(ErgonError):
 
 @dataclass(frozen=True, slots=True)
 class Faders:
-    """Faders of instruments: ratios, which are muted, and which alone are heard."""
+    """Faders of instruments: gains as ratios, muted instruments, and instruments on solo."""
 
     gains: Mapping[str, float] = field(default_factory=dict)
     muted: frozenset[str] = frozenset()
@@ -41,14 +43,16 @@ class Faders:
     master: float = 1.0
 
     def ratio(self, part: str) -> float:
-        """The ratio of an instrument."""
+        """The gain of an instrument as it is heard: 0 if it is muted."""
         is_heard = part not in self.muted and (not self.solo or part in self.solo)
         return self.master * self.gains.get(part, 1.0) if is_heard else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class HandGuide:
-    """Who guides a hand, and by which shares (0 to 1) of the strongest stiffness and viscosity."""
+    """Which player guides a hand, and the shares (0 to 1) of the strongest stiffness and
+    viscosity.
+    """
 
     by: str
     stiffness: float
@@ -57,18 +61,20 @@ class HandGuide:
 
 @dataclass(frozen=True, slots=True)
 class Version:
-    """What one accepted line (or block of lines) made of the version before it.
+    """The result of one accepted line (or block of lines) on the version before it.
 
-    A version that `cuts` ends every gesture in flight; `damp` [s] is the T60 that it gives to all
-    that sounds; parameters that differ from those before glide for `glide` [s]; `guides` says by
-    player who guides a real hand; `maps` are those of MIDI, by their names; `rules` say when blocks
-    run by themselves, by their names; `sounds_as` says by which names the engine knows keys and
-    instruments that were renamed, which sound on; a version that `enters` goes on from that beat of
-    its own piece, whatever the beat was before; `read` is what the line read from the disk, and
-    `dropped` are the places whose typing gave way to it; `released` are the parameters whose
-    automation a scene has ended. `base` is what the files held when they were last read or saved,
-    and `renames` are those since, each a name and the one that took its place; while the score's
-    time `goes`, beats pass.
+    How it takes over: if it `cuts`, every gesture in flight ends; `damp` [s] is a T60 for all
+    that sounds; changed parameters glide for `glide` [s]; if it `enters`, the piece goes on from
+    that beat, whatever the beat was before.
+
+    What it has: `guides` has the guide of each real hand, by player; `maps` the MIDI maps and
+    `rules` the rules of blocks, by name; `sounds_as` the names by which the engine knows keys
+    and instruments that were renamed while they sound; `goes` is True while the piece runs.
+
+    From files: `read` has the texts that the line read from the disk, and `dropped` the places
+    where typed values gave way to them; `released` has the parameters whose automation a scene
+    has ended; `base` is the content of the files when they were last read or saved, and
+    `renames` are the renamings since then, as (old, new).
     """
 
     number: int
@@ -93,13 +99,14 @@ class Version:
 
     @property
     def sounding(self) -> Piece:
-        """The piece as the engine knows it."""
+        """The piece with the names that the engine knows."""
         return self.sounds_as.piece(self.piece)
 
 
 @dataclass(frozen=True, slots=True)
 class PastVersion:
-    """What an earlier version is restored from: its piece, 1000 times as large, is left out.
+    """What is needed to restore an earlier version. Its piece, which is 1000 times as large, is
+    left out.
 
     `where` is the beat at which it took effect, as written.
     """
@@ -118,7 +125,7 @@ class PastVersion:
 
     @classmethod
     def of(cls, version: Version, where: str = "", line: str | None = None) -> PastVersion:
-        """Keep a version for `undo`, as that of another `line` where one is given."""
+        """Keep a version for `undo`; `line` replaces its line if it is given."""
         line = version.line if line is None else line
         own = version
         return cls(
@@ -136,7 +143,7 @@ class PastVersion:
         )
 
     def restored(self, version: Version, beat: float) -> Version:
-        """The version as it was, in place of another."""
+        """The restored version, made from the present one."""
         piece = piece_of(self.texts)
         return replace(
             version,
@@ -153,13 +160,13 @@ class PastVersion:
 
 
 def in_short(line: str) -> str:
-    """A line as messages and the history show it: of several lines the first."""
+    """A line as messages and the history show it: only the first of several lines."""
     first, *more = line.strip().split("\n")
     return f"{first} …" if more else first
 
 
 def piece_of(texts: Texts) -> Piece:
-    """The piece that texts say. Raises NotTakenError with their first mistake."""
+    """The piece of these texts. Raises NotTakenError with their first mistake."""
     loaded = texts.load()
     if loaded.piece is None:
         first = next(found for found in loaded.diagnostics if found.severity == "error")

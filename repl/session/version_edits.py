@@ -1,4 +1,4 @@
-"""Version edits: what each verb that changes the music makes of a version."""
+"""Version edits: for each verb that changes the music, the edit of a version."""
 
 from __future__ import annotations
 
@@ -41,18 +41,17 @@ if TYPE_CHECKING:
     from ergon.repl.session.commits import VersionEdit
     from ergon.repl.session.running import Running
 
-# A glide that is shorter [s] is no movement of its own, and is not written into the score. A
-# controller sends hundreds of them.
+# A shorter glide [s] is not written into the score: a controller sends hundreds of them.
 _HEARD = 0.1
 
 
 def unchanged(version: Version, beat: float) -> Version:
-    """The same version."""
+    """Return the same version."""
     return version
 
 
 def combined(commands: Sequence[c.Command]) -> VersionEdit:
-    """Several commands as one."""
+    """Combine several commands into one edit."""
     own = [VERSION_EDITS[type(command)](command) for command in commands]
 
     def edit(version: Version, beat: float) -> Version:
@@ -64,17 +63,17 @@ def combined(commands: Sequence[c.Command]) -> VersionEdit:
 
 
 def hushed(version: Version, beat: float) -> Version:
-    """No player plays on, no strikes follow, and no block runs by itself."""
+    """End all players and strikes, and all rules of blocks."""
     texts = parts.hush(version.texts, version.piece, beat)
     return replace(with_texts(version, texts), cuts=True, rules={})
 
 
 def with_take(version: Version, name: str, file: str, channel: str) -> Version:
-    """The version with a take of a name."""
+    """The version with a take of this name."""
     return with_texts(version, names.take(version.texts, name, file, channel))
 
 
-# --- what is written -----------------------------------------------------------------------------
+# --- texts ---------------------------------------------------------------------------------------
 
 
 def _define(command: c.Define, version: Version, beat: float) -> Texts:
@@ -122,7 +121,9 @@ def _tempo(command: c.Tempo, version: Version, beat: float) -> Texts:
 
 @writes(c.Nudge)
 def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
-    """The beat that begins lasts longer by a length; the next ones have the old tempo."""
+    """Make the beat that begins longer (or shorter) by a length; the next beats have the old
+    tempo.
+    """
     tempo = version.piece.tempo_map
     bpm = tempo.bpm(beat)
     by = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
@@ -156,7 +157,7 @@ def _set(command: c.Set, version: Version, beat: float) -> Texts:
 
 @makes(c.Set)
 def _set_gliding(command: c.Set) -> VersionEdit:
-    """Set a parameter, which glides `over` a length: in the score's time, where that goes."""
+    """Set a parameter, which may glide for the length `over`: in the score's time if that runs."""
 
     def edit(version: Version, beat: float) -> Version:
         if command.over is None:
@@ -206,12 +207,12 @@ def _unmute(command: c.Unmute, faders: Faders, names: frozenset[str]) -> Faders:
     return replace(faders, muted=faders.muted - names, solo=frozenset())
 
 
-# --- all of it -----------------------------------------------------------------------------------
+# --- whole versions ------------------------------------------------------------------------------
 
 
 @makes(c.Define)
 def _define_rehearsed(command: c.Define) -> VersionEdit:
-    """Define a gesture, and rehearse it on its keys."""
+    """Define a gesture, and check that its keys can follow it."""
 
     def edit(version: Version, beat: float) -> Version:
         made = with_texts(version, _define(command, version, beat))
@@ -224,7 +225,7 @@ def _define_rehearsed(command: c.Define) -> VersionEdit:
 
 @makes(c.Guide)
 def _guide(command: c.Guide) -> VersionEdit:
-    """Guide a hand along another player's part, or end that."""
+    """Guide a hand along another player's part, or end the guidance."""
     guide = None if command.by is None else guide_of(command)
 
     def edit(version: Version, beat: float) -> Version:
@@ -269,9 +270,9 @@ def _load(command: c.Load) -> VersionEdit:
 
 @makes(c.Reload)
 def _reload(command: c.Reload) -> VersionEdit:
-    """Read the score's files again, as they are when the line is typed; what was typed stays.
+    """Read the score's files again, as they are when the line is typed, and keep the typed changes.
 
-    A place that was typed and has changed in the files too is as the files say.
+    If a place was both typed and changed in the files, the files have it.
     """
     files: dict[str, Texts] = {}
 
@@ -314,11 +315,11 @@ def _damp(command: c.Damp) -> VersionEdit:
 READS_FILES = (c.Load, c.Reload, c.Scene)
 
 
-# --- what is said of it --------------------------------------------------------------------------
+# --- replies -------------------------------------------------------------------------------------
 
 
 def summary(command: c.Command, made: Running, where: str) -> str:
-    """What a reply says of a command beyond `ok` and `where` it acts."""
+    """The part of a reply about a command, after `ok` and `where` it acts."""
     if isinstance(command, c.Define):
         return _defined(command, made)
     if isinstance(command, c.Plays):

@@ -1,4 +1,4 @@
-"""Whether somebody else saved a score while it plays."""
+"""Watches whether another program has saved the score while it plays."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ if TYPE_CHECKING:
 
 
 class Watch:
-    """Whether the score, or a file that it uses, was saved by somebody else."""
+    """Tells whether another program has saved the score or a file that it uses."""
 
     def __init__(self, texts: Texts) -> None:
-        """Watch the files that texts use."""
+        """Watch the files of these texts."""
         self.follow(texts)
 
     def follow(self, texts: Texts) -> None:
-        """Watch the files that these texts use, in place of those before."""
+        """Watch the files of these texts instead of the previous ones."""
         self._files = [Path(name) for name in texts.load().files]
         self._seen = self._stamps()
 

@@ -1,1 +1,1 @@
-"""A session in a process of its own, and prompts that come and go."""
+"""A session in a process of its own, to which prompts connect."""

@@ -1,4 +1,4 @@
-"""One connection to a session: requests go out, answers come back by their ids."""
+"""One connection to a session: it sends requests and assigns answers to them by their ids."""
 
 from __future__ import annotations
 
@@ -25,11 +25,13 @@ class ConnectionLostError(ErgonError):
 
 
 class Refused(ErgonError):
-    """The session refused a request: one sentence."""
+    """The session refused a request: one sentence says why."""
 
 
 class Connection:
-    """A connection; it is `gone` when it has ended; `ended` says why the session has, if it has."""
+    """A connection; `gone` is True once it has ended, and `ended` is the reason if the session
+    ended.
+    """
 
     def __init__(self, path: Path) -> None:
         """Connect. Raises NoSessionError, SocketError, ProtocolError."""
@@ -70,7 +72,7 @@ class Connection:
         return about
 
     def ask(self, do: str, **fields: Any) -> Future[Any]:
-        """Send a request; its answer, or ConnectionLostError or Refused."""
+        """Send a request; the future has its answer, or ConnectionLostError or Refused."""
         answer: Future[Any] = Future()
         number = next(self._numbers)
         with self._lock:

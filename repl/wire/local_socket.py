@@ -19,7 +19,7 @@ _BACKLOG = 16
 
 
 class SocketError(ErgonError):
-    """A socket cannot be made, or is not to be trusted: one sentence."""
+    """A socket cannot be made, or cannot be trusted: one sentence."""
 
 
 class NoSessionError(SocketError):
@@ -27,12 +27,12 @@ class NoSessionError(SocketError):
 
 
 def default(environment: Mapping[str, str] = os.environ) -> Path:
-    """$XDG_RUNTIME_DIR/ergon/session.sock, or in a folder of the user's own under /tmp.
+    """$XDG_RUNTIME_DIR/ergon/session.sock, or else in a folder of the user's own under /tmp.
 
-    Raises SocketError where the folder is not the user's own.
+    Raises SocketError if the folder does not belong to the user alone.
     """
     runtime = environment.get("XDG_RUNTIME_DIR", "")
-    # The specification says to ignore paths that are not absolute.
+    # The XDG specification says to ignore relative paths.
     is_there = Path(runtime).is_absolute() and Path(runtime).is_dir()
     folder = Path(runtime) / "ergon" if is_there else _temporary()
     try:
@@ -54,10 +54,10 @@ def _temporary() -> Path:
 
 
 class ServerSocket:
-    """A bound socket with its lock: no other session serves there until it is closed."""
+    """A bound socket with its lock: no other session can be served there until it is closed."""
 
     def __init__(self, path: Path) -> None:
-        """Bind it; a socket that a killed process has left is replaced. Raises SocketError."""
+        """Bind the socket; one that a killed process has left is replaced. Raises SocketError."""
         self.path = path
         self._lock = _locked(path.with_name(path.name + ".lock"))
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -94,7 +94,9 @@ class ServerSocket:
 
 
 def _locked(path: Path) -> int:
-    """A file held alone; the kernel lets go of it when its process ends, however it does."""
+    """A file that is locked for this process; the kernel removes the lock however the process
+    ends.
+    """
     flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
     while True:
         try:
@@ -132,7 +134,9 @@ def connect(path: Path) -> socket.socket:
 
 
 def is_same_user(connection: socket.socket) -> bool:
-    """Whether the process at the other end is the same user's, as the kernel says."""
+    """Whether the process at the other end belongs to the same user; True if the system cannot
+    tell.
+    """
     how = getattr(socket, "SO_PEERCRED", None)
     if how is None:  # this system cannot tell: the file mode protects
         return True

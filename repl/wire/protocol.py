@@ -1,21 +1,21 @@
-"""What passes between a session and its prompts: lines of JSON over a local socket.
+"""The protocol between a session and its prompts: lines of JSON over a local socket.
 
-The session speaks first:
+The session sends the first line:
 
     {"ergon": 1, "version": "0.1.0", "prompt": 2, "score": "/a/duet.yaml", "journal": "/a/s.jsonl"}
 
-`ergon` is the version of this protocol, and `prompt` the number of whoever connected. Where
-nobody else is let in, the only line is {"error": "why"}. Then requests have an id, a whole number
-or a word, and each answer has the id of its request; answers may come in another order.
+`ergon` is the version of this protocol, and `prompt` the number of this prompt. If the prompt is
+refused, the only line is {"error": "why"}. Then the prompt sends requests. Each has an id, a
+whole number or a string, and its answer has the same id; answers may come in another order.
 
     {"id": 1, "do": "submit", "text": "tempo 72"}
     {"id": 1, "is": {"taken": true, "text": "ok 3|1", "try": null, "lines": [], "leaves": false}}
 
-A request that means nothing is answered by {"id": 1, "error": "why"} and does no harm. REQUESTS
-lists what may be asked. Lines of all prompts are done one by one, in order of arrival; everything
-else is answered at once. What one prompt typed, and its reply, is a message to the others.
-A last {"ended": "why"} says that the session has ended; a connection that closes without it, that
-its process has.
+An invalid request is answered by {"id": 1, "error": "why"} and does nothing else. REQUESTS lists
+the requests. Lines of all prompts are done one by one, in order of arrival; all other requests
+are answered at once. The lines of one prompt and their replies are messages to the others.
+A last line {"ended": "why"} says that the session has ended; if the connection closes without
+it, the process of the session has ended.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class ProtocolError(ErgonError):
     """A line does not follow the protocol: one sentence."""
 
 
-# The fields of each request, and their types; the comment is the answer.
+# The fields of each request and their types; each comment is the answer.
 REQUESTS: dict[str, dict[str, type]] = {
     "submit": {"text": str},  # a reply, when the line is done
     "state": {},  # as below
@@ -60,7 +60,7 @@ OPTIONAL_FIELDS: dict[str, dict[str, bool]] = {"submit": {"releases": True}}
 
 @dataclass(frozen=True, slots=True)
 class RemoteSuggestion:
-    """Completions of a line."""
+    """A completion of a line."""
 
     text: str
     start: int
@@ -68,7 +68,7 @@ class RemoteSuggestion:
 
 
 def encode(**fields: Any) -> bytes:
-    """One line; ASCII, so that no character of Unicode ends it early."""
+    """One line of JSON in ASCII, so that no Unicode character ends it early."""
     return json.dumps(fields, ensure_ascii=True, allow_nan=False).encode() + b"\n"
 
 
@@ -117,7 +117,7 @@ def parse_request(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
 
 
 def too_long(text: str) -> str:
-    """Why a text is refused."""
+    """Why a text is refused that is too long."""
     return f"this text has {len(text):,} characters; {MAX_TEXT:,} are the most"
 
 

@@ -56,10 +56,10 @@ class Remote:
         self._thread = threading.Thread(target=self._look_on, name="ergon remote", daemon=True)
         self._thread.start()
 
-    # --- what the keyboard sees ------------------------------------------------------------------
+    # --- the session's protocol ------------------------------------------------------------------
 
     def submit(self, text: str, *, releases: bool = True) -> Reply:
-        """Do a line; waits until it is done or the session is gone."""
+        """Do a line; waits until it is done or the connection is lost."""
         if len(text) > MAX_TEXT:
             return Reply(False, too_long(text))
         if self._ended:
@@ -102,22 +102,24 @@ class Remote:
             self._connection.ask("panic")
 
     def cancel(self) -> bool:
-        """Drop the line of this prompt that is being computed; whether one may be."""
+        """Ask to cancel the line of this prompt that is being computed; False if no session
+        answers.
+        """
         if self._connection.gone:
             return False
         self._connection.ask("cancel")
         return True
 
     def let_go(self) -> None:
-        """No force on any hand, at once."""
+        """End every force at once."""
         if not self._connection.gone:
             self._connection.ask("let_go")
 
     def input_ends(self) -> None:
-        """The session goes on, with other prompts or with none."""
+        """Do nothing: the session goes on, with other prompts or with none."""
 
     def close(self) -> None:
-        """Leave; the session goes on."""
+        """Disconnect; the session goes on."""
         if self._over.is_set():
             return
         self._over.set()
@@ -127,7 +129,7 @@ class Remote:
         self._connection.close()
 
     def end(self) -> None:
-        """End the session, for all."""
+        """End the session, for all prompts."""
         if not self._connection.gone:
             self._quickly(True, "end")
 
@@ -146,7 +148,7 @@ class Remote:
         return self._quickly(True, "is_whole", text=text)
 
     def _quickly(self, otherwise: Answer, do: str, **fields: Any) -> Answer:
-        """The answer to a quick request, or `otherwise` where it does not come at once."""
+        """The answer to a short request, or `otherwise` if it does not come soon."""
         if self._connection.gone or self._slow:
             return otherwise
         try:
@@ -158,7 +160,7 @@ class Remote:
             return otherwise
         return found
 
-    # --- looking on ------------------------------------------------------------------------------
+    # --- the watching thread -------------------------------------------------------------------
 
     def _look_on(self) -> None:
         state = messages = _PendingAnswer()
@@ -197,7 +199,7 @@ class Remote:
 
 
 class _PendingAnswer:
-    """A request under way and the use of its answer."""
+    """A request under way, and the function that uses its answer."""
 
     def __init__(
         self, answer: Future[Any] | None = None, use: Callable[[Any], object] | None = None

@@ -1,4 +1,4 @@
-"""Serving a session at a socket: prompts come and go, and none can block the session."""
+"""Serves a session at a socket: prompts come and go, and none can block the session."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class PromptConnection:
     """A connected prompt."""
 
     def __init__(self, number: int, writer: asyncio.StreamWriter) -> None:
-        """Number prompts in the order in which they connect."""
+        """Keep the number of the prompt and the writer to it."""
         self.number = number
         self.messages: deque[str] = deque(maxlen=_MESSAGES)
         self.waiting = 0  # lines
@@ -70,11 +70,11 @@ class Watch(Protocol):
     """Makes signals end forces before Python handles them, as `_core.stop_on_signals` does."""
 
     def __call__(self, signals: Sequence[int], *, ends: bool | None) -> None:
-        """End every force and sound where the program `ends`."""
+        """End every force and sound on these signals if the program `ends`."""
 
 
 class SessionServer:
-    """A session that is served; `about` is sent to each prompt as it connects."""
+    """Serves a session; `about` is sent to each prompt when it connects."""
 
     def __init__(
         self,
@@ -83,7 +83,9 @@ class SessionServer:
         about: Mapping[str, str],
         watch: Watch | None = None,
     ) -> None:
-        """Serve a session that nobody else submits lines to; `watch` for signals that end it."""
+        """Serve a session to which nobody else submits lines; `watch` is told the signals that end
+        it.
+        """
         self._session = session
         self._watch = watch
         self._door = door
@@ -109,7 +111,9 @@ class SessionServer:
         }
 
     def run(self) -> None:
-        """Serve until the session ends, then close it; in the main thread SIGTERM ends it too."""
+        """Serve until the session ends, then close it; in the main thread, SIGTERM and Ctrl-C end
+        it too.
+        """
         try:
             asyncio.run(self._run())
         finally:
@@ -136,7 +140,8 @@ class SessionServer:
             listener = asyncio.create_task(self._listen())
             await self._over.wait()
             listener.cancel()
-            # A prompt that is just connecting gets the last line too, so the server stays open.
+            # The server stays open for a moment, so that a prompt that is just connecting gets the
+            # last line too.
             self._loop.remove_reader(self._door.socket)
             await asyncio.sleep(_LOOK)
             server.close()
@@ -208,7 +213,7 @@ class SessionServer:
                 return
 
     def _answer(self, prompt: PromptConnection, line: bytes) -> str:
-        """Do the request of a line; its name, empty where it was refused."""
+        """Do the request of a line; returns its name, or "" if it was refused."""
         number = None
         try:
             fields = decode(line)
@@ -239,7 +244,7 @@ class SessionServer:
         return True
 
     def _cancel(self, prompt: PromptConnection) -> bool:
-        """Cancel the line that is being done, if it is this prompt's own."""
+        """Cancel the line that is being done, if it is from this prompt."""
         return self._now is prompt and self._session.cancel()
 
     # --- lines ------------------------------------------------------------------------------------
@@ -251,7 +256,7 @@ class SessionServer:
         self._queue.enter(text, (prompt, number, releases))
 
     def _work(self) -> None:
-        """Do lines, in a thread of its own, because a line may take a while."""
+        """Do lines, in a separate thread, because a line may take a while."""
         while (queued := self._queue.next()) is not None:
             (prompt, number, releases), text = queued.who, queued.text
             self._now = prompt
@@ -293,7 +298,7 @@ def _taken(prompt: PromptConnection) -> list[str]:
 def _ended_by_signals(
     loop: asyncio.AbstractEventLoop, end: Callable[[str], object], watch: Watch | None
 ) -> Iterator[None]:
-    """SIGTERM and Ctrl-C end the session in order; SIGHUP is ignored."""
+    """Let SIGTERM and Ctrl-C end the session in order, and ignore SIGHUP."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,8 +1,9 @@
-"""A session that only acts, for tests of the prompt: it runs as a process of its own.
+"""A session that only reports what it is asked, for tests of the prompt: it runs as its own
+process.
 
     python acted_session.py LOG [--plain] [--strict] [--history FILE]
 
-What is called is written to LOG, a JSON line each.
+Every call is written to LOG, one JSON line each.
 """
 
 import argparse
@@ -50,12 +51,14 @@ class Acted:
         return Reply(True, f"ok 2|1 ada: {rest}")
 
     def _slow(self, rest: str) -> Reply:
-        """Until a panic, or for some seconds."""
+        """Run until a panic, or for some seconds."""
         stopped = self._panicked.wait(float(rest))
         return Reply(True, "stopped by the panic" if stopped else "slow is done")
 
     def _say(self, rest: str) -> Reply:
-        """`say COUNT SECONDS WHAT`: a message, so many times, after a while; # is its number."""
+        """`say COUNT SECONDS WHAT`: after SECONDS send a message COUNT times; # in it becomes its
+        number.
+        """
         count, seconds, what = rest.split(" ", 2)
 
         def later() -> None:

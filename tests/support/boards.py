@@ -1,4 +1,6 @@
-"""Boards for tests: an emulator in its process, and one made here whose motor pulls as told."""
+"""Boards for tests: an emulator in its own process, and one in this process with a given motor
+gain.
+"""
 
 import socket
 import struct
@@ -17,7 +19,9 @@ def emulated(*arguments: str) -> Iterator[str]:
 
 
 class Board(threading.Thread):
-    """The open frame (docs/open-frame.md) with one axis that goes `gain` metres for each newton."""
+    """A board of the open frame (docs/open-frame.md) with one axis that moves `gain` metres per
+    newton.
+    """
 
     def __init__(self, gain: float) -> None:
         super().__init__(daemon=True)
@@ -25,7 +29,7 @@ class Board(threading.Thread):
         self.wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.wire.bind(("127.0.0.1", 0))
         self.wire.settimeout(0.1)
-        # By its name: an address 127.0.0.1 counts as an emulator.
+        # `localhost`, because an address 127.0.0.1 counts as an emulator.
         self.url = f"frame+udp:localhost:{self.wire.getsockname()[1]}"
         self.in_lockstep = f"{self.url}?lockstep"  # nobody is late, however busy the machine is
 
@@ -38,7 +42,7 @@ class Board(threading.Thread):
             assert crc(data[2:-2]) == data[-2:]
             number, n = struct.unpack_from("<HB", data, 2)
             if n == 0:
-                # 20 N at most over 0.1 m; a hundredth of a millimetre a step.
+                # At most 20 N over 0.1 m; a sensor step of a hundredth of a millimetre.
                 numbers = (5.0, 20.0, 1e-5, -0.05, 0.05, 1000.0, 0.05, 1.0)
                 head, body = b"\xa5\x5d", struct.pack("<HBB8f", number, 1, 4, *numbers)
             else:

@@ -23,7 +23,7 @@ class Bristles:
     vs: float = 0.001
 
     def text(self, ends: str) -> str:
-        """As a score says it."""
+        """The friction as a score writes it."""
         fields = f"sigma0: {self.sigma0}N/m, sigma1: {self.sigma1}Ns/m, sigma2: {self.sigma2}Ns/m"
         fields += f", Fc: {self.Fc}N, Fs: {self.Fs or self.Fc}N, vs: {self.vs}m/s"
         return f"{{BRISTLE: {{between: [{ends}], {fields}}}}}"
@@ -38,10 +38,11 @@ class Bristles:
 
 @dataclass(frozen=True)
 class Scene:
-    """A score, and the same as equations: masses (M, K, Z to the ground, X0, V0, constant force).
+    """A score, and the same scene as equations: masses (M, K, Z to the ground, X0, V0, constant
+    force).
 
-    `springs`: (a, b, K, Z); `strikes`: (mass, instant, impulse); `heard`: masses, in the order of
-    the outputs.
+    `springs`: (a, b, K, Z); `strikes`: (mass, instant, impulse); `heard`: masses, in the order
+    of the outputs.
     """
 
     name: str
@@ -53,7 +54,7 @@ class Scene:
     strikes: tuple[tuple[int, float, float], ...] = field(default=())
 
     def exact(self, n_frames: int, tolerance: float = 1e-11) -> np.ndarray:
-        """Positions of what is heard (n_frames, n_heard) [m]."""
+        """Positions of the heard masses (n_frames, n_heard) [m]."""
         m, k, z, x0, v0, push = np.array(self.masses).T
         n = len(m)
 
@@ -128,7 +129,7 @@ def _presliding() -> Scene:
 
 
 def _stick_slip() -> Scene:
-    """A block on a spring that a belt drags along."""
+    """A block on a spring, dragged along by a belt."""
     own = Bristles(0, 1, 2e4, 0.5, 0.2, 0.2, 1.0, 0.02)
     text = _score(
         {
@@ -163,7 +164,7 @@ def _bowed() -> Scene:
 
 
 def _key() -> Scene:
-    """A struck key that rubs on a bell of one mass, and is rubbed itself (Dahl)."""
+    """A struck key that rubs on a bell of one mass, and on the ground (Dahl)."""
     rub, felt = Bristles(0, 1, 5e4, 0.8, 1.0, 1.0, 1.2, 0.02), Bristles(-1, 0, 1e4, 0.1)
     text = _score(
         {

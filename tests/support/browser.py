@@ -16,7 +16,9 @@ __all__ = ["Browser", "Page", "running"]
 
 @contextlib.contextmanager
 def running(*flags: str) -> Iterator[Browser]:
-    """Chromium that draws in software. Where it is missing CI fails; elsewhere the test says so."""
+    """Chromium with software rendering. If it is missing, CI fails; elsewhere the test is skipped
+    with a message.
+    """
     try:
         program = chromium.find()
     except BrowserError as error:

@@ -1,4 +1,4 @@
-"""What was captured beside what was to be heard: gaps are told apart from wrong samples."""
+"""Comparison of captured with expected sound: gaps are distinguished from wrong samples."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -6,17 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-# So many equal samples in a row are no accident, in at least so many frames.
+# A match needs this many equal samples, in at least this many frames, so that it is not an
+# accident.
 SURE_SAMPLES, SURE_FRAMES = 64, 3
-# An output without frames falls to silence, and rises from it, within 2 ms [frames].
+# An output that gets no frames fades to silence, and from it, within 2 ms [frames].
 SHAPED = 96
-# After so many wrong frames the comparison ends: each is searched for in a second of sound.
+# The comparison ends after this many wrong frames, because each is searched for in a second of
+# sound.
 MOST_WRONG = 1000
 
 
 @dataclass(frozen=True)
 class Gap:
-    """At `frame` of what was expected: `silent` frames came that are none of it, `lost` did not."""
+    """At `frame` of the expected sound: `silent` frames were inserted, `lost` frames are
+    missing.
+    """
 
     frame: int
     silent: int
@@ -25,7 +29,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Comparison:
-    """`equal` + `wrong` + what the gaps lost + `unheard` = frames expected."""
+    """`equal` + `wrong` + the frames lost in gaps + `unheard` = expected frames."""
 
     equal: int
     wrong: int
@@ -41,8 +45,8 @@ class Comparison:
 def compare(captured: NDArray, expected: NDArray, *, reach: int = 48000) -> Comparison:
     """Align both on their first frame that is not silent.
 
-    A gap is as much silence as there is (a busy machine makes it seconds long), and at most
-    `reach` frames left out.
+    A gap is all silence found there (a busy machine makes it seconds long), and at most `reach`
+    frames left out.
     """
     captured, expected = _begun(captured), _begun(expected)
     sounding = np.flatnonzero(captured.any(axis=1))
@@ -65,9 +69,9 @@ def compare(captured: NDArray, expected: NDArray, *, reach: int = 48000) -> Comp
 
 
 def check_heard(captured: NDArray, expected: NDArray, troubles: Iterable[str]) -> Comparison:
-    """Assert that what a clock took is what was to be heard, but for the gaps that are told.
+    """Assert that the captured sound is the expected one except for the reported gaps.
 
-    What is in the ring at the end is not heard. On a busy machine the ring runs empty.
+    The sound in the ring at the end is not heard. On a busy machine the ring runs empty.
     """
     found = compare(captured[: -4 * 1024], expected)
     told = [int(one.split()[1]) for one in troubles if one.startswith("gaps ")]
@@ -84,7 +88,7 @@ def _begun(frames: NDArray) -> NDArray:
 def _gap(
     captured: NDArray, sounding: NDArray, at: int, expected: NDArray, frame: int
 ) -> Gap | None:
-    """Silence put in, frames left out, or both; None when the sound does not go on behind it."""
+    """Inserted silence, frames left out, or both; None if the sound does not continue after it."""
     falls = np.flatnonzero(~captured[at : at + SHAPED].any(axis=1))
     after = np.searchsorted(sounding, at + int(falls[0]) if len(falls) else at)
     if after == len(sounding):
@@ -95,7 +99,7 @@ def _gap(
         behind = captured[at + silent + rise : at + silent + rise + sure]
         if len(behind) < sure:
             break
-        # The first frame is looked for everywhere, the others only where it is found.
+        # The first frame is searched everywhere, the others only where the first is found.
         for lost in np.flatnonzero((expected == behind[0]).all(axis=1)):
             there = expected[lost : lost + sure]
             if np.array_equal(there, behind) and (silent or lost):

@@ -1,4 +1,4 @@
-"""What a composer wrote, read and checked in memory."""
+"""The text of a composer, read and checked in memory."""
 
 import textwrap
 
@@ -6,7 +6,7 @@ from ergon.scores.reading.load import Loaded, load
 
 
 def check(text: str, **overlay: str) -> Loaded:
-    """A text with the files that it uses, by stem."""
+    """Check a text with the files that it uses, given by stem."""
     files = {f"{name}.yaml": textwrap.dedent(body) for name, body in overlay.items()}
     return load("s.yaml", text=textwrap.dedent(text), overlay=files)
 

@@ -1,4 +1,6 @@
-"""The command line for tests: how it is begun as a process, and the JSON lines that it printed."""
+"""The command line for tests: starting it as a process, and reading the JSON lines that it
+printed.
+"""
 
 import atexit
 import contextlib
@@ -22,12 +24,12 @@ PATIENT = [sys.executable, str(Path(__file__).with_name("patient_ergon.py"))]  #
 
 
 def records(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
-    """What was printed on stdout since the last look, a record a line."""
+    """The lines printed on stdout since the last call, one record each."""
     return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
 
 class _Forks:
-    """`forked_ergon.py` as a process, and the socket by which it is asked."""
+    """`forked_ergon.py` as a process, and the socket for requests to it."""
 
     def __init__(self) -> None:
         self.channel, other = socket.socketpair()
@@ -68,10 +70,11 @@ def forked(
     merged: bool = False,
     **environment: str | None,
 ) -> subprocess.CompletedProcess[str]:
-    """Exit code, stdout and stderr of `ergon WORDS`, whose process is forked and not started.
+    """Exit code, stdout and stderr of `ergon WORDS`, in a forked process instead of a newly started
+    one.
 
-    `lines` are its standard input, `limits` pairs of a resource and its limit; what is None is not
-    in its environment; `merged` puts stderr into stdout.
+    `lines` are its standard input, `limits` pairs of a resource and its limit; variables that
+    are None are removed from its environment; `merged` puts stderr into stdout.
     """
     given = {**os.environ, **environment}
     with tempfile.TemporaryDirectory() as name:

@@ -6,7 +6,7 @@ import random
 import struct
 from collections.abc import Iterator
 
-# Numbers at which sizes and counts go wrong, as bytes.
+# Numbers at which sizes and counts overflow or fail, as bytes.
 _EDGES = [
     struct.pack(form, value)
     for form, bits in (("<H", 16), ("<I", 32), ("<Q", 64), (">I", 32))

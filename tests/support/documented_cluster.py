@@ -1,4 +1,4 @@
-"""The commands of docs/cluster.md, run as a person runs them, with a port of the test."""
+"""The commands of docs/cluster.md, run as a user runs them, with a port of the test."""
 
 import os
 import re
@@ -15,7 +15,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "cluster.md"
 
 
 def commands(heading: str) -> list[tuple[str, str]]:
-    """Machine and command of each line of the blocks below a heading."""
+    """Machine and command of each line in the blocks below a heading."""
     section = PAGE.read_text(encoding="utf-8").partition(f"\n## {heading}\n")[2]
     section = section.partition("\n## ")[0]
     blocks = re.findall(r"```text\n(.*?)```", section, flags=re.DOTALL)
@@ -25,7 +25,7 @@ def commands(heading: str) -> list[tuple[str, str]]:
 
 
 class DocumentedCluster:
-    """What a section begins; `you` are the commands of whoever renders."""
+    """The processes that a section starts; `you` are the commands of the user who renders."""
 
     def __init__(self, heading: str, environment: Mapping[str, str]) -> None:
         with socket.socket() as one:
@@ -47,7 +47,7 @@ class DocumentedCluster:
 
     def _begin(self, what: str) -> None:
         with Path(f"dask-{len(self.processes)}.log").open("wb") as log:
-            # In a group of its own: a worker is watched by a process that begins it again.
+            # In its own process group, because a worker has a supervisor that restarts it.
             self.processes.append(
                 subprocess.Popen(
                     what,

@@ -1,4 +1,4 @@
-"""Arrays of loudspeakers that tests of space share, and the same ones in spaudiopy."""
+"""Arrays of loudspeakers for tests of space, and the same arrays in spaudiopy."""
 
 import warnings
 from collections.abc import Callable
@@ -8,7 +8,8 @@ import scipy.special
 
 from ergon.space.directions import Point, point
 
-# spaudiopy 0.2 asks scipy for what scipy 1.17 calls sph_harm_y, and warns where it cannot play.
+# spaudiopy 0.2 calls scipy's `sph_harm`, which scipy 1.17 names `sph_harm_y`; it also warns if it
+# cannot play.
 if not hasattr(scipy.special, "sph_harm"):
     scipy.special.sph_harm = lambda m, n, azimuth, zenith: scipy.special.sph_harm_y(
         n, m, zenith, azimuth
@@ -30,14 +31,14 @@ def dome(rings=RINGS, distance: float = 3.0) -> tuple[Point, ...]:
 
 
 def nudged(array: np.ndarray, by: float = 1e-3) -> np.ndarray:
-    """Each loudspeaker a little elsewhere, above the horizon: no four lie in one plane."""
+    """Each loudspeaker displaced a little, above the horizon, so that no four lie in one plane."""
     rows = array + np.random.default_rng(5).normal(size=array.shape) * by
     rows[:, 2] = np.abs(rows[:, 2])
     return rows / np.linalg.norm(rows, axis=1)[:, None]
 
 
 class Theirs:
-    """An array closed by imaginary loudspeakers, as spaudiopy pans and decodes it."""
+    """An array closed by imaginary loudspeakers, panned and decoded by spaudiopy."""
 
     def __init__(self, array: np.ndarray, imaginary: np.ndarray) -> None:
         self._setup = self._quietly(spaudiopy.decoder.LoudspeakerSetup, *array.T)
@@ -60,18 +61,18 @@ class Theirs:
         return spaudiopy.decoder.nearest_loudspeaker(sources, self._setup)
 
     def vbap(self, sources: np.ndarray) -> np.ndarray:
-        """What imaginary loudspeakers would play is left out."""
+        """Gains without those of imaginary loudspeakers."""
         return spaudiopy.decoder.vbap(sources, self._closed)[:, : self._n]
 
     def allrad(self, order: int, sources: np.ndarray) -> np.ndarray:
-        # In its own axes, as it takes those of its virtual sources.
+        # In spaudiopy's axes, which it also uses for its virtual sources.
         harmonics = their_harmonics(order, sources @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]))
         played = self._quietly(spaudiopy.decoder.allrad, harmonics.T, self._setup, N_sph=order)
         return played.T
 
 
 def their_harmonics(order: int, sources: np.ndarray) -> np.ndarray:
-    """N3D, of sources whose x is to the right: AmbiX has it to the front."""
+    """N3D, with sources whose x is to the right; in AmbiX x is to the front."""
     front, left, up = sources[:, 1], -sources[:, 0], sources[:, 2]
     azimuth, zenith = np.arctan2(left, front), np.arccos(np.clip(up, -1.0, 1.0))
     return spaudiopy.sph.sh_matrix(order, azimuth, zenith) * np.sqrt(4.0 * np.pi)

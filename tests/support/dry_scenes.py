@@ -1,7 +1,7 @@
 """Scenes with dry friction, and their exact motion from turn to turn, without any part of ergon.
 
-Between two turns every friction either slides one way or holds; an event ends each stretch where a
-slide stops or where a hold breaks, so no step of the solver goes over a kink.
+Between two turns every friction either slides one way or holds. An event ends each interval when
+a slide stops or a hold breaks, so no step of the solver crosses a kink.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Dry:
     speed: float = 0.001
 
     def text(self, ends: str) -> str:
-        """As a score says it."""
+        """The friction as a score writes it."""
         fields = f"{ends}, F: {self.F}N"
         if self.static is not None:
             fields += f", static: {self.static}N, speed: {self.speed}m/s"
@@ -41,10 +41,11 @@ class Dry:
 
 @dataclass(frozen=True)
 class Scene:
-    """A score, and the same as equations: masses (M, K, Z to the ground, X0, V0, constant force).
+    """A score, and the same scene as equations: masses (M, K, Z to the ground, X0, V0, constant
+    force).
 
-    `springs`: (a, b, K, Z); `strikes`: (mass, instant, impulse); `heard`: masses, in the order of
-    the outputs.
+    `springs`: (a, b, K, Z); `strikes`: (mass, instant, impulse); `heard`: masses, in the order
+    of the outputs.
     """
 
     name: str
@@ -56,12 +57,12 @@ class Scene:
     strikes: tuple[tuple[int, float, float], ...] = field(default=())
 
     def exact(self, n_frames: int) -> np.ndarray:
-        """Positions of what is heard (n_frames, n_heard) [m]."""
+        """Positions of the heard masses (n_frames, n_heard) [m]."""
         return _Motion(self).path(n_frames)[:, list(self.heard)]
 
 
 class _Motion:
-    """One dry friction at most of each mass is solved for where it holds."""
+    """The motion of a scene; on each mass at most one dry friction that holds can be solved."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -101,7 +102,9 @@ class _Motion:
         return np.concatenate([state[self.n :], force / self.m])
 
     def begin(self) -> None:
-        """Which way each friction goes from here: it slides as it does, or as it is pushed."""
+        """Set the direction of each friction from here on: that in which it slides, or is
+        pushed.
+        """
         force = self.others(self.state)
         self.ways = []
         for own in self.scene.dry:
@@ -111,7 +114,7 @@ class _Motion:
             self.ways.append(0 if holds else int(np.sign(v if abs(v) > _STILL else need)))
 
     def margin(self, which: int, state: np.ndarray) -> float:
-        """Above zero as long as a friction goes on as it does."""
+        """Positive as long as a friction does not change between sliding and holding."""
         own, way = self.scene.dry[which], self.ways[which]
         if way:
             return way * self.rate(own, state[self.n :])
@@ -131,7 +134,7 @@ class _Motion:
         return found
 
     def stretch(self, t: float, end: float, frames: np.ndarray, found: np.ndarray) -> float:
-        """On to the next turn, or to the end; says when that is."""
+        """Continue to the next turn, or to the end; returns that instant."""
         self.begin()
         solver = DOP853(
             self.slopes, t, self.state, end, rtol=1e-12, atol=1e-16, max_step=0.5 / RATE
@@ -169,7 +172,7 @@ class _Motion:
         return end
 
     def _stop(self, own: Dry) -> None:
-        """Take the rest of a rate that has passed zero from both ends."""
+        """Remove the remaining rate of both ends after it has passed zero."""
         v = self.state[self.n :]
         impulse = self.rate(own, v) / self.weight(own)
         if own.a >= 0:
@@ -190,7 +193,7 @@ def _score(modules: dict[str, str], out: dict[str, str], more: str = "") -> str:
 
 
 def _block() -> Scene:
-    """A mass on a spring that swings out, turns some times and rests beside its middle."""
+    """A displaced mass on a spring that turns several times and comes to rest beside its middle."""
     own = Dry(-1, 0, 0.05)
     text = _score(
         {"m": "{CEL: {M: 0.01kg, K: 300N/m, Z: 0.01Ns/m, X0: 1mm}}", "rub": own.text("to: m")},
@@ -209,7 +212,7 @@ def _stribeck() -> Scene:
 
 
 def _stick_slip() -> Scene:
-    """A block on a spring that a belt drags along: it holds, breaks loose, and holds again."""
+    """A block on a spring, dragged along by a belt: it holds, breaks loose, and holds again."""
     own = Dry(0, 1, 0.5, 1.0, 0.05)
     text = _score(
         {

@@ -1,4 +1,4 @@
-"""`ergon duet` as a process, and what it played, recorded and rendered."""
+"""`ergon duet` as a process, and its sound, recorded and rendered."""
 
 import subprocess
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ class Duet:
     told: list[str] = field(default_factory=list)
 
     def until(self, words: str) -> str:
-        """The next line with these words."""
+        """The next line that contains these words."""
         assert self.process.stdout is not None
         while line := self.process.stdout.readline():
             self.told.append(line.rstrip())
@@ -31,7 +31,7 @@ class Duet:
         raise AssertionError(f"'{words}' was not said, but: {self.told}")
 
     def end(self) -> int:
-        """All that is still said; the exit code."""
+        """Read the remaining lines; returns the exit code."""
         assert self.process.stdout is not None
         self.told += self.process.stdout.read().splitlines()
         return self.process.wait(timeout=PATIENCE)
@@ -39,7 +39,7 @@ class Duet:
 
 @contextmanager
 def duet(*arguments: object) -> Iterator[Duet]:
-    """A performance that goes on; what it says comes by lines. No axis is tried first."""
+    """A running performance; its lines are read one by one. No axis is tried first."""
     command = [*ERGON, "duet", *map(str, arguments), "--plain", "--unchecked"]
     both = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     with subprocess.Popen(command, **both, text=True) as process:
@@ -50,20 +50,20 @@ def duet(*arguments: object) -> Iterator[Duet]:
 
 
 def played(*arguments: object) -> list[str]:
-    """A performance to its end; what it said."""
+    """Run a performance to its end; returns its lines."""
     with duet(*arguments) as playing:
         assert playing.end() == 0, playing.told
         return playing.told
 
 
 def said(*arguments: object) -> tuple[int, str]:
-    """A command that ends by itself: its exit code, and all it said."""
+    """Run a command that ends by itself; returns its exit code and its output."""
     done = subprocess.run([*ERGON, *map(str, arguments)], capture_output=True, text=True)
     return done.returncode, done.stdout + done.stderr
 
 
 def rendered(score: Path, take: Path, doubted: bool = False) -> np.ndarray:
-    """What the hands did, rendered offline: (n_frames, n_channels) of float32."""
+    """The recorded motion of the hands, rendered offline: (n_frames, n_channels) of float32."""
     target = take.with_suffix(".offline.wav")
     code, told = said("render", score, "--hands", take, "--bits", "float", "-o", target)
     assert code == 0, told
@@ -77,7 +77,7 @@ def sound(path: Path) -> np.ndarray:
 
 
 def recorded(path: Path) -> _core.Recording:
-    """A recording, whole and finished."""
+    """A complete and finished recording."""
     found = _core.read_recording(path)
     assert found.finished, found.damage
     assert found.dropped == 0

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 BUNDLED = sorted(ROOT.glob("scores/library/*.yaml"))
 TEMPLATES = sorted(ROOT.glob("cli/templates/*/score.yaml"))
 SCORES = [str(path) for path in BUNDLED + TEMPLATES]
-# Scores, and the beats from and to which a part of each is kept.
+# Scores, and the range of beats of which a part is kept in each.
 _BARS = [(0.0, 16.0), (8.0, 16.0), (12.0, 44.0)]
 _FEW = [path for path in SCORES if Path(path).stem in ("bloom", "patterns")]
 SPANS = few(
@@ -44,7 +44,7 @@ def piece_of(texts):
 
 
 def lines(before, after, file=None):
-    """Lines taken away and lines added."""
+    """Lines removed and lines added."""
     a = Path(file).read_text() if file else before.text
     b = after.overlay[file] if file else after.text
     found = list(difflib.ndiff(a.splitlines(), b.splitlines()))

@@ -31,13 +31,15 @@ class Emulator:
         return self.told[-1]
 
     def until(self, event: str) -> dict[str, object]:
-        """The next line that tells of `event`."""
+        """The next line that reports `event`."""
         while self.next()["event"] != event:
             pass
         return self.told[-1]
 
     def end(self, number: signal.Signals = signal.SIGINT) -> str:
-        """Ctrl-C; the hash of all positions, and 130."""
+        """Send a signal (default: Ctrl-C) and check the exit code, 128 + its number; returns the
+        hash of all positions.
+        """
         self.process.send_signal(number)
         self.until("over")
         assert self.process.wait(timeout=PATIENCE) == 128 + number
@@ -57,7 +59,9 @@ def emulator(*arguments: str) -> Iterator[Emulator]:
 
 
 def pulled(hand: Sequence[float], rate: float, n: int) -> list[float]:
-    """Positions [m] of a key (50 g, 1 Ns/m) that a hand (400 N/m, 4 Ns/m) pulls: its equation."""
+    """Positions [m] of a key (50 g, 1 Ns/m) that a hand (400 N/m, 4 Ns/m) pulls, from its
+    equation.
+    """
     x = d = 0.0
     path = []
     for i in range(n):
@@ -72,14 +76,14 @@ def pulled(hand: Sequence[float], rate: float, n: int) -> list[float]:
 
 
 def free_port() -> int:
-    """A port of datagrams that nobody has now."""
+    """A free UDP port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         wire.bind(("127.0.0.1", 0))
         return int(wire.getsockname()[1])
 
 
 def crc(data: bytes) -> bytes:
-    """What ends a packet of the open frame."""
+    """The checksum at the end of a packet of the open frame."""
     value = 0xFFFF
     for byte in data:
         value ^= byte << 8

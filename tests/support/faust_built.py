@@ -43,10 +43,10 @@ def heard(program: Path, fed: np.ndarray, rate: int) -> np.ndarray:
     code = subprocess.run(made, check=True, capture_output=True, text=True).stdout
     source, binary = program.with_suffix(".cpp"), program.with_suffix(".run")
     source.write_text("#include <cstdlib>\n" + _MAIN.replace("%s", code))
-    # No fused multiplication: sums are rounded as they are written.
+    # No fused multiply-add: sums are rounded as written.
     options = ["-O1", "-ffp-contract=off"]
     subprocess.run(["g++", *options, str(source), "-o", str(binary)], check=True)
-    # One more column, so that a program without inputs knows how many frames are wanted.
+    # An additional column, so that a program without inputs also gets the number of frames.
     padded = np.column_stack([fed, np.zeros(len(fed))]).tobytes()
     done = subprocess.run(
         [str(binary.resolve()), str(rate)], input=padded, check=True, capture_output=True

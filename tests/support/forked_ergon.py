@@ -1,9 +1,9 @@
-"""A process that has imported ergon, and forks itself for each command that it is asked for.
+"""A process that has imported ergon, and forks itself for each requested command.
 
-Most of a short command is the start of Python and of the rooms. Here it is done once for all of a
-worker. Each command is a process of its own still, with its folder, environment, streams and
-limits, and ends as Python ends. What is about the start itself (streams that are closed, encodings,
-what is imported) begins `ERGON` of `commands.py` instead.
+A short command spends most of its time on starting Python and importing packages. Here that is
+done once for all commands of a test worker. Each command is still its own process, with its
+folder, environment, streams and limits, and ends as Python ends. Tests of the start itself
+(closed streams, encodings, imports) start `ERGON` of `commands.py` instead.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 
 from ergon.cli.app import main
 
-# Rooms that most commands import when they are called.
+# Packages that most commands import when they are called.
 _ROOMS = (
     "api.check",
     "api.plan",
@@ -40,7 +40,7 @@ _FLAGS = (os.O_RDONLY, os.O_WRONLY | os.O_APPEND, os.O_WRONLY | os.O_APPEND)
 
 
 def become(asked: dict[str, Any], channel: socket.socket) -> None:
-    """Make this process the one that the command runs in."""
+    """Turn this process into that of the command."""
     channel.close()
     for number, (name, flags) in enumerate(zip(asked["streams"], _FLAGS, strict=True)):
         file = os.open(name, flags, 0o600)
@@ -55,7 +55,9 @@ def become(asked: dict[str, Any], channel: socket.socket) -> None:
 
 
 def serve(channel: socket.socket) -> bool:
-    """Fork for each line of JSON that comes, and answer with its exit code; true in the fork."""
+    """Fork for each line of JSON received, and answer with its exit code; returns true in the
+    fork.
+    """
     with channel.makefile("r") as lines:
         for line in lines:
             child = os.fork()

@@ -1,4 +1,6 @@
-"""A script in a fresh interpreter, told to leave vector instructions of the machine alone."""
+"""A script in a fresh interpreter that is told not to use some vector instructions of the
+machine.
+"""
 
 import os
 import subprocess
@@ -7,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-# What glibc calls them, one "-" each.
+# The names that glibc uses, each with "-".
 PLAIN_GLIBC = "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX,-AVX512F,-ERMS"
 
 
 def disabled() -> str:
-    """The instruction sets numpy may be told to leave: dispatched at run time and present here."""
+    """The instruction sets that numpy can be told not to use: dispatched at run time and present
+    here.
+    """
     core = np._core._multiarray_umath
     return " ".join(f for f in core.__cpu_dispatch__ if core.__cpu_features__.get(f))
 

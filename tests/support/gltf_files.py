@@ -9,7 +9,7 @@ CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0), (0, 1, 0), (0, 0, 1)]
 
 
 def made(mode: int = 4, indices: tuple[int, ...] = (0, 1, 2, 3, 4, 5), **node: Any) -> dict:
-    """A tetrahedron without one of its faces, whose vertices stand for each face anew."""
+    """A tetrahedron without one of its faces; vertices are repeated for each face."""
     data = struct.pack("<18f", *(part for corner in CORNERS for part in corner))
     data += struct.pack(f"<{len(indices)}H", *indices)
     uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
@@ -32,7 +32,7 @@ def made(mode: int = 4, indices: tuple[int, ...] = (0, 1, 2, 3, 4, 5), **node: A
 
 
 def binary(root: dict) -> bytes:
-    """The same scene as a binary file: its data as a chunk of their own."""
+    """The same scene as a binary file: its data in a separate chunk."""
     _, data = root["buffers"][0]["uri"].split(",")
     chunk = base64.b64decode(data)
     chunk += b"\0" * (-len(chunk) % 4)

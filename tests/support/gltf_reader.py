@@ -32,16 +32,16 @@ class Scene:
             self.channels[target["node"], target["path"]] = times, values
 
     def children(self, root: int) -> list[int]:
-        """The nodes under one."""
+        """The child nodes of a node."""
         return list(self.nodes[root].get("children", []))
 
     def named(self, name: str) -> int:
-        """The only node of a name."""
+        """The only node with a name."""
         (found,) = (i for i, node in enumerate(self.nodes) if node["name"] == name)
         return found
 
     def line(self, node: int) -> NDArray[Any]:
-        """The ends of the line that a node's mesh is (2, 3), before it is moved."""
+        """The ends of the line in a node's mesh (2, 3), before any translation or scale."""
         (primitive,) = self.file["meshes"][self.nodes[node]["mesh"]]["primitives"]
         assert primitive["mode"] == 1
         return self._values(primitive["attributes"]["POSITION"])

@@ -1,4 +1,4 @@
-"""Hostile scores, by family: every one of them is to be refused."""
+"""Hostile scores, by family: each of them must be refused."""
 
 from collections.abc import Callable, Mapping
 
@@ -17,7 +17,7 @@ NOT_NUMBERS = ("nan", ".nan", "NaN", "inf", "-inf", ".inf", "1e400", "1e1000000"
 
 
 def piece(old: str = "", new: str = "", more: str = "") -> str:
-    """A whole score with something else in one place."""
+    """A whole score with one place replaced."""
     text = HEAD + KEY + BELL + PLAY + more
     assert old in text
     return text.replace(old, new)

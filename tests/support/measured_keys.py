@@ -1,4 +1,4 @@
-"""Keys that are known, what they are pushed by, and a sensor that reads them."""
+"""Known keys, the forces that push them, and a sensor that reads them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ REACH = 12e-3  # how far the key may go [m]
 
 
 def wire(force: Floats) -> Floats:
-    """The forces as eight bits carry them."""
+    """The forces as eight bits encode them."""
     lsb = np.clip(np.round(force / FORCE_STEP), -127, 127)
     return np.asarray(lsb * FORCE_STEP)
 
@@ -49,7 +49,7 @@ def rain(row: Floats, seconds: float = 10.0, seed: int = 3, share: float = 0.8) 
 
 
 def knocks(row: Floats, seconds: float = 8.0) -> Floats:
-    """Knocks, a lean and quick knocks of many heights: what leads a key without dry friction."""
+    """Knocks, a slow push and quick knocks of many heights, for a key without dry friction."""
     chance, n, rest = np.random.default_rng(99), round(seconds * RATE), row[START]
     x, at = np.full(n, rest), int(0.3 * RATE)
 
@@ -78,11 +78,11 @@ def knocks(row: Floats, seconds: float = 8.0) -> Floats:
 
 
 def read(x: Floats, seed: int) -> Floats:
-    """What a sensor of 12 bits reads, with noise of half its step."""
+    """The readings of a 12-bit sensor, with noise of half its step."""
     noise = 0.5 * np.random.default_rng(seed).standard_normal(x.size)
     return np.asarray(np.round(x / QUANTUM + noise) * QUANTUM)
 
 
 def gesture(row: Floats, force: Floats, seed: int, start: float | None = None) -> Gesture:
-    """A key that was pushed, computed in four times finer steps than it is fitted by."""
+    """A gesture on a key, computed with time steps four times finer than those of the fit."""
     return of_arrays(force, read(path(row, force, 176, start), seed), RATE)

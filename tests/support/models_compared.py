@@ -1,4 +1,4 @@
-"""Models of other programs as scores, beside the interpreters of `oracle`."""
+"""Models of other programs as scores, compared with the interpreters of `oracle`."""
 
 import re
 from collections.abc import Mapping
@@ -26,7 +26,9 @@ Floats = NDArray[np.float64]
 
 
 def off(sound: Floats, exact: Floats) -> float:
-    """The largest error over the largest value of its channel, or of what stands still."""
+    """The largest error over the largest value of its channel; an absolute error for a channel that
+    is 0 throughout.
+    """
     sizes = np.abs(exact).max(axis=0)
     return float((np.abs(sound - exact).max(axis=0) / np.where(sizes > 0.0, sizes, 1.0)).max())
 
@@ -40,9 +42,10 @@ def sam_score(text: str, **given: float) -> str:
 
 
 def sam_off(text: str, seconds: float, ports: Mapping[str, Floats] = {}) -> float:
-    """The largest error of all positions and forces of a model, whatever it lets be heard.
+    """The largest error of all positions and forces of a model, whether its outputs use them or
+    not.
 
-    What moves `ports` stands in files of their names too.
+    The signals of `ports` are also written to files of their names.
     """
     text = re.sub(r"^\s*(audioout|display)\b.*$", "", text, flags=re.MULTILINE)
     said = sam_sheet(text).statements
@@ -52,12 +55,12 @@ def sam_off(text: str, seconds: float, ports: Mapping[str, Floats] = {}) -> floa
     inputs = {name: Input(f"{name}.wav", float(x[0])) for name, x in ports.items()}
     score = sam_written(sam_sheet(text + heard), inputs, {}, "a model")
     sound = rendered(score, seconds)
-    # A score's file begins where the model's second sample is.
+    # A score's file begins at the model's second sample.
     moved = {name: [0.0, *x[:-1]] for name, x in ports.items()}
     exact = sam.played(text, len(sound), moved)
     errors = [off(sound[:, at], exact[name]) for at, name in enumerate(masses)]
     for at, name in enumerate(links, len(masses)):
-        # A force is heard a sample early; strikes of the first sample are no force of a link.
+        # A force is heard a sample early; strikes in the first sample are not forces of a link.
         errors.append(off(sound[1:-1, at], exact[name][2:]))
     assert max(np.ptp(exact[name]) for name in (*masses, *links)) > 1e-5, "nothing moves"
     return max(errors)
@@ -73,9 +76,9 @@ def pmpd_score(text: str, kind: Object | None = None) -> str:
 
 
 def pmpd_off(text: str, kind: Object, n_frames: int, inlets: Mapping[str, Floats] = {}) -> float:
-    """The largest error of all that a list lets be heard.
+    """The largest error of all outputs of a list of messages.
 
-    What goes into `inlets` (in0 …) of pmpd~ stands in files of their names too.
+    The signals of `inlets` (in0 …) of pmpd~ are also written to files of their names.
     """
     if kind == "pmpd~":
         found, messages = pmpd_messages(text, kind)
@@ -84,7 +87,7 @@ def pmpd_off(text: str, kind: Object, n_frames: int, inlets: Mapping[str, Floats
         fed = {int(name[2:]): x for name, x in inlets.items()}
         exact = pmpd.audio(text, n_frames, fed)
         assert np.ptp(exact, axis=0).min() > 1e-3, "nothing moves"
-        # The score begins with what the object begins with.
+        # The first sample of the score is the object's initial state.
         return off(rendered(score, (n_frames + 1) / RATE)[1:], exact)
     made = network(*pmpd_messages(text, kind))
     heard = [at for one in made.asked for at in one.masses]
@@ -124,7 +127,7 @@ def miphysics_motion(text: str, n_frames: int, rate: int = RATE) -> dict[str, Fl
 
 
 def miphysics_off(text: str, n_frames: int, rate: int = RATE, *, along: bool = False) -> float:
-    """The largest error over the largest way that anything goes."""
+    """The largest error over the largest displacement of any mass."""
     found = miphysics_motion(text, n_frames, rate)
     exact = miphysics.played(text, n_frames, rate, along=along)
     exact = {name: exact[name] if one.shape[1] == 3 else exact[name][:, 2:]

@@ -1,4 +1,4 @@
-"""Files of motion capture, written by hand from what their formats say."""
+"""Files of motion capture, written by hand from the specifications of their formats."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PROCESSORS = {"intel": 84, "dec": 85, "mips": 86}
 
 
 def curve(n: int = 12, points: int = 2) -> Floats:
-    """Positions (n, points, 3) [mm] that a float of 32 bits and a sixteenth hold exactly."""
+    """Positions (n, points, 3) [mm], multiples of a sixteenth, which 32-bit floats hold exactly."""
     t = np.arange(n)[:, None, None] + 5 * np.arange(points)[:, None] + 0.5 * np.arange(3)
     return np.round(16 * 40 * np.sin(t / 3)) / 16
 
@@ -246,7 +246,7 @@ def frame(name: bytes, t: float, *matrices: bytes, stream: int = 0) -> bytes:
 
 
 def declared(text: str) -> bytes:
-    """A frame of SDIF that says what columns are called."""
+    """A frame of SDIF that names the columns."""
     data = text.encode()
     own = _padded(struct.pack(">4sIII", b"1TYP", 0x301, len(data), 1) + data)
     return frame(b"1TYP", -np.inf, own, stream=-2)

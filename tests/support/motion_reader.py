@@ -1,4 +1,6 @@
-"""A reader of motion files from docs/motion.md alone, in numpy: what the engine's is held to."""
+"""A reader of motion files written from docs/motion.md alone, in numpy: the reference for the
+engine's.
+"""
 
 import json
 import struct
@@ -37,7 +39,7 @@ def chunks(data: bytes) -> Iterator[Chunk]:
 
 
 class Replica:
-    """Where everything is, as a page would know it."""
+    """The positions of everything, as a page knows them."""
 
     def __init__(self, data: bytes) -> None:
         self.chunks = list(chunks(data))
@@ -71,7 +73,9 @@ class Replica:
         return [(t, np.frombuffer(p, dtype)) for own, t, p, _ in self.chunks if own == kind]
 
     def at(self, instants: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Displacements at rising instants (n, n_points); of sampled points the last frame's."""
+        """Displacements at rising instants (n, n_points); for sampled points those of the last
+        frame.
+        """
         n, m = self.manifest["points"], self.manifest["modes"]
         a, b, since = np.zeros(n + m), np.zeros(n + m), np.zeros(n + m)
         told = [(t, kind, p) for kind, t, p, _ in self.chunks if kind in (FLIGHTS, STATE)]
@@ -104,7 +108,7 @@ class Replica:
         return out
 
     def frames(self) -> dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Of each sampled part: instants (n,) and displacements (n, n_points)."""
+        """For each sampled part: instants (n,) and displacements (n, n_points)."""
         times: dict[int, list[float]] = {}
         rows: dict[int, list[NDArray[np.float64]]] = {}
         for kind, t, payload, _ in self.chunks:

@@ -1,6 +1,6 @@
-"""A small piece that moves, and its `.motion` file, both written here from closed forms.
+"""A small moving piece, and its `.motion` file, both written here from closed forms.
 
-Five parts, each of another kind: a galaxy of free cells, a string and a disc of sampled masses in
+Five parts of different kinds: a galaxy of free cells, a string and a disc of sampled masses in
 both codings, a plate of modes, keys; 24 loudspeakers in three rings; ergons of both signs; a
 contact.
 """
@@ -52,7 +52,7 @@ def dome() -> list[dict[str, object]]:
 
 @dataclass(frozen=True)
 class Ergon:
-    """One strike: when [s], on which point, impulse [N·s], where it was written."""
+    """One strike: its instant [s], its point, its impulse [N·s], and where it was written."""
 
     t: float
     point: int
@@ -84,9 +84,9 @@ class Piece:
         self.mode_omega = 2 * np.pi * 70.0 * np.arange(1, MODES + 1)
         self.mode_sigma = 1.0 + 0.5 * np.arange(MODES)
         x = np.linspace(0, np.pi, PLATE)[:, None]
-        # As half-precision numbers hold them.
+        # Rounded as half-precision numbers.
         self.shapes = np.sin(x * np.arange(1, MODES + 1)).astype("<f2").astype(float)
-        # Each cell is struck a few times: from then on it is another flight.
+        # Each cell is struck a few times; each strike begins a new flight.
         self.ergons: list[Ergon] = []
         for cell in range(CELLS):
             for t in np.sort(rng.uniform(0.3, SECONDS - 0.2, 3)):
@@ -120,7 +120,7 @@ class Piece:
                 x = fall * (a * c + b * si)
                 v = -s * x + fall * w * (b * c - a * si)
             v += e.impulse / 1e-3
-            # As a file holds them.
+            # Rounded as a file stores them.
             a, b = (float(np.float32(q)) for q in (x, (v + s * x) / w))
             last[e.point] = (e.t, a, b)
             all_.append((e.t, e.point, a, b))
@@ -150,7 +150,9 @@ class Piece:
         return z
 
     def sampled(self, part: str, t: float) -> Floats:
-        """Slow enough that a line between two frames is near."""
+        """Displacements of a part; the motion is slow enough for linear interpolation between
+        frames.
+        """
         if part == "wire":
             return 1e-3 * np.sin(np.linspace(0, np.pi, WIRE)) * np.cos(2 * np.pi * t)
         if part == "disc":

@@ -1,4 +1,4 @@
-"""A score of one instrument, and what is heard of it: scenes of modules that are stepped."""
+"""A score of one instrument, and its outputs: scenes of modules that are stepped."""
 
 import numpy as np
 from checked import check

@@ -1,4 +1,6 @@
-"""What a cluster is to ergon, by threads of this process: calls wait in one queue, as at Dask's."""
+"""A cluster as ergon sees it, made of threads of this process: calls wait in one queue, as in
+Dask.
+"""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -12,7 +14,9 @@ from ergon.common.report import Report
 
 
 class Client:
-    """A Dask client, as far as it is used. `called` lists functions and what they were given."""
+    """A Dask client, with the methods that are used. `called` lists functions and their
+    arguments.
+    """
 
     status = "running"
 
@@ -39,7 +43,7 @@ class Client:
 
 
 def use(monkeypatch: pytest.MonkeyPatch, count: int = 2) -> Client:
-    """Whatever is opened from now on is this."""
+    """Every client opened from now on is this one."""
     client = Client(count)
 
     @contextlib.contextmanager

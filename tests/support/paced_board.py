@@ -1,7 +1,7 @@
-"""The simulated board inside a test's own process, in lockstep, going on only when it is told to.
+"""The simulated board inside a test's own process, in lockstep, advancing only on request.
 
-A performance waits for its replies, so between two calls of `run` no time passes, however busy the
-machine is: a line that is typed there is typed at that very tick.
+A performance waits for the board's replies, so no time passes between two calls of `run`,
+however busy the machine is: a line typed there acts at exactly that tick.
 """
 
 import contextlib
@@ -21,14 +21,14 @@ _ASK = 0.05  # [s] between two looks whether it is to end
 
 
 class Paced:
-    """A board that runs, seen from a test."""
+    """A running board, as a test controls it."""
 
     def __init__(self, ways: Ways) -> None:
         self.board = Board(ways, lockstep=True)
         self._wire = self._bound(0)
         self._port = self._wire.getsockname()[1]
-        # The host waits longer than any test does: it tells a board that is held from none by the
-        # address, where none listens.
+        # The host's patience is longer than any test. A board that is held still has its address;
+        # an unplugged one has not, and that is how the host tells them apart.
         self.url = f"frame+udp:127.0.0.1:{self._port}?lockstep&patience={10 * PATIENCE}"
         self._is_away = False
         self._host: object = None
@@ -40,16 +40,16 @@ class Paced:
 
     @property
     def ways(self) -> Ways:
-        """What may be changed while it stands."""
+        """The properties that can be changed while it is held."""
         return self.board.ways
 
     @property
     def periods(self) -> int:
-        """How many there have been."""
+        """The number of periods so far."""
         return len(self.board.log)
 
     def run(self, periods: int, beside: Callable[[], object] = lambda: None) -> None:
-        """Go on for so many periods of 1 ms; `beside` is called about every 20 of them."""
+        """Advance by so many periods of 1 ms; `beside` is called about every 20 of them."""
         while periods > 0:
             some = min(periods, 20)
             self.may(some)
@@ -58,30 +58,30 @@ class Paced:
             beside()
 
     def may(self, periods: int) -> None:
-        """Let so many more periods pass; where several boards play, all are told first."""
+        """Allow so many more periods; if several boards play, allow all of them before waiting."""
         with self._changed:
             self._may += periods
             self._changed.notify_all()
 
     def wait(self) -> None:
-        """Until they have passed."""
+        """Wait until the allowed periods have passed."""
         with self._changed:
             assert self._changed.wait_for(lambda: self._may == 0, PATIENCE), "nobody asks"
 
     def hold(self) -> None:
-        """From now on it waits to be told."""
+        """From now on reply only when periods are allowed."""
         with self._changed:
             self._may = 0
             self._free = False
 
     def leave(self) -> None:
-        """Be no more at its address, as if it were unplugged."""
+        """Disappear from its address, as if unplugged."""
         with self._changed:
             self._is_away = True
             self._changed.notify_all()
 
     def come(self) -> None:
-        """Be at its address again."""
+        """Return to its address."""
         with self._changed:
             self._is_away = False
             self._changed.notify_all()
@@ -94,13 +94,13 @@ class Paced:
         return wire
 
     def free(self) -> None:
-        """From now on it answers at once."""
+        """From now on reply at once."""
         with self._changed:
             self._free = True
             self._changed.notify_all()
 
     def log(self) -> np.ndarray:
-        """Every packet that bore a force, as LOG says."""
+        """Every packet that carried a force, with the fields of LOG."""
         return np.array(self.board.log, dtype=LOG)
 
     def close(self) -> None:
@@ -139,9 +139,10 @@ class Paced:
 
 @contextlib.contextmanager
 def paced(**ways: float | bool) -> Iterator[Paced]:
-    """A board whose time is the test's; `ways` are those of `Ways`.
+    """A board whose time a test controls; `ways` are those of `Ways`.
 
-    Making a version takes no time meanwhile: the machine's is none of the test's.
+    Meanwhile the time for making a version counts as zero, so that the machine's speed does not
+    matter.
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(making_time, "clock", lambda: 0.0)

@@ -1,8 +1,9 @@
-"""`ergon repl` for tests, whose time, devices and MIDI port are a test's: PIPE SCORE [OPTION …].
+"""`ergon repl` for tests, with time, devices and MIDI port controlled by a test: PIPE SCORE [OPTION
+…].
 
-What is read from the pipe: `bar N` computes the piece up to a bar, `midi HEX` sends a message to
-the session's port, `lose` pulls zoe's device out, `find` puts it back. In
-between time stands nearly still.
+Commands in the pipe: `bar N` computes the piece up to a bar, `midi HEX` sends a message to the
+session's port, `lose` unplugs zoe's device, `find` plugs it in again. Between commands time
+hardly advances.
 """
 
 import queue
@@ -22,12 +23,12 @@ from ergon.repl.session import commits, computing
 from ergon.repl.session.session import Session
 
 _PERIODS = 10  # of 1 ms, between two looks of the session at its engine
-# [s] between two periods while nothing is to pass: a board that is silent for a second is given up.
+# [s] between two periods while idle: a board that is silent for a second counts as lost.
 _BEAT = 0.2
 
 
 class Driver:
-    """Lets time pass, and does what the pipe says."""
+    """Advances time, and runs the commands of the pipe."""
 
     def __init__(self, boards: list[Paced], port: midi_ports.ProcessPort, pipe: Path) -> None:
         self.boards, self.port, self.pipe = boards, port, pipe
@@ -35,7 +36,7 @@ class Driver:
         self.session: Session | None = None
 
     def begins(self, session: Session) -> None:
-        """In place of the thread that attends to the engine."""
+        """Runs in place of the thread that attends to the engine."""
         self.session = session
         threading.Thread(target=self.follow, daemon=True).start()
 
@@ -80,7 +81,7 @@ class Driver:
             time.sleep(0.001)  # a device is looked for again by the wall's clock
 
     def passes(self, periods: int = _PERIODS) -> None:
-        """A few periods of every board, and a look of the session at its engine."""
+        """Advance every board by a few periods, and let the session look at its engine."""
         for board in self.paces:
             board.may(periods)
         for board in self.paces:
@@ -92,7 +93,7 @@ class Driver:
 
 
 def by_frames(config: PlaybackConfig) -> PlaybackConfig:
-    """A file that takes frames as they come, and not by the wall's clock."""
+    """An output file that takes frames as they are computed, not by the wall clock."""
     return replace(config, audio=config.audio.replace("clock:", "file:", 1))
 
 

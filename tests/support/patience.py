@@ -1,4 +1,6 @@
-"""Waiting for a condition: no test judges how soon it holds, for the machine may be busy."""
+"""Waiting for a condition: no test depends on how soon it holds, because the machine may be
+busy.
+"""
 
 import time
 from collections.abc import Callable

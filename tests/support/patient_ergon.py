@@ -1,4 +1,4 @@
-"""The command line, but that a line of a session may take as long as a busy machine needs."""
+"""The command line, except that a line of a session may take as long as a busy machine needs."""
 
 from ergon.cli.app import main
 from ergon.repl.session import computing

@@ -1,4 +1,4 @@
-"""Scores played by a plan, and how far their sound is from an exact one."""
+"""Scores computed by a plan, and their difference from an exact sound."""
 
 from functools import lru_cache
 from typing import Any
@@ -25,8 +25,8 @@ planned = lru_cache(64)(_plan)  # several tests of a file ask for the same plan
 
 
 def played(text: str, **wishes: Any) -> np.ndarray:
-    """What a score's plan gives, before the mix (n_frames, n_out)."""
-    # Choices that are pinned are lists, and asked for once.
+    """The outputs of a score's plan, before the mix (n_frames, n_out)."""
+    # Pinned choices are lists, which the cache cannot hash; no test plans them twice.
     stage, plan = (_plan if "pins" in wishes else planned)(text, **wishes)
     simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     sound = np.empty((stage.n_frames, simulation.n_out))

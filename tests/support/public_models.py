@@ -1,11 +1,11 @@
-"""Models that others have published, imported and played beside the interpreters of `oracle`.
+"""Published models of others, imported and compared with the interpreters of `oracle`.
 
     PYTHONPATH=tests/support:. .venv/bin/python -m public_models FOLDER… [--seconds 1]
 
-Every model below the folders (.mdl, .dsp with a MIMS script, .xml, and lists of messages to pmpd in
-.txt) has a test signal at each input. A line says how long it was played, and by how much it is
-off: the largest error over the largest value of its channel. `--dialect` and `--laws` are those of
-`ergon import`, for files that more than one dialect reads.
+Every model below the folders (.mdl, .dsp with a MIMS script, .xml, and lists of messages to pmpd
+in .txt) gets a test signal at each input. A line gives the time that it was played, and its
+error: the largest error over the largest value of its channel. `--dialect` and `--laws` are
+those of `ergon import`, for files that several dialects can read.
 """
 
 import argparse
@@ -39,7 +39,7 @@ Signals = Mapping[str, NDArray[np.float64]]
 
 
 def signals(text: str, names: tuple[str, ...], n_frames: int) -> Signals:
-    """A signal for each input, as files hold it: a path, a push, or what a parameter follows."""
+    """A signal for each input, as files store it: a path, a push, or the value of a parameter."""
     t = np.arange(n_frames) / RATE
     of = {
         "posInput": 0.01 * np.sin(2 * np.pi * 9.0 * t) ** 2,
@@ -55,7 +55,7 @@ def signals(text: str, names: tuple[str, ...], n_frames: int) -> Signals:
 
 
 def _read(path: Path, options: ModelOptions, fallback: ModelOptions) -> ImportedModel:
-    """A model in the dialect that reads it, or that of the fallback where several do."""
+    """A model in the dialect that can read it, or in that of the fallback if several can."""
     try:
         return import_model(path, options)
     except DialectError:
@@ -63,13 +63,13 @@ def _read(path: Path, options: ModelOptions, fallback: ModelOptions) -> Imported
 
 
 def compared(path: Path, seconds: float, fallback: ModelOptions) -> tuple[str, float]:
-    """The dialect of a model and by how much it is off. Raises ErgonError."""
+    """The dialect of a model and its error. Raises ErgonError."""
     options = ModelOptions(laws=fallback.laws)
     text = text_of(path)
     made = _read(path, options, fallback)
     n_frames = round(seconds * RATE)
     if made.dialect == "miphysics":
-        # Where links turn, dampers of a score feel the step along the line.
+        # If links turn, the dampers of a score feel the step along the line.
         return "miphysics", miphysics_off(text, n_frames, along=True)
     fed = signals(text, made.unfed, n_frames)
     for name, samples in fed.items():
@@ -85,7 +85,7 @@ def compared(path: Path, seconds: float, fallback: ModelOptions) -> tuple[str, f
 
 
 def _said(do: Callable[[], tuple[str, float]]) -> tuple[str, str]:
-    """What became of a model, in a word and in a sentence."""
+    """The result for a model, in a word and in a sentence."""
     try:
         dialect, error = do()
     except ModelError as error:
@@ -108,7 +108,7 @@ def _models(folders: list[str]) -> Iterator[Path]:
 
 
 def main(arguments: list[str]) -> None:
-    """Compare, a line for each model, then how many are what."""
+    """Compare all models, with a line for each, then count the results."""
     parser = argparse.ArgumentParser()
     parser.add_argument("folders", nargs="+")
     parser.add_argument("--seconds", type=float, default=1.0)

@@ -1,4 +1,4 @@
-"""Scores by chance: modules of every kind in one network, keys that play it, gestures, strikes."""
+"""Random scores: modules of every kind in one network, keys that play it, gestures, strikes."""
 
 import random
 
@@ -139,7 +139,7 @@ class Score:
         self.points += ["matter.ball.x", "matter.net.1.y"]
 
     def proxies(self) -> None:
-        """Points between masses; links join them as they do others."""
+        """Points between masses; links join them as they join others."""
         bodies = [one.partition(":")[0] for one in self.modules if "STRING" in one]
         shares = [self.dice.uniform(-0.5, 1.5) for _ in self.points]
         ways = [f"of: [{', '.join(self.points)}], shares: {[round(one, 3) for one in shares]}"]
@@ -154,7 +154,7 @@ class Score:
         self.points += [f"p{number}" for number in range(len(ways))]
 
     def following(self) -> None:
-        """Links and a mass whose values go by where something is that moves."""
+        """Links and a mass whose values follow the position of something that moves."""
         self.modules.append(f"lead: {{MAS: {{M: 1g, V0: {self.by_ratio(1e-3, 1)}m/s}}}}")
         for number in range(self.dice.randint(1, 2)):
             ends = self.dice.sample([*self.moving, "lead"], 2) if self.moving else ["lead", "k"]
@@ -171,7 +171,7 @@ class Score:
         self.moving.append("pan")
 
     def drive(self) -> None:
-        """A point that goes where a file says, or a force that a file gives."""
+        """A point moved by a file, or a force from a file."""
         to = self.dice.choice(self.moving)
         self.modules.append(f"drive: {{ENF: {{to: {to}, from: {self.by_ratio(1e-3, 1)}N}}}}")
 

@@ -1,4 +1,4 @@
-"""What is typed in a random session, sent by MIDI and done to its files, drawn from a seed."""
+"""The input of a random session: lines, MIDI and edits of its files, drawn from a seed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NOTES = ("A3", "C4", "E4", "~", "(A3 G3)", "D4", "A3.minor")
 
 
 class Player:
-    """Draws what is typed in a session, and what is done to its files."""
+    """Draws the lines typed in a session, and the edits of its files."""
 
     def __init__(self, seed: int) -> None:
         self.draw = random.Random(seed)
@@ -139,7 +139,7 @@ class Player:
         return self.one(*others)
 
     def pattern(self) -> str:
-        """What a player plays step by step."""
+        """The steps of a player's pattern."""
         names = [self.one(*GESTURES, "knock", "lean", "~") for _ in range(self.draw.randint(1, 4))]
         if self.draw.random() < 0.3:
             names.append(f"({self.one('knock', 'lean')} {self.one('lean', '~', 'knock')})")
@@ -178,7 +178,7 @@ class Player:
         return bytes([0xB0, self.draw.choice((7, 21, 99)), self.draw.randint(0, 127)])
 
     def edit(self, folder: Path) -> None:
-        """Edit the score's file as an editor does, for the better or the worse."""
+        """Edit the score's file as an editor does; the result may be wrong."""
         path = folder / "score.yaml"
         text = path.read_text()
         old, new = self.draw.choice(

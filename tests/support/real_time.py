@@ -1,4 +1,4 @@
-"""Priority over what else the machine does, for a helper whose clock is not to be late itself."""
+"""Real-time priority, for a helper whose own clock must not be late."""
 
 import contextlib
 import os
@@ -6,7 +6,9 @@ import sys
 
 
 def real_time(process: int = 0, *, priority: int) -> None:
-    """Run a process (0: this thread) by SCHED_FIFO, but not what it starts; nothing if refused."""
+    """Run a process (0: this thread) by SCHED_FIFO, without the processes that it starts; does
+    nothing if refused.
+    """
     if sys.platform == "linux":
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
         with contextlib.suppress(PermissionError):

@@ -1,4 +1,4 @@
-"""Recordings by the layout of docs/takes.md alone: struct and zlib, nothing of ergon's."""
+"""Recordings written from the layout of docs/takes.md alone: struct and zlib, without ergon."""
 
 import struct
 import zlib

@@ -25,7 +25,7 @@ def code(text: str) -> str:
 
 
 def named(module: Module, text: str, files: Iterable[Module]) -> Iterator[Module]:
-    """Files that a file names."""
+    """The files that a file imports."""
     uses = re.findall(r"\buse\s+([^;]+);", text)
     rest = re.sub(r"\buse\s+[^;]+;", "", text)
     paths = [path for use in uses for path in branches(" ".join(use.split()))]
@@ -53,7 +53,7 @@ def branches(tree: str) -> list[str]:
 
 
 def resolved(module: Module, path: list[str], files: Iterable[Module]) -> Module:
-    """The file of a path; empty where it is of no file of this crate."""
+    """The file of a path; empty if it is not in this crate."""
     if path[0] == "crate":
         full = path[1:]
     elif path[0] == "self":

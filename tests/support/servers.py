@@ -16,7 +16,7 @@ PACKAGES = {"jackd": "jackd2", "pulseaudio": "pulseaudio", "parec": "pulseaudio-
 
 
 def need(program: str) -> str:
-    """Path of a program. Where it is missing CI fails; elsewhere the test says what to install."""
+    """Path of a program. If it is missing, CI fails; elsewhere the test says what to install."""
     found = shutil.which(program)
     if found is None:
         why = f"{program} is missing: apt-get install {PACKAGES[program]}"
@@ -50,9 +50,9 @@ def running(command: list[str], **how: object) -> Iterator[subprocess.Popen[byte
 def jack_name(n_names: int = 4) -> Iterator[str]:
     """A name for a JACK server that nobody else uses meanwhile; waits until one is free.
 
-    JACK's registry has eight places for all names of all time: one that was killed keeps its own
-    until a server of the same name comes. So there are few names, and they are lent, to all runs
-    of the tests on this machine.
+    JACK's registry has eight places for all names ever used: a server that was killed keeps its
+    place until one of the same name starts. So there are few names, lent to all test runs on
+    this machine.
     """
     with contextlib.ExitStack() as held:
         name = ""
@@ -67,7 +67,7 @@ def jack_name(n_names: int = 4) -> Iterator[str]:
 
 
 def _lent(held: contextlib.ExitStack, n_names: int) -> str:
-    """A free name, which is given back when `held` is closed; empty where there is none."""
+    """A free name, returned when `held` is closed; empty if there is none."""
     for name in (f"ergon-test-{i}" for i in range(n_names)):
         with contextlib.ExitStack() as tried:
             path = Path(tempfile.gettempdir()) / f"{name}-{os.getuid()}.lock"
@@ -101,7 +101,7 @@ class Jack:
     def run(self) -> Iterator[subprocess.Popen[bytes]]:
         from ergon import _core
 
-        # Real-time where it is granted; jackd goes on without.
+        # Real-time priority if it is granted; jackd continues without.
         server = [need("jackd"), "-R", "-P", "60", "-n", self.name]
         driver = ["-d", "dummy", "-r", self.rate, "-p", self.block, "-C", 2, "-P", self.channels]
         environment = os.environ | {"JACK_NO_AUDIO_RESERVATION": "1"}

@@ -1,4 +1,4 @@
-"""Sessions whose engine is stepped by hand: lines typed at exact frames, every sample kept."""
+"""Sessions whose engine the test steps: lines act at exact frames, every sample is kept."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Stepped:
 
     @classmethod
     def resumed(cls, journal: Path) -> Stepped:
-        """A session that goes on where a journal ends, with a journal beside it."""
+        """A session that continues where a journal ends, with its own journal beside it."""
         found = read_journal(journal, resumes=True)
         version, clock, past = resumed(found)
         own = cls.__new__(cls)
@@ -130,7 +130,7 @@ class Stepped:
         self.session.close()
 
     def again(self) -> np.ndarray:
-        """The journal, computed anew."""
+        """The journal, rendered anew."""
         none = np.zeros((0, self.engine.n_channels))  # a session that was killed at once
         return np.concatenate([none, *self._blocks()])
 

@@ -1,9 +1,9 @@
-"""A force-feedback board as a process of its own, written from docs/open-frame.md alone.
+"""A force-feedback board as its own process, written from docs/open-frame.md alone.
 
-One fader of 50 g and 1 N·s/m between two stops, a motor of 20 N, a hand of 400 N/m and 4 N·s/m that
-holds it. It notes every packet: when it came, what force it asked for, where the key was, what work
-the motor did. It has two clocks: by the wall, or in lockstep, where a packet is one period of 1 ms
-and nothing depends on how busy the machine is.
+One fader of 50 g and 1 N·s/m between two stops, a motor of 20 N, a hand of 400 N/m and 4 N·s/m
+that holds it. It logs every packet: its instant, the force requested, the position of the key,
+the work of the motor. It has two clocks: the wall clock, or lockstep, in which a packet is one
+period of 1 ms and nothing depends on how busy the machine is.
 
 `python tests/support/simulated_board.py --lockstep` prints its URL as JSON; lines of JSON on its
 standard input change it while it runs (`{"hand": 0.005}`). When its input ends it writes its log
@@ -52,7 +52,7 @@ LOG = np.dtype(
 
 @dataclass
 class Ways:
-    """What may be changed while it runs."""
+    """Properties of the board that can be changed while it runs."""
 
     hand: float = 0.0  # [m] where the hand holds
     stiffness: float = 400.0  # [N/m] of the hand
@@ -70,17 +70,17 @@ class Ways:
 
 
 class Key:
-    """The mass, moved exactly for a force and a hand that are held over a step."""
+    """The mass, moved exactly for a force and a hand that are constant over a step."""
 
     def __init__(self, ways: Ways) -> None:
         self.ways, self.x, self.v, self.force, self.work = ways, 0.0, 0.0, 0.0, 0.0
         self.steps = 0
-        # Found before anybody waits for a reply: scipy takes its time to load.
+        # Computed before anybody waits for a reply, because scipy is slow to load.
         self._of = (ways.stiffness, FRICTION + ways.damping)
         self._flow = exactly(*self._of)
 
     def hand(self) -> float:
-        """Where the hand is now [m]."""
+        """The position of the hand now [m]."""
         at = self.steps * STEP
         return self.ways.hand + self.ways.sine * math.sin(2 * math.pi * self.ways.hertz * at)
 
@@ -106,7 +106,7 @@ class Key:
 
 
 def exactly(k: float, b: float) -> tuple[float, ...]:
-    """exp(A·STEP) of the key's (x, v), and what a push of 1 m/s² does besides."""
+    """exp(A·STEP) of the key's (x, v), and the additional effect of an acceleration of 1 m/s²."""
     from scipy.linalg import expm
 
     whole = expm(STEP * np.array([[0, 1, 0], [-k / MASS, -b / MASS, 1], [0, 0, 0]]))
@@ -115,7 +115,7 @@ def exactly(k: float, b: float) -> tuple[float, ...]:
 
 
 class Board:
-    """What the microcontroller does."""
+    """The firmware of the microcontroller."""
 
     def __init__(self, ways: Ways, lockstep: bool) -> None:
         self.ways, self.lockstep, self.key = ways, lockstep, Key(ways)
@@ -126,11 +126,11 @@ class Board:
         self.owner: object = None  # the host whose forces act; nobody else is answered
 
     def is_faulty(self) -> bool:
-        """Whether what is wrong with it is so by now."""
+        """Whether its fault has begun."""
         return self.key.steps * STEP >= self.ways.since
 
     def run_to(self, now: float) -> None:
-        """Go on by the wall; after a silence of the host the motor lets go."""
+        """Advance to a wall-clock instant; after a silence of the host the motor is released."""
         if self.lockstep:
             return
         due = int((now - self.began) / STEP)
@@ -141,7 +141,9 @@ class Board:
             self.key.step()
 
     def answer(self, packet: bytes, now: float, host: object = None) -> bytes | None:
-        """The reply to a packet; none to what is no packet, or to another than the owner."""
+        """The reply to a packet; None for an invalid packet, or for one from another host than the
+        owner.
+        """
         self.run_to(now)
         silent = self.heard is None or now - self.heard > OWNED
         if self.owner is not None and self.owner != host and not (self.lockstep and silent):
@@ -192,7 +194,7 @@ class Board:
 
 
 def serve(board: Board, log: Path | None) -> None:
-    """Until the input ends."""
+    """Serve until the input ends."""
     wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     wire.bind(("127.0.0.1", 0))
     print(json.dumps({"url": f"frame+udp:127.0.0.1:{wire.getsockname()[1]}"}), flush=True)
@@ -220,21 +222,21 @@ def serve(board: Board, log: Path | None) -> None:
 
 @dataclass
 class Simulated:
-    """A board that runs, seen from a test."""
+    """A running board, as a test controls it."""
 
     url: str
     process: subprocess.Popen[str]
     _log: Path
 
     def change(self, **ways: float | bool) -> None:
-        """Change how it is; returns when it is so."""
+        """Change its properties; returns when they are in effect."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         print(json.dumps(ways), file=self.process.stdin, flush=True)
         assert json.loads(self.process.stdout.readline())["changed"]
 
     def look(self) -> tuple[int, float]:
-        """How many packets have come, and the force that the last one asked for [N]."""
+        """The number of packets received, and the force requested by the last one [N]."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         print("{}", file=self.process.stdin, flush=True)
@@ -242,7 +244,7 @@ class Simulated:
         return said["packets"], said["asked"]
 
     def log(self) -> np.ndarray:
-        """End it; every packet that bore a force, as LOG says."""
+        """End it; returns every packet that carried a force, with the fields of LOG."""
         assert self.process.stdin is not None
         self.process.stdin.close()
         assert self.process.wait(timeout=PATIENCE) == 0

@@ -1,8 +1,8 @@
 """Haply's Inverse Service as a thread: plain sockets, a WebSocket by RFC 6455, states in JSON.
 
-It notes every force that it is told, and when. It replies with its state, with `{}`, or not at all.
-A hand holds its cursor 10 mm from the middle and moves it to and fro by a millimetre. The service
-has no watch of its own: a force stands until another is told.
+It records every force that it receives, with its instant. It replies with its state, with `{}`,
+or not at all. A hand holds its cursor 10 mm from the middle and moves it to and fro by a
+millimetre. The service has no watchdog: a force stays until another one arrives.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Reply = Literal["state", "empty", "silent"]
 
 @dataclass
 class Told:
-    """A force [N] and when it came [s of time.monotonic]."""
+    """A force [N] and the instant at which it arrived [s of time.monotonic]."""
 
     at: float
     force: tuple[float, float, float]
@@ -69,7 +69,7 @@ class Service:
         self._listener.close()
 
     def until(self, holds: Callable[[Service], bool], seconds: float = PATIENCE) -> None:
-        """Wait until something holds; a busy machine is slow, not wrong."""
+        """Wait until a condition holds; the limit is long, because a busy machine is slow."""
         with self._news:
             assert self._news.wait_for(lambda: holds(self), seconds), f"never: {self.told[-3:]}"
 
@@ -139,7 +139,7 @@ class Service:
 
 
 class _Stream:
-    """Bytes of a host, until it has gone or the service is over."""
+    """The bytes from a host, until it has gone or the service ends."""
 
     def __init__(self, host: socket.socket, over: threading.Event) -> None:
         self._host, self._over, self._bytes = host, over, b""

@@ -1,4 +1,4 @@
-"""A session served without a process of its own, and connections that say anything."""
+"""A session served without its own process, and connections that can send anything."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def remote(path: Path) -> Remote:
 
 
 class Acted:
-    """A face whose lines tell what they do: `slow` until a panic, `quit`, `fail`."""
+    """A session whose lines say what they do: `slow` until a panic, `quit`, `fail`."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -103,7 +103,7 @@ def _answers(path: Path) -> bool:
 
 
 class Raw:
-    """A connection on which anything can be said."""
+    """A connection that can send any bytes."""
 
     def __init__(self, path: Path) -> None:
         self.socket = local_socket.connect(path)

@@ -1,4 +1,4 @@
-"""Lines of a session and what they say: the example session, and every other form."""
+"""Lines of a session and their replies: the example session, and every other form."""
 
 import dataclasses
 from pathlib import Path
@@ -59,7 +59,7 @@ def plays(what: str, **more) -> c.Plays:
     return c.Plays("ada", what, **{**nothing, "do": (), "manner": UNSAID, **more})
 
 
-# The example session of the design, and every form that it leaves out.
+# The example session of the design, and every form that it does not use.
 KNOCK = "0@0 smooth 7@1/8 smooth 0@1/4"
 SESSION = [
     ("play", c.Play(None)),

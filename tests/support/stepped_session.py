@@ -1,7 +1,7 @@
-"""The prompt over a session whose engine is stepped by hand: SCORE PIPE.
+"""The prompt over a session whose engine the test steps: SCORE PIPE.
 
-Each number read from the pipe is a bar, up to which the piece is then computed; between two of
-them it stands still. The session's journal is `session.jsonl` beside the score.
+Each number read from the pipe is a bar, up to which the piece is then computed; otherwise it
+stands still. The session's journal is `session.jsonl` beside the score.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""A scene under a simulated key, lines that stiffen it, and what the motor does then."""
+"""A scene under a simulated key, lines that stiffen it, and the response of the motor."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ players:
 parts: {{ada: []}}
 mix: {{route: [{{from: bell, to: 1}}]}}
 """
-# Stiffness and damping of whoever holds the key [N/m, N·s/m].
+# Stiffness and damping of the hand that holds the key [N/m, N·s/m].
 HANDS = {"firm": (400.0, 4.0), "soft": (40.0, 0.4), "none": (0.0, 0.0)}
 TICK = 44  # frames
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A mass on a spring, and what joins it with the key [N/m, kg, N·s/m]."""
+    """A mass on a spring, and the link that joins it to the key [N/m, kg, N·s/m]."""
 
     link: str = "REF"
     stiffness: float = 300.0
@@ -55,7 +55,7 @@ class Scene:
 
     @property
     def text(self) -> str:
-        """As a score."""
+        """The scene as a score."""
         return SCORE.format(
             link=self.link,
             stiffness=f"{self.stiffness:.6g}N/m",
@@ -68,41 +68,41 @@ class Scene:
 
 @dataclass
 class Rig:
-    """A session on a board whose time is the test's."""
+    """A session on a board whose time the test controls."""
 
     session: Session
     board: Paced
     path: Path
 
     def run(self, seconds: float) -> None:
-        """Let it play on."""
+        """Let the session play on."""
         self.board.run(round(1e3 * seconds), self.session.pump)
 
     def ok(self, line: str) -> Reply:
-        """A line that has to be taken."""
+        """Run a line that must be accepted."""
         reply = self.session.submit(line)
         assert reply.taken, f"{line}: {reply.text}"
         return reply
 
     def kick(self, speed: float = 0.2) -> None:
-        """The key is hit [m/s]."""
+        """Hit the key at a speed [m/s]."""
         self.board.board.key.v += speed
 
     @property
     def scale(self) -> float:
-        """Which part of the scene's force the hand gets."""
+        """The share of the scene's force that the hand gets."""
         return self.engine.performance.status().hands[0].scale
 
     @property
     def engine(self) -> LiveEngine:
-        """What it plays on."""
+        """The live engine of the session."""
         engine = self.session.commits.engine
         assert isinstance(engine, LiveEngine)
         return engine
 
     @property
     def trips(self) -> int:
-        """How often the key has tripped since the last look."""
+        """How often the key has tripped since the last call."""
         found = [message for message in self.session.messages() if "tripped" in message]
         print(*found, sep="\n")  # why, where a test fails
         return len(found)
@@ -115,7 +115,7 @@ class Rig:
 
 @contextmanager
 def rig(folder: Path, hand: str, text: str, *, watches: bool = False) -> Iterator[Rig]:
-    """A session on a score, whose key a hand holds and moves to and fro."""
+    """A session on a score whose key a hand holds and moves to and fro."""
     path = folder / "score.yaml"
     path.write_text(text, encoding="utf-8")
     texts = Texts.read(path)
@@ -138,7 +138,9 @@ def rig(folder: Path, hand: str, text: str, *, watches: bool = False) -> Iterato
 
 
 def stiffening(random: Random) -> tuple[Scene, list[str], Scene]:
-    """A scene, lines that stiffen it, and the scene as it may be saved: 0.1 to 1,000 kN/m."""
+    """A scene, lines that stiffen it, and the stiffened scene as it would be saved: 0.1 to 1,000
+    kN/m.
+    """
     k = 10.0 ** random.uniform(2.0, 6.0)
     z = random.choice([0.0, 10.0 ** random.uniform(-2.0, 2.0)])
     scene = Scene(
@@ -164,7 +166,7 @@ def stiffening(random: Random) -> tuple[Scene, list[str], Scene]:
 
 
 def measured(folder: Path, hand: str, seed: int) -> tuple[float, int, float, list[str]]:
-    """Power after half a second [W], trips, scale in the end, and what was said to it."""
+    """Power after half a second [W], trips, final scale, and the lines that were run."""
     random = Random(seed)
     scene, lines, saved = stiffening(random)
     with rig(folder, hand, scene.text) as own:
@@ -185,7 +187,8 @@ def measured(folder: Path, hand: str, seed: int) -> tuple[float, int, float, lis
             powers.append(own.power(since))
         trips = own.trips
         scale = own.scale
-    # A key that is hit is probed for some milliseconds (docs/live.md), and a free one rings by that
-    # for a while: seed 60 has 0.28, 0.04, 0.007 W after three hits. So look after the last one.
+    # A key that is hit is probed for some milliseconds (docs/live.md), and a free key then rings
+    # for a while: seed 60 has 0.28, 0.04, 0.007 W after three hits. So for a free key only the last
+    # value counts.
     power = powers[-1] if hand == "none" else max(powers)
     return power, trips, scale, said

@@ -1,4 +1,4 @@
-"""Synthetic strokes, and what theory says of how well their modes can be known."""
+"""Synthetic strokes, and the theoretical bounds on the accuracy of their modes."""
 
 from dataclasses import dataclass
 
@@ -18,13 +18,13 @@ class Struck:
     phase: np.ndarray
 
     def sound(self, duration: float, rate: float = RATE) -> np.ndarray:
-        """Their sum."""
+        """The sum of the modes."""
         t = np.arange(round(duration * rate)) / rate
         modes = zip(self.f, self.d, self.a, self.phase, strict=True)
         return sum(a * np.exp(-d * t) * np.cos(2 * np.pi * f * t + p) for f, d, a, p in modes)
 
     def bound(self, n: int, deviation: float, rate: float = RATE) -> np.ndarray:
-        """Standard deviations of f and d by Cramér and Rao, in white noise (n_modes, 2)."""
+        """Standard deviations of f and d by the Cramér-Rao bound, in white noise (n_modes, 2)."""
         t = np.arange(n) / rate
         columns = []
         for f, d, a, p in zip(self.f, self.d, self.a, self.phase, strict=True):
@@ -38,7 +38,7 @@ class Struck:
 
 
 def bell(rng, ratios, t60, levels, *, pitch, pairs, beat=(0.25, 2.0)) -> Struck:
-    """Partials of which those in `pairs` are two that beat, 0.25 to 2 times a second."""
+    """A bell whose partials in `pairs` are doublets that beat, 0.25 to 2 times a second."""
     rows = []
     for i, (ratio, long, level) in enumerate(zip(ratios, t60, levels, strict=True)):
         f = pitch * ratio * (1.0 + 0.002 * rng.standard_normal())
@@ -62,7 +62,7 @@ def church() -> Struck:
 
 
 def others() -> dict[str, Struck]:
-    """Five that are no church bell: a bar, a bowl, a cowbell, a tubular bell and a glass."""
+    """Five other objects: a bar, a bowl, a cowbell, a tubular bell and a glass."""
     rng = np.random.default_rng(16)
     bar = (1, 2.756, 5.404, 8.933, 13.34)
     bowl = (1, 2.71, 5.0, 7.8, 11.1, 14.9)
@@ -97,7 +97,7 @@ def others() -> dict[str, Struck]:
 
 
 def matched(found: np.ndarray, f: np.ndarray, cents: float = 10.0) -> list[tuple[int, int]]:
-    """Which true mode is which found one: each the nearest within some cents, once."""
+    """Pairs of found and true modes: each is matched with the nearest within some cents, once."""
     used: set[int] = set()
     pairs = []
     for true, own in enumerate(f):

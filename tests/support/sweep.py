@@ -1,4 +1,4 @@
-"""Sweeps: a few of their cases stand in `make test`, all of them in `make test-long`."""
+"""Sweeps: a few of their cases run in `make test`, all of them in `make test-long`."""
 
 from collections.abc import Collection, Iterable, Sequence
 from itertools import product
@@ -8,7 +8,7 @@ import pytest
 
 
 def few(cases: Iterable[Any], shown: Collection[Any] | int) -> list[Any]:
-    """Cases as `parametrize` takes them: all are slow but those that are shown, or the first few.
+    """Cases for `parametrize`: all are marked slow except those in `shown`, or the first few.
 
     A case that is a tuple has a value for each of several arguments.
     """
@@ -21,12 +21,12 @@ def few(cases: Iterable[Any], shown: Collection[Any] | int) -> list[Any]:
 
 
 def crossed(first: Sequence[Any], *others: Sequence[Any]) -> list[Any]:
-    """Every combination; one is shown for each of the first, with the others in turn."""
+    """Every combination; one is shown for each value of the first, with the others in turn."""
     shown = [(one, *(each[at % len(each)] for each in others)) for at, one in enumerate(first)]
     return few(product(first, *others), shown)
 
 
 def _slow(case: Any) -> Any:
-    # A tuple of one value is that of an argument that takes tuples.
+    # A tuple with one value is the value of an argument that takes tuples.
     values = case if isinstance(case, tuple) and len(case) > 1 else (case,)
     return pytest.param(*values, marks=pytest.mark.slow)

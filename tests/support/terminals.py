@@ -1,4 +1,4 @@
-"""A terminal for tests: a program in a pseudo-terminal, and the screen that a person would see."""
+"""A terminal for tests: a program in a pseudo-terminal, and the screen that a user sees."""
 
 import contextlib
 import os
@@ -16,7 +16,7 @@ F12, UP, TAB, ENTER = "\x1b[24~", "\x1b[A", "\t", "\r"
 
 
 class Screen(pyte.HistoryScreen):
-    """Answers what a program asks of the terminal, such as where the cursor is."""
+    """Answers the program's queries to the terminal, such as the position of the cursor."""
 
     answers: Callable[[str], object]
 
@@ -61,7 +61,7 @@ class Terminal:
             self.child.wait()
 
     def type(self, text: str | bytes) -> None:
-        """Keys; what is shown meanwhile is read, as a terminal does, so that neither waits."""
+        """Type keys; output is read meanwhile, as a terminal does, so that neither side blocks."""
         data = text.encode() if isinstance(text, str) else text
         for at in range(0, len(data), 1024):
             self._unsent += data[at : at + 1024]
@@ -77,8 +77,8 @@ class Terminal:
         self.child.setwinsize(rows, columns)  # the kernel sends SIGWINCH
 
     def look(self, seconds: float = 0.05) -> bool:
-        """Show what comes within some time; False when the program has closed its terminal."""
-        # Neither waits for the other: what is full takes less, or nothing.
+        """Show the output of some time; False if the program has closed its terminal."""
+        # The write never blocks: a full buffer takes less, or nothing.
         with contextlib.suppress(BlockingIOError):
             del self._unsent[: os.write(self.child.child_fd, self._unsent)]
         try:
@@ -92,14 +92,16 @@ class Terminal:
         return True
 
     def until(self, true: Callable[[], object], what: str = "") -> None:
-        """Look until something is so on a whole screen: a program that draws hides its cursor."""
+        """Wait until a condition holds on a complete screen: a program that is drawing hides its
+        cursor.
+        """
         end = time.monotonic() + PATIENCE
         while self.screen.cursor.hidden or not true():
             assert time.monotonic() < end, f"{what or true} never came:\n{self.text}"
             assert self.look() or true(), f"the program ended before {what}:\n{self.text}"
 
     def sees(self, text: str) -> None:
-        """Look until a text stands on the screen or above it."""
+        """Wait until a text is on the screen or above it."""
         self.until(lambda: text in self.text, repr(text))
 
     def ends(self) -> int:
@@ -112,12 +114,12 @@ class Terminal:
 
     @property
     def lines(self) -> list[str]:
-        """What is on the screen, without the blanks at the ends of lines."""
+        """The screen, without the blanks at the ends of lines."""
         return [line.rstrip() for line in self.screen.display]
 
     @property
     def text(self) -> str:
-        """What has scrolled away and what is on the screen."""
+        """The text that has scrolled away and the text on the screen."""
         columns = range(self.screen.columns)
         above = ["".join(row[x].data for x in columns) for row in self.screen.history.top]
         return "\n".join([*(line.rstrip() for line in above), *self.lines])

@@ -1,4 +1,4 @@
-"""A ball that is thrown, in two and in three axes, and where it is by the parabola."""
+"""A thrown ball, in two and in three axes, and its position by the parabola."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""What this process writes to files, by the audit events of Python."""
+"""The files that this process writes, by Python's audit events."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
-# Events that change files, and which of their arguments name one.
+# Events that change files, and which of their arguments is a path.
 _CHANGES = {
     "os.remove": (0,),
     "os.rename": (0, 1),
@@ -22,7 +22,7 @@ _CHANGES = {
 }
 _IGNORED = ("/dev/null",)
 
-# Of each watch that is on: its folder, and the names outside it that were written.
+# For each active watch: its folder, and the names outside it that were written.
 _watches: list[tuple[Path, list[str]]] = []
 
 
@@ -40,7 +40,7 @@ def _hook(event: str, arguments: tuple[object, ...]) -> None:
         if not isinstance(name, str | bytes | os.PathLike):
             continue  # a descriptor: its file was opened before
         path = os.path.realpath(os.fsdecode(name))
-        # Python keeps what it has compiled beside its own files.
+        # Python keeps its compiled files beside the sources.
         if path in _IGNORED or "__pycache__" in path:
             continue
         for folder, outside in _watches:
@@ -53,7 +53,7 @@ _is_hooked = False
 
 @contextmanager
 def written_outside(folder: Path) -> Iterator[list[str]]:
-    """Files outside a folder that Python code writes, moves or removes meanwhile."""
+    """Files outside a folder that Python code writes, moves or removes during the block."""
     global _is_hooked
     if not _is_hooked:  # a hook cannot be removed
         sys.addaudithook(_hook)

@@ -1,7 +1,7 @@
-"""`python -m accuracy docs/accuracy.md [FAMILIES]`: audit scenes, keep that, write the page.
+"""`python -m accuracy docs/accuracy.md [FAMILIES]`: audit scenes, keep the results, write the page.
 
-Families (`named,dry`; all of them where none is told) are audited anew; the page is of what is kept
-of all.
+The named families (`named,dry`; all by default) are audited anew; the page is written from the
+kept results of all families.
 """
 
 import os
@@ -85,7 +85,7 @@ The cost of what would help is counted in that of CA at the score's rate.
 
 
 def main(page: Path, families: Sequence[str]) -> None:
-    """Audit families anew, and write the page of all that is kept."""
+    """Audit families anew, and write the page from all kept results."""
     unknown = [family for family in families if family not in ALL]
     if unknown:
         sys.exit(f"no family {', '.join(unknown)}: there are {', '.join(ALL)}")
@@ -106,7 +106,7 @@ def main(page: Path, families: Sequence[str]) -> None:
 
 
 def written(known: Mapping[str, Kept]) -> str:
-    """The page, of the audits that are kept of each family."""
+    """The page, from the kept audits of each family."""
     drawn = [own for family, own in known.items() if family != "named"]
     parts = [
         _HEAD,
@@ -136,7 +136,7 @@ def _audited(known: Mapping[str, Kept]) -> list[str]:
 
 
 def _commit() -> str:
-    """The commit that is checked out, and whether anything else than it was audited."""
+    """The commit that is checked out, and whether the working tree differs from it."""
     command = ["git", "describe", "--always", "--dirty", "--exclude=*"]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 

@@ -1,4 +1,6 @@
-"""What a plan says of its error, what its error is, and what the cheapest plain setting costs."""
+"""For each plan: its stated error, its real error, and its cost compared with the cheapest plain
+setting.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -27,7 +29,8 @@ PLAIN = (
     *(("bm4", times) for times in (1, 2)),
     ("modal", 1),
 )
-# Mean difference of third octaves of two renders of a chaotic motion: rounding alone makes 2 dB.
+# Allowed mean difference of third octaves between two renders of a chaotic motion; rounding alone
+# makes 2 dB.
 UNLIKE = 3.0  # [dB]
 FLOOR_DB = -150.0  # errors below are rounding, of the reference too
 THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three of them
@@ -37,10 +40,10 @@ THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three
 class Plan:
     """A plan of a scene. Errors in dB; `real` over the pilot's time, `whole` over the render.
 
-    `spectrum`: mean difference of third octaves over the render where the plan says that the motion
-    is chaotic, less that of two tolerances of the reference. `stated` is FLOOR_DB where a plan says
-    that it is exact; `doubt`: how far two tolerances of the reference are apart over the pilot's
-    time. `refused`: why there is no plan or no render; then nothing else is known.
+    `spectrum`: if the plan says that the motion is chaotic, the mean difference of third octaves
+    over the render, minus that of two tolerances of the reference. `stated` is FLOOR_DB if the
+    plan says that it is exact. `doubt`: the difference of two tolerances of the reference over
+    the pilot's time. `refused`: why there is no plan or no render; then nothing else is known.
     """
 
     budget: float | None
@@ -58,20 +61,23 @@ class Plan:
 
     @property
     def is_judged(self) -> bool:
-        """Whether there is a render of a motion that is known and not announced as chaotic."""
+        """Whether there is a render, of a motion whose reference is accurate enough and that is not
+        announced as chaotic.
+        """
         is_sure = self.doubt < max(self.real - 10.0, -120.0)
         return is_sure and not self.refused and not self.chaotic
 
     @property
     def is_met(self) -> bool:
-        """Whether what was asked for is kept."""
+        """Whether the error is within the budget."""
         return self.is_judged and self.real <= self.asked + 0.1
 
     @property
     def is_silent_miss(self) -> bool:
-        """Worse than stated by more than 1.5 dB, above what was asked for, and no warning.
+        """Whether the real error exceeds the stated one by more than 1.5 dB, and the budget,
+        without a warning.
 
-        Where the motion is chaotic: another spectrum, and no warning.
+        For a chaotic motion: whether the spectrum differs, without a warning.
         """
         if self.chaotic:
             return self.spectrum > UNLIKE and not self.warned
@@ -79,20 +85,21 @@ class Plan:
 
     @property
     def excess(self) -> float:
-        """Real error over the stated one [dB]; errors below -100 dB are alike."""
+        """Real error over the stated one [dB]; errors below -100 dB count as equal."""
         return self.real - max(self.stated, -100.0)
 
     @property
     def asked(self) -> float:
-        """The budget [dB]; by ear contacts are to be right to about -60 dB."""
+        """The budget [dB]; a plan by ear keeps contacts to about -60 dB."""
         return -60.0 if self.budget is None else self.budget
 
 
 @dataclass(frozen=True)
 class Plain:
-    """A method at so many times the rate for all of a scene: its real errors and its cost.
+    """A method at a multiple of the rate for the whole scene: its real errors and its cost.
 
-    Over the time of the pilot of each plan: of what is chaotic a plan tells a shorter one.
+    There is one error for the time of each plan's pilot: in a chaotic motion a plan states a
+    shorter time.
     """
 
     method: str
@@ -115,7 +122,7 @@ class Audit:
     plain: tuple[Plain, ...] = field(default=())
 
     def overspending(self, plan: Plan) -> float | None:
-        """The plan's cost over that of the cheapest plain setting that keeps the budget too."""
+        """The plan's cost over that of the cheapest plain setting that also keeps the budget."""
         if plan.budget is None or not plan.is_met:
             return None
         at = self.plans.index(plan)
@@ -126,12 +133,12 @@ class Audit:
 def look(
     name: str, text: str, budgets: Iterable[float | None] = BUDGETS, *, plain: bool = True
 ) -> Audit:
-    """Everything that is asked of one scene."""
+    """The audit of one scene."""
     loaded = load("scene.yaml", text=text)
     piece = loaded.piece
     assert piece is not None, f"{name}: {[one.message for one in loaded.diagnostics]}"
     made = [_made(piece, budget) for budget in budgets]
-    # A pilot may play on where a render is at its end.
+    # A pilot may play on after the end of the render.
     n_frames = prepare(piece).n_frames
     most = n_frames + round(3.0 * THIRD * piece.rate)
     pilots = [min(_pilot(own) * piece.rate, most) for own in made if _pilot(own) < inf]
@@ -145,14 +152,16 @@ def look(
 
 
 def look_drawn(family: str, seed: int) -> Audit:
-    """Everything that is asked of a random scene; a spawned process knows no `__main__`."""
+    """The audit of a random scene; it is a function of this module because a spawned process has no
+    `__main__`.
+    """
     return look(f"{family}-{seed}", random_text(family, seed))
 
 
 def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) -> float:
     """The metric of plans: ‖y - x‖/‖x - mean‖ [dB] of the worst output, up to `seconds`.
 
-    The worst of three spans, each THIRD longer than the last; a render may end before.
+    The worst of three spans, each THIRD longer than the last; a render may end earlier.
     """
     if not np.isfinite(y).all():
         return inf
@@ -198,7 +207,7 @@ def _plan(
     except (_core.EngineError, StageError) as error:
         return Plan(budget, refused=f"{type(error).__name__}: {error}")
     rows = made.plan.rows()
-    # Each row of an island tells the error of all of it: it counts once.
+    # Each row of an island gives the error of the whole island, so it counts once.
     islands = {(row.error_db, row.error_s) for row in rows}
     errors = [db for db, _ in islands if db is not None]
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
@@ -207,7 +216,7 @@ def _plan(
     is_chaotic = any(row.spectral_db is not None for row in rows)
     heard = exact.sound
     if budget is BY_EAR and not errors and exact.audible is not None:
-        # All goes by modes, and such a plan leaves out all that lie above hearing.
+        # Everything is computed by modes, and such a plan leaves out modes above hearing.
         heard = exact.audible
     return Plan(
         budget,

@@ -1,6 +1,6 @@
 """The text of a scene as a system of differential equations, read without any part of ergon.
 
-It knows the modules that scenes of the audit use, in SI units, and refuses all others.
+It knows the modules that audited scenes use, in SI units, and refuses all others.
 """
 
 import re
@@ -19,7 +19,7 @@ ELASTIC = {
     **{"bristle": 6, "dry": 7},
 }
 DAMPING = {"linear": 1, "cubic": 1, "rope": 2, "bow": 3, "coulomb": 4, "bow-hyperbolic": 5}
-# Constants of each law in the order of a link's numbers: elastic ones from 0, damping from 3.
+# Constants of each law, in the order of a link's numbers: elastic ones from 0, damping from 3.
 _OF_ELASTIC = {"cubic": ("k", "q"), "rope": ("k",), "detent": ("F", "w")}
 _OF_DAMPING = {
     "cubic": ("z",),
@@ -48,7 +48,9 @@ def number(value: Any) -> float:
 
 @dataclass
 class Path:
-    """A gesture: the mass that it moves, its image in the free copy of the key, and its spline."""
+    """A gesture: the mass that it moves, the image of that mass in the free copy of the key, and
+    its spline.
+    """
 
     mass: int
     image: int
@@ -109,7 +111,9 @@ class Equations:
         return self.names[inside if inside in self.names else name]
 
     def pairs(self, ends: list[str], part: str) -> list[tuple[int, int]]:
-        """The masses that a link joins: one pair, or of `string.1..12` one for each member."""
+        """The pairs of masses that a link joins: one pair, or one for each member of
+        `string.1..12`.
+        """
         rows = []
         for end in ends:
             head, _, low, high = re.fullmatch(r"(.*?)(\.([0-9]+)\.\.([0-9]+))?", end).groups()
@@ -218,7 +222,9 @@ def _module(found: Equations, part: str, name: str, kind: str, given: dict[str, 
 
 
 def gaps(given: Any, n: int) -> list[float]:
-    """The gap at each of n points [m]: one for all, a list, or least + depth·(i/length)^power."""
+    """The gap at each of n points [m]: one value for all, a list, or least +
+    depth·(i/length)^power.
+    """
     if isinstance(given, list):
         return [number(one) for one in given]
     if not isinstance(given, dict):
@@ -303,7 +309,9 @@ def _gestures(found: Equations, score: dict[str, Any]) -> None:
 
 
 def _free_copy(found: Equations, members: list[int]) -> dict[int, int]:
-    """The masses of a key again, and the links between them: index of each mass's image."""
+    """Copy the masses of a key and the links between them; returns the index of each mass's
+    image.
+    """
     image = {}
     for i in members:
         k, z = found.ground[i]

@@ -1,4 +1,6 @@
-"""What was found of each family as a file: a page is written of families audited apart."""
+"""The results of each family in a file, because the page combines families audited at different
+times.
+"""
 
 import json
 from collections.abc import Sequence
@@ -13,7 +15,7 @@ FOLDER = Path(__file__).parents[2] / "data" / "audits"
 
 @dataclass(frozen=True)
 class Kept:
-    """What was found of a family: on which day, of which commit, by budget, and a row a scene."""
+    """Results of a family: date, commit, tallies by budget, and a row for each scene."""
 
     day: str
     commit: str
@@ -22,19 +24,19 @@ class Kept:
 
 
 def found(day: str, commit: str, audits: Sequence[Audit]) -> Kept:
-    """What is kept of the audits of a family."""
+    """The results of the audits of a family, in the form that is kept."""
     return Kept(day, commit, tuple(tables.tallies(audits)), tuple(map(tables.scene, audits)))
 
 
 def keep(family: str, own: Kept, folder: Path = FOLDER) -> None:
-    """Write what was found of a family."""
+    """Write the results of a family."""
     folder.mkdir(exist_ok=True)
     text = json.dumps(asdict(own), indent=1, ensure_ascii=False, allow_nan=False)
     (folder / f"{family}.json").write_text(text + "\n", encoding="utf-8")
 
 
 def kept(family: str, folder: Path = FOLDER) -> Kept | None:
-    """What is kept of a family, if it was audited."""
+    """The kept results of a family, if it was audited."""
     path = folder / f"{family}.json"
     if not path.exists():
         return None

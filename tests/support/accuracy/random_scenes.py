@@ -1,4 +1,4 @@
-"""Scenes by chance, of a family and a seed: the same pair is the same text."""
+"""Random scenes of a family and a seed: the same pair gives the same text."""
 
 from collections.abc import Callable
 from typing import Any
@@ -23,7 +23,7 @@ class Dice:
         return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
 
     def whole(self, low: int, high: int) -> int:
-        """low … high, both of them too."""
+        """low … high, both inclusive."""
         return int(self.rng.integers(low, high + 1))
 
     def one_of(self, *options: Any) -> Any:
@@ -69,7 +69,7 @@ def _strike(dice: Dice, score: Modules, to: str, impulse: float, at: float | Non
 
 def _string(dice: Dice) -> tuple[Modules, int]:
     n = dice.whole(5, 40)
-    # Its highest mode stays below 8 kHz.
+    # The highest mode stays below 8 kHz.
     f = dice.by_ratio(40.0, min(800.0, 8000.0 / n))
     body = {"masses": n, "M": dice.by_ratio(1e-3, 5e-2), "f": f, "t60": dice.by_ratio(0.3, 8.0)}
     stiffness = dice.one_of(0.0, 0.0, 0.03)
@@ -95,7 +95,7 @@ def _cell(dice: Dice, **start: float) -> Modules:
 
 
 def _mesh(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
-    """Masses and cells in a row, some joined across, each link with a damping of its own."""
+    """Masses and cells in a row, some joined across, each link with its own damping."""
     n = dice.whole(5, 40)
     M, f = dice.by_ratio(2e-3, 5e-2), dice.by_ratio(200.0, 2000.0)
     K = M * (2.0 * np.pi * f) ** 2
@@ -161,10 +161,10 @@ def _linear(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
 
 
 def _contact(dice: Dice, light: float, speed: float) -> Modules:
-    """A contact that a mass at a speed stays in for 0.3 to 3 ms."""
+    """A contact that lasts 0.3 to 3 ms for a mass at a speed."""
     exponent = dice.one_of(1.0, 1.5, 2.3)
     omega = np.pi / dice.by_ratio(3e-4, 3e-3)
-    # As a spring that is as stiff at the depth speed/omega.
+    # The equivalent spring has the same stiffness at the depth speed/omega.
     K = light * omega**2 * (speed / omega) ** (1.0 - exponent)
     Z = dice.one_of(0.0, 0.0, 0.1 * light * omega)
     told = {"K": float(K), "Z": Z, "exponent": exponent, "clamp": dice.one_of(False, True)}
@@ -227,7 +227,7 @@ def _bow(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """A bow on a string."""
     modules["b"], n = _string(dice)
     modules["w"] = {"SOL": {}}
-    # Its steepest slope is a part of what the mass bears.
+    # The steepest slope is limited to a part of what the mass can follow stably.
     m, a = modules["b"]["STRING"]["M"] / n, dice.by_ratio(10.0, 100.0)
     F = m * dice.by_ratio(300.0, 6000.0) / np.sqrt(2.0 * a * np.e)
     law = {"damping": "bow", "F": float(F), "a": a, "u": dice.between(0.05, 0.4)}
@@ -241,7 +241,7 @@ def _hard(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
         modules["b"], n, m = _body(dice)
         ((_, body),) = modules["b"].items()
         speed = dice.between(0.1, 1.0)
-        # As much again where neighbours are as far apart as a blow drives them.
+        # The hardening adds a comparable stiffness at the elongations that a strike causes.
         body["hardening"] = m * (2.0 * np.pi * body["f"]) ** 2 * dice.by_ratio(1e6, 1e8)
         _strike(dice, score, f"s.b.{n // 2}", m * speed)
         _hear(out, f"b.{dice.whole(0, n - 1)}")
@@ -275,9 +275,9 @@ def _law(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
 
 
 def _rubbed(dice: Dice, modules: Modules) -> tuple[float, float, list[str]]:
-    """Something that friction may rub: its mass [kg], the force that it swings with [N], the ends.
+    """A system that friction rubs: its mass [kg], the force with which it swings [N], the ends.
 
-    A block on a belt, a cell that swings out on the ground, a point of a string, or two cells.
+    A block on a belt, a displaced cell on the ground, a point of a string, or two cells.
     """
     what = dice.whole(0, 3)
     if what == 0:
@@ -318,10 +318,10 @@ def _dry(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
 
 
 def _bristle(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
-    """Friction with memory, that gives no energy; Dahl's in one of three."""
+    """Friction with memory that makes no energy; one in three is Dahl's."""
     m, force, ends = _rubbed(dice, modules)
     F = float(force * dice.by_ratio(0.01, 1.0))
-    # As a spring that swings with the mass at 200 Hz to 3 kHz.
+    # The bristles' stiffness makes the mass oscillate at 200 Hz to 3 kHz.
     sigma0 = float(m * (2.0 * np.pi * dice.by_ratio(200.0, 3000.0)) ** 2)
     friction = {"sigma0": sigma0, "Fc": F}
     if dice.whole(0, 2):
@@ -336,9 +336,9 @@ def _bristle(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None
 
 
 def _strike_rubbed(dice: Dice, score: Modules, m: float, force: float, to: str) -> None:
-    """On a hundredth of a second, which is a frame at every rate.
+    """Strike at a hundredth of a second, which falls on a frame at every rate.
 
-    Between two frames a strike on what is joined to others is split evenly (docs/numerics.md).
+    Between two frames a strike on a joined mass is split evenly (docs/numerics.md).
     """
     if dice.whole(0, 1):
         impulse = min(m * dice.between(0.05, 0.5), float(force) * 1e-3)
@@ -358,7 +358,7 @@ def _key(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     else:
         contact = _contact(dice, m, 0.1)
         modules["c"] = {"BUT": {"between": ["k1", target], "gap": 0.5 * peak, **contact}}
-    # On hundredths of a second, which are frames at every rate.
+    # At hundredths of a second, which fall on frames at every rate.
     one, two = dice.whole(4, 8), dice.whole(10, 16)
     path = f"0m@0 smooth {peak}m@{one / 100}s 0m@{two / 100}s"
     score["gestures"] = {"g": {"notation": path, "touch": dice.one_of("open", "tracked")}}

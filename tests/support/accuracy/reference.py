@@ -1,11 +1,12 @@
-"""The exact motion of a scene: matrix exponentials where it is linear, else Runge-Kutta of order 8.
+"""The exact motion of a scene: matrix exponentials if it is linear, else Runge-Kutta of order 8.
 
-The method is DOP853 (Dormand and Prince; Hairer, Norsett and Wanner) by the coefficients of
-`scipy.integrate.DOP853`, compiled, with no step across a frame or an event. Nothing of ergon's
-engine takes part.
+The method is DOP853 (Dormand and Prince; Hairer, Norsett and Wanner) with the coefficients of
+`scipy.integrate.DOP853`, compiled, with no step across a frame or an event. It uses no part of
+ergon's engine.
 
-The bend of a BRISTLE is one more state. A DRY slides one way or holds: a step ends where that
-changes, by halving, so no step goes over a kink. One DRY at most may rub on a mass that moves.
+The bend of a BRISTLE is an additional state. A DRY slides one way or holds: a step ends where
+that changes, found by bisection, so no step crosses a kink. At most one DRY may rub on a moving
+mass.
 """
 
 from dataclasses import dataclass
@@ -37,7 +38,7 @@ HEARING = 20e3  # [Hz]: by ear, modes above it are left out and count as no erro
 class Reference:
     """Outputs (n_frames, n_out), and the same with a tolerance a hundred times wider.
 
-    `audible`: without the modes above HEARING, where the scene is linear.
+    `audible`: without the modes above HEARING, if the scene is linear.
     """
 
     sound: np.ndarray
@@ -73,8 +74,8 @@ def heard(scene: Equations, x: np.ndarray, v: np.ndarray) -> np.ndarray:
 def without_high_modes(A: np.ndarray, highest: float) -> np.ndarray:
     """The projection of the states of y' = A·y on the modes up to a frequency [Hz].
 
-    It is along the other modes, so it commutes with A: the motion of the modes that stay is
-    untouched. By an ordered Schur form (Golub and Van Loan, 2013, 7.6.3).
+    It is along the other modes, so it commutes with A and leaves the motion of the kept modes
+    unchanged. By an ordered Schur form (Golub and Van Loan, 2013, 7.6.3).
     """
     balanced, scales = matrix_balance(A, permute=False, separate=True)
     scales = scales[0]
@@ -105,7 +106,7 @@ def _matrix(scene: Equations) -> np.ndarray:
 
 
 def _linear(scene: Equations, A: np.ndarray, n_frames: int, parts: int) -> np.ndarray:
-    """States (n_frames, 2 n + 1); a frame is taken in so many parts."""
+    """States (n_frames, 2 n + 1); each frame is computed in `parts` equal parts."""
     n, mass = len(scene.mass), np.array(scene.mass)
     step = np.linalg.matrix_power(expm(A / scene.rate / parts), parts)
     state = np.concatenate([scene.x0, scene.v0, [1.0]])
@@ -143,7 +144,8 @@ def integrate(scene: Equations, n_frames: int, tolerance: float) -> tuple[np.nda
     for struck, at, impulse in scene.strikes:
         if at <= frames[-1]:
             blows[np.abs(when - at).argmin(), struck] += impulse / scene.mass[struck]
-    # Of each gesture and stretch between two instants: the coefficients that hold, by the middle.
+    # For each gesture and each interval between two instants: the coefficients that are valid at
+    # its middle.
     middle = 0.5 * (when[1:] + when[:-1])
     pieces = np.zeros((len(scene.paths), len(middle), 7))
     for i, path in enumerate(scene.paths):
@@ -232,15 +234,16 @@ def _forces_on_second(elastic, damping, c, x, v):
 
 @nb.njit(cache=True)
 def _level(c, w):
-    """What a DRY gives at a rate w of its ends [N]."""
+    """Force [N] of a DRY at a rate w of its ends."""
     return c[0] + (c[1] - c[0]) * np.exp(-((w / c[3]) ** 2))
 
 
 @nb.njit(cache=True)
 def _slopes(t, y, dy, at, inverse, ground, push, ends, kinds, numbers, leads, pieces, ways, needs):
-    """dy/dt; gestures that run hold their masses in y on the path.
+    """dy/dt; running gestures set their masses in y to the path.
 
-    `ways`: how each DRY slides, 0 where it holds; `needs`: the pull with which it would hold.
+    `ways`: the direction in which each DRY slides, 0 if it holds; `needs`: the pull that would
+    make it hold.
     """
     n = len(inverse)
     bend = 2 * n
@@ -294,7 +297,7 @@ def _slopes(t, y, dy, at, inverse, ground, push, ends, kinds, numbers, leads, pi
             v = v * s + x
             x = x * s + p[i]
         mass, image = leads[g, 0], leads[g, 1]
-        # What leads the free copy strikes the key.
+        # The force that moves the free copy is also applied to the key.
         needed = 2.0 * half / inverse[image] - dy[n + image]
         dy[n + mass] += needed
         dy[n + image] += needed
@@ -306,7 +309,7 @@ def _slopes(t, y, dy, at, inverse, ground, push, ends, kinds, numbers, leads, pi
 
 @nb.njit(cache=True)
 def _has_turned(y, n, ends, kinds, numbers, ways, needs):
-    """Whether a DRY no longer goes as it did; `needs` are those of y."""
+    """Whether a DRY has changed between sliding and holding; `needs` are those of y."""
     for k in range(len(ends)):
         if kinds[k, 0] != _DRY:
             continue
@@ -322,7 +325,7 @@ def _has_turned(y, n, ends, kinds, numbers, ways, needs):
 
 @nb.njit(cache=True)
 def _turn(y, inverse, ends, kinds, numbers, ways):
-    """Take the rest of a rate that has passed zero from both ends of each DRY."""
+    """Remove the remaining rate of the ends of each DRY whose rate has passed zero."""
     n = len(inverse)
     for k in range(len(ends)):
         a, b = ends[k]
@@ -335,7 +338,7 @@ def _turn(y, inverse, ends, kinds, numbers, ways):
 
 @nb.njit(cache=True)
 def _begin(y, n, ends, kinds, numbers, ways, needs):
-    """How each DRY goes from here: it slides as it does, or as it is pushed."""
+    """Set the direction of each DRY from here on: that in which it slides, or is pushed."""
     for k in range(len(ends)):
         if kinds[k, 0] != _DRY:
             continue
@@ -385,7 +388,7 @@ def _march(
             break
         t, end = when[at], when[at + 1]
         shortest = _FEWEST * (end - t)
-        # Of a step in which a DRY turns: how long it may be, and how long it is at least.
+        # For a step in which a DRY turns: its greatest and its least length.
         most, least, halves = end - t, 0.0, 0
         begins = has_dry and blown
         while t < end:
@@ -398,7 +401,7 @@ def _march(
             if halves:  # the last of them takes the shortest step that turns
                 h = most if halves == _HALVES else 0.5 * (least + most)
             whole = h == end - t
-            # The last stage is at the end of the step, where the weights of order 8 lead.
+            # The last stage is at the end of the step, given by the weights of order 8.
             for stage in range(_STAGES + 1):
                 for i in range(size):
                     total = 0.0
@@ -423,7 +426,7 @@ def _march(
                     e3 += E3[j] * k[j, i]
                 five += (e5 / scale) ** 2
                 three += (e3 / scale) ** 2
-            # Not a number after a step that left all bounds: it is taken again, shorter.
+            # The error is NaN after a step that diverged: it is repeated with a shorter step.
             error = h * five / np.sqrt((five + 0.01 * three) * size + 1e-300)
             is_taken = error < 1.0 or h <= shortest or halves > 0
             if is_taken and has_dry:

@@ -8,7 +8,7 @@ from accuracy.audit import BUDGETS, Audit, Plan
 
 @dataclass(frozen=True)
 class Tally:
-    """Plans of some scenes at one budget: how many there are, are judged, met, and so on.
+    """Counts of plans of some scenes at one budget: all, judged, met, and so on.
 
     `worst`: real error over the stated one [dB]; `median` and `most` of the overspending.
     """
@@ -53,7 +53,7 @@ def _tally(pairs: Sequence[tuple[Audit, Plan]]) -> Tally:
 
 
 def together(all_of_them: Sequence[Tally]) -> Tally:
-    """All scenes of some tallies; the median of all is not known from those of each."""
+    """All scenes of some tallies; the common median cannot be computed from their medians."""
     return Tally(
         plans=sum(own.plans for own in all_of_them),
         judged=sum(own.judged for own in all_of_them),

@@ -11,7 +11,7 @@ Edges = list[tuple[int, int, float]]  # (i or -1 for the ground, j, factor of k)
 
 
 def string_edges(n: int, ends: str, stiffness: float) -> Edges:
-    """A row of n masses between its held ends; the ends count as neighbours, also but one."""
+    """A row of n masses between its held ends; the ends also count as second neighbours."""
     row = [-1] * (ends in ("fixed", "left")) + list(range(n)) + [-1] * (ends == "fixed")
     edges = [(a, b, 1.0) for a, b in itertools.pairwise(row)]
     if stiffness:
@@ -58,9 +58,9 @@ def eigenvalues(edges: Edges, n: int) -> np.ndarray:
 
 
 def tune(edges: Edges, n: int, m: float, f: float, t60: float | None) -> tuple[float, float]:
-    """(k, z) that let the lowest mode of masses m sound at f and decay in t60.
+    """(k, z) for which the lowest mode of masses m has frequency f and decay t60.
 
-    f is what one hears, as a CEL's: ω² = (2πf)² + σ² and z = 2σk/ω².
+    f is the damped frequency, as for a CEL: ω² = (2πf)² + σ² and z = 2σk/ω².
     """
     sigma = 3.0 * math.log(10.0) / t60 if t60 is not None else 0.0
     omega2 = (2.0 * math.pi * f) ** 2 + sigma**2
@@ -80,7 +80,7 @@ def string(
     stiffness: float = 0.0,
     hardening: float = 0.0,
 ) -> list[Mat]:
-    """The core's STRING, spelled out for the oracle."""
+    """The core's STRING, expanded for the oracle."""
     edges = string_edges(masses, ends, stiffness)
     k, z = tune(edges, masses, M / masses, f, t60)
     return scene.mesh(
@@ -113,7 +113,7 @@ def plate(
     t60: float | None = None,
     hardening: float = 0.0,
 ) -> Mat:
-    """The core's free PLATE, spelled out; its centre."""
+    """The core's free PLATE, expanded; returns its centre."""
     edges, n = plate_edges(shape, radius)
     k, z = tune(edges, n, M / n, f, t60)
     return scene.mesh(

@@ -1,4 +1,4 @@
-"""Small scenes by chance: bodies, cells, hammers and keys that meet."""
+"""Small random scenes: bodies, cells, hammers and keys that meet."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class Dice:
         return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
 
     def whole(self, low: int, high: int) -> int:
-        """low … high, both of them too."""
+        """low … high, both inclusive."""
         return int(self.rng.integers(low, high + 1))
 
     def chance(self, p: float) -> bool:
@@ -28,7 +28,9 @@ class Dice:
 
 
 def body(scene: Scene, dice: Dice, count: int, *, even: bool = True) -> list[Mat]:
-    """A row of masses held at one end, with a chord or two; `even`: damped as its springs are."""
+    """A row of masses held at one end, with one or two chords; `even`: damping is proportional to
+    stiffness.
+    """
     M, f = dice.by_ratio(1e-3, 3e-2), dice.by_ratio(60.0, 800.0)
     K, beta = M * (2.0 * np.pi * f) ** 2, dice.by_ratio(1e-7, 1e-5) * dice.chance(0.7)
 
@@ -59,7 +61,7 @@ def cell(scene: Scene, dice: Dice, name: str) -> Mat:
 
 
 def strikes(scene: Scene, dice: Dice, mats: list[Mat]) -> None:
-    """Between frames; so hard that masses leave at up to 1 m/s."""
+    """Strikes between frames, so hard that masses leave at up to 1 m/s."""
     for _ in range(dice.whole(1, 3)):
         mat = mats[dice.whole(0, len(mats) - 1)]
         push = scene.mats[int(mat)].M * dice.between(-1.0, 1.0)
@@ -67,7 +69,7 @@ def strikes(scene: Scene, dice: Dice, mats: list[Mat]) -> None:
 
 
 def meet(scene: Scene, dice: Dice, striker: Mat, struck: Mat, index: int, *, gap: float) -> None:
-    """A contact that lasts from a millisecond up to ten, by the mass of the lighter one."""
+    """A contact that lasts one to ten milliseconds, by the mass of the lighter one."""
     light = min(scene.mats[int(mat)].M for mat in (striker, struck))
     K = light * (np.pi / dice.by_ratio(1e-3, 1e-2)) ** 2
     Z = dice.between(0.0, 0.1) * np.sqrt(K * light) if dice.chance(0.3) else 0.0
@@ -75,14 +77,14 @@ def meet(scene: Scene, dice: Dice, striker: Mat, struck: Mat, index: int, *, gap
 
 
 def hammer(scene: Scene, dice: Dice, name: str) -> tuple[Mat, float]:
-    """On its way; and the gap that its contact should have."""
+    """A moving hammer, and the gap of its contact."""
     gap = dice.between(0.0, 2e-3)
     away, M = dice.between(1e-4, 3e-3), dice.by_ratio(1e-3, 3e-2)
     return scene.mas(name, M=M, X0=-gap - away, V0=dice.between(0.1, 1.5)), gap
 
 
 def key(scene: Scene, dice: Dice, name: str) -> tuple[Mat, float]:
-    """Led by a hand; and the gap that its contact should have."""
+    """A key moved by a hand, and the gap of its contact."""
     mat = scene.cel("m", M=dice.by_ratio(0.05, 0.5), K=dice.by_ratio(20.0, 200.0), Z=1.0)
     times = np.cumsum([dice.between(0.0, 0.005), *(dice.between(0.012, 0.02) for _ in range(2))])
     path = [0.0, dice.between(1e-3, 4e-3), dice.between(-1e-3, 1e-3)]
@@ -91,10 +93,11 @@ def key(scene: Scene, dice: Dice, name: str) -> tuple[Mat, float]:
 
 
 def scene(seed: int, *, even: bool = True) -> Scene:
-    """One to three things that sound, each alone or met by a hammer or a key.
+    """One to three sounding bodies, each alone or hit by a hammer or a key.
 
-    `even` scenes are what a plan can do exactly but for their contacts: bodies are damped as their
-    springs are, and have masses enough to be cut out. The others are joined across as well.
+    A plan can compute `even` scenes exactly except for their contacts: damping is proportional
+    to stiffness, and bodies have enough masses to be cut out. Bodies of other scenes are also
+    joined across.
     """
     dice, made = Dice(seed), Scene()
     all_mats: list[Mat] = []

@@ -1,4 +1,4 @@
-"""The same scene in the core: one call that renders, one that compares."""
+"""The same scene in the core: one function renders, one compares."""
 
 from typing import Any
 

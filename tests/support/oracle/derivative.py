@@ -1,7 +1,8 @@
-"""Speed and acceleration of what was sampled, from the conditions that their formulas must meet.
+"""Speed and acceleration of a sampled signal, from the conditions that define their formulas.
 
-Both look at the 16 or 17 newest samples and are exact for every polynomial that so many samples
-know: their weights solve that system, in whole numbers. Before the first sample all stood still.
+Both use the 16 or 17 newest samples and are exact for every polynomial that so many samples
+determine: their weights solve that system, in rational numbers. Before the first sample the
+signal is constant.
 """
 
 from fractions import Fraction
@@ -12,7 +13,9 @@ SIDE = 8
 
 
 def weights(order: int) -> list[Fraction]:
-    """Of samples from the oldest to the newest, a frame apart, in the middle of them."""
+    """Weights of samples from the oldest to the newest, a frame apart, for the derivative in their
+    middle.
+    """
     middle = Fraction(2 * SIDE - 1, 2) if order == 1 else Fraction(SIDE)
     at = [Fraction(i) - middle for i in range(2 * SIDE if order == 1 else 2 * SIDE + 1)]
     # Σ w·t^p is the derivative of t^p at 0, for every power p.
@@ -34,6 +37,6 @@ def differentiated(x: np.ndarray, order: int, rate: float) -> np.ndarray:
         return x
     taps = np.array([float(w) for w in weights(order)])
     before = np.full(len(taps) - 1, x[0])
-    # Differences from the first sample: the weights of a derivative add up to nothing.
+    # Differences from the first sample: the weights of a derivative add up to 0.
     padded = np.concatenate([before, x]) - x[0]
     return np.convolve(padded, taps[::-1], "valid") * rate**order

@@ -167,7 +167,7 @@ def simulate(scene: Scene, rate: float, n_frames: int, *, link_start: bool = Tru
 
 
 def d_alone(point: Point, T: float) -> float:
-    """x[0] - x[-1] of a MAT without any link."""
+    """x[0] - x[-1] of a MAT without links."""
     if point.ca or not point.cel:
         return T * point.V0
     return backward(point, T)
@@ -204,7 +204,9 @@ def first_step(scene, x, kinds, ends, rows, T, forces, forced, path_at, link_sta
 
 
 def rub(scene, row, a, b, force):
-    """Dry friction just before t = 0: what is set off then came from the other side, and turned."""
+    """Dry friction just before t = 0. A MAT that is set off is taken to have come from the other
+    side and turned.
+    """
     ends = [(scene.mats[b], force[b], 1.0), (scene.mats[a], force[a], -1.0)]
     v = sum(sign * p.V0 for p, _, sign in ends)
     static = row[kernel.C0] - row[kernel.K]

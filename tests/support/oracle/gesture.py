@@ -13,14 +13,14 @@ def path(
 ) -> np.ndarray:
     """Positions [m] at `when` [s], evenly spaced; NaN before the first point and after the last.
 
-    A run of `smooth` points is one C4 quintic spline, at rest at both its ends; `line` is straight;
-    `hold` stays. `throw` has no path of its own.
+    A run of `smooth` points is one C4 quintic spline, at rest at both its ends; `line` is
+    straight; `hold` is constant. `throw` has no path of its own.
     """
     out = np.full(len(when), np.nan)
     step = when[1] - when[0]
 
     def sample(instant: float) -> float:
-        """The sample an instant falls on: the nearest, upwards from the middle [s]."""
+        """The nearest sample to an instant; halves are rounded up [s]."""
         return float(np.floor(instant * (1.0 / step) + 0.5) * step)
 
     i = 1
@@ -36,7 +36,8 @@ def path(
             part = make_interp_spline(np.array(t[i - 1 : i + 1]) - t[i - 1], x[i - 1 : i + 1], k=1)
         begin = sample(t[0]) if i == 1 else t[i - 1]
         end = sample(t[-1]) if j == len(t) - 1 else t[j]
-        # a thousandth of a sample of slack, so that an instant on the grid belongs to it
+        # tolerance of a thousandth of a sample, so that an instant on the grid belongs to the
+        # interval
         inside = (when >= begin - 1e-3 * step) & (when <= end + 1e-3 * step)
         out[inside] = part(np.clip(when[inside] - t[i - 1], 0.0, t[j] - t[i - 1]))
         i = j + 1
@@ -46,7 +47,9 @@ def path(
 def pushing(
     t: Sequence[float], x: Sequence[float], M: float, K: float, Z: float
 ) -> Callable[[float], float]:
-    """The force [N] at a time that leads a free CEL along a smooth run; none before and after."""
+    """The force [N] at a time that moves a free CEL along a smooth run; None before and after
+    it.
+    """
     part = make_interp_spline(t, x, k=5, bc_type=AT_REST)
     speed, acceleration = part.derivative(1), part.derivative(2)
 
@@ -61,9 +64,10 @@ def pushing(
 def ergons(
     asked: np.ndarray, kappa: float, zeta: float, g: float, x0: float, d0: float, rest: float
 ) -> np.ndarray:
-    """Forces F[n] [N] that move a free CEL or MAS to asked[n+1] wherever that is a number.
+    """Forces F[n] [N] that move a free CEL or MAS to asked[n+1] wherever that is not NaN.
 
-    asked (n_frames + 1,); g = T²/m. F = (X[n+1] - x̂[n+1])/g with x̂ the free copy without ergon.
+    asked (n_frames + 1,); g = T²/m. F = (X[n+1] - x̂[n+1])/g with x̂ the free copy without
+    ergon.
     """
     force = np.zeros(len(asked) - 1)
     x, d = x0, d0

@@ -21,7 +21,7 @@ def quotient(u, w, stiffness, exponent):
     """(V(u) - V(w))/(u - w) for V = K·p₊^(α+1)/(α+1)."""
     n = exponent + 1.0
     if min(u, w) > 0.0 and abs(u - w) < 0.1 * max(u, w):
-        # the difference loses its digits here: the mean of the force between w and u keeps them
+        # the difference loses digits here: the mean of the force between w and u does not
         q = 0.0
         for i in range(8):
             q += 0.5 * GAUSS_W[i] * (0.5 * (u + w) + 0.5 * (u - w) * GAUSS_X[i]) ** exponent
@@ -69,7 +69,7 @@ def closed_contact(p, w, beta, stiffness):
 
 @nb.njit
 def turned(v, gain, bound):
-    """The step after `v` that gains `gain`, of which dry friction takes at most `bound`."""
+    """The step after `v` that gains `gain`, reduced by dry friction by at most `bound`."""
     if v == 0.0 and abs(gain) <= bound:
         return 0.0
     way = 1.0 if (v > 0.0 or (v == 0.0 and gain > 0.0)) else -1.0
@@ -82,7 +82,9 @@ def turned(v, gain, bound):
 
 @nb.njit
 def friction(row, v, free, beta):
-    """Force [N] of dry friction on its first point: steps v and, without friction, `free` [m]."""
+    """Force [N] of dry friction on its first point, for the last step v and the step `free` [m]
+    without friction.
+    """
     level, static, speed = row[K], row[C0], row[C1]
     slow = np.exp(-((v * row[PER_V] / speed) ** 2))
     to = turned(v, free - v, beta * (level + (static - level) * slow))
@@ -171,7 +173,7 @@ def run(
                 y[a] += g[a] * on_a[j]
                 y[b] -= g[b] * on_a[j]
         while hit < len(hits) and hits[hit, 0] == n:
-            # p = 2mM/(m+M)·(v - V) with the centred velocity V, so that work is loss
+            # p = 2mM/(m+M)·(v - V) with the centred velocity V, so that work equals loss
             i = int(hits[hit, 1])
             y[i] += 2.0 * hits[hit, 2] / (1.0 + hits[hit, 2]) * (hits[hit, 3] - 0.5 * (y[i] + d[i]))
             hit += 1

@@ -18,7 +18,7 @@ KEYS = {
 
 
 def lone(rate: float = RATE, **parameters: float) -> tuple[Any, Any, int]:
-    """A key alone, its position the only output: (network, timeline, key)."""
+    """A key alone, with its position as the only output: (network, timeline, key)."""
     network = _core.Network()
     network.part("k1")
     kind = network.cel if len(parameters) > 1 else network.mas

@@ -53,7 +53,7 @@ class Law:
         return dict(self.constants).get("k", 0.0)
 
     def viscosity(self) -> float:
-        """Slope of the damping at rest [N·s/m], for the laws where it is a constant."""
+        """Slope of the damping at rest [N·s/m], for laws with constant damping."""
         return dict(self.constants).get("z", 0.0)
 
     def on(self, core: Any) -> Any:

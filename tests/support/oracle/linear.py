@@ -8,7 +8,7 @@ from oracle.scene import Scene
 
 
 def matrices(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M, K, Z (n_mat, n_mat) in SI, contacts closed and laws at their slope at rest."""
+    """M, K, Z (n_mat, n_mat) in SI, with contacts closed and laws linearised at rest."""
     n = len(scene.mats)
     M = np.diag([p.M for p in scene.mats])
     K = np.diag([p.K for p in scene.mats])

@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 
 @dataclass(frozen=True)
 class Link:
-    """Between two points: K·(distance - rest) + Z·rate; a contact only while that is below 0.
+    """A link between two points: K·(distance - rest) + Z·rate; a contact acts only if distance -
+    rest is below 0.
 
     With `normal` the first end is a plane; with `inside` a contact holds the second end in a
     sphere around the first. With `core` the spring falls off as Plummer's attraction does.

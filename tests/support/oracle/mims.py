@@ -1,8 +1,8 @@
 """Models of MIMS (v1) and mi-gen (v2) played step by step, from the laws of their libraries alone.
 
-Plain Python, one list a mass: [position, last step, force]; of a macro rows of an array. The
-libraries keep two positions instead; the sum is the same but for rounding, which the last step
-keeps small. It reads correct models only.
+Plain Python, one list a mass: [position, last step, force]; for a macro rows of an array. The
+libraries keep two positions instead; the result is the same except for rounding, which is
+smaller with the last step. It reads correct models only.
 """
 
 import math
@@ -19,7 +19,7 @@ STRINGS = ("string", "stiffString", "chain")
 
 @dataclass
 class Played:
-    """The parts of a model that is played: what is done in each step, in order."""
+    """The parts of a model to play: the actions of each step, in order."""
 
     is_v1: bool
     laws: str
@@ -39,7 +39,7 @@ class Played:
         return float(eval(text, {"sqrt": math.sqrt}, dict(self.params)))
 
     def values(self, texts: Sequence[str]) -> Callable[[], list[float]]:
-        """Values at each step: once for all where no signal is there."""
+        """Values at each step; computed once if there is no signal."""
         if not any(signal in text for signal in self.signals for text in texts):
             found = [self.value(text) for text in texts]
             return lambda: found

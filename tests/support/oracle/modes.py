@@ -11,7 +11,9 @@ _PROPORTIONAL = 1e-8  # what digits leave between modes, relative to their dampi
 
 
 def free(x: Any, v: Any, lam: Any, z: Any, t: np.ndarray) -> np.ndarray:
-    """(n_t, n_modes): where x" + z·x' + λ·x = 0 is a time t after x and v; zero before it."""
+    """(n_t, n_modes): x at time t of x" + z·x' + λ·x = 0, started at x and v; zero before the
+    start.
+    """
     after = np.clip(t, 0.0, None)[:, None]
     root = np.sqrt((z * z / 4.0 - lam).astype(complex))
     near = np.where(np.abs(root) < 1e-12, 1e-12, root)  # both poles in one: next to it
@@ -27,7 +29,8 @@ def modes(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     root = np.sqrt(np.diag(M)[at])
     stiffness, damping = (m[np.ix_(at, at)] / np.outer(root, root) for m in (K, Z))
     _, shapes = np.linalg.eigh(stiffness)
-    # What rounding does to a low mode of a stiff body is seen: ωt is large. A quotient forgives it.
+    # ωt is large, so rounding of a low eigenvalue of a stiff body is visible. A Rayleigh quotient
+    # in long double is insensitive to it.
     wide = shapes.astype(np.longdouble)
     lam = np.einsum("im,ij,jm->m", wide, stiffness.astype(np.longdouble), wide)
     lam /= np.sum(wide * wide, axis=0)

@@ -17,7 +17,7 @@ def solve(
 ) -> np.ndarray:
     """State (x and v of every MAT) at `when` [s]: (2, len(when), n_mat). Undriven scenes.
 
-    `push`: forces on all MATs at a time.
+    `push`: forces on all MATs as a function of time.
     """
     n = len(scene.mats)
     mass = np.array([p.M for p in scene.mats])

@@ -1,4 +1,4 @@
-"""Scenes as a plan plays them, and how far one sound is from another."""
+"""Scenes computed by a plan, and the difference of two sounds."""
 
 from typing import Any
 
@@ -32,7 +32,7 @@ def how(scene: Scene, rate: float, **wishes: Any) -> list[tuple[str, str]]:
 
 
 def error_db(y: np.ndarray, x: np.ndarray) -> float:
-    """20·log10 of ‖y - x‖/‖x‖, of the worst output; x is the truth, its mean no sound."""
+    """20·log10 of ‖y - x‖/‖x‖, of the worst output; x is the reference, with its mean removed."""
     sounds = np.linalg.norm(x - x.mean(axis=0), axis=0)
     assert (sounds > 0.0).all(), "an output of the scene is silent: it compares nothing"
     worst = float((np.linalg.norm(y - x, axis=0) / sounds).max())

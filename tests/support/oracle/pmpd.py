@@ -32,7 +32,7 @@ def _power(x: float, exponent: float) -> float:
 
 
 def audio(text: str, n_frames: int, inputs: Mapping[int, Sequence[float]] = {}) -> np.ndarray:
-    """What the outlets of pmpd~ give (n_frames, n_outlets)."""
+    """The outlets of pmpd~ (n_frames, n_outlets)."""
     masses: list[Thing] = []
     links: list[Thing] = []
     springs: list[Thing] = []

@@ -1,4 +1,4 @@
-"""A scene written once: as rows for the oracle's loop and as calls on the core."""
+"""A scene written once, both as rows for the oracle's loop and as calls on the core."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -59,7 +59,7 @@ class Link:
 
 @dataclass
 class Gesture:
-    """A written gesture of a key: dense, or one throw a point where curve says so."""
+    """A written gesture of a key: dense, or one throw for each point whose curve says so."""
 
     key: int
     t: Sequence[float]
@@ -70,7 +70,7 @@ class Gesture:
 
 @dataclass
 class Scene:
-    """Builder with the core's own words. Every adding method also remembers the core's call."""
+    """Builder with the core's own names. Every adding method also records the core's call."""
 
     mats: list[Point] = field(default_factory=list)
     lias: list[Link] = field(default_factory=list)
@@ -157,7 +157,7 @@ class Scene:
         q: float,
         **kw: Any,
     ) -> list[Mat]:
-        """A generator of the core spelled out: edges (i, j, factor of k); i = -1 is the ground."""
+        """A generator of the core, expanded: edges (i, j, factor of k); i = -1 is the ground."""
         first = len(self.mats)
         self.mats += [Point(M=m, ca=self.ca, part=self.at_part) for _ in range(count)]
         if any(i < 0 for i, _, _ in edges):
@@ -169,7 +169,7 @@ class Scene:
             self.lias.append(
                 Link("lnl" if q else "ref", a, first + j, K=s * k, Z=s * z, law=law, ca=self.ca)
             )
-        # A plate's masses may be numbered otherwise in the core: only its centre is the same there.
+        # The core may number a plate's masses differently: only its centre is the same there.
         kind = "centre" if method == "plate" else "mat"
         self._call(
             "net", method, name, made=made[:1] if kind == "centre" else made, kind=kind, **kw
@@ -267,7 +267,9 @@ class Scene:
         curve: Callable[[np.ndarray], np.ndarray] | None = None,
         **kw: Any,
     ) -> None:
-        """A constant, or `curve(t)` here and the same movement as `take=` (and at, scale) there."""
+        """A constant, or `curve(t)` in the oracle and the same movement as `take=` (with at, scale)
+        in the core.
+        """
         if kind == "position":
             self._call("net", "impose", mat)
         value = constant

@@ -1,4 +1,4 @@
-"""Scenes that several tests play: random linear networks, and one with a bit of everything."""
+"""Scenes shared by several tests: random linear networks, and one with many features."""
 
 import numpy as np
 
@@ -75,7 +75,7 @@ def whole(seconds: float = 1.0) -> Scene:
     scene.part("links")
     hit = scene.but("hit", one, bell, K=900.0, Z=0.1, gap=1e-3)
     felt = scene.but("felt", two, mats[9], K=3e5, exponent=1.5, Z=0.05, gap=5e-4)
-    # A light Z: the oracle takes it times a difference of positions, which rounds at 1e-18 m.
+    # A small Z: the oracle multiplies it by a difference of positions, which rounds at 1e-18 m.
     push = scene.but("push", one, centre, K=600.0, gap=2e-3, clamp=True, Z=0.02)
     hook = scene.but("hook", two, old, K=300.0, gap=5e-4, side="above")
     scene.ref("duet", one, two, K=40.0, Z=0.2)
@@ -89,8 +89,8 @@ def whole(seconds: float = 1.0) -> Scene:
         scene.listen(name, forces=[(link, 1.0)])
     scene.listen("hook", forces=[(hook, 1.0), (rub, 0.5)])
     ada, remi = scene.key("k1", one), scene.key("k2", two)
-    # Both end with the second that is compared: released, a key keeps the last rounding of its path
-    # as a speed, 1e-17 m a sample, and carries it 1e-14 m far.
+    # Both gestures end with the compared second. A released key keeps the last rounding of its path
+    # as a speed of 1e-17 m a sample, and so drifts by 1e-14 m.
     scene.gesture(ada, [0.0, 0.2, 0.4, 1.0], [0.0, 6e-3, 1e-3, 0.0], SMOOTH[:4])
     scene.gesture(
         remi, [0.0, 0.1, 0.3, 0.45, 1.0], [0.0, 3e-3, 3e-3, -3e-3, 0.0],
