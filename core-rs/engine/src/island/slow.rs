@@ -347,11 +347,11 @@ impl RunningSlow {
     }
 
     /// Set all positions to 0, and each velocity to a random one, scaled to equal energy.
-    pub(crate) fn stir(&mut self, mut chance: impl FnMut() -> f64) {
+    pub(crate) fn randomise(&mut self, mut random: impl FnMut() -> f64) {
         self.x.fill(0.0);
         self.was.fill(0.0);
         for (v, w) in self.v.iter_mut().zip(&self.plan.w) {
-            *v = chance() * w.sqrt();
+            *v = random() * w.sqrt();
         }
     }
 

@@ -55,7 +55,7 @@ impl Loudness {
     }
 
     /// The loudness of these modes relative to all, the largest over outputs and spans [dB].
-    pub(in crate::plan) fn beside(&self, all: &Self) -> f64 {
+    pub(in crate::plan) fn relative_to(&self, all: &Self) -> f64 {
         let ratios = self.0.iter().flatten().zip(all.0.iter().flatten());
         let heard = ratios.filter(|(_, all)| **all > 0.0);
         10.0 * log10(heard.map(|(some, all)| some / all).fold(1e-40, f64::max))

@@ -8,8 +8,8 @@ use crate::island::mesh::Mesh;
 use crate::maths::sqrt;
 use crate::network::{Error, Network};
 use crate::plan::budget::Budget;
-use crate::plan::passes::body::heard;
-use crate::plan::passes::split::local as links_of;
+use crate::plan::passes::body::output_sums;
+use crate::plan::passes::split::local_links;
 use crate::plan::passes::wiring::Body;
 use crate::timeline::{Lead, Timeline, greatest, pushes};
 use crate::units::Rate;
@@ -79,12 +79,14 @@ pub(in crate::plan) fn mesh(
     let leads: Vec<Lead> = timeline
         .leads
         .iter()
-        .filter_map(|lead| links_of(&subset, lead.links()).map(|(first, len)| lead.on(first, len)))
+        .filter_map(|lead| {
+            local_links(&subset, lead.links()).map(|(first, len)| lead.on(first, len))
+        })
         .collect();
     let stiffest = greatest(&subset.network, &leads).ok()?;
     let is_led = !leads.is_empty();
     let (way, substeps) = match pin {
-        Some(&[way, substeps] | &[way, substeps, IN_PLACE]) => {
+        Some(&[way, substeps] | &[way, substeps, REPLACES_MODES]) => {
             (*MeshMethod::ALL.get(way as usize)?, substeps)
         }
         Some(_) => return None,
@@ -97,11 +99,11 @@ pub(in crate::plan) fn mesh(
             }
             MethodChoice::Stepped | MethodChoice::Plain { has_bodies: false } => return None,
             MethodChoice::Unconditional if !is_led => choose(&stiffest, rate, budget, true)?,
-            _ if is_led => choose_led(&stiffest, rate, budget)?,
+            _ if is_led => choose_for_led(&stiffest, rate, budget)?,
             _ => choose(&stiffest, rate, budget, false)?,
         },
     };
-    let outputs = heard(&subset.network).ok()?;
+    let outputs = output_sums(&subset.network).ok()?;
     let local = |mat: u32| subset.mat(mat as usize);
     let ports = body
         .ports
@@ -133,7 +135,7 @@ pub(in crate::plan) fn mesh(
 ///
 /// # Errors
 /// With the name of a module of it.
-pub(in crate::plan) fn takes(
+pub(in crate::plan) fn check_supported(
     network: &Network,
     rate: Rate,
     body: &Body,
@@ -157,7 +159,7 @@ fn is_discrete(network: &Network, own: &Network) -> bool {
 
 /// A third number of a mesh: it is stepped although it could go by modes. (Numbers of modes rise, so 0 cannot come last
 /// among them.)
-pub(in crate::plan) const IN_PLACE: u32 = 0;
+pub(in crate::plan) const REPLACES_MODES: u32 = 0;
 
 /// The method of a mesh, as numbers of a [`crate::plan::Choice`].
 pub(in crate::plan) fn numbers(mesh: &Mesh) -> Vec<u32> {
@@ -167,7 +169,7 @@ pub(in crate::plan) fn numbers(mesh: &Mesh) -> Vec<u32> {
 
 /// BM4 with as many steps as the budget asks for: among the methods only BM4 preserves, to its own order, the action of
 /// an oscillation of changing frequency, and so its amplitude.
-fn choose_led(network: &Network, rate: Rate, budget: &Budget) -> Option<(MeshMethod, u32)> {
+fn choose_for_led(network: &Network, rate: Rate, budget: &Budget) -> Option<(MeshMethod, u32)> {
     let way = MeshMethod::Bm4;
     let mut stable = [1, 2, 4]
         .into_iter()
@@ -189,7 +191,7 @@ fn choose(
     is_safe: bool,
 ) -> Option<(MeshMethod, u32)> {
     if let Budget::Method(method) = budget {
-        let way = method.way()?;
+        let way = method.mesh_method()?;
         return certify(network, rate, way, 1).ok().map(|_| (way, 1));
     }
     // The highest frequency of the mesh at rest; CA shifts it to 2·asin(√λ/2).

@@ -72,7 +72,7 @@ pub(super) fn slow(
     let mut slow = found.slow(rate, (part, every), body, subset)?;
     let missing = |&(own, mat): &(usize, usize)| {
         if is_struck(mat) {
-            missing(&flow, &frame, own, is_discrete)
+            missing_response(&flow, &frame, own, is_discrete)
         } else {
             Vec::new()
         }
@@ -82,7 +82,12 @@ pub(super) fn slow(
 }
 
 /// For pushes at each frame between two kicks: the part of their effect that is still missing at the end.
-fn missing(flow: &Flow, frame: &Square, own: usize, is_discrete: bool) -> Vec<[Vec<f64>; 2]> {
+fn missing_response(
+    flow: &Flow,
+    frame: &Square,
+    own: usize,
+    is_discrete: bool,
+) -> Vec<[Vec<f64>; 2]> {
     let n = flow.keep.n;
     let mut moved = vec![0.0; 2 * n];
     moved[n + own] = 1.0;
