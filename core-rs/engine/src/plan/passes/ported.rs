@@ -500,7 +500,7 @@ pub(in crate::plan) fn set_free(hub: &mut Network, inside: &BodyPlan) {
                 step * step
             };
             for (at, port) in modal.ports.iter().enumerate() {
-                hub.set_free(port.mat, unit / modal.give(at));
+                hub.set_free(port.mat, unit / modal.port_compliance(at));
             }
         }
         BodyPlan::Mesh(mesh) => {
