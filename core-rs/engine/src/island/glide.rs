@@ -97,9 +97,9 @@ pub(super) fn glides(
     let mut refused = Vec::new();
     // One scheme gives each MAT one set of parameters, so every round computes the next set of each glide.
     for round in 0..ties.iter().map(Vec::len).max().unwrap_or(0) {
-        let here = || round_ties(&ties, round);
+        let this_round = || round_ties(&ties, round);
         let mut other = network.clone();
-        for (at, own) in here() {
+        for (at, own) in this_round() {
             if let Some(own) = own {
                 other.retie(found[at].mat, own);
             }
@@ -111,7 +111,7 @@ pub(super) fn glides(
                 continue;
             }
         };
-        for (at, own) in here() {
+        for (at, own) in this_round() {
             let scheme = if own.is_some() { &other } else { scheme };
             let glide = &mut found[at];
             let mat = glide.mat;

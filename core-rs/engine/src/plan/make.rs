@@ -499,13 +499,13 @@ fn check_method(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<
     };
     let own = subset.network.runs().iter().find(law);
     match (method.mesh_method(), own) {
-        (Some(way), Some(run)) if !island.island_plan.bodies.iter().any(is_mesh) => {
+        (Some(mesh_method), Some(run)) if !island.island_plan.bodies.iter().any(is_mesh) => {
             Err(Error::Refused {
                 module: subset.network.link_name(run.first),
                 message: format!(
                     "the method {} cannot compute this link: an output hears its force, it ends on a key or a driven \
                      mass, or the method lacks its law; write `method: ca`, or an `error` such as -60dB instead",
-                    way.facts().name
+                    mesh_method.facts().name
                 ),
             })
         }

@@ -12,7 +12,7 @@ use crate::units::Rate;
 const FIRST: f64 = 0.1;
 const TIMES: usize = 10;
 /// Frames at once.
-const ROOM: usize = 256;
+const BLOCK: usize = 256;
 
 /// Energy that each output heard, up to the end of each span   (TIMES, n_out)
 pub(in crate::plan) struct Loudness(Vec<Vec<f64>>);
@@ -32,13 +32,13 @@ impl Loudness {
                 blow.0 -= from;
             }
         }
-        let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, ROOM, false);
+        let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, BLOCK, false);
         let span = (FIRST * rate.hertz()) as usize;
-        let mut sound = vec![0.0; ROOM * n_out];
+        let mut sound = vec![0.0; BLOCK * n_out];
         let mut sums = vec![0.0; n_out];
         let spans = (0..TIMES).map(|_| {
-            for at in (0..span).step_by(ROOM) {
-                let n_frames = ROOM.min(span - at);
+            for at in (0..span).step_by(BLOCK) {
+                let n_frames = BLOCK.min(span - at);
                 let sound = &mut sound[..n_frames * n_out];
                 sound.fill(0.0);
                 playing.process(sound, n_out, n_frames);

@@ -141,7 +141,7 @@ pub(in crate::plan) fn check_supported(
     let Budget::Method(method) = budget else {
         return Ok(());
     };
-    let Some(way) = method.mesh_method() else {
+    let Some(mesh_method) = method.mesh_method() else {
         return Ok(());
     };
     let mut wiring = Wiring::new(network, timeline);
@@ -149,7 +149,7 @@ pub(in crate::plan) fn check_supported(
         wiring.take(&body.mats);
     }
     let bodies = wiring.bodies(network, true, true);
-    let check = |body: &Body| mesh::check_supported(network, timeline.rate, body, way);
+    let check = |body: &Body| mesh::check_supported(network, timeline.rate, body, mesh_method);
     bodies.iter().try_for_each(check)
 }
 

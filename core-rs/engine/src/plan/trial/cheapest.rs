@@ -78,8 +78,8 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         (found, cost): (&Candidate, f64),
         of_contacts: Option<f64>,
     ) -> Result<Option<Candidate>, Error> {
-        let way = self.cheaper((found, cost), of_contacts);
-        Ok(unless_spent(way)?.flatten())
+        let variant = self.cheaper((found, cost), of_contacts);
+        Ok(unless_spent(variant)?.flatten())
     }
 
     fn cheaper(
@@ -95,9 +95,9 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         let aim = self.budget.asked() - margin;
         let mut refused: Vec<Refused> = Vec::new();
         let mut reference = Reference::of(found, of_contacts);
-        for way in self.variants(WORTH * cost) {
-            let plan = &way.island_plan;
-            let (shape, oversampling) = (way.shape, plan.oversampling);
+        for variant in self.variants(WORTH * cost) {
+            let plan = &variant.island_plan;
+            let (shape, oversampling) = (variant.shape, plan.oversampling);
             let is_in_vain = |other: &Refused| {
                 let doublings = (oversampling / other.oversampling).max(1).ilog2();
                 let falls = ORDERS.1 * DOUBLING * f64::from(doublings);
@@ -137,7 +137,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                         error: most,
                         contact_substeps: substeps,
                         oversampling,
-                        island: way,
+                        island: variant,
                         run,
                         ..found.clone()
                     }));
@@ -236,27 +236,32 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             ]
             .map(|choice| (times, choice))
         };
-        let fixed =
-            MESH_METHODS.map(|way| [(1, MethodChoice::Meshes(way)), (1, MethodChoice::All(way))]);
+        let fixed = MESH_METHODS.map(|method| {
+            [
+                (1, MethodChoice::Meshes(method)),
+                (1, MethodChoice::All(method)),
+            ]
+        });
         let all = times.flat_map(at).chain(fixed.into_iter().flatten());
         let mut found: Vec<(f64, Assembled)> = Vec::new();
         for how in all {
-            let Ok(mut way) = (self.assemble)(how) else {
+            let Ok(mut variant) = (self.assemble)(how) else {
                 continue;
             };
-            way.island_plan.contact_substeps = self.contact_substeps(&way);
-            let plan = &way.island_plan;
+            variant.island_plan.contact_substeps = self.contact_substeps(&variant);
+            let plan = &variant.island_plan;
             let cost = plan.cost();
             // A way with bit for bit the same cost is the same way under another name.
             let is_same =
                 |known: &Assembled| known.island_plan.contact_substeps == plan.contact_substeps;
-            let is_known = (found.iter()).any(|(known, way)| *known == cost && is_same(way));
+            let is_known =
+                (found.iter()).any(|(known, variant)| *known == cost && is_same(variant));
             if !is_known && cost <= most && is_affordable(plan, self.n_frames) {
-                found.push((cost, way));
+                found.push((cost, variant));
             }
         }
         found.sort_by(|(one, _), (other, _)| one.total_cmp(other));
-        found.into_iter().map(|(_, way)| way).collect()
+        found.into_iter().map(|(_, variant)| variant).collect()
     }
 }
 

@@ -195,13 +195,13 @@ fn choose_runs(
         let spent = allowance.spent().0 - before;
         let affordable = allowance.share_left(SEARCH_COST * spent);
         share.set(affordable * heard(frames) / heard(excerpt.n_frames));
-        affordable == 1.0 || frames <= spans.only(1).end()
+        affordable == 1.0 || frames <= spans.shortened(1).end()
     })?;
     let parts = (PARTS as f64 * share.get()) as usize;
     if parts >= PARTS {
         return Ok((runs, spans));
     }
-    let spans = spans.only(parts);
+    let spans = spans.shortened(parts);
     let excerpt = Excerpt {
         n_frames: spans.end(),
         ..excerpt

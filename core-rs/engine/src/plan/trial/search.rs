@@ -300,8 +300,8 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
             }
         }
         let next = best.method_index.map_or(0, |method_index| method_index + 1);
-        for (method_index, &way) in MESH_METHODS.iter().enumerate().skip(next) {
-            let how = (best.oversampling, MethodChoice::All(way));
+        for (method_index, &method) in MESH_METHODS.iter().enumerate().skip(next) {
+            let how = (best.oversampling, MethodChoice::All(method));
             let candidate = self.measure(how, Some(method_index), None, (best, METHOD_GAIN))?;
             let is_better = |candidate: &Candidate| candidate.beats(best, METHOD_GAIN, self.budget);
             if let Some(candidate) = candidate.filter(is_better) {

@@ -83,7 +83,7 @@ impl Spans {
     }
 
     /// The same spans over a shorter time after the first event: `parts` of `PARTS`, at least one.
-    pub(in crate::plan) fn only(&self, parts: usize) -> Self {
+    pub(in crate::plan) fn shortened(&self, parts: usize) -> Self {
         let event = self.event();
         let third = (self.end() - event) * parts.clamp(1, PARTS) / PARTS / 3;
         let end = event + 3 * third;
@@ -100,7 +100,7 @@ impl Spans {
 
     /// Frames after which an unfinished run is compared, so that it may be stopped early: one in the first span, and
     /// the ends of all spans but the last.
-    pub(in crate::plan) fn looks(&self) -> [usize; 3] {
+    pub(in crate::plan) fn checkpoints(&self) -> [usize; 3] {
         let [first, second, _] = self.frames;
         [
             first - (first - self.event()) * (EARLY.0 - 1) / EARLY.0,
@@ -122,8 +122,8 @@ impl Spans {
 pub(in crate::plan) struct EarlyComparison<'a> {
     against: &'a [f64],
     spans: &'a Spans,
-    /// Looks already made.
-    n_looks: usize,
+    /// Checkpoints already passed.
+    n_checked: usize,
     /// Lower bound of the difference over the whole run [dB].
     pub(in crate::plan) lower_bound: f64,
 }
@@ -133,22 +133,25 @@ impl<'a> EarlyComparison<'a> {
         Self {
             against,
             spans,
-            n_looks: 0,
+            n_checked: 0,
             lower_bound: f64::NEG_INFINITY,
         }
     }
 
-    /// Returns the lower bound of the difference over the whole run [dB] if a new look is due after `n_frames` of its
+    /// Returns the lower bound of the difference over the whole run [dB] if another checkpoint is passed after `n_frames` of its
     /// sound.
     pub(in crate::plan) fn update(&mut self, n_frames: usize, sound: &[f64]) -> Option<f64> {
-        let looks = self.spans.looks();
-        let n = looks.iter().filter(|look| **look <= n_frames).count();
-        if n <= self.n_looks {
+        let checkpoints = self.spans.checkpoints();
+        let n = checkpoints
+            .iter()
+            .filter(|checkpoint| **checkpoint <= n_frames)
+            .count();
+        if n <= self.n_checked {
             return None;
         }
-        self.n_looks = n;
+        self.n_checked = n;
         let early = if n == 1 { EARLY.1 } else { 0.0 };
-        let own = self.spans.within(looks[n - 1]);
+        let own = self.spans.within(checkpoints[n - 1]);
         let apart = difference(sound, self.against, &own) - early;
         self.lower_bound = self.lower_bound.max(apart);
         Some(self.lower_bound)
@@ -199,7 +202,7 @@ mod tests {
         let all = spans();
         assert_eq!((all.event(), all.end()), (60, 360));
         for (parts, end) in [(0, 108), (1, 108), (3, 210), (4, 258), (6, 360), (99, 360)] {
-            let only = all.only(parts);
+            let only = all.shortened(parts);
             assert_eq!((only.event(), only.end()), (60, end));
         }
     }
