@@ -138,8 +138,8 @@ impl<'a> EarlyComparison<'a> {
         }
     }
 
-    /// Returns the lower bound of the difference over the whole run [dB] if another checkpoint is passed after `n_frames` of its
-    /// sound.
+    /// Returns the lower bound of the difference over the whole run [dB] if another checkpoint is passed after
+    /// `n_frames` of its sound.
     pub(in crate::plan) fn update(&mut self, n_frames: usize, sound: &[f64]) -> Option<f64> {
         let checkpoints = self.spans.checkpoints();
         let n = checkpoints
