@@ -17,7 +17,7 @@ use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::report::Report;
 use crate::gesture::script::Touch;
 use crate::guard::{Guard, Limit};
-use crate::island::written_hand::free::{FreeKey, Motion};
+use crate::island::written_hand::free::{FreeKey, FreeMotion};
 use crate::island::written_hand::voice::{Voice, VoiceScript};
 use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::thread_team::ThreadTeam;
@@ -99,7 +99,7 @@ impl Island {
         kernel::proxies::join(&scheme, &mut body); // bodies have moved their ports
         let fine = fine(links, &scheme, &network, &mut bodies, steps, timeline);
         let gestures = framed(timeline);
-        let (scripts, voices) = hands(&network, timeline, &gestures, plans)?;
+        let (scripts, voices) = build_voices(&network, timeline, &gestures, plans)?;
         let ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
         let guard = if options.unchecked || timeline.is_unguarded {
             None // the run has to show when it really diverges
@@ -125,7 +125,7 @@ impl Island {
         let is_accounted =
             timeline.leads.is_empty() && !network.follows() && !has_hand && !options.unchecked;
         let gains = is_accounted.then(|| Gains::new(&scheme)).flatten();
-        let led = super::glide::led(&mut scheme, &network, timeline);
+        let led = super::glide::bind_leads(&mut scheme, &network, timeline);
         let glides = super::glide::glides(&network, timeline, &scheme)?;
         let mut laws = Laws::new(&scheme);
         laws.mesh_partition =
@@ -146,7 +146,7 @@ impl Island {
         let changes = !glides.is_empty() || !led.is_empty() || network.follows();
         let gliding = changes.then(|| {
             let mut gliding = scheme.changing();
-            super::glide::weigh(&scheme, &mut gliding, &body.x);
+            super::glide::apply_following_masses(&scheme, &mut gliding, &body.x);
             gliding
         });
         let ledger = options.ledger.then(|| {
@@ -259,19 +259,19 @@ fn positions(network: &Network, timeline: &Timeline, drives: &[Drive]) -> Vec<f6
 
 /// Fuses springs into one pass, except those that are led and those whose forces are heard or reported by a gesture.
 fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript], timeline: &Timeline) {
-    let mut is_told = vec![false; network.n_lia()];
+    let mut is_excluded = vec![false; network.n_lia()];
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         if let Term::Force { first, len, .. } = *term {
-            is_told[first..first + len].fill(true);
+            is_excluded[first..first + len].fill(true);
         }
     }
-    for &(link, _) in scripts.iter().flat_map(|script| &script.meets) {
-        is_told[link] = true;
+    for &(link, _) in scripts.iter().flat_map(|script| &script.outer_links) {
+        is_excluded[link] = true;
     }
     for lead in &timeline.leads {
-        is_told[lead.links()].fill(true);
+        is_excluded[lead.links()].fill(true);
     }
-    scheme.fuse(|link| is_told[link]);
+    scheme.fuse(|link| is_excluded[link]);
 }
 
 /// Contacts and laws that are computed finer than a frame.
@@ -288,7 +288,7 @@ fn fine(
     }
     let fine = Fine::new(links, network, scheme, bodies, steps, timeline);
     for modal in bodies.iter_mut().filter_map(inside::RunningBody::modal_mut) {
-        modal.divide(fine.instants());
+        modal.make_tables(fine.instants());
     }
     Some(fine)
 }
@@ -332,7 +332,7 @@ pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
 }
 
 /// Links that join a MAT to other parts, each with the MAT at its other end.
-fn meets(network: &Network, mat: usize) -> Vec<(usize, usize)> {
+fn outer_links(network: &Network, mat: usize) -> Vec<(usize, usize)> {
     let part = &network.mats().part;
     let mut found = Vec::new();
     for run in network.runs() {
@@ -366,7 +366,7 @@ fn framed(timeline: &Timeline) -> Vec<FramedGesture> {
 }
 
 /// The voices of all keys: one for the successive gestures of a key, and one for each gesture with `layer`.
-fn hands(
+fn build_voices(
     network: &Network,
     timeline: &Timeline,
     gestures: &[FramedGesture],
@@ -382,7 +382,7 @@ fn hands(
         let start = |i: usize| gestures[i].gesture.start;
         own.sort_by(|&i, &j| start(i).total_cmp(&start(j)));
         for &i in &own {
-            fits(&gestures[i], &free, known, timeline.rate)?;
+            check_playable(&gestures[i], &free, known, timeline.rate)?;
         }
         let (layers, line): (Vec<usize>, Vec<usize>) = own
             .into_iter()
@@ -393,7 +393,7 @@ fn hands(
             free,
             gestures: line,
             layer: false,
-            meets: meets(network, known.struck),
+            outer_links: outer_links(network, known.struck),
         };
         voices.push(Voice::new(&script, motion));
         scripts.push(script.clone());
@@ -417,7 +417,7 @@ pub(super) fn free_key(
     timeline: &Timeline,
     key: &Key,
     bodies: &[BodyPlan],
-) -> Result<(FreeKey, Motion), Error> {
+) -> Result<(FreeKey, FreeMotion), Error> {
     let mats = network.mats();
     if !mats.kind[key.struck].moves() {
         return Err(Error::Refused {
@@ -479,7 +479,12 @@ pub(super) fn free_key(
 }
 
 /// Refuses a gesture that its key cannot play.
-fn fits(gesture: &FramedGesture, free: &FreeKey, key: &Key, rate: Rate) -> Result<(), Error> {
+fn check_playable(
+    gesture: &FramedGesture,
+    free: &FreeKey,
+    key: &Key,
+    rate: Rate,
+) -> Result<(), Error> {
     let manner = gesture.gesture.manner;
     let refuse = |message| {
         Err(Error::Refused {

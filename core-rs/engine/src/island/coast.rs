@@ -14,11 +14,11 @@ use crate::state::Body;
 use crate::timeline::{Drive, Source};
 
 /// Fewer steps are not worth coasting.
-const LEAST: usize = 2;
+const STEPS_MIN: usize = 2;
 /// Steps for which one bound on the swing of masses is valid: rounding adds less than about [`SLACK`] to it.
-const FAR: usize = 1024;
+const BOUND_STEPS: usize = 1024;
 /// Steps until the next attempt at such a bound.
-const AGAIN: usize = 32;
+const RETRY_STEPS: usize = 32;
 /// Share by which bounds on the swing are enlarged for rounding.
 const SLACK: f64 = 1e-6;
 
@@ -60,7 +60,7 @@ impl Island {
         let ergon = ergon.map(|(frame, _)| *frame);
         let voices = state.voices.iter().zip(&script.voices);
         let voices =
-            voices.map(|(voice, own)| voice.left_until(own, &script.gestures).unwrap_or(n));
+            voices.map(|(voice, own)| voice.idle_until(own, &script.gestures).unwrap_or(n));
         let pending = state.impulses.iter().any(|&impulse| impulse != 0.0);
         let events = push.into_iter().chain(ergon).chain(voices);
         let events = events.chain(pending.then_some(n));
@@ -68,7 +68,7 @@ impl Island {
         let modals = state.bodies.iter().filter_map(inside::RunningBody::modal);
         let ahead = modals.map(super::modal::RunningModal::ahead);
         let most = quiet.chain(ahead).fold(to - from, usize::min);
-        if most < LEAST {
+        if most < STEPS_MIN {
             return Ok(0);
         }
         // The motion without forces is needed here: forces of the step before are cleared.
@@ -81,9 +81,9 @@ impl Island {
             if done >= open_until.max(next_look) {
                 let swing = |mat| swing(scheme, &state.body, mat);
                 if fine.cannot_close(scheme, swing, SLACK) {
-                    open_until = done + FAR;
+                    open_until = done + BOUND_STEPS;
                 }
-                next_look = done + AGAIN;
+                next_look = done + RETRY_STEPS;
             }
             if done == 0 {
                 fine.rest(&mut state.body);
@@ -96,7 +96,7 @@ impl Island {
             let at = n + done as u64;
             state.mutes.fade(at, scheme, out);
             for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
-                voice.drift(own, &mut state.reports, at);
+                voice.step_idle(own, &mut state.reports, at);
             }
             sound = kernel::advance(
                 scheme,

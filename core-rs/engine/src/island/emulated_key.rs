@@ -1,7 +1,7 @@
 //! A key on its own, stepped force by force: the mechanics of an emulated device.
 
 use super::build::free_key;
-use super::written_hand::free::{FreeKey, Motion};
+use super::written_hand::free::{FreeKey, FreeMotion};
 use crate::kernel::Laws;
 use crate::network::{Error, Network};
 use crate::state::Target;
@@ -28,7 +28,7 @@ use crate::units::Rate;
 #[derive(Clone, Debug)]
 pub struct EmulatedKey {
     free: FreeKey,
-    motion: Motion,
+    motion: FreeMotion,
     laws: Laws,
     targets: Vec<Target>,
     frame: u64,

@@ -1,9 +1,9 @@
 //! Accounts of energy, and energy that was created beyond them.
 
 /// Created energy is reported above this share of the energy that was there.
-const TOLD: f64 = 0.01;
+const REPORT_SHARE: f64 = 0.01;
 /// It is a fault above this share: then there is twice as much energy as there was.
-const BORNE: f64 = 1.0;
+const FAULT_SHARE: f64 = 1.0;
 
 /// Account of the energy that something took [J].
 #[derive(Clone, Copy, Debug, Default)]
@@ -22,16 +22,20 @@ crate::archive::state!(Account { held, most });
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub(crate) struct Gain {
     /// Energy given or stored beyond the energy taken.
-    pub(crate) made: f64,
+    pub(crate) created: f64,
     /// Energy that was there without it.
-    pub(crate) of: f64,
+    pub(crate) reference: f64,
     /// The step at which it was found.
     pub(crate) frame: u64,
 }
 
 crate::archive::option!(Gain, maybe);
 
-crate::archive::state!(Gain { made, of, frame });
+crate::archive::state!(Gain {
+    created,
+    reference,
+    frame
+});
 
 impl Account {
     /// The account of something that stores `stored` [J] already.
@@ -43,13 +47,13 @@ impl Account {
     }
 
     pub(crate) fn take(&mut self, work: f64) {
-        self.take_beside(work, 0.0);
+        self.take_from_masses(work, 0.0);
     }
 
     /// Add work that was taken from masses whose energy is `around` after it.
     ///
     /// Work that is taken raises `held` and lowers `around`, so their sum never counts created energy.
-    pub(crate) fn take_beside(&mut self, work: f64, around: f64) {
+    pub(crate) fn take_from_masses(&mut self, work: f64, around: f64) {
         self.held += work;
         self.most = self.most.max(self.held + around);
     }
@@ -61,7 +65,7 @@ impl Account {
 
     /// Whether more energy was given than was ever taken, even if none is stored.
     pub(super) fn is_overdrawn(&self) -> bool {
-        self.held < -TOLD * self.most
+        self.held < -REPORT_SHARE * self.most
     }
 
     /// The energy created so far, if `stored` is stored now and masses nearby have the energy `around`.
@@ -69,40 +73,44 @@ impl Account {
     /// It is compared with the most energy since the account began, so that losses since then do not turn it into a
     /// fault.
     pub(crate) fn gain(&mut self, stored: f64, around: f64, frame: u64) -> Gain {
-        self.take_beside(0.0, around);
-        let made = stored - self.held;
+        self.take_from_masses(0.0, around);
+        let created = stored - self.held;
         // A link that pushes away from its rest position stores negative energy.
-        let of = self.most.max(-stored);
-        Gain { made, of, frame }
+        let reference = self.most.max(-stored);
+        Gain {
+            created,
+            reference,
+            frame,
+        }
     }
 }
 
 impl Gain {
     /// The message about it.
     pub(crate) fn sentence(&self, module: &str, seconds: f64) -> String {
-        let [made, of] = [self.made, self.of].map(joules);
+        let [created, reference] = [self.created, self.reference].map(joules);
         format!(
-            "{module} created energy: {made} until {seconds:.3} s, where the system held {of}; it is too stiff for \
-             the time step: reduce K or raise the rate"
+            "{module} created energy: {created} until {seconds:.3} s, where the system held {reference}; it is too \
+             stiff for the time step: reduce K or raise the rate"
         )
     }
 
     /// Whether it is large enough to be reported.
-    pub(crate) fn is_told(&self) -> bool {
-        self.made > TOLD * self.of
+    pub(crate) fn is_reportable(&self) -> bool {
+        self.created > REPORT_SHARE * self.reference
     }
 
     /// Whether it is so large that the part has to stop.
     pub(super) fn is_fault(&self) -> bool {
-        self.made > BORNE * self.of
+        self.created > FAULT_SHARE * self.reference
     }
 
     fn is_worse(&self, other: &Self) -> bool {
-        self.made * other.of > other.made * self.of
+        self.created * other.reference > other.created * self.reference
     }
 
     /// The worse of two.
-    pub(crate) fn worst(self, other: Option<Self>) -> Self {
+    pub(crate) fn worse_of(self, other: Option<Self>) -> Self {
         other.filter(|other| !self.is_worse(other)).unwrap_or(self)
     }
 }

@@ -22,7 +22,7 @@ const ACTIVE: (f64, f64) = (1e-2, 10.0);
 
 /// The account of one link, added to at every step.
 #[derive(Clone, Debug)]
-struct Taken {
+struct LinkWork {
     a: usize,
     b: usize,
     link: usize,
@@ -31,10 +31,10 @@ struct Taken {
     force: f64,
     account: Account,
     /// The same along each axis, for a link in space.
-    space: Option<TakenInSpace>,
+    space: Option<SpaceWork>,
 }
 
-crate::archive::state!(Taken {
+crate::archive::state!(LinkWork {
     stretch,
     force,
     account,
@@ -43,18 +43,18 @@ crate::archive::state!(Taken {
 
 /// What a link in space did in the step before, along each axis.
 #[derive(Clone, Debug)]
-struct TakenInSpace {
+struct SpaceWork {
     link: SpaceLink,
     /// [m a step], and the force that pulls its ends together [N].
     stretch: [f64; AXES_MAX],
     force: [f64; AXES_MAX],
 }
 
-crate::archive::option!(TakenInSpace, fixed);
+crate::archive::option!(SpaceWork, fixed);
 
-crate::archive::state!(TakenInSpace { stretch, force });
+crate::archive::state!(SpaceWork { stretch, force });
 
-impl TakenInSpace {
+impl SpaceWork {
     fn new(link: SpaceLink) -> Self {
         let (stretch, force) = ([0.0; AXES_MAX], [0.0; AXES_MAX]);
         Self {
@@ -99,7 +99,7 @@ crate::archive::state!(Watched {
 /// All links that may create energy.
 #[derive(Clone, Debug)]
 pub(super) struct Gains {
-    taken: Vec<Taken>,
+    link_work: Vec<LinkWork>,
     links: Vec<Watched>,
     pairs: Option<PairGains>,
     /// Whether accounts begin at this step.
@@ -109,7 +109,7 @@ pub(super) struct Gains {
 crate::archive::option!(Box<Gains>, fixed);
 
 crate::archive::state!(Gains {
-    taken,
+    link_work,
     links,
     pairs,
     is_fresh
@@ -133,8 +133,8 @@ impl Gains {
                     _ => run.len <= LONGEST,
                 },
                 Kind::Lnl { law, .. } => {
-                    let is_told = law.is_shared() || law.is_active(ACTIVE.0, ACTIVE.1);
-                    run.len <= LONGEST && !is_told
+                    let is_exempt = law.is_shared() || law.is_active(ACTIVE.0, ACTIVE.1);
+                    run.len <= LONGEST && !is_exempt
                 }
             };
             may && run.gate.is_none()
@@ -158,7 +158,7 @@ impl Gains {
                 worst: None,
             })
             .collect();
-        let taken = links.iter().map(|Watched { run, .. }| Taken {
+        let link_work = links.iter().map(|Watched { run, .. }| LinkWork {
             a: run.a,
             b: run.b,
             link: run.first,
@@ -166,15 +166,15 @@ impl Gains {
             force: 0.0,
             account: Account::default(),
             space: match &run.kind {
-                Kind::Space(link) => Some(TakenInSpace::new(link.clone())),
+                Kind::Space(link) => Some(SpaceWork::new(link.clone())),
                 _ => None,
             },
         });
-        let taken = taken.collect();
+        let link_work = link_work.collect();
         let pairs = PairGains::new(scheme);
         (!links.is_empty() || pairs.is_some()).then(|| {
             Box::new(Self {
-                taken,
+                link_work,
                 links,
                 pairs,
                 is_fresh: true,
@@ -190,9 +190,10 @@ impl Gains {
     /// Remove links that end on the marked MATs (n_mat).
     pub(super) fn release(&mut self, mats: &[bool]) {
         let stays = |a: usize, b: usize| !mats[a] && !mats[b];
-        self.taken.retain(|taken| stays(taken.a, taken.b));
+        self.link_work
+            .retain(|link_work| stays(link_work.a, link_work.b));
         self.links.retain(|link| stays(link.run.a, link.run.b));
-        self.pairs.take_if(|pairs| pairs.meets(mats));
+        self.pairs.take_if(|pairs| pairs.touches(mats));
         self.restart();
     }
 
@@ -203,24 +204,24 @@ impl Gains {
             self.begin(body);
             return;
         }
-        for taken in &mut self.taken {
-            let force = body.link[taken.link];
-            if force == 0.0 && taken.force == 0.0 {
+        for link_work in &mut self.link_work {
+            let force = body.link[link_work.link];
+            if force == 0.0 && link_work.force == 0.0 {
                 continue;
             }
-            let ends = (taken.a, taken.b);
-            let (work, kinetic) = if let Some(space) = &mut taken.space {
+            let ends = (link_work.a, link_work.b);
+            let (work, kinetic) = if let Some(space) = &mut link_work.space {
                 let work = space.step(ends, force, body);
                 let axes = (0..space.link.n_axes).map(|axis| space.link.pair(ends, axis));
                 (work, axes.map(|ends| kinetic(ends, scheme, body)).sum())
             } else {
-                let stretch = body.d[taken.b] - body.d[taken.a];
-                let work = 0.5 * (taken.stretch + stretch) * taken.force;
-                taken.stretch = stretch;
+                let stretch = body.d[link_work.b] - body.d[link_work.a];
+                let work = 0.5 * (link_work.stretch + stretch) * link_work.force;
+                link_work.stretch = stretch;
                 (work, kinetic(ends, scheme, body))
             };
-            taken.account.take_beside(work, kinetic);
-            taken.force = force;
+            link_work.account.take_from_masses(work, kinetic);
+            link_work.force = force;
         }
         if let Some(pairs) = &mut self.pairs {
             pairs.step(body);
@@ -229,12 +230,12 @@ impl Gains {
 
     #[cold]
     fn begin(&mut self, body: &Body) {
-        for (taken, link) in self.taken.iter_mut().zip(&mut self.links) {
-            taken.account = Account::default();
-            taken.stretch = body.d[taken.b] - body.d[taken.a];
-            taken.force = body.link[taken.link];
-            if let Some(space) = &mut taken.space {
-                space.step((taken.a, taken.b), taken.force, body);
+        for (link_work, link) in self.link_work.iter_mut().zip(&mut self.links) {
+            link_work.account = Account::default();
+            link_work.stretch = body.d[link_work.b] - body.d[link_work.a];
+            link_work.force = body.link[link_work.link];
+            if let Some(space) = &mut link_work.space {
+                space.step((link_work.a, link_work.b), link_work.force, body);
             }
             (link.from, link.is_whole) = (elongations(&link.run, body), false);
         }
@@ -247,7 +248,7 @@ impl Gains {
 
 impl Watched {
     /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses.
-    fn look(
+    fn check(
         &mut self,
         account: &mut Account,
         body: &Body,
@@ -264,10 +265,10 @@ impl Watched {
         }
         let stored = stored(&self.run, elongations(&self.run, body));
         let gain = account.gain(stored, around(), n);
-        if !gain.is_told() || gain.made <= rounding(&self.run, body) {
+        if !gain.is_reportable() || gain.created <= rounding(&self.run, body) {
             return None;
         }
-        self.worst = Some(gain.worst(self.worst));
+        self.worst = Some(gain.worse_of(self.worst));
         Some(gain)
     }
 }
@@ -344,30 +345,30 @@ impl Island {
 
     /// Check the accounts; stop, or mute, if a part created too much.
     #[cold]
-    pub(super) fn look_for_gains(&mut self) -> Result<(), Fault> {
+    pub(super) fn check_gains(&mut self) -> Result<(), Fault> {
         let n = self.state.frame;
         let mut faults: Vec<(String, usize, Gain)> = Vec::new();
         if let Some(gains) = &mut self.state.gains {
             let scheme = self.state.scheme.as_deref().unwrap_or(&self.script.scheme);
             let body = &self.state.body;
             let around = || around(scheme, body);
-            for (taken, link) in gains.taken.iter_mut().zip(&mut gains.links) {
-                let found = link.look(&mut taken.account, body, around, n);
+            for (link_work, link) in gains.link_work.iter_mut().zip(&mut gains.links) {
+                let found = link.check(&mut link_work.account, body, around, n);
                 if let Some(gain) = found.filter(Gain::is_fault) {
-                    let (a, b) = (taken.a, taken.b);
+                    let (a, b) = (link_work.a, link_work.b);
                     let part = scheme.part[if scheme.w[a] > 0.0 { a } else { b }] as usize;
-                    faults.push((self.network.link_name(taken.link), part, gain));
+                    faults.push((self.network.link_name(link_work.link), part, gain));
                 }
             }
             if let Some(pairs) = &mut gains.pairs
-                && let Some(gain) = pairs.look(body, around, n).filter(Gain::is_fault)
+                && let Some(gain) = pairs.check(body, around, n).filter(Gain::is_fault)
             {
                 let part = scheme.part[pairs.moving_mat(scheme)] as usize;
                 faults.push((self.network.link_name(pairs.first_link()), part, gain));
             }
         }
         for body in &mut self.state.bodies {
-            if let Some(gain) = body.look_for_gain(n).filter(Gain::is_fault)
+            if let Some(gain) = body.check_gain(n).filter(Gain::is_fault)
                 && let Some((module, part)) = body.first_module()
             {
                 faults.push((module, part, gain));
@@ -378,7 +379,7 @@ impl Island {
         faults.retain(|(_, part, _)| parts[*part].ca_rate.is_none());
         for (module, part, gain) in faults {
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.told(module, part, Some(gain)));
+                return Err(self.fault_of(module, part, Some(gain)));
             }
             if !self.state.mutes.is_mute(part) {
                 self.mute(part, n);

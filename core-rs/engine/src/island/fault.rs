@@ -125,21 +125,21 @@ impl Island {
             .find_map(inside::RunningBody::culprit)
         {
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.told(module, part, None));
+                return Err(self.fault_of(module, part, None));
             }
             self.mute(part, n);
         }
         while let Some(mat) = self.state.body.x.iter().position(|&x| !kernel::sound(x)) {
             let part = self.script.scheme.part[mat] as usize;
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.told(self.network.mat_name(mat), part, None));
+                return Err(self.fault_of(self.network.mat_name(mat), part, None));
             }
             self.mute(part, n);
         }
         Ok(())
     }
 
-    pub(super) fn told(&self, module: String, part: usize, gain: Option<Gain>) -> Fault {
+    pub(super) fn fault_of(&self, module: String, part: usize, gain: Option<Gain>) -> Fault {
         let seconds = self.state.frame as f64 / self.script.scheme.rate;
         Fault {
             gain: gain.map(|gain| gain.sentence(&module, seconds)),
@@ -170,32 +170,32 @@ impl Island {
             state.body.d[mat] = 0.0;
             (scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]) = (0.0, 0.0, 0.0);
         }
-        let lets_go = |a: usize, b: usize, len: usize| {
+        let touches_part = |a: usize, b: usize, len: usize| {
             ours[a..a + len]
                 .iter()
                 .chain(&ours[b..b + len])
                 .any(|&ours| ours)
         };
         let mut cut = vec![false; scheme.n_lia];
-        let run_lets_go = |run: &crate::scheme::Run| {
+        let run_touches_part = |run: &crate::scheme::Run| {
             if let Some(pairs) = run.pairwise() {
                 return pairs.spans().any(|span| ours[span].contains(&true));
             }
             (0..run.n_axes()).any(|axis| {
                 let (a, b) = run.pair(0, axis);
-                lets_go(a, b, run.len)
+                touches_part(a, b, run.len)
             })
         };
         let all = scheme.runs.iter().chain(&scheme.exact);
-        for run in all.filter(|run| run_lets_go(run)) {
+        for run in all.filter(|run| run_touches_part(run)) {
             let span = run.first..run.first + run.len;
             state.body.link[span.clone()].fill(0.0);
             cut[span].fill(true);
         }
-        scheme.runs.retain(|run| !run_lets_go(run));
-        let meets = |spring: &Spring| lets_go(spring.a, spring.b, spring.len);
+        scheme.runs.retain(|run| !run_touches_part(run));
+        let meets = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
         scheme.fused.retain(|spring| !meets(spring));
-        scheme.exact.retain(|run| !run_lets_go(run));
+        scheme.exact.retain(|run| !run_touches_part(run));
         if let Some(mesh_partition) = &mut state.laws.mesh_partition {
             mesh_partition.cut_again(&scheme.fused);
         }

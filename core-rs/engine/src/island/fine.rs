@@ -405,7 +405,7 @@ impl Fine {
             match joint.port {
                 Some((owner, port)) => {
                     if let Some(modal) = bodies[owner].modal_mut() {
-                        modal.way(port, values);
+                        modal.port_positions(port, values);
                     }
                 }
                 None => {
@@ -465,7 +465,7 @@ impl Fine {
             match (joint.port, &joint.cell) {
                 (Some((owner, port)), _) => {
                     if let Some(modal) = bodies[owner].modal_mut() {
-                        modal.give(port, pushed, body);
+                        modal.take_impulses(port, pushed, body);
                     }
                 }
                 (None, Some(_)) => {

@@ -22,7 +22,7 @@ pub(super) struct Glide {
     points: Vec<(u64, usize)>,
     numbers: Vec<Numbers>,
     /// ln(θ/sin θ) of each, where θ is the angle of a step   (as `numbers`)
-    bends: Vec<f64>,
+    amplitude_corrections: Vec<f64>,
 }
 
 impl Glide {
@@ -45,11 +45,12 @@ impl Glide {
         let [w, kappa, zeta, ground] = std::array::from_fn(|i| from[i] + (to[i] - from[i]) * share);
         // A continuous oscillation whose frequency ω changes slowly keeps ω times its squared amplitude; the samples of
         // this recurrence keep sin θ times it. The poles are moved outwards by the difference.
-        let bend = (self.bends[after] - self.bends[before]) / (stop - start) as f64;
+        let correction = (self.amplitude_corrections[after] - self.amplitude_corrections[before])
+            / (stop - start) as f64;
         [
             w,
-            kappa + 0.5 * bend * (zeta - kappa),
-            zeta + (1.0 - zeta) * bend,
+            kappa + 0.5 * correction * (zeta - kappa),
+            zeta + (1.0 - zeta) * correction,
             ground,
         ]
     }
@@ -89,16 +90,16 @@ pub(super) fn glides(
             mat: glide.mat,
             points,
             numbers: Vec::with_capacity(own.len()),
-            bends: Vec::with_capacity(own.len()),
+            amplitude_corrections: Vec::with_capacity(own.len()),
         });
         ties.push(own);
     }
     let mut refused = Vec::new();
     // One scheme gives each MAT one set of parameters, so every round computes the next set of each glide.
     for round in 0..ties.iter().map(Vec::len).max().unwrap_or(0) {
-        let here = || found_at(&ties, round);
+        let this_round = || round_ties(&ties, round);
         let mut other = network.clone();
-        for (at, own) in here() {
+        for (at, own) in this_round() {
             if let Some(own) = own {
                 other.retie(found[at].mat, own);
             }
@@ -110,7 +111,7 @@ pub(super) fn glides(
                 continue;
             }
         };
-        for (at, own) in here() {
+        for (at, own) in this_round() {
             let scheme = if own.is_some() { &other } else { scheme };
             let glide = &mut found[at];
             let mat = glide.mat;
@@ -120,12 +121,12 @@ pub(super) fn glides(
                 .parts()
                 .get(part)
                 .is_some_and(|part| part.ca_rate.is_some());
-            let bend = if is_ca {
+            let correction = if is_ca {
                 0.0
             } else {
-                bend(Ratios { kappa, zeta })
+                amplitude_correction(Ratios { kappa, zeta })
             };
-            glide.bends.push(bend);
+            glide.amplitude_corrections.push(correction);
             glide
                 .numbers
                 .push([scheme.w[mat], kappa, zeta, scheme.ground[mat]]);
@@ -138,7 +139,7 @@ pub(super) fn glides(
 }
 
 /// ln(θ/sin θ) of an oscillation of angle θ a step; 0 if there is none, or it is too near the Nyquist frequency.
-fn bend(own: Ratios) -> f64 {
+fn amplitude_correction(own: Ratios) -> f64 {
     let root = sqrt(1.0 - own.zeta);
     let loss = own.zeta / (1.0 + root);
     let half = (own.kappa - loss * loss) / (4.0 * root);
@@ -150,7 +151,7 @@ fn bend(own: Ratios) -> f64 {
 }
 
 /// The glides that have parameters in a round: index of the glide, and its parameters.
-fn found_at(
+fn round_ties(
     ties: &[Vec<Option<Ties>>],
     round: usize,
 ) -> impl Iterator<Item = (usize, Option<Ties>)> + '_ {
@@ -159,7 +160,7 @@ fn found_at(
 }
 
 /// Write the parameters of frame `n` into `now`; muted MATs are left out.
-pub(super) fn turn(glides: &[Glide], own: &Scheme, now: &mut Scheme, n: u64) {
+pub(super) fn apply_glides(glides: &[Glide], own: &Scheme, now: &mut Scheme, n: u64) {
     for glide in glides.iter().filter(|glide| own.w[glide.mat] != 0.0) {
         let mat = glide.mat;
         let numbers = glide.at(n);
@@ -168,7 +169,7 @@ pub(super) fn turn(glides: &[Glide], own: &Scheme, now: &mut Scheme, n: u64) {
 }
 
 /// Write 1/M of masses that follow MATs into `now`, for MATs at `x` [m]; muted masses are left out.
-pub(super) fn weigh(own: &Scheme, now: &mut Scheme, x: &[f64]) {
+pub(super) fn apply_following_masses(own: &Scheme, now: &mut Scheme, x: &[f64]) {
     for mass in &own.following_masses {
         if now.w[mass.mat] != 0.0 {
             now.w[mass.mat] = own.w[mass.mat] * mass.lightness(|mat| x[mat]);
@@ -177,7 +178,7 @@ pub(super) fn weigh(own: &Scheme, now: &mut Scheme, x: &[f64]) {
 }
 
 /// Give the parameters of frames `n` and `n` + 1 to what is computed between them.
-pub(super) fn between(glides: &[Glide], own: &Scheme, fine: &mut Fine, n: u64) {
+pub(super) fn pass_to_fine(glides: &[Glide], own: &Scheme, fine: &mut Fine, n: u64) {
     for glide in glides.iter().filter(|glide| own.w[glide.mat] != 0.0) {
         let numbers = [n, n + 1].map(|n| glide.at(n));
         fine.glide(
@@ -204,7 +205,7 @@ enum Place {
 }
 
 /// The runs of a scheme that are led; from now on each has its K and Z as numbers.
-pub(super) fn led(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -> Vec<Led> {
+pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -> Vec<Led> {
     let mut found = Vec::new();
     for lead in &timeline.leads {
         for run in network
@@ -228,7 +229,13 @@ pub(super) fn led(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -
 }
 
 /// Write K and Z of frame `n` into `now`.
-pub(super) fn lead(all: &[Led], own: &Scheme, now: &mut Scheme, fine: &mut Option<Fine>, n: u64) {
+pub(super) fn apply_leads(
+    all: &[Led],
+    own: &Scheme,
+    now: &mut Scheme,
+    fine: &mut Option<Fine>,
+    n: u64,
+) {
     for Led { lead, place } in all {
         let (own, now) = match *place {
             Place::Run(at) => (&own.runs[at], &mut now.runs[at]),

@@ -279,10 +279,10 @@ impl RunningBody {
     }
 
     /// Check whether it created energy.
-    pub(super) fn look_for_gain(&mut self, n: u64) -> Option<Gain> {
+    pub(super) fn check_gain(&mut self, n: u64) -> Option<Gain> {
         match self {
             Self::Modal(_) | Self::Slow(_) => None,
-            Self::Mesh(mesh) => mesh.look_for_gain(n),
+            Self::Mesh(mesh) => mesh.check_gain(n),
         }
     }
 

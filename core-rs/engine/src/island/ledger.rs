@@ -287,8 +287,8 @@ impl Ledger {
                     .add(0.25 * scheme.zeta[i] / scheme.w[i] * s(i) * s(i));
             }
             if body.outside[i] != 0.0 {
-                let way = finer.map_or_else(|| 0.5 * s(i), |way| way[i]);
-                self.injected.add(way * body.outside[i]);
+                let travel = finer.map_or_else(|| 0.5 * s(i), |travel| travel[i]);
+                self.injected.add(travel * body.outside[i]);
             }
         }
         for (target, hold) in targets.iter().zip(&self.hold) {

@@ -39,7 +39,7 @@ pub(crate) struct RunningMesh {
     /// Positions of the ports one frame ago, and the steps that followed from inertia and outside forces alone [m]
     /// (n_ports)
     previous: Vec<f64>,
-    own: Vec<f64>,
+    inertial_steps: Vec<f64>,
     next: usize,
     /// Factor on all velocities at each frame.
     damped: f64,
@@ -52,14 +52,22 @@ impl State for RunningMesh {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         archive.list(&mut self.impulses)?;
         state_of!(
-            self, archive, integrator, previous, own, next, damped, account, worst
+            self,
+            archive,
+            integrator,
+            previous,
+            inertial_steps,
+            next,
+            damped,
+            account,
+            worst
         )
     }
 }
 
 impl Mesh {
     /// Whether its method steps over motions that are faster than frames, without following them.
-    pub(crate) fn leaps(&self) -> bool {
+    pub(crate) fn steps_over_fast_motion(&self) -> bool {
         matches!(self.way, MeshMethod::Ieq | MeshMethod::Trapezoid)
     }
 
@@ -93,7 +101,7 @@ impl RunningMesh {
         let at_once = plan.strikes.chunk_by(|a, b| a.0 == b.0).map(<[_]>::len);
         Ok(Self {
             previous: before.collect(),
-            own: velocities.iter().map(|v| v * step).collect(),
+            inertial_steps: velocities.iter().map(|v| v * step).collect(),
             impulses: Vec::with_capacity(ports.len() + at_once.max().unwrap_or(0)),
             next: 0,
             damped: 1.0,
@@ -127,7 +135,7 @@ impl RunningMesh {
             .plan
             .ports
             .iter()
-            .zip(self.previous.iter_mut().zip(&mut self.own));
+            .zip(self.previous.iter_mut().zip(&mut self.inertial_steps));
         for (&(port, _), (previous, own)) in ports {
             let (x, step) = self.integrator.motion(port);
             (*previous, *own) = (x - step, step);
@@ -151,7 +159,7 @@ impl RunningMesh {
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.integrator, &mut old.integrator);
         std::mem::swap(&mut self.previous, &mut old.previous);
-        std::mem::swap(&mut self.own, &mut old.own);
+        std::mem::swap(&mut self.inertial_steps, &mut old.inertial_steps);
         std::mem::swap(&mut self.account, &mut old.account);
     }
 
@@ -197,7 +205,7 @@ impl RunningMesh {
     /// forces made.
     pub(crate) fn place(&self, body: &mut Body) {
         let x = self.integrator.positions();
-        let memory = self.previous.iter().zip(&self.own);
+        let memory = self.previous.iter().zip(&self.inertial_steps);
         for (&(own, mat), (previous, alone)) in self.plan.ports.iter().zip(memory) {
             let step = x[own] - previous;
             body.x[mat] = x[own];
@@ -214,7 +222,7 @@ impl RunningMesh {
             let x = self.integrator.positions()[own];
             let mass = self.plan.network.mats().m[own];
             // The next step without the mesh's own forces: inertia, and the force at the port.
-            self.own[row] = (x - self.previous[row]) + force[mat] * step * step / mass;
+            self.inertial_steps[row] = (x - self.previous[row]) + force[mat] * step * step / mass;
             self.previous[row] = x;
             if force[mat] != 0.0 {
                 self.impulses.push((own, force[mat] * step));
@@ -250,15 +258,15 @@ impl RunningMesh {
     }
 
     /// Check whether it created energy by frame `n`.
-    pub(super) fn look_for_gain(&mut self, n: u64) -> Option<Gain> {
+    pub(super) fn check_gain(&mut self, n: u64) -> Option<Gain> {
         let gain = self
             .account
             .as_mut()?
             .gain(self.integrator.stored(), 0.0, n);
-        if !gain.is_told() {
+        if !gain.is_reportable() {
             return None;
         }
-        self.worst = Some(gain.worst(self.worst));
+        self.worst = Some(gain.worse_of(self.worst));
         Some(gain)
     }
 

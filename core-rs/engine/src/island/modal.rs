@@ -38,7 +38,7 @@ pub(crate) struct RunningModal {
     at: usize,
     until: usize,
     /// Positions of the ports one frame ago   (n_ports)
-    was: Vec<f64>,
+    previous: Vec<f64>,
     sums: Vec<Sum>,
     kicks: Vec<Lanes>,
     /// What impulses between frames have still to add to the modes.
@@ -60,7 +60,7 @@ crate::archive::state!(RunningModal {
     seen,
     at,
     until,
-    was,
+    previous,
     kicks,
     pending,
     has_pending,
@@ -97,7 +97,7 @@ impl RunningModal {
             seen: vec![0.0; n_rows * ROOM],
             at: 0,
             until: 0,
-            was: plan
+            previous: plan
                 .ports
                 .iter()
                 .map(|port| sum(&port.shape, |mode| mode.before))
@@ -122,7 +122,7 @@ impl RunningModal {
         {
             playing.seen[row * ROOM] = sum(shape, |mode| mode.now);
         }
-        playing.follow(0);
+        playing.compute_ahead(0);
         playing
     }
 
@@ -151,14 +151,14 @@ impl RunningModal {
         for (row, port) in self.script.plan.ports.iter().enumerate() {
             let own = &self.seen[row * ROOM..(row + 1) * ROOM];
             let (now, next) = (own[at], own[at + 1]);
-            let was = if frames == 0 {
-                self.was[row]
+            let previous = if frames == 0 {
+                self.previous[row]
             } else {
                 own[at - 1]
             };
             body.x[port.mat] = now + port.rest;
-            body.d[port.mat] = now - was;
-            body.inner[port.mat] = (next - now) - (now - was);
+            body.d[port.mat] = now - previous;
+            body.inner[port.mat] = (next - now) - (now - previous);
         }
     }
 
@@ -178,7 +178,7 @@ impl RunningModal {
     }
 
     /// For a body at rest: move the present by `frames`, which may be negative, within the frames ahead.
-    pub(crate) fn turn(&mut self, frames: i64) {
+    pub(crate) fn shift_frames(&mut self, frames: i64) {
         self.at = (self.at as i64 + frames).rem_euclid(self.until as i64) as usize;
     }
 
@@ -188,8 +188,8 @@ impl RunningModal {
             return;
         }
         self.at += frames;
-        for (row, was) in self.was.iter_mut().enumerate() {
-            *was = self.seen[row * ROOM + self.at - 1];
+        for (row, previous) in self.previous.iter_mut().enumerate() {
+            *previous = self.seen[row * ROOM + self.at - 1];
         }
         self.quiet = self.quiet.saturating_add(frames as u32).min(QUIET);
     }
@@ -202,7 +202,7 @@ impl RunningModal {
         }
         let script = self.script.clone();
         let due = |next: usize| script.blows.get(next).filter(|blow| is_due(blow));
-        self.back(&script);
+        self.discard_ahead(&script);
         if self.has_pending {
             std::mem::swap(&mut self.kicks, &mut self.pending);
             self.kick(&script);
@@ -264,13 +264,13 @@ impl RunningModal {
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let mut is_pushed = false;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
-            self.was[row] = self.seen[row * ROOM + self.at];
+            self.previous[row] = self.seen[row * ROOM + self.at];
             self.forces[row] = force[port.mat];
             is_pushed |= self.forces[row] != 0.0;
         }
         if is_pushed {
             let script = self.script.clone();
-            self.back(&script);
+            self.discard_ahead(&script);
             self.push(&script);
             self.quiet = 0;
         } else {
@@ -278,7 +278,7 @@ impl RunningModal {
         }
         self.at += 1;
         if self.at == self.until {
-            self.follow(n + 1);
+            self.compute_ahead(n + 1);
         }
     }
 
@@ -286,7 +286,7 @@ impl RunningModal {
     pub(crate) fn damp(&mut self, by: f64) {
         let script = self.script.clone();
         // The frames ahead were computed without it.
-        self.back(&script);
+        self.discard_ahead(&script);
         self.is_damped = by < 1.0;
         for (damped, rates) in self.damped.iter_mut().zip(&script.rates) {
             rates.faded(by, damped);
@@ -296,7 +296,7 @@ impl RunningModal {
     /// Amplitudes of its modes at this frame and the one before   (n_modes each)
     pub(crate) fn amplitudes(&mut self, now: &mut [f64], before: &mut [f64]) {
         let script = self.script.clone();
-        self.back(&script);
+        self.discard_ahead(&script);
         let rates = if self.is_damped {
             &self.damped
         } else {
@@ -360,9 +360,9 @@ impl RunningModal {
                 seen[1] += ports::see(&rows[row], &motion.now);
             }
         }
-        for (row, was) in self.was.iter_mut().enumerate() {
+        for (row, previous) in self.previous.iter_mut().enumerate() {
             let each = self.saved.iter().zip(&script.rows);
-            *was = each
+            *previous = each
                 .map(|(saved, rows)| ports::see(&rows[row], &saved.before))
                 .sum();
         }
@@ -379,7 +379,7 @@ impl RunningModal {
         std::mem::swap(&mut self.motions, &mut old.motions);
         std::mem::swap(&mut self.saved, &mut old.saved);
         std::mem::swap(&mut self.seen, &mut old.seen);
-        std::mem::swap(&mut self.was, &mut old.was);
+        std::mem::swap(&mut self.previous, &mut old.previous);
         std::mem::swap(&mut self.pending, &mut old.pending);
         (self.at, self.until) = (old.at, old.until);
         (self.has_pending, self.quiet) = (old.has_pending, old.quiet);
@@ -397,7 +397,7 @@ impl RunningModal {
     }
 
     /// Bring the motions back to one frame ahead of the present.
-    fn back(&mut self, script: &Script) {
+    fn discard_ahead(&mut self, script: &Script) {
         if self.until > self.at + 1 {
             self.until = self.at + 1;
             self.motions.clone_from_slice(&self.saved);
@@ -413,7 +413,7 @@ impl RunningModal {
     }
 
     /// Compute the free motion from the present, frame `n`, up to the next known strike at most.
-    fn follow(&mut self, n: u64) {
+    fn compute_ahead(&mut self, n: u64) {
         let script = self.script.clone();
         let blow = script.blows.get(self.next);
         let free = blow.map_or(u64::MAX, |blow| blow.0.saturating_sub(n));

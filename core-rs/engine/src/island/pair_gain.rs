@@ -16,7 +16,7 @@ const LANES: usize = 8;
 /// The account of all these contacts.
 #[derive(Clone, Debug)]
 pub(super) struct PairGains {
-    crowds: Vec<Crowd>,
+    pair_contacts: Vec<PairContacts>,
     /// The step before: last steps [m], and forces of the contacts [N]   (n_mat each)
     d: Vec<f64>,
     force: Vec<f64>,
@@ -44,7 +44,7 @@ crate::archive::state!(PairGains {
 
 /// One run of contacts of all pairs.
 #[derive(Clone, Debug)]
-struct Crowd {
+struct PairContacts {
     run: PairRun,
     first: usize,
     room: usize,
@@ -59,9 +59,9 @@ impl PairGains {
             let run = own.pairwise()?;
             Some((own, run))
         });
-        let crowds: Vec<Crowd> = runs
+        let pair_contacts: Vec<PairContacts> = runs
             .clone()
-            .map(|(own, run)| Crowd {
+            .map(|(own, run)| PairContacts {
                 first: own.first,
                 room: own.room(),
                 k: own.k,
@@ -71,8 +71,8 @@ impl PairGains {
             .collect();
         let room = || vec![0.0; scheme.n_mat()];
         let is_gated = runs.clone().any(|(own, _)| own.gate.is_some());
-        (!crowds.is_empty() && !is_gated).then(|| Self {
-            crowds,
+        (!pair_contacts.is_empty() && !is_gated).then(|| Self {
+            pair_contacts,
             d: room(),
             force: room(),
             held: 0.0,
@@ -85,7 +85,7 @@ impl PairGains {
 
     /// The link whose name stands for all of them in messages.
     pub(super) fn first_link(&self) -> usize {
-        self.crowds[0].first
+        self.pair_contacts[0].first
     }
 
     pub(super) fn worst(&self) -> Option<Gain> {
@@ -94,14 +94,17 @@ impl PairGains {
 
     /// A MAT that these contacts move.
     pub(super) fn moving_mat(&self, scheme: &Scheme) -> usize {
-        let run = &self.crowds[0].run;
+        let run = &self.pair_contacts[0].run;
         let moving = (run.b..run.b + run.n).find(|&mat| scheme.w[mat] > 0.0);
         moving.unwrap_or(run.a)
     }
 
     /// Whether any of the marked MATs (n_mat) is an end of these contacts.
-    pub(super) fn meets(&self, mats: &[bool]) -> bool {
-        let mut spans = self.crowds.iter().flat_map(|crowd| crowd.run.spans());
+    pub(super) fn touches(&self, mats: &[bool]) -> bool {
+        let mut spans = self
+            .pair_contacts
+            .iter()
+            .flat_map(|contacts| contacts.run.spans());
         spans.any(|span| mats[span].iter().any(|&is_one| is_one))
     }
 
@@ -121,39 +124,46 @@ impl PairGains {
     }
 
     /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses.
-    pub(super) fn look(&mut self, body: &Body, around: impl Fn() -> f64, n: u64) -> Option<Gain> {
+    pub(super) fn check(&mut self, body: &Body, around: impl Fn() -> f64, n: u64) -> Option<Gain> {
         if self.account.is_overdrawn() && !self.is_whole {
-            let start = stored(&mut self.crowds, [&self.from[0], &self.from[1]]);
+            let start = stored(&mut self.pair_contacts, [&self.from[0], &self.from[1]]);
             self.account.add_start(start + self.held);
             self.is_whole = true;
         }
         if !self.account.is_overdrawn() {
             return None;
         }
-        let stored = stored(&mut self.crowds, [&body.x, &body.d]) + self.held(body);
+        let stored = stored(&mut self.pair_contacts, [&body.x, &body.d]) + self.held(body);
         let gain = self.account.gain(stored, around(), n);
-        if !gain.is_told() || gain.made <= self.rounding(body) {
+        if !gain.is_reportable() || gain.created <= self.rounding(body) {
             return None;
         }
-        self.worst = Some(gain.worst(self.worst));
+        self.worst = Some(gain.worse_of(self.worst));
         Some(gain)
     }
 
     /// Elastic energy of friction [J].
     fn held(&self, body: &Body) -> f64 {
-        let crowds = self.crowds.iter();
-        let of = |crowd: &Crowd| held(&crowd.run, crowd.k, &body.histories[crowd.room], body);
-        crowds.map(of).sum()
+        let pair_contacts = self.pair_contacts.iter();
+        let of = |contacts: &PairContacts| {
+            held(
+                &contacts.run,
+                contacts.k,
+                &body.histories[contacts.room],
+                body,
+            )
+        };
+        pair_contacts.map(of).sum()
     }
 
     fn rounding(&self, body: &Body) -> f64 {
-        let of = |crowd: &Crowd| {
-            let mats = crowd.run.spans().flatten();
+        let of = |contacts: &PairContacts| {
+            let mats = contacts.run.spans().flatten();
             let far = mats.map(|mat| body.x[mat].abs()).fold(0.0, f64::max);
             let least = DIGITS * f64::EPSILON * far;
-            crowd.run.n as f64 * crowd.k * least * least
+            contacts.run.n as f64 * contacts.k * least * least
         };
-        self.crowds.iter().map(of).sum()
+        self.pair_contacts.iter().map(of).sum()
     }
 }
 
@@ -181,13 +191,13 @@ wide! {
 }
 
 /// Energy of all pairs between two steps [J], at positions and last steps [m] (n_mat each).
-fn stored(crowds: &mut [Crowd], [x, d]: [&[f64]; 2]) -> f64 {
-    let of = |crowd: &mut Crowd| {
-        let Crowd {
+fn stored(pair_contacts: &mut [PairContacts], [x, d]: [&[f64]; 2]) -> f64 {
+    let of = |contacts: &mut PairContacts| {
+        let PairContacts {
             run, k, neighbours, ..
-        } = crowd;
+        } = contacts;
         0.5 * (potential(run, *k, neighbours, |mat| x[mat])
             + potential(run, *k, neighbours, |mat| x[mat] - d[mat]))
     };
-    crowds.iter_mut().map(of).sum()
+    pair_contacts.iter_mut().map(of).sum()
 }

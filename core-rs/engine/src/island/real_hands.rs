@@ -81,9 +81,9 @@ pub(super) fn arrive(
             }
         }
         if binding.hand.way == HandWay::Line {
-            let way = state.to - state.from;
-            *d = way / tick_frames as f64;
-            *x = state.from + way * ((within + 1) as f64 / tick_frames as f64);
+            let distance = state.to - state.from;
+            *d = distance / tick_frames as f64;
+            *x = state.from + distance * ((within + 1) as f64 / tick_frames as f64);
         }
     }
 }

@@ -14,17 +14,17 @@ use crate::timeline::{Drive, Source};
 
 /// Successive frames that must leave the state the same before an island rests. Periodic work recurs within so many:
 /// looks at gains, pulls of slow bodies, and modes that are computed ahead.
-const ALIKE: u64 = 256;
+const ALIKE_FRAMES: u64 = 256;
 /// Frames from the beginning of an island to the first look at it; the wait doubles after each look that finds it
 /// moving.
-const FIRST: u64 = 64;
+const FIRST_GAP: u64 = 64;
 /// Most frames between two looks: one look costs about as much as two frames.
-const LATEST: u64 = 1 << 15;
+const GAP_MAX: u64 = 1 << 15;
 /// Steps before an event from which on steps are computed, because bodies are computed ahead and strikes may fall
 /// between frames.
 const MARGIN: u64 = 4 * energy_gain::BLOCK;
 /// States larger than this are not compared [bytes].
-const LARGEST: usize = 1 << 26;
+const STATE_MAX: usize = 1 << 26;
 
 /// State of the search for rest.
 #[derive(Clone, Debug)]
@@ -57,7 +57,7 @@ impl Rest {
         Self {
             stage: Stage::Computed,
             next: 0,
-            gap: FIRST,
+            gap: FIRST_GAP,
             left: Vec::new(),
             heard: vec![0.0; n_out],
             work: [0; 2],
@@ -89,7 +89,7 @@ impl Island {
             let out = &mut out[n_out * done..n_out * (done + n as usize)];
             done += n as usize;
             match self.rest.stage {
-                Stage::Computed if n == 0 => self.look_whether_it_rests(),
+                Stage::Computed if n == 0 => self.look_for_rest(),
                 Stage::Computed => self.compute(out, n as usize, team)?,
                 Stage::Alike(frames) => {
                     let before = self.fine_products();
@@ -101,7 +101,7 @@ impl Island {
                     for row in out.chunks_exact_mut(n_out.max(1)) {
                         row.copy_from_slice(&self.rest.heard);
                     }
-                    self.turn((n * often) as i64, n as i64);
+                    self.shift_frames((n * often) as i64, n as i64);
                     self.rest.passed += n * often;
                 }
             }
@@ -118,8 +118,8 @@ impl Island {
 
     /// Compute steps from here on, because the state was changed, and look soon whether the island rests.
     pub(super) fn begin_again(&mut self) {
-        self.rest.gap = FIRST;
-        self.go_on();
+        self.rest.gap = FIRST_GAP;
+        self.schedule_look();
     }
 
     /// Number of steps skipped so far because the island rested.
@@ -148,25 +148,25 @@ impl Island {
         let reports = size_of_val(&*self.state.reports);
         let room = size + size / 4 + reports + 4_096;
         self.rest.left.clear();
-        if size <= LARGEST {
+        if size <= STATE_MAX {
             self.rest.left.reserve_exact(room);
         }
         if let Stage::Alike(_) = self.rest.stage {
-            self.go_on();
+            self.schedule_look();
         }
     }
 
-    fn go_on(&mut self) {
+    fn schedule_look(&mut self) {
         let rest = &mut self.rest;
         rest.stage = Stage::Computed;
         rest.next = self.state.frame + rest.gap * u64::from(self.oversampling);
-        rest.gap = LATEST.min(2 * rest.gap);
+        rest.gap = GAP_MAX.min(2 * rest.gap);
     }
 
     #[cold]
-    fn look_whether_it_rests(&mut self) {
+    fn look_for_rest(&mut self) {
         let n = self.state.frame;
-        let soon = n + MARGIN + 2 * ALIKE * u64::from(self.oversampling);
+        let soon = n + MARGIN + 2 * ALIKE_FRAMES * u64::from(self.oversampling);
         let mut left = std::mem::take(&mut self.rest.left);
         left.clear();
         let is_known = self.due(n) > soon
@@ -176,7 +176,7 @@ impl Island {
         if is_known {
             self.rest.stage = Stage::Alike(0);
         } else {
-            self.go_on();
+            self.schedule_look();
         }
     }
 
@@ -190,25 +190,25 @@ impl Island {
             self.rest.work = work;
         }
         let is_same = work == self.rest.work && same_bits(heard, &self.rest.heard);
-        if !is_same || !self.is_as_it_was(frames + 1) {
-            self.go_on();
+        if !is_same || !self.is_unchanged(frames + 1) {
+            self.schedule_look();
             return;
         }
         self.rest.stage = Stage::Alike(frames + 1);
-        if frames + 1 == ALIKE {
+        if frames + 1 == ALIKE_FRAMES {
             let due = self.due(self.state.frame);
             self.rest.stage = Stage::Resting(due.saturating_sub(MARGIN));
         }
     }
 
     /// Whether the state is that of the look, `frames` frames later.
-    fn is_as_it_was(&mut self, frames: u64) -> bool {
+    fn is_unchanged(&mut self, frames: u64) -> bool {
         let (frames, often) = (frames as i64, i64::from(self.oversampling));
         let left = std::mem::take(&mut self.rest.left);
         let mut same = Archive::Same(&left);
-        self.turn(-frames * often, -frames);
+        self.shift_frames(-frames * often, -frames);
         let is_same = self.archive_all(&mut same).is_ok() && same.is_empty();
-        self.turn(frames * often, frames);
+        self.shift_frames(frames * often, frames);
         self.rest.left = left;
         is_same
     }
@@ -223,14 +223,14 @@ impl Island {
 
     /// Advance all counters of steps by `steps`, and the work of contacts by that of `frames` frames; both may be
     /// negative.
-    fn turn(&mut self, steps: i64, frames: i64) {
+    fn shift_frames(&mut self, steps: i64, frames: i64) {
         let state = &mut self.state;
         state.frame = state.frame.wrapping_add_signed(steps);
         for body in &mut state.bodies {
-            body.turn(steps);
+            body.shift_frames(steps);
         }
         for voice in &mut state.voices {
-            voice.turn(steps);
+            voice.shift_frames(steps);
         }
         if let Some(fine) = &mut state.fine {
             let [instants, products] = self.rest.work.map(|work| work as i64 * frames);
@@ -251,7 +251,7 @@ impl Island {
         }
         let bodies = state.bodies.iter().map(inside::RunningBody::every);
         let mut every = bodies.chain(state.voices.iter().map(Voice::every));
-        if every.any(|every| u64::from(every) > ALIKE) {
+        if every.any(|every| u64::from(every) > ALIKE_FRAMES) {
             return n;
         }
         let push = script.pushes.get(state.pushed).map(|push| push.frame);
@@ -296,10 +296,10 @@ impl inside::RunningBody {
     }
 
     /// Advance its counters of steps by `steps`, which may be negative.
-    fn turn(&mut self, steps: i64) {
+    fn shift_frames(&mut self, steps: i64) {
         match self {
-            Self::Modal(modal) => modal.turn(steps),
-            Self::Slow(slow) => slow.turn(steps),
+            Self::Modal(modal) => modal.shift_frames(steps),
+            Self::Slow(slow) => slow.shift_frames(steps),
             Self::Mesh(_) => {}
         }
     }

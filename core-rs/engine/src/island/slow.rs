@@ -57,19 +57,19 @@ pub(crate) struct RunningSlow {
     /// What the last kick added to the velocities   (n)
     kick: Vec<f64>,
     /// Positions of the ports one frame ago   (n_ports)
-    was: Vec<f64>,
+    previous: Vec<f64>,
     /// Frames since the last kick.
     since: u32,
     /// Frames from the last kick to the frame at which it began.
     first: u32,
     /// Distances from rest   (n)
-    bent: Vec<f64>,
+    displacements: Vec<f64>,
     /// Corrections of positions and velocities for strikes since the last kick   (n)
-    undone: [Vec<f64>; 2],
+    pending_corrections: [Vec<f64>; 2],
     is_struck: bool,
     springs: RunningSprings,
     /// Velocities that hands give its ports at the end of this frame [m a frame]   (n_ports)
-    given: Vec<f64>,
+    hand_velocities: Vec<f64>,
     /// Factor on all velocities at each kick.
     damped: f64,
 }
@@ -78,13 +78,13 @@ crate::archive::state!(RunningSlow {
     x,
     v,
     kick,
-    was,
+    previous,
     since,
     first,
-    bent,
-    undone,
+    displacements,
+    pending_corrections,
     is_struck,
-    given,
+    hand_velocities,
     damped
 });
 
@@ -135,13 +135,13 @@ impl Slow {
 impl RunningSlow {
     /// The body at frame 0, where the steps of its ports in `body` already contain all but the slow springs.
     pub(crate) fn new(plan: &Slow, body: &Body) -> Self {
-        let bent: Vec<f64> = difference(&plan.x0, &plan.rest);
+        let displacements: Vec<f64> = difference(&plan.x0, &plan.rest);
         let mut springs = plan.springs.running(&plan.network);
-        let mut v = springs.start(plan, &bent);
+        let mut v = springs.start(plan, &displacements);
         // Half a kick lies between the velocity at the start and that of the straight motion.
         let kick: Vec<f64> = difference(&v, &plan.v0).iter().map(|dv| 2.0 * dv).collect();
         let half = 0.5 / f64::from(plan.macrostep);
-        let mut was = Vec::with_capacity(plan.ports.len());
+        let mut previous = Vec::with_capacity(plan.ports.len());
         let mut x = plan.x0.clone();
         for &(own, mat) in &plan.ports {
             x[own] = body.x[mat];
@@ -151,22 +151,22 @@ impl RunningSlow {
             } else {
                 half * kick[own]
             };
-            was.push(x[own] - (body.d[mat] - curve));
+            previous.push(x[own] - (body.d[mat] - curve));
         }
         let n = x.len();
         Self {
             x,
             v,
             kick,
-            was,
+            previous,
             since: 0,
             first: 0,
-            undone: [vec![0.0; n], vec![0.0; n]],
+            pending_corrections: [vec![0.0; n], vec![0.0; n]],
             is_struck: false,
             springs,
-            given: vec![0.0; plan.ports.len()],
+            hand_velocities: vec![0.0; plan.ports.len()],
             damped: 1.0,
-            bent,
+            displacements,
             plan: Arc::new(plan.clone()),
         }
     }
@@ -176,7 +176,7 @@ impl RunningSlow {
         self.x.copy_from_slice(&other.x);
         self.v.copy_from_slice(&other.v);
         self.kick.copy_from_slice(&other.kick);
-        self.was.copy_from_slice(&other.was);
+        self.previous.copy_from_slice(&other.previous);
         self.since = other.since;
     }
 
@@ -213,8 +213,8 @@ impl RunningSlow {
 
     /// When all MATs are set: find the kick of the springs at their last regular frame.
     fn settle(&mut self) {
-        for (&(own, _), was) in self.plan.ports.iter().zip(&mut self.was) {
-            *was = self.x[own] - self.v[own];
+        for (&(own, _), previous) in self.plan.ports.iter().zip(&mut self.previous) {
+            *previous = self.x[own] - self.v[own];
         }
         self.since = self.first;
         std::mem::swap(&mut self.v, &mut self.kick);
@@ -235,7 +235,7 @@ impl RunningSlow {
     }
 
     /// For a body at rest: advance by `frames`, which may be negative.
-    pub(crate) fn turn(&mut self, frames: i64) {
+    pub(crate) fn shift_frames(&mut self, frames: i64) {
         let since = i64::from(self.since) + frames;
         self.since = since.rem_euclid(i64::from(self.every())) as u32;
     }
@@ -267,8 +267,8 @@ impl RunningSlow {
 
     /// Set positions, steps and free motion of the ports in the island.
     pub(crate) fn place(&self, body: &mut Body) {
-        for (&(own, mat), was) in self.plan.ports.iter().zip(&self.was) {
-            let step = self.x[own] - was;
+        for (&(own, mat), previous) in self.plan.ports.iter().zip(&self.previous) {
+            let step = self.x[own] - previous;
             body.x[mat] = self.x[own];
             body.d[mat] = step;
             body.inner[mat] = self.v[own] - step;
@@ -282,9 +282,9 @@ impl RunningSlow {
         let step = force * self.plan.w[self.plan.ports[port].0];
         if let Some(missing) = self.plan.missing[port].get(self.since as usize) {
             self.is_struck = true;
-            for (undone, missing) in self.undone.iter_mut().zip(missing) {
-                for (undone, missing) in undone.iter_mut().zip(missing) {
-                    *undone += step * missing;
+            for (pending_corrections, missing) in self.pending_corrections.iter_mut().zip(missing) {
+                for (pending_corrections, missing) in pending_corrections.iter_mut().zip(missing) {
+                    *pending_corrections += step * missing;
                 }
             }
         }
@@ -293,13 +293,13 @@ impl RunningSlow {
     /// Step from frame `n` to the next, under the forces at the ports (n_mat).
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let plan = &*self.plan;
-        for (&(own, mat), was) in plan.ports.iter().zip(&mut self.was) {
-            *was = self.x[own];
+        for (&(own, mat), previous) in plan.ports.iter().zip(&mut self.previous) {
+            *previous = self.x[own];
             self.v[own] += plan.w[own] * force[mat];
             self.x[own] += self.v[own];
         }
-        for (&(own, _), given) in plan.ports.iter().zip(&mut self.given) {
-            self.v[own] += std::mem::take(given);
+        for (&(own, _), hand_velocities) in plan.ports.iter().zip(&mut self.hand_velocities) {
+            self.v[own] += std::mem::take(hand_velocities);
         }
         self.since += 1;
         let every = plan.macrostep;
@@ -312,7 +312,7 @@ impl RunningSlow {
         }
         self.since = 0;
         if self.is_struck {
-            add_up(&mut self.x, &mut self.undone[0]);
+            add_and_clear(&mut self.x, &mut self.pending_corrections[0]);
         }
         if self.damped < 1.0 {
             self.v.iter_mut().for_each(|v| *v *= self.damped);
@@ -320,7 +320,7 @@ impl RunningSlow {
         self.kick.copy_from_slice(&self.v);
         self.spring_kick(true);
         if self.is_struck {
-            add_up(&mut self.v, &mut self.undone[1]);
+            add_and_clear(&mut self.v, &mut self.pending_corrections[1]);
             self.is_struck = false;
         }
         for (kick, v) in self.kick.iter_mut().zip(&self.v) {
@@ -331,27 +331,32 @@ impl RunningSlow {
     /// Set velocities to those after its springs pull at the present positions, from those in `kick`, or from rest.
     fn spring_kick(&mut self, is_moving: bool) {
         let before = is_moving.then_some(&self.kick[..]);
-        let (x, bent, after) = (&self.x, &mut self.bent, &mut self.v);
-        self.springs.pull(&self.plan, x, before, bent, after);
+        let (x, displacements, after) = (&self.x, &mut self.displacements, &mut self.v);
+        self.springs
+            .pull(&self.plan, x, before, displacements, after);
     }
 
     /// Number of state variables at a kick.
     pub(crate) fn n_state(&self) -> usize {
-        self.x.len() + self.v.len() + self.was.len()
+        self.x.len() + self.v.len() + self.previous.len()
     }
 
     /// Visit each of these variables.
     pub(crate) fn each(&mut self, visit: &mut impl FnMut(&mut f64)) {
-        let all = self.x.iter_mut().chain(&mut self.v).chain(&mut self.was);
+        let all = self
+            .x
+            .iter_mut()
+            .chain(&mut self.v)
+            .chain(&mut self.previous);
         all.for_each(visit);
     }
 
     /// Set all positions to 0, and each velocity to a random one, scaled to equal energy.
-    pub(crate) fn stir(&mut self, mut chance: impl FnMut() -> f64) {
+    pub(crate) fn randomise(&mut self, mut random: impl FnMut() -> f64) {
         self.x.fill(0.0);
-        self.was.fill(0.0);
+        self.previous.fill(0.0);
         for (v, w) in self.v.iter_mut().zip(&self.plan.w) {
-            *v = chance() * w.sqrt();
+            *v = random() * w.sqrt();
         }
     }
 
@@ -392,7 +397,7 @@ impl RunningSlow {
 }
 
 /// Add `due` to `to`, and set it to 0.
-fn add_up(to: &mut [f64], due: &mut [f64]) {
+fn add_and_clear(to: &mut [f64], due: &mut [f64]) {
     for (to, due) in to.iter_mut().zip(due) {
         *to += std::mem::take(due);
     }

@@ -24,7 +24,7 @@ pub(super) enum Played {
     /// Samples of a sound card.
     Samples(Samples),
     /// The ramp to the last value that was told; `None`: none was.
-    Told(Option<Way>),
+    Ramp(Option<Ramp>),
 }
 
 impl Played {
@@ -32,15 +32,17 @@ impl Played {
     fn at(&self, frame: u64, sound: &SoundIn) -> f64 {
         match self {
             Self::Samples(samples) => samples.at(frame, sound),
-            Self::Told(Some(way)) if frame + 1 >= way.start => sound.settings.scaled(way.at(frame)),
-            Self::Told(_) => sound.at(frame),
+            Self::Ramp(Some(ramp)) if frame + 1 >= ramp.start => {
+                sound.settings.scaled(ramp.at(frame))
+            }
+            Self::Ramp(_) => sound.at(frame),
         }
     }
 }
 
 /// A linear ramp of an input to a value that was told, full scale 1.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Way {
+pub(crate) struct Ramp {
     from: f64,
     to: f64,
     /// First frame of the ramp, and its number of frames.
@@ -48,7 +50,7 @@ pub(crate) struct Way {
     length: u64,
 }
 
-impl Way {
+impl Ramp {
     /// The value at a frame, which is at the earliest the one before `start`.
     fn at(&self, frame: u64) -> f64 {
         let done = frame + 1 - self.start;
@@ -108,7 +110,7 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
             n: 0,
             values: vec![0.0; FRAMES_MAX].into(),
         }),
-        InputSource::Told { .. } => Played::Told(None),
+        InputSource::Told { .. } => Played::Ramp(None),
     };
     let played = all.iter().map(played).collect();
     (all, played)
@@ -167,13 +169,13 @@ impl super::Island {
     /// this island.
     pub(crate) fn tell(&mut self, number: u64, start: u64, value: f64) -> bool {
         let mut is_here = false;
-        for (sound, way) in self.told_inputs(number) {
+        for (sound, ramp) in self.value_inputs(number) {
             let most = sound.settings.most();
-            let before = |frame| match way {
-                Some(way) => way.at(frame),
+            let before = |frame| match ramp {
+                Some(ramp) => ramp.at(frame),
                 None => sound.at(frame) / sound.settings.gain,
             };
-            *way = Some(Way {
+            *ramp = Some(Ramp {
                 from: start.checked_sub(1).map_or(0.0, before),
                 to: value.clamp(-most, most),
                 start,
@@ -185,12 +187,12 @@ impl super::Island {
     }
 
     /// The inputs with this number, and their ramps.
-    fn told_inputs(&mut self, number: u64) -> impl Iterator<Item = (&SoundIn, &mut Option<Way>)> {
+    fn value_inputs(&mut self, number: u64) -> impl Iterator<Item = (&SoundIn, &mut Option<Ramp>)> {
         let pairs = self.script.sound_drives.iter().zip(&mut self.state.played);
         pairs.filter_map(
             move |(drive, played)| match (drive.sound.settings.source, played) {
-                (InputSource::Told { number: own, .. }, Played::Told(way)) if own == number => {
-                    Some((&drive.sound, way))
+                (InputSource::Told { number: own, .. }, Played::Ramp(ramp)) if own == number => {
+                    Some((&drive.sound, ramp))
                 }
                 _ => None,
             },
@@ -198,19 +200,21 @@ impl super::Island {
     }
 
     /// The ramps of inputs that were told a value, with their numbers.
-    pub(crate) fn ways(&self) -> impl Iterator<Item = (u64, Way)> {
+    pub(crate) fn ways(&self) -> impl Iterator<Item = (u64, Ramp)> {
         let pairs = self.script.sound_drives.iter().zip(&self.state.played);
         pairs.filter_map(
             |(drive, played)| match (drive.sound.settings.source, played) {
-                (InputSource::Told { number, .. }, Played::Told(Some(way))) => Some((number, *way)),
+                (InputSource::Told { number, .. }, Played::Ramp(Some(ramp))) => {
+                    Some((number, *ramp))
+                }
                 _ => None,
             },
         )
     }
 
     /// Let the input `number` continue a ramp that it had in another island.
-    pub(crate) fn go_on_as_told(&mut self, number: u64, way: Way) {
-        self.told_inputs(number)
-            .for_each(|(_, own)| *own = Some(way));
+    pub(crate) fn go_on_as_told(&mut self, number: u64, ramp: Ramp) {
+        self.value_inputs(number)
+            .for_each(|(_, own)| *own = Some(ramp));
     }
 }

@@ -51,13 +51,13 @@ impl Island {
             unheard: &mut unheard,
             oversampling: self.oversampling as usize,
         };
-        let end = self.go(&mut heard, n_frames, team);
+        let end = self.compute_steps(&mut heard, n_frames, team);
         self.state.unheard = unheard;
         end
     }
 
     /// Computes all steps of `n_frames` frames.
-    fn go(
+    fn compute_steps(
         &mut self,
         heard: &mut StepOutputs<'_>,
         n_frames: usize,
@@ -87,10 +87,10 @@ impl Island {
         let n = state.frame;
         let mut gliding = state.scheme.take();
         if let Some(scheme) = &mut gliding {
-            glide::turn(&script.glides, &script.scheme, scheme, n);
-            glide::lead(&script.led, &script.scheme, scheme, &mut state.fine, n);
+            glide::apply_glides(&script.glides, &script.scheme, scheme, n);
+            glide::apply_leads(&script.led, &script.scheme, scheme, &mut state.fine, n);
             if let Some(fine) = &mut state.fine {
-                glide::between(&script.glides, &script.scheme, fine, n);
+                glide::pass_to_fine(&script.glides, &script.scheme, fine, n);
             }
         }
         for ((open, gate), continuation) in state
@@ -117,7 +117,7 @@ impl Island {
             &mut state.body,
         );
         if let Some(scheme) = &mut gliding {
-            glide::weigh(&script.scheme, scheme, &state.body.x);
+            glide::apply_following_masses(&script.scheme, scheme, &state.body.x);
         }
         let scheme = gliding.as_deref().unwrap_or(&script.scheme);
         kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws, team);
@@ -197,7 +197,7 @@ impl Island {
             bodies_sound &= body.sound();
         }
         kernel::proxies::gather(scheme, &mut state.body);
-        let finer = finer(scheme, state, team);
+        let finer = recompute_finer(scheme, state, team);
         sound = finer.unwrap_or(sound);
         if finer.is_some() || state.damped < 1.0 {
             state.gains.iter_mut().for_each(|gains| gains.restart());
@@ -221,7 +221,7 @@ impl Island {
         state.frame += 1;
         if sound && bodies_sound {
             if n.is_multiple_of(energy_gain::BLOCK) {
-                return self.look_for_gains();
+                return self.check_gains();
             }
             Ok(())
         } else {
@@ -232,7 +232,7 @@ impl Island {
 
 /// Computes the frame again in smaller steps if links have stiffened too much, and returns whether all positions stayed
 /// plausible; `None` if the frame stands as it is.
-fn finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
+fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
     let (guard, body) = (state.guard.as_mut()?, &mut state.body);
     if !guard.needs_finer(&body.x, &body.d, &scheme.w) {
         return None;

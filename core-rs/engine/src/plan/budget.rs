@@ -21,7 +21,7 @@ pub enum Method {
 
 impl Method {
     /// The method for meshes; `None`: CA.
-    pub(crate) fn way(self) -> Option<MeshMethod> {
+    pub(crate) fn mesh_method(self) -> Option<MeshMethod> {
         match self {
             Self::Ca | Self::Modal => None,
             Self::Ca2p => Some(MeshMethod::Ca2p),
@@ -85,7 +85,7 @@ impl Budget {
     /// Whether meshes may be computed by another method than CA.
     pub(crate) fn takes_meshes(&self) -> bool {
         match self {
-            Self::Method(method) => method.way().is_some(),
+            Self::Method(method) => method.mesh_method().is_some(),
             Self::Error(_) | Self::Cents { .. } => true,
         }
     }

@@ -38,20 +38,20 @@ impl Pins {
         };
         match pins.pop_front() {
             Some(choice) if choice.modules == modules => Ok(Some(choice)),
-            _ => Err(another()),
+            _ => Err(wrong_plan_error()),
         }
     }
 
     /// Checks that no decisions are left over.
     pub(super) fn end(&self) -> Result<(), Error> {
         match &self.0 {
-            Some(left) if !left.is_empty() => Err(another()),
+            Some(left) if !left.is_empty() => Err(wrong_plan_error()),
             _ => Ok(()),
         }
     }
 }
 
-pub(super) fn another() -> Error {
+pub(super) fn wrong_plan_error() -> Error {
     Error::Refused {
         module: "plan".to_owned(),
         message: "it was made for another score or by another version of ergon: make it again"

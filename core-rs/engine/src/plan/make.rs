@@ -9,7 +9,7 @@ use std::sync::Arc;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset};
 use crate::plan::budget::Budget;
-use crate::plan::choice::{Choice, Pins, another};
+use crate::plan::choice::{Choice, Pins, wrong_plan_error};
 use crate::plan::cost;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::audible::{Body as Found, ModeKind};
@@ -20,7 +20,7 @@ use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, PortedBody as Body};
 use crate::plan::passes::seen;
-use crate::plan::passes::slow::Stays;
+use crate::plan::passes::slow::RefusedSlow;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::report::content::IslandContent;
@@ -29,14 +29,14 @@ use crate::plan::trial::allowance::Allowance;
 use crate::plan::trial::macrostep::Growth;
 use crate::plan::trial::multirate;
 use crate::plan::trial::pilot;
+use crate::plan::trial::pilot_result::{self, ChosenIsland, PilotResult};
 use crate::plan::trial::record::{Series, TrialStore};
-use crate::plan::trial::tried::{self, Piloted, Tried};
 use crate::plan::{Known, Plan, Unit};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
-mod beside;
 mod offers;
+mod unheard;
 
 /// A plan in the making.
 struct Maker<'a> {
@@ -49,7 +49,7 @@ struct Maker<'a> {
     store: Option<&'a dyn TrialStore>,
     /// Parts that are displayed, and the units that are computed only for that.
     seen: &'a [String],
-    shown: Vec<Unit>,
+    seen_units: Vec<Unit>,
     /// Islands may be computed once in this many frames.
     every: u32,
     /// Parts that are only seen may be computed once in this many frames, if the rest of their island is heard.
@@ -58,11 +58,11 @@ struct Maker<'a> {
 
 /// How an island is computed.
 struct Solved {
-    found: Piloted,
+    found: ChosenIsland,
     growth: Option<Growth>,
     /// The error that its slow parts add.
     slow_error: Option<Measured>,
-    stay: Vec<Stays>,
+    refused_slow: Vec<RefusedSlow>,
     /// It has slow parts that did not ask for it: keys, or parts that are only seen.
     is_offered: bool,
 }
@@ -99,14 +99,14 @@ pub(super) fn make(
         }
         match (island.is_heard, island.is_moved) {
             (false, is_moved) => {
-                maker.drop(&island, Reason::Unheard);
+                maker.report_left_out(&island, Reason::Unheard);
                 if is_moved && seen::is_seen(&network, &island, known.seen) {
                     unheard.push(island);
                 }
             }
             (true, false) => {
-                refused.extend(maker.rest(&island).err());
-                maker.drop(&island, Reason::Still);
+                refused.extend(maker.add_constant(&island).err());
+                maker.report_left_out(&island, Reason::Still);
             }
             (true, true) if is_loose() => loose.extend(island.mats),
             // Gliding cells are stepped as one island: one island for each would take far longer.
@@ -143,15 +143,15 @@ pub(super) fn make(
     maker.pins.end()?;
     maker.plan.solved = maker.memo.found();
     (maker.plan.trials_cost, maker.plan.trials_most) = maker.allowance.spent();
-    let (mut plan, shown) = (maker.plan, maker.shown);
+    let (mut plan, seen_units) = (maker.plan, maker.seen_units);
     plan.n_heard = plan.units.len();
     plan.unmoved.sort_unstable();
     if !unheard.is_empty() {
-        let beside = beside::plan(&network, timeline, budget, known, unheard)?;
-        plan.units.extend(beside.units);
-        plan.seen = beside.rows;
+        let seen = unheard::plan(&network, timeline, budget, known, unheard)?;
+        plan.units.extend(seen.units);
+        plan.seen = seen.rows;
     }
-    plan.units.extend(shown);
+    plan.units.extend(seen_units);
     Ok(plan)
 }
 
@@ -166,14 +166,14 @@ impl<'a> Maker<'a> {
             memo: Memo::new(&[]),
             store: None,
             seen: &[],
-            shown: Vec::new(),
+            seen_units: Vec::new(),
             every: 1,
             seen_every: 1,
         }
     }
 
     /// Reports an island that is not computed, in one row with others of its part.
-    fn drop(&mut self, island: &IslandMembers, reason: Reason) {
+    fn report_left_out(&mut self, island: &IslandMembers, reason: Reason) {
         let row = Row::left_out(&self.plan.network, island, reason);
         if row.mats + row.links == 0 {
             return; // points that hold nothing
@@ -189,7 +189,7 @@ impl<'a> Maker<'a> {
     }
 
     /// Adds what outputs hear of modules that never move.
-    fn rest(&mut self, island: &IslandMembers) -> Result<(), Error> {
+    fn add_constant(&mut self, island: &IslandMembers) -> Result<(), Error> {
         let subset = self
             .plan
             .network
@@ -207,10 +207,11 @@ impl<'a> Maker<'a> {
     fn cells(&mut self, subset: &Subset, own: &OwnTimeline) -> Result<(), Error> {
         let banks = cells::oscillators(subset, &own.timeline, &mut self.plan.still)?;
         let mut rows = row::cells(&self.plan.network, &banks, &own.timeline);
-        let stay = multirate::all(subset, "its poles need none");
-        rows.iter_mut().for_each(|row| row.stays = told(&stay, row));
+        let refused_slow = multirate::refuse_all(subset, "its poles need none");
+        rows.iter_mut()
+            .for_each(|row| row.stays = stay_reasons(&refused_slow, row));
         self.plan.rows.extend(rows);
-        self.plan.stay.extend(stay);
+        self.plan.stay.extend(refused_slow);
         self.plan.units.extend(banks.into_iter().map(Unit::Bank));
         Ok(())
     }
@@ -227,8 +228,8 @@ impl<'a> Maker<'a> {
             self.allowance.spend(self.memo.take_work());
             match bank {
                 Ok(mut found) => {
-                    named(&mut found, &subset, &own);
-                    self.shown
+                    label_bank(&mut found, &subset, &own);
+                    self.seen_units
                         .extend(self.silent_modes(&subset, &own, &found.bank.kept));
                     for (&output, rest) in subset.outputs.iter().zip(&found.rest) {
                         self.plan.still[output as usize] += rest;
@@ -240,9 +241,9 @@ impl<'a> Maker<'a> {
                         kept: vec![found.kept.numbers()],
                     });
                     let mut row = Row::modal(&subset, &found, &own.timeline);
-                    let stay = multirate::all(&subset, "its modes need none");
-                    row.stays = told(&stay, &row);
-                    self.plan.stay.extend(stay);
+                    let refused_slow = multirate::refuse_all(&subset, "its modes need none");
+                    row.stays = stay_reasons(&refused_slow, &row);
+                    self.plan.stay.extend(refused_slow);
                     self.plan.rows.push(row);
                     self.plan.units.push(Unit::Bank(found.bank));
                     return Ok(());
@@ -251,10 +252,10 @@ impl<'a> Maker<'a> {
             }
         }
         if pin.as_ref().is_some_and(Choice::is_bank) {
-            return Err(another());
+            return Err(wrong_plan_error());
         }
         if self.every > 1 {
-            return self.slowly(&subset, &own, modules, why);
+            return self.plan_at_lower_rate(&subset, &own, modules, why);
         }
         self.stepped(&subset, &own, modules, pin.as_ref(), why)
     }
@@ -264,16 +265,16 @@ impl<'a> Maker<'a> {
         if !seen::is_any(&subset.network.moving_parts(), self.seen) {
             return None;
         }
-        let watched = seen::watched(subset.clone(), &subset.mats).ok()?;
+        let probed = seen::with_probe_output(subset.clone(), &subset.mats).ok()?;
         let memo = Memo::new(&[]);
-        let bank = |kept| body::bank(&watched, &own.timeline, self.budget, kept, &memo).ok();
+        let bank = |kept| body::bank(&probed, &own.timeline, self.budget, kept, &memo).ok();
         let mut silent = bank(None)?.kept.numbers();
         silent.retain(|mode| heard.binary_search(mode).is_err());
         if silent.is_empty() {
             return None;
         }
         let mut found = bank(Some(&[silent]))?;
-        named(&mut found, subset, own);
+        label_bank(&mut found, subset, own);
         Some(Unit::Bank(found.bank))
     }
 
@@ -287,7 +288,7 @@ impl<'a> Maker<'a> {
         pin: Option<&Choice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
-        ported::takes(&subset.network, &own.timeline, self.budget)?;
+        ported::check_supported(&subset.network, &own.timeline, self.budget)?;
         let n_refused = self.allowance.n_refused();
         let solved = match self.solve(subset, own, pin) {
             Ok(solved) if pin.is_none() => self.offered(subset, own, solved),
@@ -298,14 +299,14 @@ impl<'a> Maker<'a> {
             Ok(solved) => solved,
         };
         let Solved {
-            found: Piloted { island, error },
+            found: ChosenIsland { island, error },
             growth,
             slow_error,
-            stay,
+            refused_slow,
             is_offered,
             ..
         } = solved;
-        obeys(self.budget, subset, &island)?;
+        check_method(self.budget, subset, &island)?;
         let first_row = self.plan.rows.len();
         let Assembled {
             island_plan,
@@ -353,7 +354,7 @@ impl<'a> Maker<'a> {
             (row.oversampling, row.error) = (island_plan.oversampling, error);
             if let (Computed::Slow { .. }, Some(growth)) = (row.what, growth) {
                 row.error = slow_error;
-                row.word = Some(multirate::word(growth, certificate.word));
+                row.word = Some(multirate::guarantee(growth, certificate.word));
                 row.radius = (growth.radius > 0.0).then_some(growth.radius);
                 row.is_offered = is_offered;
             }
@@ -362,9 +363,9 @@ impl<'a> Maker<'a> {
         let is_cut_short = self.allowance.n_refused() > n_refused;
         for row in &mut self.plan.rows[first_row..] {
             row.is_cut_short = is_cut_short;
-            row.stays = told(&stay, row);
+            row.stays = stay_reasons(&refused_slow, row);
         }
-        self.plan.stay.extend(stay);
+        self.plan.stay.extend(refused_slow);
         self.plan
             .units
             .push(Unit::IslandPlan(Box::new(island_plan)));
@@ -378,7 +379,7 @@ impl<'a> Maker<'a> {
         own: &OwnTimeline,
         pin: Option<&Choice>,
     ) -> Result<Solved, Error> {
-        let (mut subset, mut stay) = multirate::settle(subset, own, self.budget);
+        let (mut subset, mut refused_slow) = multirate::settle(subset, own, self.budget);
         let (found, growth) = loop {
             let assemble = |how: (u32, MethodChoice<'_>)| {
                 let island = Assembled::new(&subset, own, self.budget, how, pin, &self.memo);
@@ -394,12 +395,12 @@ impl<'a> Maker<'a> {
             };
             if judged.is_ok() {
                 let found = match pin {
-                    Some(pin) => tried::pinned(
+                    Some(pin) => pilot_result::pinned(
                         assemble((pin.oversampling.max(1), MethodChoice::ByBudget))?,
                         pin,
                     )
-                    .ok_or_else(another)?,
-                    None => self.piloted(&subset, own, &assemble)?,
+                    .ok_or_else(wrong_plan_error)?,
+                    None => self.choose_by_pilot(&subset, own, &assemble)?,
                 };
                 // At a higher oversampling the island has to be certified again.
                 if found.island.island_plan.oversampling > 1 {
@@ -410,9 +411,9 @@ impl<'a> Maker<'a> {
                 }
             }
             if let Err(why) = judged {
-                let more = multirate::all(&subset, &why);
-                subset = multirate::without(&subset, &more);
-                stay.extend(more);
+                let more = multirate::refuse_all(&subset, &why);
+                subset = multirate::without_slow(&subset, &more);
+                refused_slow.extend(more);
             }
         };
         let slow_error = match growth {
@@ -426,18 +427,18 @@ impl<'a> Maker<'a> {
             found,
             growth,
             slow_error,
-            stay,
+            refused_slow,
             is_offered: false,
         })
     }
 
     /// Decides an island by its pilot, or by the record of an earlier pilot that would find the same.
-    fn piloted(
+    fn choose_by_pilot(
         &self,
         subset: &Subset,
         own: &OwnTimeline,
         assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
-    ) -> Result<Piloted, Error> {
+    ) -> Result<ChosenIsland, Error> {
         let known = (&self.allowance, self.store);
         let is_tried = !matches!(self.budget, Budget::Method(_)) && !own.timeline.is_open;
         let series = self.store.filter(|_| is_tried).map(|store| {
@@ -452,26 +453,26 @@ impl<'a> Maker<'a> {
             let assemble = |how: (u32, MethodChoice<'_>), pin: Option<&Choice>| {
                 Assembled::new(subset, own, self.budget, how, pin, &self.memo)
             };
-            let tried = Tried::recalled(&record, &assemble)?;
+            let result = PilotResult::recalled(&record, &assemble)?;
             // The record includes the work of solving bodies.
             self.memo.take_work();
-            self.allowance.count(&taken);
-            Some(tried)
+            self.allowance.replay(&taken);
+            Some(result)
         });
-        if let Some(tried) = recalled {
-            return tried.held(self.budget, known);
+        if let Some(result) = recalled {
+            return result.extend_error(self.budget, known);
         }
         let left = self.allowance.begin();
-        let tried = pilot::pilot(assemble, self.budget, &self.allowance)?;
+        let result = pilot::pilot(assemble, self.budget, &self.allowance)?;
         if let Some(series) = &series {
-            series.keep(&self.allowance, left, tried.record());
+            series.keep(&self.allowance, left, result.record());
         }
-        tried.held(self.budget, known)
+        result.extend_error(self.budget, known)
     }
 }
 
 /// Notes on a bank which body it is of, and which of its modes.
-fn named(found: &mut Found, subset: &Subset, own: &OwnTimeline) {
+fn label_bank(found: &mut Found, subset: &Subset, own: &OwnTimeline) {
     found.bank.is_open = own.timeline.is_open;
     found.bank.kept = found.kept.numbers();
     // A takeover needs normal modes.
@@ -480,7 +481,7 @@ fn named(found: &mut Found, subset: &Subset, own: &OwnTimeline) {
 }
 
 /// Refuses an island with a law that the method asked for by name would leave to CA.
-fn obeys(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<(), Error> {
+fn check_method(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<(), Error> {
     let Budget::Method(method) = budget else {
         return Ok(());
     };
@@ -497,14 +498,14 @@ fn obeys(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<(), Err
         )
     };
     let own = subset.network.runs().iter().find(law);
-    match (method.way(), own) {
-        (Some(way), Some(run)) if !island.island_plan.bodies.iter().any(is_mesh) => {
+    match (method.mesh_method(), own) {
+        (Some(mesh_method), Some(run)) if !island.island_plan.bodies.iter().any(is_mesh) => {
             Err(Error::Refused {
                 module: subset.network.link_name(run.first),
                 message: format!(
                     "the method {} cannot compute this link: an output hears its force, it ends on a key or a driven \
                      mass, or the method lacks its law; write `method: ca`, or an `error` such as -60dB instead",
-                    way.facts().name
+                    mesh_method.facts().name
                 ),
             })
         }
@@ -513,8 +514,10 @@ fn obeys(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<(), Err
 }
 
 /// Why parts of a row that ask for a rate of their own are computed at every frame.
-fn told(stay: &[Stays], row: &Row) -> Option<String> {
-    let ours = stay.iter().filter(|(part, _)| row.parts.contains(part));
+fn stay_reasons(refused_slow: &[RefusedSlow], row: &Row) -> Option<String> {
+    let ours = refused_slow
+        .iter()
+        .filter(|(part, _)| row.parts.contains(part));
     let all: Vec<String> = ours.map(|(part, why)| format!("{part}: {why}")).collect();
     (!all.is_empty()).then(|| all.join("; "))
 }

@@ -10,7 +10,7 @@ use crate::state::Body;
 #[derive(Clone, Debug)]
 pub(super) struct Between {
     /// Weights of a mode's position now and at the next frame that give its position at each instant   (n_groups, n)
-    way: Vec<Vec<[Lanes; 2]>>,
+    interpolation: Vec<Vec<[Lanes; 2]>>,
     /// Displacement of a mode at the next frame by an impulse at each instant, and what has to be added at the one
     /// after so that the motion is exact from then on   (n_groups, n); for complex modes, for each port   (n_ports,
     /// n_groups, n)
@@ -21,12 +21,12 @@ const WHOLE: Lanes = Lanes([1.0; LANES]);
 
 impl RunningModal {
     /// Make tables for instants of a frame, 0 to 1; only for continuous modes.
-    pub(crate) fn divide(&mut self, instants: &[f64]) {
+    pub(crate) fn make_tables(&mut self, instants: &[f64]) {
         let plan = &self.script.plan;
         let (modes, rate) = (&plan.modes, plan.rate);
         let square = rate.step() * rate.step();
         let n = instants.len();
-        let way = |mode: usize, j: usize| {
+        let interpolation = |mode: usize, j: usize| {
             let own = plan.response(mode);
             own.map_or((0.0, 0.0), |own| own.interpolation(instants[j], rate))
         };
@@ -45,9 +45,9 @@ impl RunningModal {
             [0, 1].map(|which| lanes(modes, group, |mode| of(mode, j)[which]))
         };
         let groups = 0..modes.len().div_ceil(LANES);
-        let pair = |mode: usize, j: usize| <[f64; 2]>::from(way(mode, j));
+        let pair = |mode: usize, j: usize| <[f64; 2]>::from(interpolation(mode, j));
         self.between = Some(Between {
-            way: groups
+            interpolation: groups
                 .clone()
                 .map(|group| (0..n).map(|j| table(group, j, &pair)).collect())
                 .collect(),
@@ -103,22 +103,27 @@ impl RunningModal {
     }
 
     /// Write the positions of a port in this frame, at each instant (n), if nothing more pushes it [m].
-    pub(crate) fn way(&mut self, port: usize, way: &mut [f64]) {
+    pub(crate) fn port_positions(&mut self, port: usize, positions: &mut [f64]) {
         let script = self.script.clone();
-        self.back(&script);
+        self.discard_ahead(&script);
         self.quiet = 0;
-        way.fill(script.plan.ports[port].rest);
+        positions.fill(script.plan.ports[port].rest);
         let Some(between) = &self.between else { return };
-        for ((motion, table), rows) in self.motions.iter().zip(&between.way).zip(&script.rows) {
+        for ((motion, table), rows) in self
+            .motions
+            .iter()
+            .zip(&between.interpolation)
+            .zip(&script.rows)
+        {
             // The motions are one frame ahead: their `before` is the present.
-            ports::add_path(&rows[port], table, &motion.before, &motion.now, way);
+            ports::add_path(&rows[port], table, &motion.before, &motion.now, positions);
         }
     }
 
     /// Take impulses [N·s] on a port at the instants of this frame (n).
-    pub(crate) fn give(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
+    pub(crate) fn take_impulses(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
         let script = self.script.clone();
-        self.back(&script);
+        self.discard_ahead(&script);
         self.quiet = 0;
         let Some(between) = &self.between else { return };
         let is_complex = script.plan.answers.is_some();

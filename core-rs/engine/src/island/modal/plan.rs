@@ -234,7 +234,7 @@ impl Modal {
     }
 
     /// Displacement of a port at the next frame by 1 N on it during one frame [m].
-    pub(crate) fn give(&self, port: usize) -> f64 {
+    pub(crate) fn port_compliance(&self, port: usize) -> f64 {
         if self.answers.is_some() {
             let terms = self.ports[port].shape.iter().enumerate();
             return terms

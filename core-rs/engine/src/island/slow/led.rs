@@ -40,15 +40,15 @@ impl RunningSlow {
 
     /// Add a velocity to a port of the island at the end of this frame.
     pub(crate) fn give(&mut self, mat: usize, velocity: f64) {
-        let ports = self.plan.ports.iter().zip(&mut self.given);
-        for (_, given) in ports.filter(|(port, _)| port.1 == mat) {
-            *given += velocity;
+        let ports = self.plan.ports.iter().zip(&mut self.hand_velocities);
+        for (_, hand_velocities) in ports.filter(|(port, _)| port.1 == mat) {
+            *hand_velocities += velocity;
         }
     }
 
     /// Corrections of a port's velocity [m a frame] and of its change a frame, if both are estimated from successive
     /// frames.
-    pub(crate) fn lack(&self, mat: usize, is_led: bool) -> [f64; 2] {
+    pub(crate) fn estimate_corrections(&self, mat: usize, is_led: bool) -> [f64; 2] {
         let every = f64::from(self.plan.macrostep);
         let pull = self.pull(mat);
         match (self.since, is_led) {

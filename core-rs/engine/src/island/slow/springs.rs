@@ -43,10 +43,10 @@ pub(super) enum RunningSprings {
 }
 
 impl RunningSprings {
-    /// The velocities of the first straight motion [m a frame], if masses begin `bent` from rest [m] (n each).
-    pub(super) fn start(&mut self, slow: &Slow, bent: &[f64]) -> Vec<f64> {
+    /// The velocities of the first straight motion [m a frame], if masses begin `displacements` from rest [m] (n each).
+    pub(super) fn start(&mut self, slow: &Slow, displacements: &[f64]) -> Vec<f64> {
         match self {
-            Self::Exact(flow) => flow.start(bent, &slow.v0),
+            Self::Exact(flow) => flow.start(displacements, &slow.v0),
             Self::Stepped(stepped) => {
                 let mut after = slow.v0.clone();
                 stepped.pull(slow, &slow.x0, Some(&slow.v0), &mut after);
@@ -56,22 +56,22 @@ impl RunningSprings {
         }
     }
 
-    /// Velocities after a pull at positions `x`, from those `before`, or from rest [m a frame] (n each). `bent` is a
-    /// buffer for displacements of linear springs.
+    /// Velocities after a pull at positions `x`, from those `before`, or from rest [m a frame] (n each).
+    /// `displacements` is a buffer for linear springs.
     pub(super) fn pull(
         &mut self,
         slow: &Slow,
         x: &[f64],
         before: Option<&[f64]>,
-        bent: &mut [f64],
+        displacements: &mut [f64],
         after: &mut [f64],
     ) {
         match self {
             Self::Exact(flow) => {
-                for ((bent, x), rest) in bent.iter_mut().zip(x).zip(&slow.rest) {
-                    *bent = rest - x;
+                for ((displacements, x), rest) in displacements.iter_mut().zip(x).zip(&slow.rest) {
+                    *displacements = rest - x;
                 }
-                flow.pulled(before, bent, after);
+                flow.pulled(before, displacements, after);
             }
             Self::Stepped(stepped) => stepped.pull(slow, x, before, after),
         }

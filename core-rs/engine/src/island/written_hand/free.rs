@@ -1,6 +1,6 @@
 //! The free key: a copy of the key alone, for which a gesture is written.
 
-pub(crate) mod leap;
+pub(crate) mod frame_powers;
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::{Kind, Scheme};
 use crate::state::{Body, Target};
 use crate::timeline::Drive;
-use leap::Leap;
+use frame_powers::FramePowers;
 
 /// Most rounds: enough for a non-linear key, because the secant method multiplies the number of correct digits by 1.6 a
 /// round.
@@ -25,7 +25,7 @@ const LOOK: u64 = 4096;
 /// (after a multiple of half its period), or never gets there: the rest is rounding.
 const REACH_MIN: f64 = 1e-9;
 
-/// A key's part on its own. Constant while it runs; what changes is its [`Motion`].
+/// A key's part on its own. Constant while it runs; what changes is its [`FreeMotion`].
 #[derive(Clone, Debug)]
 pub(crate) struct FreeKey {
     pub(crate) scheme: Arc<Scheme>,
@@ -41,12 +41,12 @@ pub(crate) struct FreeKey {
 
 /// The motion of a free key.
 #[derive(Clone, Debug)]
-pub(crate) struct Motion {
+pub(crate) struct FreeMotion {
     pub(crate) body: Body,
     slow: Vec<slow::RunningSlow>,
 }
 
-crate::archive::state!(Motion { body, slow });
+crate::archive::state!(FreeMotion { body, slow });
 
 impl FreeKey {
     /// Whether the motion of another free key fits this one; `own` and `their` give the names of MATs in the two
@@ -71,7 +71,7 @@ impl FreeKey {
 }
 
 /// The force near `guess` [N] at which `off` is 0 [m]; `off` rises with the force by at most `w` [m/N].
-fn meet(guess: f64, w: f64, off: &mut dyn FnMut(f64) -> f64) -> f64 {
+fn find_force(guess: f64, w: f64, off: &mut dyn FnMut(f64) -> f64) -> f64 {
     let (mut a, mut at_a) = (guess, off(guess));
     if at_a.abs() <= kernel::STILL {
         return a;
@@ -103,7 +103,7 @@ fn meet(guess: f64, w: f64, off: &mut dyn FnMut(f64) -> f64) -> f64 {
     b
 }
 
-impl Motion {
+impl FreeMotion {
     /// Copy another's motion without allocating.
     fn copy_motion(&mut self, other: &Self) {
         self.body.copy_motion(&other.body);
@@ -118,8 +118,10 @@ impl Motion {
     }
 
     /// For a key at rest: advance by `frames`, which may be negative.
-    pub(crate) fn turn(&mut self, frames: i64) {
-        self.slow.iter_mut().for_each(|slow| slow.turn(frames));
+    pub(crate) fn shift_frames(&mut self, frames: i64) {
+        self.slow
+            .iter_mut()
+            .for_each(|slow| slow.shift_frames(frames));
     }
 
     /// Most frames between two kicks of a slow part.
@@ -155,36 +157,39 @@ impl Motion {
 
     /// Corrections of a MAT's velocity [m a frame] and of its change a frame, if both are estimated from successive
     /// frames.
-    pub(crate) fn lack(&self, mat: usize, is_led: bool) -> [f64; 2] {
-        let each = self.slow.iter().map(|slow| slow.lack(mat, is_led));
+    pub(crate) fn estimate_corrections(&self, mat: usize, is_led: bool) -> [f64; 2] {
+        let each = self
+            .slow
+            .iter()
+            .map(|slow| slow.estimate_corrections(mat, is_led));
         each.fold([0.0; 2], |[v, a], [dv, da]| [v + dv, a + da])
     }
 }
 
 /// Buffers of one voice.
 #[derive(Clone, Debug)]
-pub(crate) struct Room {
-    pub(crate) coast: Motion,
+pub(crate) struct Buffers {
+    pub(crate) coast: FreeMotion,
     pub(crate) laws: Laws,
     pub(crate) targets: Vec<Target>,
     /// Present if one frame of the key is an affine map.
-    pub(crate) leap: Option<Leap>,
+    pub(crate) frame_powers: Option<FramePowers>,
 }
 
 impl FreeKey {
     /// Its motion at frame 0, from that of its MATs.
-    pub(crate) fn start(&self, mut body: Body) -> Motion {
+    pub(crate) fn start(&self, mut body: Body) -> FreeMotion {
         let new = |slow: &Slow| slow::RunningSlow::new(slow, &body);
         let slow: Vec<slow::RunningSlow> = self.slow.iter().map(new).collect();
         if !slow.is_empty() {
             body.inner = vec![0.0; body.x.len()];
             slow.iter().for_each(|slow| slow.place(&mut body));
         }
-        Motion { body, slow }
+        FreeMotion { body, slow }
     }
 
     /// The motion of a key at 0, at rest.
-    pub(crate) fn at_rest(&self) -> Motion {
+    pub(crate) fn at_rest(&self) -> FreeMotion {
         let still = vec![0.0; self.scheme.n_mat()];
         self.start(Body::new(&self.scheme, still.clone(), still))
     }
@@ -226,7 +231,7 @@ impl FreeKey {
     /// Sum the forces at frame `n`, without that of the ergon.
     pub(crate) fn forces(
         &self,
-        motion: &mut Motion,
+        motion: &mut FreeMotion,
         n: u64,
         laws: &mut Laws,
         targets: &mut Vec<Target>,
@@ -243,57 +248,57 @@ impl FreeKey {
     /// are summed; `targets` are the key's own imposed points.
     pub(crate) fn needed(
         &self,
-        motion: &Motion,
+        motion: &FreeMotion,
         x: f64,
         targets: &[Target],
-        room: &mut Room,
+        buffers: &mut Buffers,
     ) -> f64 {
         let (scheme, struck, body) = (&*self.scheme, self.struck, &motion.body);
         if scheme.exact.is_empty() {
             return kernel::needed(scheme, body, struck, x);
         }
         // The force of exact contacts depends on where the ergon takes the MAT, so they are solved for that position.
-        let coast = &mut room.coast.body;
+        let coast = &mut buffers.coast.body;
         coast.copy_motion(body);
         coast.force.copy_from_slice(&body.force);
-        room.targets.clear();
-        room.targets.extend_from_slice(targets);
-        room.targets.push(Target {
+        buffers.targets.clear();
+        buffers.targets.extend_from_slice(targets);
+        buffers.targets.push(Target {
             mat: struck,
             x,
             previous: 0.0,
         });
-        kernel::contacts(scheme, &[], &room.targets, coast);
+        kernel::contacts(scheme, &[], &buffers.targets, coast);
         let force = kernel::needed(scheme, coast, struck, x);
         if !scheme.has_dry() {
             return force;
         }
         // If friction changes direction within the frame, how much of it acts each way depends on the ergon.
         let mut off = |force: f64| {
-            let coast = &mut room.coast.body;
+            let coast = &mut buffers.coast.body;
             coast.copy_motion(body);
             coast.force.copy_from_slice(&body.force);
             coast.force[struck] += force;
             kernel::contacts(scheme, &[], targets, coast);
             kernel::predict(scheme, coast, struck) - x
         };
-        meet(force, scheme.w[struck], &mut off)
+        find_force(force, scheme.w[struck], &mut off)
     }
 
     /// The force on the struck MAT that lets it continue freely where a path ends [N].
-    pub(crate) fn release(&self, motion: &Motion) -> f64 {
+    pub(crate) fn release(&self, motion: &FreeMotion) -> f64 {
         motion.release(self.struck) / self.scheme.w[self.struck]
     }
 
     /// Add a force on the struck MAT and move from frame n to n + 1.
     pub(crate) fn strike_and_move(
         &self,
-        motion: &mut Motion,
+        motion: &mut FreeMotion,
         n: u64,
         force: f64,
         targets: &mut [Target],
     ) {
-        let Motion { body, slow } = motion;
+        let FreeMotion { body, slow } = motion;
         body.force[self.struck] += force;
         kernel::contacts(&self.scheme, &[], targets, body);
         slow.iter_mut().for_each(|slow| slow.step(n, &body.force));
@@ -304,16 +309,23 @@ impl FreeKey {
     }
 
     /// Position of the struck MAT at frame `to`, from `motion` at frame `n`, with one strike at frame `n` [m].
-    fn coast(&self, motion: &Motion, n: u64, to: u64, force: f64, room: &mut Room) -> f64 {
-        let Room {
+    fn coast(
+        &self,
+        motion: &FreeMotion,
+        n: u64,
+        to: u64,
+        force: f64,
+        buffers: &mut Buffers,
+    ) -> f64 {
+        let Buffers {
             coast,
             laws,
             targets,
-            leap,
-        } = room;
+            frame_powers,
+        } = buffers;
         coast.copy_motion(motion);
-        let stop = match leap {
-            Some(_) if to - n >= leap::FRAMES_MIN => n + 1,
+        let stop = match frame_powers {
+            Some(_) if to - n >= frame_powers::FRAMES_MIN => n + 1,
             _ => to,
         };
         for k in n..stop {
@@ -323,23 +335,30 @@ impl FreeKey {
             self.forces(coast, k, laws, targets);
             self.strike_and_move(coast, k, if k == n { force } else { 0.0 }, targets);
         }
-        if let Some(leap) = leap.as_mut().filter(|_| stop < to) {
-            leap.forward(self, coast, to - stop, laws, targets);
+        if let Some(frame_powers) = frame_powers.as_mut().filter(|_| stop < to) {
+            frame_powers.advance(self, coast, to - stop, laws, targets);
         }
         coast.body.x[self.struck]
     }
 
     /// The force at frame `n` that makes the struck MAT pass `x` at frame `to`; 0 if no force can (after a multiple of
     /// half the key's period).
-    pub(crate) fn aim(&self, motion: &Motion, n: u64, to: u64, x: f64, room: &mut Room) -> f64 {
-        let (mut f0, mut y0) = (0.0, self.coast(motion, n, to, 0.0, room));
+    pub(crate) fn aim(
+        &self,
+        motion: &FreeMotion,
+        n: u64,
+        to: u64,
+        x: f64,
+        buffers: &mut Buffers,
+    ) -> f64 {
+        let (mut f0, mut y0) = (0.0, self.coast(motion, n, to, 0.0, buffers));
         // A first guess as for a free mass: F·T²/m·steps = distance.
         let steps = (to - n) as f64;
         let guess = (x - y0) / (steps * self.scheme.w[self.struck]);
         if guess == 0.0 {
             return 0.0;
         }
-        let (mut f1, mut y1) = (guess, self.coast(motion, n, to, guess, room));
+        let (mut f1, mut y1) = (guess, self.coast(motion, n, to, guess, buffers));
         if (y1 - y0).abs() <= REACH_MIN * (x - y0).abs() {
             return 0.0;
         }
@@ -352,7 +371,7 @@ impl FreeKey {
                 return f;
             }
             (f0, y0) = (f1, y1);
-            (f1, y1) = (f, self.coast(motion, n, to, f, room));
+            (f1, y1) = (f, self.coast(motion, n, to, f, buffers));
             if (y1 - x).abs() <= 1e-12 + 4.0 * f64::EPSILON * x.abs() {
                 break;
             }

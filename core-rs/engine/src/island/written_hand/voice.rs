@@ -8,8 +8,8 @@ pub(crate) use takeover::{VoiceTakeover, shared};
 
 use super::ergons_for_view::Sparks;
 use super::framed::{FramedGesture, Leg};
-use super::free::leap::Leap;
-use super::free::{FreeKey, Motion, Room};
+use super::free::frame_powers::FramePowers;
+use super::free::{Buffers, FreeKey, FreeMotion};
 use super::particle::Flight;
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::gesture::quintic::Knot;
@@ -39,22 +39,22 @@ pub(crate) struct VoiceScript {
     /// Whether the voice adds to another: its path is then a deviation, and the scene's key is not compared with it.
     pub(crate) layer: bool,
     /// Links that join the struck MAT to other parts, each with the MAT at its other end.
-    pub(crate) meets: Vec<(usize, usize)>,
+    pub(crate) outer_links: Vec<(usize, usize)>,
 }
 
 /// The state of a voice.
 #[derive(Clone, Debug)]
 pub(crate) struct Voice {
-    free: Motion,
+    free: FreeMotion,
     /// Imposed points inside the free key, at this frame.
     targets: Vec<Target>,
-    room: Room,
+    buffers: Buffers,
     flight: Flight,
     pub(crate) sparks: Sparks,
     /// The gesture that runs.
-    now: Option<Running>,
+    running: Option<Running>,
     /// Present if the key is held on its path in this frame: the ergon is known once all other forces are.
-    held: Option<TrackedFrame>,
+    tracked: Option<TrackedFrame>,
     /// Whether a path led the key to this frame.
     is_led: bool,
     /// Number of gestures begun (also those that only join so far).
@@ -66,7 +66,9 @@ pub(crate) struct Voice {
 impl State for Voice {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         archive.list(&mut self.targets)?;
-        state_of!(self, archive, free, flight, now, held, is_led, begun, asked)
+        state_of!(
+            self, archive, free, flight, running, tracked, is_led, begun, asked
+        )
     }
 }
 
@@ -131,7 +133,7 @@ impl VoiceScript {
     fn pushed_by(&self, body: &Body) -> Option<usize> {
         let push = |link: usize| body.link[link].abs();
         let strongest = self
-            .meets
+            .outer_links
             .iter()
             .max_by(|a, b| push(a.0).total_cmp(&push(b.0)))?;
         (push(strongest.0) > 0.0).then_some(strongest.1)
@@ -156,7 +158,7 @@ impl Voice {
 
     /// The first frame, `n` or later, at which a gesture plays.
     pub(crate) fn due(&self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) -> u64 {
-        if self.now.is_some() {
+        if self.running.is_some() {
             return n;
         }
         let own = script.gestures.iter().map(|&own| &gestures[own]);
@@ -167,32 +169,32 @@ impl Voice {
 
     /// If the voice does nothing to the key: the frame at which it has to look at its next gesture; `None` if it may
     /// act now.
-    pub(crate) fn left_until(
+    pub(crate) fn idle_until(
         &self,
         script: &VoiceScript,
         gestures: &[FramedGesture],
     ) -> Option<u64> {
-        let is_left = self.now.is_none()
-            && self.held.is_none()
+        let is_idle = self.running.is_none()
+            && self.tracked.is_none()
             && !self.is_led
             && self.asked.is_nan()
             && self.flight.is_over();
         let next = script.gestures.get(self.begun).map(|&own| &gestures[own]);
         let next = next.map_or(u64::MAX, |gesture| gesture.join_from.min(gesture.first));
-        is_left.then_some(next)
+        is_idle.then_some(next)
     }
 
     /// Compute a frame in which it does nothing to the key, with the same result as [`Self::step`].
-    pub(crate) fn drift(&mut self, script: &VoiceScript, reports: &mut [Report], n: u64) {
-        self.tell_way(script, reports);
+    pub(crate) fn step_idle(&mut self, script: &VoiceScript, reports: &mut [Report], n: u64) {
+        self.report_range(script, reports);
         let free = &script.free;
-        free.forces(&mut self.free, n, &mut self.room.laws, &mut self.targets);
+        free.forces(&mut self.free, n, &mut self.buffers.laws, &mut self.targets);
         free.strike_and_move(&mut self.free, n, 0.0, &mut self.targets);
     }
 
     /// For a free key at rest: advance by `frames`, which may be negative.
-    pub(crate) fn turn(&mut self, frames: i64) {
-        self.free.turn(frames);
+    pub(crate) fn shift_frames(&mut self, frames: i64) {
+        self.free.shift_frames(frames);
     }
 
     /// Most frames between two kicks of a slow part of its free key.
@@ -205,22 +207,22 @@ impl Voice {
         self.free.body.x[script.free.struck]
     }
 
-    pub(crate) fn new(script: &VoiceScript, free: Motion) -> Self {
+    pub(crate) fn new(script: &VoiceScript, free: FreeMotion) -> Self {
         let laws = Laws::new(&script.free.scheme);
-        let room = Room {
+        let buffers = Buffers {
             coast: free.clone(),
             laws,
             targets: Vec::new(),
-            leap: Leap::new(&script.free),
+            frame_powers: FramePowers::new(&script.free),
         };
         Self {
             free,
             targets: Vec::new(),
-            room,
+            buffers,
             flight: Flight::default(),
             sparks: Sparks::default(),
-            now: None,
-            held: None,
+            running: None,
+            tracked: None,
             is_led: false,
             begun: 0,
             asked: f64::NAN,
@@ -229,7 +231,7 @@ impl Voice {
 
     /// Reserve room for every imposed point inside the key, and for the struck MAT.
     pub(crate) fn reserve(&mut self, script: &VoiceScript) {
-        for targets in [&mut self.targets, &mut self.room.targets] {
+        for targets in [&mut self.targets, &mut self.buffers.targets] {
             targets.reserve(script.free.drives.len() + 1);
         }
     }
@@ -239,7 +241,7 @@ impl Voice {
         self.compare(script, scene, n);
         script
             .free
-            .forces(&mut self.free, n, &mut self.room.laws, &mut self.targets);
+            .forces(&mut self.free, n, &mut self.buffers.laws, &mut self.targets);
         self.flight.step(scene.body, script.struck);
         self.begin(script, scene, n);
         let ask = self.ask(scene.gestures, scene.scheme.rate, n);
@@ -261,8 +263,12 @@ impl Voice {
                 bodies.for_each(|body| body.give(script.struck, given));
             }
         }
-        if let Some(now) = self.now.as_ref().filter(|now| now.struck_until == n + 1) {
-            self.asked = now.aim;
+        if let Some(running) = self
+            .running
+            .as_ref()
+            .filter(|running| running.struck_until == n + 1)
+        {
+            self.asked = running.aim;
         }
         script
             .free
@@ -271,7 +277,7 @@ impl Voice {
 
     /// Compare the key with the position that was asked for, in the report.
     fn compare(&self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
-        let Some(report) = self.tell_way(script, scene.reports) else {
+        let Some(report) = self.report_range(script, scene.reports) else {
             return;
         };
         if !self.asked.is_nan() && !script.layer {
@@ -289,12 +295,12 @@ impl Voice {
 
     /// Add the free key's position to the report of the gesture that runs or ran last; returns that report, if there is
     /// one.
-    fn tell_way<'a>(
+    fn report_range<'a>(
         &self,
         script: &VoiceScript,
         reports: &'a mut [Report],
     ) -> Option<&'a mut Report> {
-        let running = self.now.as_ref().map(|now| now.gesture);
+        let running = self.running.as_ref().map(|running| running.gesture);
         let last = || self.begun.checked_sub(1).map(|last| script.gestures[last]);
         let report = &mut reports[running.or_else(last)?];
         let free = self.free.body.x[script.free.struck];
@@ -313,13 +319,13 @@ impl Voice {
         let (x, before) = (body.x[i], body.x[i] - body.d[i]);
         let next = kernel::predict(scheme, body, i);
         let rate = scheme.rate;
-        let [v_lacks, a_lacks] = match touch {
-            Touch::Open => self.free.lack(i, self.is_led),
+        let [v_correction, a_correction] = match touch {
+            Touch::Open => self.free.estimate_corrections(i, self.is_led),
             Touch::Tracked => [0.0; 2],
         };
         let (v, a) = (
-            (next - before) * (0.5 * rate) + v_lacks * rate,
-            (next - 2.0 * x + before + a_lacks) * (rate * rate),
+            (next - before) * (0.5 * rate) + v_correction * rate,
+            (next - 2.0 * x + before + a_correction) * (rate * rate),
         );
         Knot {
             t: n as f64 / rate,
@@ -331,52 +337,52 @@ impl Voice {
 
     /// What the running gesture asks at frame `n`.
     fn ask(&mut self, gestures: &[FramedGesture], rate: f64, n: u64) -> Option<Ask> {
-        let now = self.now.as_mut()?;
-        let gesture = &gestures[now.gesture];
+        let running = self.running.as_mut()?;
+        let gesture = &gestures[running.gesture];
         let target = n + 1;
         let t = target as f64 / rate;
-        if let Some(joining) = &now.joining {
+        if let Some(joining) = &running.joining {
             if t < joining.end {
                 return Some(Ask::Pass(joining.curve.at(t).0));
             }
-            now.joining = None;
+            running.joining = None;
         }
         // The first frame of a gesture that was joined in time still belongs to its entry.
         if target <= gesture.first {
             return Some(Ask::Pass(gesture.gesture.entry_at(t)));
         }
-        while target > gesture.legs.get(now.leg)?.last() {
-            now.leg += 1;
-            now.cursor = 0;
-            if now.leg == gesture.legs.len() {
-                self.now = None;
+        while target > gesture.legs.get(running.leg)?.last() {
+            running.leg += 1;
+            running.cursor = 0;
+            if running.leg == gesture.legs.len() {
+                self.running = None;
                 return None;
             }
         }
-        match &gesture.legs[now.leg] {
+        match &gesture.legs[running.leg] {
             Leg::Path {
                 path,
                 entered,
                 last,
             } => match gesture.gesture.manner.grain {
                 None if target > *entered => Some(Ask::Pass(
-                    path.at_from(&mut now.cursor, t.min(path.stop())).0,
+                    path.at_from(&mut running.cursor, t.min(path.stop())).0,
                 )),
-                _ if n < now.struck_until => None,
+                _ if n < running.struck_until => None,
                 grain => {
                     let to = match grain {
                         Some(grain) => gesture.knot_after(n, grain, rate),
                         None => *entered,
                     };
                     let to = to.min(*last);
-                    now.struck_until = to;
+                    running.struck_until = to;
                     let t = (to as f64 / rate).min(path.stop());
-                    now.aim = path.at_from(&mut now.cursor, t).0;
-                    Some(Ask::Aim { to, x: now.aim })
+                    running.aim = path.at_from(&mut running.cursor, t).0;
+                    Some(Ask::Aim { to, x: running.aim })
                 }
             },
-            Leg::Throw { from, to, x } if n >= now.struck_until.max(*from) => {
-                (now.struck_until, now.aim) = (*to, *x);
+            Leg::Throw { from, to, x } if n >= running.struck_until.max(*from) => {
+                (running.struck_until, running.aim) = (*to, *x);
                 Some(Ask::Aim { to: *to, x: *x })
             }
             Leg::Throw { .. } => None,

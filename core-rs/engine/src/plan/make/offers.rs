@@ -19,7 +19,7 @@ const UNHEARD: f64 = 0.5;
 impl Maker<'_> {
     /// The island with what is only seen slow, and with its keys slow, wherever that is cheaper and sounds the same.
     pub(super) fn offered(&self, subset: &Subset, own: &OwnTimeline, plain: Solved) -> Solved {
-        let (seldom, mut best) = self.only_seen(subset, own, plain);
+        let (seldom, mut best) = self.offer_only_seen(subset, own, plain);
         let subset = seldom.as_ref().unwrap_or(subset);
         for &(every, preserved) in &PRESERVED {
             // Without allowance an offer cannot be measured.
@@ -34,7 +34,7 @@ impl Maker<'_> {
                     && solved.is_as_exact(best, self.budget)
             };
             if let Some(slow) = keys
-                && let Some(solved) = self.taken(&slow, own, &best, is_right)
+                && let Some(solved) = self.try_offer(&slow, own, &best, is_right)
             {
                 best = solved;
             }
@@ -43,7 +43,7 @@ impl Maker<'_> {
     }
 
     /// The island with what is only seen computed as seldom as `seen_every` says, or more often if that would be heard.
-    fn only_seen(
+    fn offer_only_seen(
         &self,
         subset: &Subset,
         own: &OwnTimeline,
@@ -58,7 +58,7 @@ impl Maker<'_> {
                     && solved.sounds_as_exact(plain, self.budget)
             };
             if let Some(seldom) = seldom
-                && let Some(solved) = self.taken(&seldom, own, &plain, is_right)
+                && let Some(solved) = self.try_offer(&seldom, own, &plain, is_right)
             {
                 return (Some(seldom), solved);
             }
@@ -68,7 +68,7 @@ impl Maker<'_> {
     }
 
     /// Solves an island with offered slow parts, and returns it if it `is_right` compared with the island without them.
-    fn taken(
+    fn try_offer(
         &self,
         slow: &Subset,
         own: &OwnTimeline,
@@ -78,7 +78,7 @@ impl Maker<'_> {
         let solved = self.solve(slow, own, None).ok()?;
         is_right(&solved, plain).then(|| Solved {
             is_offered: true,
-            stay: plain.stay.clone(),
+            refused_slow: plain.refused_slow.clone(),
             ..solved
         })
     }

@@ -101,9 +101,11 @@ impl Assembled {
         if let Some(cut) = cut {
             // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
             // faster than a frame, that coupling would oscillate and grow.
-            let leaps =
-                |found: &PortedBody| matches!(&found.inside, BodyPlan::Mesh(mesh) if mesh.leaps());
-            let once = cut.bodies.iter().any(leaps).then_some(1);
+            let steps_over = |found: &PortedBody| match &found.inside {
+                BodyPlan::Mesh(mesh) => mesh.steps_over_fast_motion(),
+                BodyPlan::Modal(_) | BodyPlan::Slow(_) => false,
+            };
+            let once = cut.bodies.iter().any(steps_over).then_some(1);
             let timeline = &cut.own.timeline;
             let by = |most| hub(&cut.hub.network, timeline, budget, most, Refusal::Bare);
             match once.map_or_else(|| by(most), by).or_else(|_| by(most)) {

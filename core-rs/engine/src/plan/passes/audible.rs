@@ -79,7 +79,7 @@ pub(in crate::plan) fn keep(
             return kept;
         }
         let all = all.get_or_insert_with(|| loudness(&(0..body.n_modes()).collect::<Vec<_>>()));
-        let loud = loudness(&fallen).beside(all);
+        let loud = loudness(&fallen).relative_to(all);
         kept.left_out = Some(loud);
         if loud <= most {
             return kept;

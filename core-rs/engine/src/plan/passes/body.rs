@@ -7,7 +7,7 @@ use crate::network::{Network, Subset, Term};
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
-use crate::plan::passes::cells::hear;
+use crate::plan::passes::cells::add_weight;
 use crate::plan::passes::complex_body;
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::modes::{Modes, Row};
@@ -62,14 +62,14 @@ fn normal(
     memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
     let (network, rate) = (&subset.network, timeline.rate);
-    let OutputSums { mut rows, held } = heard(network)?;
+    let OutputSums { mut rows, held } = output_sums(network)?;
     let n_out = rows.len();
     rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
     let mut modes = memo.modes(network, &rows, rate)?;
     // What a session will strike is not known: any mode may move.
     let turned = (!timeline.is_open).then(|| strikes.keys().map(|&mat| mat as usize).collect());
     if turned.is_some() {
-        modes.turn(&(n_out..rows.len()).collect::<Vec<_>>(), rate);
+        modes.rotate(&(n_out..rows.len()).collect::<Vec<_>>(), rate);
     }
     if let Some(why) = modes.unfit(rate) {
         return Err(why);
@@ -184,7 +184,7 @@ fn bank_of(
         let ratios = modes.ratios(mode, rate);
         let mut own = Vec::new();
         for (row, &output) in seen.iter().zip(outputs) {
-            hear(&mut own, output, row[mode]);
+            add_weight(&mut own, output, row[mode]);
         }
         bank.oscillators.push(Oscillator {
             a: 2.0 - ratios.kappa - ratios.zeta,
@@ -251,7 +251,7 @@ pub(in crate::plan) struct OutputSums {
 }
 
 /// What each output of a body sums.
-pub(in crate::plan) fn heard(network: &Network) -> Result<OutputSums, NoModes> {
+pub(in crate::plan) fn output_sums(network: &Network) -> Result<OutputSums, NoModes> {
     let mats = network.mats();
     let (mut rows, mut held) = (Vec::new(), Vec::new());
     for output in network.outputs() {

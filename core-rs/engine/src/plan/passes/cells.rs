@@ -14,12 +14,12 @@ use crate::units::Rate;
 use crate::units::frame;
 
 /// Most oscillators of one bank: enough to fill vectors, few enough to distribute banks over threads.
-const TOGETHER: usize = 2_048;
+const BANK_MAX: usize = 2_048;
 /// Memory is given back each time this many oscillators have been moved into banks.
-const GIVEN_BACK: usize = 1 << 16;
+const SHRINK_EVERY: usize = 1 << 16;
 /// A part with at least this many CELs has banks of its own, so that its sound does not depend on other parts, bit for
 /// bit. Smaller parts share banks: a few CELs would leave most of a vector empty.
-const OF_ONE_PART: usize = 256;
+const PART_MIN: usize = 256;
 
 /// Whether an island is a single CEL or MAS that no link, hand or path touches. A CEL so slow that a two-term
 /// recurrence would round its pitch does not count.
@@ -81,7 +81,7 @@ pub(in crate::plan) fn oscillators(
                 if !is_force {
                     still[index as usize] += weight * mats.rest[i];
                 }
-                hear(&mut own.heard, index, weight);
+                add_weight(&mut own.heard, index, weight);
             }
         }
     }
@@ -111,7 +111,7 @@ pub(in crate::plan) fn oscillators(
     // In reverse, so that memory of moved oscillators can be given back: millions of them are not held twice.
     all.reverse();
     for i in 0..all.len() {
-        if i % GIVEN_BACK == 0 {
+        if i % SHRINK_EVERY == 0 {
             all.shrink_to_fit();
         }
         let Some(mut oscillator) = all.pop() else {
@@ -121,8 +121,8 @@ pub(in crate::plan) fn oscillators(
             continue;
         }
         oscillator.blows.sort_by_key(|blow| blow.frame);
-        let part = Some(mats.part[i]).filter(|part| sizes[part] >= OF_ONE_PART);
-        let has_room = |bank: &BankPlan| bank.part == part && bank.mats.len() < TOGETHER;
+        let part = Some(mats.part[i]).filter(|part| sizes[part] >= PART_MIN);
+        let has_room = |bank: &BankPlan| bank.part == part && bank.mats.len() < BANK_MAX;
         if !banks.last().is_some_and(has_room) {
             banks.push(BankPlan {
                 part,
@@ -139,7 +139,7 @@ pub(in crate::plan) fn oscillators(
 }
 
 /// Add a weight to what an output hears.
-pub(in crate::plan) fn hear(heard: &mut Vec<(u32, f64)>, output: u32, weight: f64) {
+pub(in crate::plan) fn add_weight(heard: &mut Vec<(u32, f64)>, output: u32, weight: f64) {
     if weight == 0.0 {
         return;
     }

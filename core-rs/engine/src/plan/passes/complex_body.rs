@@ -11,7 +11,7 @@ use crate::network::{Network, Subset, Term};
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
-use crate::plan::passes::cells::hear;
+use crate::plan::passes::cells::add_weight;
 use crate::plan::passes::complex_modes::{ComplexModes, Pole, Sum};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::solved_modes::Memo;
@@ -31,7 +31,7 @@ pub(in crate::plan) fn bank(
     memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
     let network = &subset.network;
-    let (sums, held) = heard(network);
+    let (sums, held) = output_sums(network);
     let struck: Vec<usize> = strikes.keys().map(|&mat| mat as usize).collect();
     let modes = memo.complex(network, &sums, &struck, rate)?;
     let own = Complex {
@@ -46,7 +46,7 @@ pub(in crate::plan) fn bank(
         None => {
             let allowed = budget.left_out();
             let kept = audible::keep(&own, strikes, network, allowed, budget, rate);
-            own.filled(kept)
+            own.or_all(kept)
         }
     };
     let mut bank = own.bank(&kept.modes, &subset.outputs);
@@ -63,7 +63,7 @@ pub(in crate::plan) fn bank(
 
 /// What each output sums of positions and velocities, and its constant part from fixed points and the rest lengths of
 /// links.
-fn heard(network: &Network) -> (Vec<Sum>, Vec<f64>) {
+fn output_sums(network: &Network) -> (Vec<Sum>, Vec<f64>) {
     let mats = network.mats();
     let (mut sums, mut held) = (Vec::new(), Vec::new());
     for output in network.outputs() {
@@ -210,7 +210,7 @@ pub(in crate::plan) fn places(all: &[Part]) -> Vec<ComplexPart> {
 
 impl Complex<'_> {
     /// All modes, unless those that were kept are cheaper by enough.
-    fn filled(&self, kept: KeptModes) -> KeptModes {
+    fn or_all(&self, kept: KeptModes) -> KeptModes {
         let all: Vec<usize> = (0..self.modes.len()).collect();
         let cost = |some: &[usize]| parts(self.modes, some, self.rate).len() as f64;
         // A group of lanes costs the same whether it is full or not.
@@ -277,7 +277,7 @@ impl ModalBody for Complex<'_> {
         for own in &all {
             let mut heard = Vec::new();
             for (row, &output) in modes.seen.iter().zip(outputs) {
-                hear(&mut heard, output, own.sign * row[own.mode][own.part]);
+                add_weight(&mut heard, output, own.sign * row[own.mode][own.part]);
             }
             let (a, b) = own.recurrence;
             bank.oscillators.push(Oscillator {

@@ -243,7 +243,7 @@ impl Coordinates {
                 linear
                     .dampers
                     .iter()
-                    .map(|damper| across(damper, &linear.root)),
+                    .map(|damper| damper_row(damper, &linear.root)),
             );
         }
         let (mut lambda, mut rows) = whole(linear.stiffness, &rows).ok_or(NoModes::NotFinite)?;
@@ -260,8 +260,8 @@ impl Coordinates {
             }
             None => {
                 let signs: Vec<f64> = linear.dampers.iter().map(|own| own.z.signum()).collect();
-                for alike in alike(&lambda) {
-                    turn(&mut rows, n_first, alike, &signs).ok_or(NoModes::NotFinite)?;
+                for group in equal_frequencies(&lambda) {
+                    rotate_group(&mut rows, n_first, group, &signs).ok_or(NoModes::NotFinite)?;
                 }
                 Damping::Coupled(coupling(&rows[n_first..], &signs, n))
             }
@@ -293,7 +293,7 @@ impl Coordinates {
 }
 
 /// The row of a damper, times the root of its |Z|: C is the sum of sign·row·rowᵀ.
-fn across(damper: &Damper, root: &[f64]) -> Vec<f64> {
+fn damper_row(damper: &Damper, root: &[f64]) -> Vec<f64> {
     let mut row = vec![0.0; root.len()];
     for (end, sign) in damper.ends.iter().zip([1.0, -1.0]) {
         if let Some(own) = *end {
@@ -305,7 +305,7 @@ fn across(damper: &Damper, root: &[f64]) -> Vec<f64> {
 
 /// Ranges of undamped modes of the same frequency, first those that no spring holds: any rotation among them gives
 /// equally valid modes.
-fn alike(lambda: &[f64]) -> Vec<Range<usize>> {
+fn equal_frequencies(lambda: &[f64]) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut first = 0;
     while first < lambda.len() {
@@ -322,7 +322,12 @@ fn alike(lambda: &[f64]) -> Vec<Range<usize>> {
 
 /// Rotates modes of the same frequency so that dampers do not couple them with each other: equal poles are then
 /// separate. A mode that no damper acts on gets zeros, exact to the last bit.
-fn turn(rows: &mut [Vec<f64>], n_first: usize, modes: Range<usize>, signs: &[f64]) -> Option<()> {
+fn rotate_group(
+    rows: &mut [Vec<f64>],
+    n_first: usize,
+    modes: Range<usize>,
+    signs: &[f64],
+) -> Option<()> {
     let part = |row: &Vec<f64>| row[modes.clone()].to_vec();
     let all: Vec<Vec<f64>> = rows.iter().map(part).collect();
     let dampers = rows[n_first..].iter().flatten();

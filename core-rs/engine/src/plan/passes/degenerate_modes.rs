@@ -18,7 +18,7 @@ const NOTHING: f64 = 1e-10;
 impl Modes {
     /// Rotates modes of the same frequency towards the rows that move the body, and towards its start and rest
     /// positions. The remaining ones are then moved by exactly nothing.
-    pub(in crate::plan) fn turn(&mut self, moved: &[usize], rate: Rate) {
+    pub(in crate::plan) fn rotate(&mut self, moved: &[usize], rate: Rate) {
         let step = if self.is_discrete { rate.step() } else { 1.0 };
         // Δλ = 2ω Δω
         let is_same = |low: f64, high: f64| high - low <= 2.0 * SAME * step * high.sqrt();
@@ -28,14 +28,14 @@ impl Modes {
             let beyond = self.lambda[first..].iter();
             let n = beyond.take_while(|&&high| is_same(low, high)).count();
             if n > 1 {
-                self.turn_some(first..first + n, moved);
+                self.rotate_group(first..first + n, moved);
             }
             first += n.max(1);
         }
     }
 
     /// Householder reflections, one row after the other (Golub & Van Loan, Matrix Computations, 5.1).
-    fn turn_some(&mut self, modes: Range<usize>, moved: &[usize]) {
+    fn rotate_group(&mut self, modes: Range<usize>, moved: &[usize]) {
         let n_rows = self.shapes.len();
         let mut rows: Vec<&mut Vec<f64>> = self.shapes.iter_mut().collect();
         rows.extend([&mut self.x0, &mut self.v0, &mut self.rest]);

@@ -135,7 +135,7 @@ impl Linear {
         let free: Vec<usize> = (0..network.n_mat())
             .filter(|&i| mats.kind[i].moves())
             .collect();
-        let is_discrete = truth(network, &free, rate)?;
+        let is_discrete = is_discrete_reference(network, &free, rate)?;
         if free.len() > MASSES_MAX {
             return Err(NoModes::Large);
         }
@@ -218,15 +218,15 @@ impl Linear {
 }
 
 /// Whether the discrete network is the reference: for the whole body at the scene's rate, or for none of it.
-fn truth(network: &Network, free: &[usize], rate: Rate) -> Result<bool, NoModes> {
+fn is_discrete_reference(network: &Network, free: &[usize], rate: Rate) -> Result<bool, NoModes> {
     let at = |part: usize| network.parts().get(part).and_then(|part| part.ca_rate);
     let masses = free.iter().map(|&i| at(network.mats().part[i] as usize));
-    let mut truths = masses.chain(network.runs().iter().map(|run| at(run.part)));
-    let Some(first) = truths.next() else {
+    let mut reference_rates = masses.chain(network.runs().iter().map(|run| at(run.part)));
+    let Some(first) = reference_rates.next() else {
         return Ok(false);
     };
     let is_ours = first.is_none_or(|own| own.hertz() == rate.hertz());
-    if is_ours && truths.all(|other| other.map(Rate::hertz) == first.map(Rate::hertz)) {
+    if is_ours && reference_rates.all(|other| other.map(Rate::hertz) == first.map(Rate::hertz)) {
         Ok(first.is_some())
     } else {
         Err(NoModes::OtherRate)

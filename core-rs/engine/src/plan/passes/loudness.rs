@@ -12,7 +12,7 @@ use crate::units::Rate;
 const FIRST: f64 = 0.1;
 const TIMES: usize = 10;
 /// Frames at once.
-const ROOM: usize = 256;
+const BLOCK: usize = 256;
 
 /// Energy that each output heard, up to the end of each span   (TIMES, n_out)
 pub(in crate::plan) struct Loudness(Vec<Vec<f64>>);
@@ -32,13 +32,13 @@ impl Loudness {
                 blow.0 -= from;
             }
         }
-        let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, ROOM, false);
+        let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, BLOCK, false);
         let span = (FIRST * rate.hertz()) as usize;
-        let mut sound = vec![0.0; ROOM * n_out];
+        let mut sound = vec![0.0; BLOCK * n_out];
         let mut sums = vec![0.0; n_out];
         let spans = (0..TIMES).map(|_| {
-            for at in (0..span).step_by(ROOM) {
-                let n_frames = ROOM.min(span - at);
+            for at in (0..span).step_by(BLOCK) {
+                let n_frames = BLOCK.min(span - at);
                 let sound = &mut sound[..n_frames * n_out];
                 sound.fill(0.0);
                 playing.process(sound, n_out, n_frames);
@@ -55,7 +55,7 @@ impl Loudness {
     }
 
     /// The loudness of these modes relative to all, the largest over outputs and spans [dB].
-    pub(in crate::plan) fn beside(&self, all: &Self) -> f64 {
+    pub(in crate::plan) fn relative_to(&self, all: &Self) -> f64 {
         let ratios = self.0.iter().flatten().zip(all.0.iter().flatten());
         let heard = ratios.filter(|(_, all)| **all > 0.0);
         10.0 * log10(heard.map(|(some, all)| some / all).fold(1e-40, f64::max))

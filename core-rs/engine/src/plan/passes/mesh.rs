@@ -8,8 +8,8 @@ use crate::island::mesh::Mesh;
 use crate::maths::sqrt;
 use crate::network::{Error, Network};
 use crate::plan::budget::Budget;
-use crate::plan::passes::body::heard;
-use crate::plan::passes::split::local as links_of;
+use crate::plan::passes::body::output_sums;
+use crate::plan::passes::split::local_links;
 use crate::plan::passes::wiring::Body;
 use crate::timeline::{Lead, Timeline, greatest, pushes};
 use crate::units::Rate;
@@ -52,8 +52,8 @@ pub(in crate::plan) enum MethodChoice<'a> {
 }
 
 /// Error of a pitch [cents] by a method, with x = ωT for its step T.
-fn cents(way: MeshMethod, x: f64) -> f64 {
-    match way {
+fn cents(method: MeshMethod, x: f64) -> f64 {
+    match method {
         MeshMethod::Ca | MeshMethod::Ieq => 72.13 * x * x,
         MeshMethod::Ca2p => 2.404 * x * x * x * x,
         MeshMethod::Bm4 => 0.0255 * x * x * x * x,
@@ -79,29 +79,31 @@ pub(in crate::plan) fn mesh(
     let leads: Vec<Lead> = timeline
         .leads
         .iter()
-        .filter_map(|lead| links_of(&subset, lead.links()).map(|(first, len)| lead.on(first, len)))
+        .filter_map(|lead| {
+            local_links(&subset, lead.links()).map(|(first, len)| lead.on(first, len))
+        })
         .collect();
     let stiffest = greatest(&subset.network, &leads).ok()?;
     let is_led = !leads.is_empty();
-    let (way, substeps) = match pin {
-        Some(&[way, substeps] | &[way, substeps, IN_PLACE]) => {
-            (*MeshMethod::ALL.get(way as usize)?, substeps)
+    let (method, substeps) = match pin {
+        Some(&[method, substeps] | &[method, substeps, REPLACES_MODES]) => {
+            (*MeshMethod::ALL.get(method as usize)?, substeps)
         }
         Some(_) => return None,
         None => match choice {
             MethodChoice::AsBefore(bodies) => (*bodies.get(index)?)?,
-            MethodChoice::All((way, substeps)) | MethodChoice::Meshes((way, substeps)) => {
-                let way = if is_led { MeshMethod::Bm4 } else { way };
-                certify(&stiffest, rate, way, substeps).ok()?;
-                (way, substeps)
+            MethodChoice::All((method, substeps)) | MethodChoice::Meshes((method, substeps)) => {
+                let method = if is_led { MeshMethod::Bm4 } else { method };
+                certify(&stiffest, rate, method, substeps).ok()?;
+                (method, substeps)
             }
             MethodChoice::Stepped | MethodChoice::Plain { has_bodies: false } => return None,
             MethodChoice::Unconditional if !is_led => choose(&stiffest, rate, budget, true)?,
-            _ if is_led => choose_led(&stiffest, rate, budget)?,
+            _ if is_led => choose_for_led(&stiffest, rate, budget)?,
             _ => choose(&stiffest, rate, budget, false)?,
         },
     };
-    let outputs = heard(&subset.network).ok()?;
+    let outputs = output_sums(&subset.network).ok()?;
     let local = |mat: u32| subset.mat(mat as usize);
     let ports = body
         .ports
@@ -118,7 +120,7 @@ pub(in crate::plan) fn mesh(
         .map(|push| Some((push.frame, local(push.mat)?, push.force * rate.step())));
     Some(Mesh {
         rate,
-        way,
+        way: method,
         substeps,
         ports: ports.collect::<Option<_>>()?,
         heard: subset.outputs.iter().copied().zip(outputs.rows).collect(),
@@ -133,17 +135,17 @@ pub(in crate::plan) fn mesh(
 ///
 /// # Errors
 /// With the name of a module of it.
-pub(in crate::plan) fn takes(
+pub(in crate::plan) fn check_supported(
     network: &Network,
     rate: Rate,
     body: &Body,
-    way: MeshMethod,
+    method: MeshMethod,
 ) -> Result<(), Error> {
     let subset = network.subset(&body.mats, &body.guests, &body.links);
-    if way != MeshMethod::Ieq || is_discrete(network, &subset.network) {
+    if method != MeshMethod::Ieq || is_discrete(network, &subset.network) {
         return Ok(()); // CA steps a discrete network, whatever method is asked for
     }
-    certify(&subset.network, rate, way, 1).map(|_| ())
+    certify(&subset.network, rate, method, 1).map(|_| ())
 }
 
 /// Whether the discrete network is the reference for any of its parts.
@@ -157,27 +159,29 @@ fn is_discrete(network: &Network, own: &Network) -> bool {
 
 /// A third number of a mesh: it is stepped although it could go by modes. (Numbers of modes rise, so 0 cannot come last
 /// among them.)
-pub(in crate::plan) const IN_PLACE: u32 = 0;
+pub(in crate::plan) const REPLACES_MODES: u32 = 0;
 
 /// The method of a mesh, as numbers of a [`crate::plan::Choice`].
 pub(in crate::plan) fn numbers(mesh: &Mesh) -> Vec<u32> {
-    let way = MeshMethod::ALL.iter().position(|&way| way == mesh.way);
-    vec![way.unwrap_or(0) as u32, mesh.substeps]
+    let method = MeshMethod::ALL
+        .iter()
+        .position(|&method| method == mesh.way);
+    vec![method.unwrap_or(0) as u32, mesh.substeps]
 }
 
 /// BM4 with as many steps as the budget asks for: among the methods only BM4 preserves, to its own order, the action of
 /// an oscillation of changing frequency, and so its amplitude.
-fn choose_led(network: &Network, rate: Rate, budget: &Budget) -> Option<(MeshMethod, u32)> {
-    let way = MeshMethod::Bm4;
+fn choose_for_led(network: &Network, rate: Rate, budget: &Budget) -> Option<(MeshMethod, u32)> {
+    let method = MeshMethod::Bm4;
     let mut stable = [1, 2, 4]
         .into_iter()
-        .filter(|&substeps| certify(network, rate, way, substeps).is_ok());
+        .filter(|&substeps| certify(network, rate, method, substeps).is_ok());
     let Budget::Cents { cents: most, upto } = *budget else {
-        return stable.next().map(|substeps| (way, substeps));
+        return stable.next().map(|substeps| (method, substeps));
     };
     let x = TAU * upto * rate.step();
-    let is_enough = |substeps: &u32| cents(way, x / f64::from(*substeps)) <= most;
-    stable.find(is_enough).map(|substeps| (way, substeps))
+    let is_enough = |substeps: &u32| cents(method, x / f64::from(*substeps)) <= most;
+    stable.find(is_enough).map(|substeps| (method, substeps))
 }
 
 /// The first method of `LADDER` that is stable and exact enough by its formula; `is_safe`: only methods that cannot
@@ -189,28 +193,28 @@ fn choose(
     is_safe: bool,
 ) -> Option<(MeshMethod, u32)> {
     if let Budget::Method(method) = budget {
-        let way = method.way()?;
-        return certify(network, rate, way, 1).ok().map(|_| (way, 1));
+        let method = method.mesh_method()?;
+        return certify(network, rate, method, 1).ok().map(|_| (method, 1));
     }
     // The highest frequency of the mesh at rest; CA shifts it to 2·asin(√λ/2).
     let lambda = certify(network, rate, MeshMethod::Ca2p, 1).map_or(4.0, |found| found.lambda_max);
     let highest = sqrt(lambda.max(0.0)).min(PI);
-    for (way, substeps, _) in LADDER {
+    for (method, substeps, _) in LADDER {
         let steps = f64::from(substeps);
         let is_enough = match *budget {
             Budget::Cents { cents: most, upto } => {
                 let x = (TAU * upto * rate.step()).min(highest) / steps;
-                cents(way, x) <= most
+                cents(method, x) <= most
             }
             // The pilot finds better methods if necessary.
             Budget::Error(_) | Budget::Method(_) => true,
         };
-        let cannot_diverge = matches!(way, MeshMethod::Ieq);
+        let cannot_diverge = matches!(method, MeshMethod::Ieq);
         if is_safe && !cannot_diverge {
             continue;
         }
-        if (is_enough || cannot_diverge) && certify(network, rate, way, substeps).is_ok() {
-            return ((way, substeps) != (MeshMethod::Ca, 1)).then_some((way, substeps));
+        if (is_enough || cannot_diverge) && certify(network, rate, method, substeps).is_ok() {
+            return ((method, substeps) != (MeshMethod::Ca, 1)).then_some((method, substeps));
         }
     }
     None

@@ -44,7 +44,7 @@ impl ModeShapes {
         if let Some(towards) = turned {
             let row = |mat: &usize| mats.binary_search(mat).ok();
             let moved: Vec<usize> = towards.iter().filter_map(row).collect();
-            modes.turn(&moved, rate);
+            modes.rotate(&moved, rate);
         }
         if kept.iter().any(|&mode| mode as usize >= modes.len()) {
             return None;

@@ -11,13 +11,13 @@ use crate::network::{Error, Network, Subset, Term};
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::cost;
-use crate::plan::passes::body::{blows, heard};
+use crate::plan::passes::body::{blows, output_sums};
 use crate::plan::passes::complex_body::{self, Part};
 use crate::plan::passes::complex_modes::Sum;
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::{self, MethodChoice};
 use crate::plan::passes::modes::{Modes, Row};
-use crate::plan::passes::slow::slow;
+use crate::plan::passes::slow::slow_bodies;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::passes::wiring::{Body, Wiring};
@@ -52,7 +52,7 @@ pub(in crate::plan) struct PortedBody {
     pub(in crate::plan) kept: Vec<u32>,
     pub(in crate::plan) left_out: Option<f64>,
     /// It is stepped as a mesh although it could go by modes.
-    pub(in crate::plan) is_in_place: bool,
+    pub(in crate::plan) replaces_modes: bool,
 }
 
 /// Cuts bodies out of an island: linear ones by their modes, other meshes by a method of their own. Returns `None` if
@@ -75,10 +75,10 @@ pub(in crate::plan) fn cut(
     );
     let has_bodies = are_apart && pin.is_none_or(|pin| !pin.kept.is_empty());
     let are_meshes = match pin {
-        Some(pin) => pin.kept.iter().any(|own| is_in_place(own)),
+        Some(pin) => pin.kept.iter().any(|own| replaces_modes(own)),
         None => matches!(choice, MethodChoice::Meshes(_)),
     };
-    for (body, slow) in slow(network, timeline).bodies {
+    for (body, slow) in slow_bodies(network, timeline).bodies {
         wiring.take(&body.mats);
         found.push((body, BodyPlan::Slow(slow)));
     }
@@ -120,20 +120,20 @@ pub(in crate::plan) fn cut(
     }
     let mut cut = hub(island, timeline, found);
     let bodies = cut.bodies.iter_mut();
-    bodies.for_each(|body| body.is_in_place = are_meshes);
+    bodies.for_each(|body| body.replaces_modes = are_meshes);
     (Some(cut), why)
 }
 
 /// Whether the decided numbers of a body say that it is stepped although it could go by modes.
-fn is_in_place(kept: &[u32]) -> bool {
-    matches!(kept, &[_, substeps, mesh::IN_PLACE] if substeps > 0)
+fn replaces_modes(kept: &[u32]) -> bool {
+    matches!(kept, &[_, substeps, mesh::REPLACES_MODES] if substeps > 0)
 }
 
 /// Refuses meshes that the method asked for by name cannot step.
 ///
 /// # Errors
 /// With the name of a module of such a mesh.
-pub(in crate::plan) fn takes(
+pub(in crate::plan) fn check_supported(
     network: &Network,
     timeline: &Timeline,
     budget: &Budget,
@@ -141,16 +141,16 @@ pub(in crate::plan) fn takes(
     let Budget::Method(method) = budget else {
         return Ok(());
     };
-    let Some(way) = method.way() else {
+    let Some(mesh_method) = method.mesh_method() else {
         return Ok(());
     };
     let mut wiring = Wiring::new(network, timeline);
-    for (body, _) in slow(network, timeline).bodies {
+    for (body, _) in slow_bodies(network, timeline).bodies {
         wiring.take(&body.mats);
     }
     let bodies = wiring.bodies(network, true, true);
-    let takes = |body: &Body| mesh::takes(network, timeline.rate, body, way);
-    bodies.iter().try_for_each(takes)
+    let check = |body: &Body| mesh::check_supported(network, timeline.rate, body, mesh_method);
+    bodies.iter().try_for_each(check)
 }
 
 impl PortedBody {
@@ -158,8 +158,8 @@ impl PortedBody {
     pub(in crate::plan) fn numbers(&self) -> Vec<u32> {
         match &self.inside {
             BodyPlan::Modal(_) => self.kept.clone(),
-            BodyPlan::Mesh(mesh) if self.is_in_place => {
-                [mesh::numbers(mesh), vec![mesh::IN_PLACE]].concat()
+            BodyPlan::Mesh(mesh) if self.replaces_modes => {
+                [mesh::numbers(mesh), vec![mesh::REPLACES_MODES]].concat()
             }
             BodyPlan::Mesh(mesh) => mesh::numbers(mesh),
             BodyPlan::Slow(slow) => vec![slow.macrostep],
@@ -197,7 +197,7 @@ fn modal(
 ) -> Result<Modal, NoModes> {
     let rate = timeline.rate;
     let subset = network.subset(&body.mats, &body.guests, &body.links);
-    let outputs = heard(&subset.network)?;
+    let outputs = output_sums(&subset.network)?;
     let local = |mat: &u32| subset.mat(*mat as usize).unwrap_or(0);
     let row = |mat: usize| vec![(mat, 1.0)];
     let ports: Vec<usize> = body.ports.iter().map(local).collect();
@@ -218,7 +218,7 @@ fn modal(
     let turned = (!timeline.is_open).then(|| [ports, struck].concat());
     if turned.is_some() {
         let moved: Vec<usize> = (0..n_ports).chain(n_ports + n_out..rows.len()).collect();
-        modes.turn(&moved, rate);
+        modes.rotate(&moved, rate);
     }
     if let Some(why) = modes.unfit(rate) {
         return Err(why);
@@ -236,7 +236,7 @@ fn modal(
     Ok(Modal {
         kept: (0..n as u32).collect(),
         turned,
-        modes: (0..n).map(|mode| own(&modes, mode, rate)).collect(),
+        modes: (0..n).map(|mode| mode_plan(&modes, mode, rate)).collect(),
         ports: body
             .ports
             .iter()
@@ -290,7 +290,7 @@ fn complex(
 ) -> Result<BodyPlan, NoModes> {
     let rate = timeline.rate;
     let subset = network.subset(&body.mats, &body.guests, &body.links);
-    let outputs = heard(&subset.network)?;
+    let outputs = output_sums(&subset.network)?;
     let local = |mat: &u32| subset.mat(*mat as usize).unwrap_or(0);
     let ports: Vec<usize> = body.ports.iter().map(local).collect();
     let is_ours = |mat| body.mats.binary_search(&mat).is_ok();
@@ -321,7 +321,7 @@ fn complex(
     let found = Modal {
         kept: (0..all.len() as u32).collect(),
         turned: None,
-        modes: all.iter().map(part).collect(),
+        modes: all.iter().map(part_plan).collect(),
         ports: (0..n_ports)
             .map(|row| Port {
                 mat: body.ports[row] as usize,
@@ -358,7 +358,7 @@ fn complex(
 }
 
 /// A part of a complex mode as a mode with a response of its own.
-fn part(own: &Part) -> Mode {
+fn part_plan(own: &Part) -> Mode {
     let (a, b) = own.recurrence;
     Mode {
         a,
@@ -375,7 +375,7 @@ fn is_discrete(network: &Network, body: &Body) -> bool {
     network.parts()[part].ca_rate.is_some()
 }
 
-fn own(modes: &Modes, mode: usize, rate: Rate) -> Mode {
+fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
     let (ratios, cell) = (modes.ratios(mode, rate), modes.cell(mode));
     Mode {
         a: 2.0 - ratios.kappa - ratios.zeta,
@@ -453,7 +453,7 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cu
             left_out: None,
             of,
             kept: (0..of as u32).collect(),
-            is_in_place: false,
+            replaces_modes: false,
             inside,
         });
     }
@@ -500,7 +500,7 @@ pub(in crate::plan) fn set_free(hub: &mut Network, inside: &BodyPlan) {
                 step * step
             };
             for (at, port) in modal.ports.iter().enumerate() {
-                hub.set_free(port.mat, unit / modal.give(at));
+                hub.set_free(port.mat, unit / modal.port_compliance(at));
             }
         }
         BodyPlan::Mesh(mesh) => {

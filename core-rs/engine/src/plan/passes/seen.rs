@@ -25,18 +25,18 @@ pub(in crate::plan) fn subsets(
             loose.extend(island.mats);
         } else {
             let subset = network.subset(&island.mats, &island.guests, &island.links);
-            all.push(watched(subset, &island.mats)?);
+            all.push(with_probe_output(subset, &island.mats)?);
         }
     }
     let n_islands = all.len();
     if !loose.is_empty() {
-        all.push(watched(network.subset(&loose, &[], &[]), &loose)?);
+        all.push(with_probe_output(network.subset(&loose, &[], &[]), &loose)?);
     }
     Ok((all, n_islands))
 }
 
 /// The subset with one output that hears every mass with a weight of its own: no mode is silent at it.
-pub(in crate::plan) fn watched(mut subset: Subset, own: &[u32]) -> Result<Subset, Error> {
+pub(in crate::plan) fn with_probe_output(mut subset: Subset, own: &[u32]) -> Result<Subset, Error> {
     let terms = own.iter().filter_map(|&mat| {
         let first = subset.mat(mat as usize)?;
         subset.network.mats().kind[first].moves().then(|| {

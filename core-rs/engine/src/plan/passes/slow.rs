@@ -11,7 +11,7 @@ use crate::gesture::script::Touch;
 use crate::island::slow::{Slow, Springs};
 use crate::network::forest::{Forest, ends};
 use crate::network::{LinkKind, MatKind, Network, Proxy, Run, SpaceLaw, Subset, Term};
-use crate::plan::passes::body::heard;
+use crate::plan::passes::body::output_sums;
 use crate::plan::passes::wiring::Body;
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
@@ -20,28 +20,28 @@ use crate::units::Rate;
 const TURN_MAX: f64 = 0.9 * PI;
 
 /// A part that asks to be slow but cannot be: its name, and why.
-pub(in crate::plan) type Stays = (String, String);
+pub(in crate::plan) type RefusedSlow = (String, String);
 
 /// The slow bodies of a network, and the parts that cannot be slow.
 #[derive(Default)]
 pub(in crate::plan) struct SlowBodies {
     pub(in crate::plan) bodies: Vec<(Body, Slow)>,
-    pub(in crate::plan) stay: Vec<Stays>,
+    pub(in crate::plan) refused_slow: Vec<RefusedSlow>,
 }
 
 /// The slow bodies of a network, for the parts that have a macrostep.
-pub(in crate::plan) fn slow(network: &Network, timeline: &Timeline) -> SlowBodies {
+pub(in crate::plan) fn slow_bodies(network: &Network, timeline: &Timeline) -> SlowBodies {
     let mut found = SlowBodies::default();
     for (part, own) in network.parts().iter().enumerate() {
         let is_here = || network.mats().part.contains(&(part as u32));
         let Some(every) = own.macrostep.filter(|_| is_here()) else {
             continue;
         };
-        match held_fast(network, timeline, part) {
-            Some(why) => found.stay.push((own.name.clone(), why.to_owned())),
+        match needs_every_frame(network, timeline, part) {
+            Some(why) => found.refused_slow.push((own.name.clone(), why.to_owned())),
             None => match bodies(network, timeline, part, every) {
                 Ok(bodies) => found.bodies.extend(bodies),
-                Err(why) => found.stay.push((own.name.clone(), why)),
+                Err(why) => found.refused_slow.push((own.name.clone(), why)),
             },
         }
     }
@@ -49,7 +49,7 @@ pub(in crate::plan) fn slow(network: &Network, timeline: &Timeline) -> SlowBodie
 }
 
 /// Why a gesture needs its key at every frame, if it does.
-fn held_fast(network: &Network, timeline: &Timeline, part: usize) -> Option<&'static str> {
+fn needs_every_frame(network: &Network, timeline: &Timeline, part: usize) -> Option<&'static str> {
     let of = |key: usize| network.mats().part[timeline.keys[key].struck] as usize;
     let mut own = timeline
         .gestures
@@ -71,8 +71,8 @@ fn bodies(
     part: usize,
     every: u32,
 ) -> Result<Vec<(Body, Slow)>, String> {
-    let wired = wired(network, timeline, part);
-    if wired.is_empty() {
+    let found = find_bodies(network, timeline, part);
+    if found.is_empty() {
         return Err("no mass in it is held by linear springs or by links in space".to_owned());
     }
     let strikes = timeline.strikes.iter().map(|strike| strike.mat);
@@ -97,16 +97,16 @@ fn bodies(
         };
         Ok((body, slow))
     };
-    wired.into_iter().map(slow).collect()
+    found.into_iter().map(slow).collect()
 }
 
 /// The bodies of a part: sets of masses that its own links join or tie to the ground. Their ports are the masses that
 /// anything else touches.
-fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
+fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     let mats = network.mats();
     let n = network.n_mat();
     let is_own = |mat: usize| mats.part[mat] as usize == part;
-    let mut may: Vec<bool> = (0..n).map(|i| is_own(i) && mats.kind[i].moves()).collect();
+    let mut is_eligible: Vec<bool> = (0..n).map(|i| is_own(i) && mats.kind[i].moves()).collect();
     let mut is_port = vec![false; n];
     let mut is_inner = vec![false; network.n_lia()];
     for run in network.runs().iter().filter(|run| run.part == part) {
@@ -123,7 +123,7 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         match *term {
             Term::Force { first, len, .. } => is_inner[first..first + len].fill(false),
-            Term::Ground { first, len, .. } => may[first..first + len].fill(false),
+            Term::Ground { first, len, .. } => is_eligible[first..first + len].fill(false),
             Term::Position { .. } | Term::Length { .. } => {}
         }
     }
@@ -131,16 +131,16 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     for drive in &timeline.drives {
         is_driven[drive.mat] = true;
         match drive.kind {
-            DriveKind::Position => may[drive.mat] = false,
+            DriveKind::Position => is_eligible[drive.mat] = false,
             DriveKind::Force => is_port[drive.mat] = true,
         }
     }
     timeline
         .glides
         .iter()
-        .for_each(|glide| may[glide.mat] = false);
+        .for_each(|glide| is_eligible[glide.mat] = false);
     let masses = network.following_masses().iter();
-    masses.for_each(|mass| may[mass.mat] = false);
+    masses.for_each(|mass| is_eligible[mass.mat] = false);
     let strikes = timeline.strikes.iter().map(|strike| strike.mat as usize);
     let ergons = timeline.ergons.iter().map(|ergon| ergon.mat as usize);
     let keys = timeline.keys.iter().map(|key| key.struck);
@@ -158,14 +158,15 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     let is_held = |mat: usize| is_own(mat) && mats.kind[mat].is_held() && !is_driven[mat];
     let mut forest = Forest::new(n);
     for (run, i) in links_in_space(network) {
-        let is_free = |&(a, b): &(usize, usize)| [a, b].iter().all(|&mat| may[mat] || is_held(mat));
+        let is_free =
+            |&(a, b): &(usize, usize)| [a, b].iter().all(|&mat| is_eligible[mat] || is_held(mat));
         is_inner[run.first + i] &= run.pairs(i).all(|pair| is_free(&pair));
         if is_inner[run.first + i] {
             // A link in space measures a distance: all coordinates of an end stay in one body.
             let (a, b) = run.pair(i, 0);
             for (other_a, other_b) in run.pairs(i).skip(1) {
                 for (own, other) in [(a, other_a), (b, other_b)] {
-                    if may[own] && may[other] {
+                    if is_eligible[own] && is_eligible[other] {
                         forest.join(own, other);
                     }
                 }
@@ -173,12 +174,12 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
         }
     }
     for (link, a, b) in ends(network) {
-        if is_inner[link] && may[a] && may[b] {
+        if is_inner[link] && is_eligible[a] && is_eligible[b] {
             forest.join(a, b);
         }
     }
     let mut bodies: BTreeMap<usize, Body> = BTreeMap::new();
-    for mat in (0..n).filter(|&mat| may[mat]) {
+    for mat in (0..n).filter(|&mat| is_eligible[mat]) {
         let body = bodies.entry(forest.root(mat)).or_insert_with(Body::empty);
         body.mats.push(mat as u32);
         if is_port[mat] {
@@ -186,11 +187,14 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
         }
     }
     for (link, a, b) in ends(network) {
-        for (own, other) in [(a, b), (b, a)].into_iter().filter(|&(own, _)| may[own]) {
+        for (own, other) in [(a, b), (b, a)]
+            .into_iter()
+            .filter(|&(own, _)| is_eligible[own])
+        {
             let Some(body) = bodies.get_mut(&forest.root(own)) else {
                 continue;
             };
-            if is_inner[link] && (may[other] || is_held(other)) {
+            if is_inner[link] && (is_eligible[other] || is_held(other)) {
                 body.links.push(link as u32);
                 if is_held(other) {
                     body.guests.push(other as u32);
@@ -259,7 +263,7 @@ impl Found {
     ) -> Result<Slow, String> {
         let Self { free, .. } = self;
         let n = free.len();
-        let outputs = heard(&subset.network).map_err(|why| why.why().to_owned())?;
+        let outputs = output_sums(&subset.network).map_err(|why| why.why().to_owned())?;
         let slot = |mat: usize| free.binary_search(&mat).ok();
         let rows = outputs.rows.into_iter().map(|row| {
             let own = row

@@ -96,12 +96,12 @@ pub(in crate::plan) fn split(
     }
     for (subset, own) in subsets.iter().zip(&mut own) {
         for gate in &timeline.gates {
-            if let Some((first, len)) = local(subset, gate.links()) {
+            if let Some((first, len)) = local_links(subset, gate.links()) {
                 own.timeline.gates.push(gate.on(first, len));
             }
         }
         for lead in &timeline.leads {
-            if let Some((first, len)) = local(subset, lead.links()) {
+            if let Some((first, len)) = local_links(subset, lead.links()) {
                 own.timeline.leads.push(lead.on(first, len));
             }
         }
@@ -110,7 +110,7 @@ pub(in crate::plan) fn split(
 }
 
 /// The links of a range that are in a subset: the first, and how many. Links rise, so these lie together.
-pub(in crate::plan) fn local(subset: &Subset, links: Range<usize>) -> Option<(usize, usize)> {
+pub(in crate::plan) fn local_links(subset: &Subset, links: Range<usize>) -> Option<(usize, usize)> {
     let at = |whole: usize| {
         let links = &subset.links;
         links.partition_point(|&link| (link as usize) < whole)

@@ -65,18 +65,18 @@ pub(in crate::plan) fn keep(
 }
 
 /// Keeps the loudest modes, so that the others together stay below `allowed` [dB] in every row, for each of several
-/// `ways` in which modes may get their energies   (n_ways, n_modes).
+/// `excitations` in which modes may get their energies   (n_ways, n_modes).
 pub(in crate::plan) fn choose(
-    ways: &[Vec<f64>],
+    excitations: &[Vec<f64>],
     rows: &[&[f64]],
     allowed: Option<f64>,
     budget: &Budget,
     frequency: impl Fn(usize) -> f64,
 ) -> KeptModes {
-    let n = ways.first().map_or(0, Vec::len);
-    // The largest relative loudness of each mode over all rows and ways.
+    let n = excitations.first().map_or(0, Vec::len);
+    // The largest relative loudness of each mode over all rows and excitations.
     let mut most = vec![0.0_f64; n];
-    for (own, row) in ways
+    for (own, row) in excitations
         .iter()
         .flat_map(|own| rows.iter().map(move |row| (own, row)))
     {

@@ -27,7 +27,7 @@ pub(in crate::plan) struct Body {
 
 /// Which links may lie inside a body, and which MATs.
 pub(in crate::plan) struct Wiring {
-    may: Vec<bool>,
+    is_eligible: Vec<bool>,
     /// Springs that are not led; laws, and springs or laws that are led.
     is_spring: Vec<bool>,
     is_law: Vec<bool>,
@@ -37,7 +37,8 @@ pub(in crate::plan) struct Wiring {
 impl Wiring {
     /// Marks MATs as belonging to a body already.
     pub(in crate::plan) fn take(&mut self, mats: &[u32]) {
-        mats.iter().for_each(|&mat| self.may[mat as usize] = false);
+        mats.iter()
+            .for_each(|&mat| self.is_eligible[mat as usize] = false);
     }
 
     pub(in crate::plan) fn new(network: &Network, timeline: &Timeline) -> Self {
@@ -52,7 +53,7 @@ impl Wiring {
         for key in &timeline.keys {
             has_key[mats.part[key.struck] as usize] = true;
         }
-        let mut may: Vec<bool> = (0..n)
+        let mut is_eligible: Vec<bool> = (0..n)
             .map(|i| {
                 let is_free = mats.kind[i].moves() && mats.weight_of(i) == 0.0;
                 is_free && !is_driven[i] && !has_key[mats.part[i] as usize]
@@ -61,13 +62,13 @@ impl Wiring {
         timeline
             .ergons
             .iter()
-            .for_each(|ergon| may[ergon.mat as usize] = false);
+            .for_each(|ergon| is_eligible[ergon.mat as usize] = false);
         timeline
             .glides
             .iter()
-            .for_each(|glide| may[glide.mat] = false);
+            .for_each(|glide| is_eligible[glide.mat] = false);
         let masses = network.following_masses().iter();
-        masses.for_each(|mass| may[mass.mat] = false);
+        masses.for_each(|mass| is_eligible[mass.mat] = false);
         let (mut is_spring, mut is_law) =
             (vec![false; network.n_lia()], vec![false; network.n_lia()]);
         for run in network.runs() {
@@ -87,12 +88,12 @@ impl Wiring {
         for term in network.outputs().iter().flat_map(|output| &output.terms) {
             match *term {
                 Term::Force { first, len, .. } => (first..first + len).for_each(&mut outer),
-                Term::Ground { first, len, .. } => may[first..first + len].fill(false),
+                Term::Ground { first, len, .. } => is_eligible[first..first + len].fill(false),
                 Term::Position { .. } | Term::Length { .. } => {}
             }
         }
         Self {
-            may,
+            is_eligible,
             is_spring,
             is_law,
             is_driven,
@@ -110,27 +111,27 @@ impl Wiring {
         let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
         let mut forest = Forest::new(network.n_mat());
         for (link, a, b) in ends(network) {
-            if is_inner(link) && self.may[a] && self.may[b] {
+            if is_inner(link) && self.is_eligible[a] && self.is_eligible[b] {
                 forest.join(a, b);
             }
         }
         let mut bodies: BTreeMap<usize, Body> = BTreeMap::new();
-        for mat in (0..network.n_mat()).filter(|&mat| self.may[mat]) {
+        for mat in (0..network.n_mat()).filter(|&mat| self.is_eligible[mat]) {
             let body = bodies.entry(forest.root(mat)).or_insert_with(Body::empty);
             body.mats.push(mat as u32);
         }
         for (link, a, b) in ends(network) {
             for (own, other) in [(a, b), (b, a)] {
-                if !self.may[own] {
+                if !self.is_eligible[own] {
                     continue;
                 }
                 let Some(body) = bodies.get_mut(&forest.root(own)) else {
                     continue;
                 };
                 let is_held = network.mats().kind[other].is_held() && !self.is_driven[other];
-                if is_inner(link) && (self.may[other] || is_held) {
+                if is_inner(link) && (self.is_eligible[other] || is_held) {
                     // A link between two MATs of the body is met from both ends, but noted once.
-                    if own == a || !self.may[other] {
+                    if own == a || !self.is_eligible[other] {
                         body.links.push(link as u32);
                     }
                     if is_held {
@@ -143,7 +144,7 @@ impl Wiring {
         }
         let proxied = network.proxies().iter().flat_map(Proxy::masses);
         for mat in proxied.chain(network.followed().map(|(_, guide)| guide)) {
-            if self.may[mat]
+            if self.is_eligible[mat]
                 && let Some(body) = bodies.get_mut(&forest.root(mat))
             {
                 body.ports.push(mat as u32);

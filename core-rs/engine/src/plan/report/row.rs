@@ -210,7 +210,7 @@ impl Row {
         Self::new(found.parts.clone(), [found.mats, found.links], what).costing(
             ns,
             timeline,
-            word(&found.inside),
+            guarantee(&found.inside),
         )
     }
 
@@ -257,7 +257,7 @@ pub(in crate::plan) fn cells(
 }
 
 /// The certificate of a body alone: modes cannot diverge, but what pushes them may.
-fn word(inside: &BodyPlan) -> StabilityGuarantee {
+fn guarantee(inside: &BodyPlan) -> StabilityGuarantee {
     match inside {
         // For a slow body, the certificate of the whole island decides.
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => StabilityGuarantee::Guarded,

@@ -12,7 +12,7 @@ const SMALL: (usize, f64) = (100, 1.0);
 const LARGE: (usize, f64) = (1_000, 2.5);
 const MOST: f64 = 10.0;
 /// The reserve for measuring how long errors hold, as a share of the allowance and in addition to it.
-const ASIDE: f64 = 0.25;
+const RESERVE: f64 = 0.25;
 
 /// Why a trial gives no result.
 #[derive(Debug)]
@@ -69,7 +69,7 @@ pub(in crate::plan) struct Allowance {
     /// How far the longest trial of the series plays [frames].
     frames: Cell<u64>,
     /// Work taken from the reserve.
-    drawn_aside: Cell<f64>,
+    drawn_reserve: Cell<f64>,
     /// Trials that ended because the allowance was spent.
     n_refused: Cell<usize>,
 }
@@ -98,7 +98,7 @@ impl Allowance {
             drawn: Cell::new(0.0),
             needed: Cell::new(0.0),
             frames: Cell::new(0),
-            drawn_aside: Cell::new(0.0),
+            drawn_reserve: Cell::new(0.0),
             n_refused: Cell::new(0),
         }
     }
@@ -143,7 +143,7 @@ impl Allowance {
     }
 
     /// Accounts for a series of trials that was played before, as if it were played now.
-    pub(in crate::plan) fn count(&self, taken: &Taken) {
+    pub(in crate::plan) fn replay(&self, taken: &Taken) {
         self.begin();
         self.drawn.set(taken.drawn);
         let n_refused = self.n_refused.get() + usize::from(taken.is_refused);
@@ -151,7 +151,7 @@ impl Allowance {
     }
 
     /// Records that a trial plays up to frame `n_frames` of the scene.
-    pub(in crate::plan) fn plays(&self, n_frames: usize) {
+    pub(in crate::plan) fn note_frames(&self, n_frames: usize) {
         self.frames.set(self.frames.get().max(n_frames as u64));
     }
 
@@ -202,12 +202,12 @@ impl Allowance {
     }
 
     /// A separate allowance of the part `share` (0 to 1) of what is left.
-    pub(in crate::plan) fn part(&self, share: f64) -> Self {
+    pub(in crate::plan) fn fraction(&self, share: f64) -> Self {
         Self::of((share * (self.left() - self.drawn.get())).max(0.0))
     }
 
     /// Takes what was drawn from such a separate part. If the part ran out, that does not end other trials.
-    pub(in crate::plan) fn spend_part(&self, part: &Self, share: f64) {
+    pub(in crate::plan) fn spend_fraction(&self, part: &Self, share: f64) {
         let most = match part.n_refused() {
             0 => part.drawn.get() / share,
             // With a larger part it would have taken more.
@@ -219,13 +219,13 @@ impl Allowance {
     }
 
     /// What is left of the reserve, as a separate allowance: if it runs out, no other trial ends.
-    pub(in crate::plan) fn aside(&self) -> Self {
-        Self::of(ASIDE * self.total - self.drawn_aside.get())
+    pub(in crate::plan) fn reserve(&self) -> Self {
+        Self::of(RESERVE * self.total - self.drawn_reserve.get())
     }
 
     /// Takes work [s] from the reserve.
-    pub(in crate::plan) fn spend_aside(&self, seconds: f64) {
-        self.drawn_aside.set(self.drawn_aside.get() + seconds);
+    pub(in crate::plan) fn spend_reserve(&self, seconds: f64) {
+        self.drawn_reserve.set(self.drawn_reserve.get() + seconds);
     }
 
     /// Trials that ended because the allowance was spent.
@@ -293,7 +293,7 @@ mod tests {
             let again = Allowance::new(1, 1.0);
             again.draw(others).unwrap();
             assert_eq!(again.is_enough_for(&taken), is_same);
-            again.count(&taken);
+            again.replay(&taken);
             assert_eq!(again.spent().0, others + 0.25);
         }
     }
@@ -308,7 +308,7 @@ mod tests {
         assert!(taken.is_refused && taken.left == Some(1.0));
         let again = Allowance::new(1, 1.0);
         assert!(again.is_enough_for(&taken));
-        again.count(&taken);
+        again.replay(&taken);
         assert!(again.n_refused() > 0 && again.draw(0.01).is_err());
         let later = Allowance::new(1, 1.0);
         later.draw(0.01).unwrap();

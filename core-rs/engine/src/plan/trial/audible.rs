@@ -43,11 +43,11 @@ impl Audible {
         };
         (0..n_out).fold(Self::default(), |worst, output| {
             let (ours, theirs) = (one(run, output), one(finer, output));
-            let (cents, t60) = partials::apart(&ours, &theirs, spans.rate, upto);
+            let (cents, t60) = partials::pitch_errors(&ours, &theirs, spans.rate, upto);
             worst.with(Self {
                 cents,
                 t60,
-                level: levels::apart(&ours, &theirs, spans.rate),
+                level: levels::level_error(&ours, &theirs, spans.rate),
             })
         })
     }

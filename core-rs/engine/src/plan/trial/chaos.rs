@@ -9,9 +9,9 @@ use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
 use crate::plan::IslandPlan;
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::pilot_run::{Excerpt, LOOK, PilotRun, nudged};
-use crate::plan::trial::third_octaves::levels_apart;
-use crate::plan::trial::waveform_error::{ORDERS, Spans, errors};
+use crate::plan::trial::pilot_run::{BLOCK, Excerpt, PilotRun, nudged};
+use crate::plan::trial::third_octaves::level_difference;
+use crate::plan::trial::waveform_error::{ORDERS, Spans, estimate_errors};
 
 /// Length of the first stretch over which runs are compared [s]; each later one is as long as all before it.
 const FIRST: f64 = 1.25e-3;
@@ -52,7 +52,7 @@ pub(in crate::plan) struct Parting {
     /// The error over the attack [dB].
     pub(in crate::plan) attack: f64,
     /// How much a nudge grows over the attack [dB].
-    grows: f64,
+    growth: f64,
     /// Mean difference of third octaves [dB].
     pub(in crate::plan) spectral: f64,
 }
@@ -101,7 +101,7 @@ impl Stretches {
         self.edges[0]
     }
 
-    fn apart(&self, a: &[f64], b: &[f64]) -> Profile {
+    fn profile(&self, a: &[f64], b: &[f64]) -> Profile {
         let n = self.edges.len() - 1;
         // For each stretch: squared difference, and squared sound.
         let mut sums = vec![(0.0, 0.0); n];
@@ -148,7 +148,7 @@ impl Stretches {
     }
 
     /// How many stretches end within `seconds`; at least one.
-    fn within(&self, seconds: f64, spans: &Spans) -> usize {
+    fn count_within(&self, seconds: f64, spans: &Spans) -> usize {
         let last = self.start() + (seconds * spans.rate) as usize;
         let ends = self.edges.iter().skip(1);
         ends.take_while(|end| **end <= last).count().max(1)
@@ -157,17 +157,17 @@ impl Stretches {
 
 impl Pair<'_> {
     /// The first stretch in which the two runs have parted.
-    fn parts_at(&self) -> Option<usize> {
+    fn parting_stretch(&self) -> Option<usize> {
         let alone = self
             .stretches
-            .apart(&self.run.sound, &self.finer.sound)
+            .profile(&self.run.sound, &self.finer.sound)
             .alone;
         alone.iter().position(|db| db.is_some_and(|db| db > PARTED))
     }
 
     /// Frames until the runs part, at least one stretch; `None` if they do not part.
-    pub(in crate::plan) fn together(&self) -> Option<usize> {
-        Some(self.stretches.edges[self.parts_at()?.max(1)])
+    pub(in crate::plan) fn frames_until_parting(&self) -> Option<usize> {
+        Some(self.stretches.edges[self.parting_stretch()?.max(1)])
     }
 
     /// Compares the runs if they part and a nudge shows chaos; `None` otherwise: then finer steps bring the runs
@@ -178,7 +178,7 @@ impl Pair<'_> {
         contact_substeps: usize,
         allowance: &Allowance,
     ) -> Result<Option<Parting>, TrialError> {
-        if self.parts_at().is_none() {
+        if self.parting_stretch().is_none() {
             return Ok(None);
         }
         self.chaos(island_plan, contact_substeps, allowance)
@@ -198,33 +198,33 @@ impl Pair<'_> {
         if !is_chaotic(&grown) {
             return Ok(None);
         }
-        let last = self.stretches.within(ATTACK, self.spans) - 1;
+        let last = self.stretches.count_within(ATTACK, self.spans) - 1;
         let ends = grown
             .first()
             .copied()
             .flatten()
             .zip(grown.get(last).copied().flatten());
-        Ok(Some(self.told(
+        Ok(Some(self.compare(
             ends.map_or(0.0, |(first, last)| last - first),
             |(own, _)| own,
         )))
     }
 
-    /// Compares the runs, given that a nudge grows by `grows` over the attack [dB]; `of` selects the error of the run
+    /// Compares the runs, given that a nudge grows by `growth` over the attack [dB]; `of` selects the error of the run
     /// or of the finer one.
-    fn told(&self, grows: f64, of: fn((f64, f64)) -> f64) -> Parting {
+    fn compare(&self, growth: f64, of: fn((f64, f64)) -> f64) -> Parting {
         let (run, finer) = (&self.run.sound, &self.finer.sound);
-        let upto = self.stretches.apart(run, finer).upto.into_iter();
+        let upto = self.stretches.profile(run, finer).upto.into_iter();
         let upto: Vec<f64> = upto
-            .map(|change| of(errors(change, None, ORDERS.1)))
+            .map(|change| of(estimate_errors(change, None, ORDERS.1)))
             .collect();
         let from = self.stretches.start() * self.spans.n_out;
         let (n_out, rate) = (self.spans.n_out, self.spans.rate);
         Parting {
-            attack: upto[self.stretches.within(ATTACK, self.spans) - 1],
+            attack: upto[self.stretches.count_within(ATTACK, self.spans) - 1],
             upto,
-            grows,
-            spectral: levels_apart(&run[from..], &finer[from..], n_out, rate),
+            growth,
+            spectral: level_difference(&run[from..], &finer[from..], n_out, rate),
         }
     }
 
@@ -236,7 +236,7 @@ impl Pair<'_> {
         allowance: &Allowance,
     ) -> Result<Vec<Option<f64>>, TrialError> {
         let n_frames = self.run.sound.len() / self.spans.n_out.max(1);
-        let from = self.stretches.start().next_multiple_of(LOOK);
+        let from = self.stretches.start().next_multiple_of(BLOCK);
         let nudged = nudged(
             (island_plan, contact_substeps),
             Excerpt {
@@ -247,8 +247,8 @@ impl Pair<'_> {
             allowance,
         )?;
         // After the nudged block the run goes on freely.
-        let after = Stretches::from(from + LOOK, n_frames, self.spans);
-        Ok(after.apart(&nudged.sound, &self.run.sound).alone)
+        let after = Stretches::from(from + BLOCK, n_frames, self.spans);
+        Ok(after.profile(&nudged.sound, &self.run.sound).alone)
     }
 }
 
@@ -269,9 +269,9 @@ fn is_chaotic(grown: &[Option<f64>]) -> bool {
 
 impl Parting {
     /// The comparison of another pair of runs of the same island, by the errors of the finer run if `is_finer`.
-    pub(in crate::plan) fn again(&self, pair: &Pair<'_>, is_finer: bool) -> Self {
-        pair.told(
-            self.grows,
+    pub(in crate::plan) fn compare_other(&self, pair: &Pair<'_>, is_finer: bool) -> Self {
+        pair.compare(
+            self.growth,
             if is_finer {
                 |(_, left)| left
             } else {
@@ -281,9 +281,9 @@ impl Parting {
     }
 
     /// Whether an attack with an error as small as `attack` [dB] is attainable: errors of the first stretch, at least
-    /// `LEAST`, grow by `grows`.
-    pub(in crate::plan) fn may_have(&self, attack: f64) -> bool {
-        attack - self.grows > LEAST
+    /// `LEAST`, grow by `growth`.
+    pub(in crate::plan) fn is_attainable(&self, attack: f64) -> bool {
+        attack - self.growth > LEAST
     }
 
     /// Raises the error of each stretch to that of `other`, if that is larger.
@@ -300,7 +300,7 @@ impl Parting {
 
     /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `asked`; if it never
     /// is, as long as the runs agree at all.
-    pub(in crate::plan) fn until(&self, asked: f64, stretches: &Stretches) -> (f64, usize) {
+    pub(in crate::plan) fn valid_span(&self, asked: f64, stretches: &Stretches) -> (f64, usize) {
         let of = |most: f64| self.upto.iter().take_while(|db| **db <= most).count();
         let n = [of(asked), of(PARTED), 1]
             .into_iter()

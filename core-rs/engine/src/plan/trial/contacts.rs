@@ -11,7 +11,9 @@ use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::pilot_run::PilotRun;
 use crate::plan::trial::runs::Runs;
-use crate::plan::trial::waveform_error::{DOUBLING, ORDERS, Spans, difference, errors, with_kinks};
+use crate::plan::trial::waveform_error::{
+    DOUBLING, ORDERS, Spans, at_most_first_order, difference, estimate_errors,
+};
 
 /// Orders of the error of contacts, also where they close or open, and of laws, many of which have a kink.
 const CONTACT: f64 = 4.0;
@@ -123,7 +125,7 @@ pub(in crate::plan) fn contacts(
         });
         if let Some(pair) = pair {
             let was_chaotic = parting.is_some();
-            if was_chaotic && pair.together().is_none() {
+            if was_chaotic && pair.frames_until_parting().is_none() {
                 // The runs seemed chaotic only because they were computed too roughly.
                 parting = None;
             } else if !was_chaotic {
@@ -131,24 +133,24 @@ pub(in crate::plan) fn contacts(
             }
             if was_chaotic != parting.is_some() {
                 // Chaotic runs are compared only until they part.
-                let together = parting.as_ref().and_then(|_| pair.together());
-                (until, last, before) = (together.unwrap_or(n_frames), None, None);
+                let comparable = parting.as_ref().and_then(|_| pair.frames_until_parting());
+                (until, last, before) = (comparable.unwrap_or(n_frames), None, None);
             }
         }
-        let told = |is_finer| {
+        let parting_of = |is_finer| {
             parting
                 .as_ref()
                 .zip(pair)
-                .map(|(own, pair)| own.again(&pair, is_finer))
+                .map(|(own, pair)| own.compare_other(&pair, is_finer))
         };
         let change = difference(&run.sound, &finer.sound, &spans.within(until));
         let last_change = last;
-        let (own, left) = errors(change, last, order);
+        let (own, left) = estimate_errors(change, last, order);
         // One substep is a different method: its change says nothing about the order of convergence.
         let is_between = contact_substeps > 1;
         let has_kinks = island.may_collocate && is_between;
-        let stated = with_kinks(own, before);
-        let stated_left = with_kinks(left, has_kinks.then_some(own));
+        let stated = at_most_first_order(own, before);
+        let stated_left = at_most_first_order(left, has_kinks.then_some(own));
         before = has_kinks.then_some(own);
         if let Some(found) = unsure.take()
             && own + DOUBLING <= aim
@@ -164,7 +166,7 @@ pub(in crate::plan) fn contacts(
         idle = if is_idle { idle + 1 } else { 0 };
         last = is_between.then_some(change);
         if own <= aim && stated <= budget.asked() && is_sure {
-            let parting = told(false);
+            let parting = parting_of(false);
             return Ok(Contacts {
                 contact_substeps,
                 error: Some(stated),
@@ -180,7 +182,7 @@ pub(in crate::plan) fn contacts(
             return Ok(Contacts {
                 contact_substeps,
                 error: Some(stated_left),
-                parting: told(true),
+                parting: parting_of(true),
                 run: finer,
                 is_idle: false,
             });
@@ -196,12 +198,12 @@ pub(in crate::plan) fn contacts(
             });
         }
         // If refinement ends here, no finer run has confirmed the order of smooth contacts.
-        let (_, unproved) = errors(change, last_change, order.min(ORDERS.1));
-        known = Some((stated_left.max(unproved), told(true)));
+        let (_, unproved) = estimate_errors(change, last_change, order.min(ORDERS.1));
+        known = Some((stated_left.max(unproved), parting_of(true)));
         let found = Contacts {
             contact_substeps: contact_substeps / 2,
             error: Some(stated),
-            parting: told(false),
+            parting: parting_of(false),
             run,
             is_idle: false,
         };

@@ -7,9 +7,9 @@ use crate::plan::IslandPlan;
 use crate::plan::report::content::{Content, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
-use crate::plan::trial::pilot_run::{Excerpt, play, rest, work};
+use crate::plan::trial::pilot_run::{Excerpt, frames_at_rest, play, work};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
-use crate::plan::trial::third_octaves::levels_apart;
+use crate::plan::trial::third_octaves::level_difference;
 use crate::plan::trial::waveform_error::Spans;
 
 /// Time between two looks at the error [s].
@@ -31,7 +31,7 @@ type Played<'a> = (&'a IslandPlan, usize);
 
 /// Whether errors may grow after a pilot: if keys are led to contacts, so that each contact begins where the one before
 /// it ended, or if parts are slow.
-pub(in crate::plan) fn may_grow(island_plan: &IslandPlan) -> bool {
+pub(in crate::plan) fn error_may_grow(island_plan: &IslandPlan) -> bool {
     let runs = island_plan.network.runs().iter();
     let has_contacts = runs.clone().any(|run| !matches!(run.kind, LinkKind::Ref));
     let mut bodies = island_plan.bodies.iter();
@@ -42,7 +42,7 @@ pub(in crate::plan) fn may_grow(island_plan: &IslandPlan) -> bool {
 /// Measures how long the error of a pilot holds: plays both runs on, to the end of the score or as far as the reserve
 /// of work allows. Returns the error [dB] and the time until which it stays below `most` [dB] or close to what the
 /// pilot measured.
-pub(in crate::plan) fn held(
+pub(in crate::plan) fn extend_error(
     measured: Measured,
     most: f64,
     [own, other]: [Played<'_>; 2],
@@ -53,13 +53,13 @@ pub(in crate::plan) fn held(
         return Ok(measured); // the runs have no waveform in common
     }
     // The reserve is separate: if it runs out, the pilot's result stands as it is.
-    let aside = allowance.aside();
+    let reserve = allowance.reserve();
     let each = work(own.0) + work(other.0);
     // The pilot has already drawn the work of finding this rest.
-    let Some(from) = unless_spent(rest(own.0, &allowance.aside()))? else {
+    let Some(from) = unless_spent(frames_at_rest(own.0, &allowance.reserve()))? else {
         return Ok(measured);
     };
-    let n_frames = (end(own.0) * rate - from as f64).min(SHARE * aside.spent().1 / each) as usize;
+    let n_frames = (end(own.0) * rate - from as f64).min(SHARE * reserve.spent().1 / each) as usize;
     let pilot = ((measured.over * rate) as usize).saturating_sub(from);
     let look = ((LOOK * rate) as usize).max(1);
     if n_frames < pilot + look {
@@ -68,24 +68,24 @@ pub(in crate::plan) fn held(
     let longest = Excerpt { from, n_frames };
     let key = store.map(|_| key(measured, most, [own, other], longest.end()));
     let kept = store.zip(key.as_deref());
-    let recalled = kept.and_then(|(store, key)| record::find(store, key, &aside));
+    let recalled = kept.and_then(|(store, key)| record::find(store, key, &reserve));
     if let Some((taken, record)) = recalled
         && let Some(Some(known)) = record.error_alone()
     {
-        allowance.spend_aside(taken.drawn);
+        allowance.spend_reserve(taken.drawn);
         return Ok(known);
     }
-    let left = aside.begin();
-    let held = over(measured, most, [own, other], (longest, look), &aside)?;
+    let left = reserve.begin();
+    let extended = extend_over(measured, most, [own, other], (longest, look), &reserve)?;
     if let Some((store, key)) = kept {
-        let record = TrialRecord::of_error(Some(held));
-        record::keep(store, key, (&aside, left), record);
+        let record = TrialRecord::of_error(Some(extended));
+        record::keep(store, key, (&reserve, left), record);
     }
-    allowance.spend_aside(aside.spent().0);
-    Ok(held)
+    allowance.spend_reserve(reserve.spent().0);
+    Ok(extended)
 }
 
-/// A hash of all that the result of [`over`] depends on.
+/// A hash of all that the result of [`extend_over`] depends on.
 fn key(measured: Measured, most: f64, played: [Played<'_>; 2], n_frames: usize) -> String {
     let [own, other] = played.map(|(island_plan, contact_substeps)| {
         let content = Content::of(island_plan).key(island_plan, (0, n_frames as u64), "");
@@ -97,20 +97,20 @@ fn key(measured: Measured, most: f64, played: [Played<'_>; 2], n_frames: usize) 
 }
 
 /// The same over an excerpt or its beginning, with the error looked at every `look` frames.
-fn over(
+fn extend_over(
     measured: Measured,
     most: f64,
     [own, other]: [Played<'_>; 2],
     (longest, look): (Excerpt, usize),
-    aside: &Allowance,
+    reserve: &Allowance,
 ) -> Result<Measured, TrialError> {
     let rate = own.0.timeline.rate.hertz() / f64::from(own.0.oversampling);
     let seconds = |n_frames: usize| (longest.from + n_frames) as f64 / rate;
     let pilot = ((measured.over * rate) as usize).saturating_sub(longest.from);
-    let runs = play(own.0, own.1, longest, aside).and_then(|run| {
+    let runs = play(own.0, own.1, longest, reserve).and_then(|run| {
         // What contacts added to the first run is assumed to add to each step of the other too.
         let steps = f64::from(other.0.oversampling) / f64::from(own.0.oversampling);
-        let share = aside.share_left(steps * aside.spent().0 / FITS);
+        let share = reserve.share_left(steps * reserve.spent().0 / FITS);
         let n_frames = (share * longest.n_frames as f64) as usize;
         if n_frames < pilot + look {
             return Err(TrialError::AllowanceSpent);
@@ -119,7 +119,7 @@ fn over(
             n_frames,
             ..longest
         };
-        Ok((run, play(other.0, other.1, shorter, aside)?, n_frames))
+        Ok((run, play(other.0, other.1, shorter, reserve)?, n_frames))
     });
     let (run, other, n_frames) = match runs {
         Ok(runs) => runs,
@@ -139,7 +139,7 @@ fn over(
         let now = change(n) + beyond;
         if now > least {
             let from = until * spans.n_out.max(1);
-            let spectral = levels_apart(
+            let spectral = level_difference(
                 &run.sound[from..other.sound.len()],
                 &other.sound[from..],
                 spans.n_out,

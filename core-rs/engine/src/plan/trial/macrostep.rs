@@ -21,7 +21,7 @@ const DENSE_MAX: usize = 240;
 const ROUNDING: f64 = 3e-7;
 /// Kicks for which a large island is simulated, and its permitted growth at each: its energy fluctuates by that much.
 const KICKS: usize = 2_000;
-const BEATS: f64 = 3e-5;
+const GROWTH_TOLERANCE: f64 = 3e-5;
 /// Longest time between common kicks of all slow parts [frames]; above it the map is not computed.
 const FRAMES_MAX: u64 = 20_000;
 /// Most work for one stability test [s]. If the eigenvalues would take more, the island is simulated instead; if that
@@ -45,7 +45,13 @@ pub(in crate::plan) struct Growth {
 
 impl Growth {
     pub(in crate::plan) fn is_stable(self) -> bool {
-        self.radius <= 1.0 + if self.is_tried { BEATS } else { ROUNDING }
+        self.radius
+            <= 1.0
+                + if self.is_tried {
+                    GROWTH_TOLERANCE
+                } else {
+                    ROUNDING
+                }
     }
 }
 
@@ -65,15 +71,15 @@ pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
         let work = if is_dense {
             map.dense_work()
         } else {
-            map.followed_work()
+            map.simulation_work()
         };
         if work > WORK_MAX {
             return None;
         }
         let radius = if is_dense {
-            map.radius()
+            map.spectral_radius()
         } else {
-            map.followed()
+            map.simulated_growth()
         };
         found.radius = found.radius.max(radius);
         found.is_tried |= !is_dense || map.is_partial;
@@ -131,13 +137,13 @@ impl<'a> Map<'a> {
         for mat in bodies().flat_map(BodyPlan::ports) {
             is_port[mat] = true;
         }
-        let of = |inside: &'a BodyPlan| match inside {
+        let linear_slow = |inside: &'a BodyPlan| match inside {
             BodyPlan::Slow(slow) if slow.is_linear() => Some(slow),
             _ => None,
         };
-        let slow: Vec<&Slow> = bodies().filter_map(of).collect();
+        let slow: Vec<&Slow> = bodies().filter_map(linear_slow).collect();
         let every: Vec<u64> = slow.iter().map(|slow| slow.macrostep.into()).collect();
-        let frames = every.iter().copied().fold(1, together);
+        let frames = every.iter().copied().fold(1, lcm);
         let quickest = every.iter().copied().min()?;
         // A body without a linear map is replaced by the masses of its ports.
         let has_no_map = |inside: &&BodyPlan| match inside {
@@ -276,17 +282,17 @@ impl<'a> Map<'a> {
     }
 
     /// Work of simulating the island for a while [s].
-    fn followed_work(&self) -> f64 {
-        self.times() as f64 * self.work()
+    fn simulation_work(&self) -> f64 {
+        self.n_applications() as f64 * self.work()
     }
 
     /// Applications of the map for which a large island is simulated.
-    fn times(&self) -> usize {
+    fn n_applications(&self) -> usize {
         (KICKS as f64 / self.kicks).ceil().max(4.0) as usize
     }
 
     /// The largest magnitude of an eigenvalue, for one kick.
-    fn radius(&mut self) -> f64 {
+    fn spectral_radius(&mut self) -> f64 {
         let n = self.len();
         let mut matrix = DMatrix::zeros(n, n);
         let mut column = vec![0.0; n];
@@ -313,11 +319,11 @@ impl<'a> Map<'a> {
 
     /// Growth at each kick of a motion that excites everything: from the largest energy in the second quarter of the
     /// simulated time to that in the last.
-    fn followed(&mut self) -> f64 {
-        self.stir();
-        let times = self.times();
+    fn simulated_growth(&mut self) -> f64 {
+        self.excite();
+        let n_applications = self.n_applications();
         let mut quarters = [0.0_f64; 4];
-        for step in 0..times {
+        for step in 0..n_applications {
             interrupt::poll();
             self.place();
             for n in 0..self.frames {
@@ -327,35 +333,35 @@ impl<'a> Map<'a> {
             if !energy.is_finite() {
                 return f64::INFINITY;
             }
-            let quarter = &mut quarters[4 * step / times];
+            let quarter = &mut quarters[4 * step / n_applications];
             *quarter = quarter.max(energy);
         }
         if quarters[1] <= 0.0 {
             return 0.0; // all of it has come to rest
         }
         // Amplitude grows as the root of the energy; the two quarters are half the time apart.
-        let apart = times as f64 * self.kicks;
+        let apart = n_applications as f64 * self.kicks;
         crate::maths::pow(quarters[3] / quarters[1], 1.0 / apart)
     }
 
     /// Sets all positions to 0 and random speeds of about equal energy.
-    fn stir(&mut self) {
+    fn excite(&mut self) {
         let mut count = 0_u64;
-        let mut chance = || {
+        let mut random = || {
             count += 1;
             let bits = count.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
             bits as f64 / 8_388_608.0 - 1.0
         };
         for &i in &self.stepped {
-            (self.body.x[i], self.body.d[i]) = (0.0, chance() * self.scheme.w[i].sqrt());
+            (self.body.x[i], self.body.d[i]) = (0.0, random() * self.scheme.w[i].sqrt());
         }
         for slow in &mut self.slow {
-            slow.stir(&mut chance);
+            slow.randomise(&mut random);
         }
         for modes in &mut self.modes {
             modes.before.fill(0.0);
             for (now, own) in modes.now.iter_mut().zip(&modes.modal.modes) {
-                *now = chance() * own.gain.sqrt();
+                *now = random() * own.gain.sqrt();
             }
         }
     }
@@ -368,8 +374,12 @@ impl<'a> Map<'a> {
         let stepped: f64 = each
             .map(|&i| (d[i] * d[i] + kappa[i] * x[i] * x[i]) / w[i])
             .sum();
-        let bent = |link: &Link| (x[link.b] - x[link.a]) * (x[link.b] - x[link.a]);
-        let links: f64 = self.links.iter().map(|link| link.k * bent(link)).sum();
+        let elongation_squared = |link: &Link| (x[link.b] - x[link.a]) * (x[link.b] - x[link.a]);
+        let links: f64 = self
+            .links
+            .iter()
+            .map(|link| link.k * elongation_squared(link))
+            .sum();
         let slow: f64 = self.slow.iter().map(RunningSlow::energy).sum();
         let of = |modes: &Modes<'_>| -> f64 {
             let pairs = modes.now.iter().zip(&modes.before);
@@ -413,7 +423,7 @@ fn linear(run: &Run, closed: bool, is_fine: bool) -> Option<impl Iterator<Item =
 }
 
 /// The least common multiple.
-fn together(a: u64, b: u64) -> u64 {
+fn lcm(a: u64, b: u64) -> u64 {
     let (mut x, mut y) = (a, b);
     while y > 0 {
         (x, y) = (y, x % y);

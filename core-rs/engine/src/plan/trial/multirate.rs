@@ -9,7 +9,7 @@ use crate::plan::budget::Budget;
 use crate::plan::cost;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::mesh::MethodChoice;
-use crate::plan::passes::slow::{Stays, slow};
+use crate::plan::passes::slow::{RefusedSlow, slow_bodies};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::content::IslandContent;
@@ -18,7 +18,7 @@ use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::horizon;
 use crate::plan::trial::macrostep::{self, Growth};
-use crate::plan::trial::pilot_run::{is_worth, length, play};
+use crate::plan::trial::pilot_run::{find_excerpt, is_affordable, play};
 use crate::plan::trial::record::{Series, TrialStore, measured};
 use crate::plan::trial::waveform_error::{Spans, difference};
 use crate::scheme::StabilityGuarantee;
@@ -26,7 +26,7 @@ use crate::timeline::Timeline;
 
 /// Largest turn of the modes of a key from kick to kick for which it is made slow [rad]: R·√λ ≤ 1, with R half the
 /// stability limit. No such key grew in scans without damping.
-const TURN: f64 = 1.0;
+const PHASE_MAX: f64 = 1.0;
 
 /// The island with only those slow parts that may be slow as far as can be seen without playing, and the others with
 /// reasons.
@@ -34,16 +34,18 @@ pub(in crate::plan) fn settle(
     subset: &Subset,
     own: &OwnTimeline,
     budget: &Budget,
-) -> (Subset, Vec<Stays>) {
-    let stay = match budget {
-        Budget::Method(_) => all(subset, "the score asks for one method for everything"),
-        Budget::Error(_) | Budget::Cents { .. } => slow(&subset.network, &own.timeline).stay,
+) -> (Subset, Vec<RefusedSlow>) {
+    let refused_slow = match budget {
+        Budget::Method(_) => refuse_all(subset, "the score asks for one method for everything"),
+        Budget::Error(_) | Budget::Cents { .. } => {
+            slow_bodies(&subset.network, &own.timeline).refused_slow
+        }
     };
-    (without(subset, &stay), stay)
+    (without_slow(subset, &refused_slow), refused_slow)
 }
 
 /// All parts of the island that ask to be slow, each with the reason `why` not to be.
-pub(in crate::plan) fn all(subset: &Subset, why: &str) -> Vec<Stays> {
+pub(in crate::plan) fn refuse_all(subset: &Subset, why: &str) -> Vec<RefusedSlow> {
     let mats = subset.network.mats();
     let parts = subset.network.parts().iter().enumerate();
     let is_ours = |at: usize| mats.part.contains(&(at as u32));
@@ -53,13 +55,13 @@ pub(in crate::plan) fn all(subset: &Subset, why: &str) -> Vec<Stays> {
         .collect()
 }
 
-/// The same island with the parts in `stay` computed at every frame.
-pub(in crate::plan) fn without(subset: &Subset, stay: &[Stays]) -> Subset {
-    let stays = |name: &str| stay.iter().any(|(own, _)| own == name);
+/// The same island with the parts in `refused_slow` computed at every frame.
+pub(in crate::plan) fn without_slow(subset: &Subset, refused_slow: &[RefusedSlow]) -> Subset {
+    let is_refused = |name: &str| refused_slow.iter().any(|(own, _)| own == name);
     Subset {
         network: subset
             .network
-            .with_macrosteps(|name, every| every.filter(|_| !stays(name))),
+            .with_macrosteps(|name, every| every.filter(|_| !is_refused(name))),
         ..subset.clone()
     }
 }
@@ -97,18 +99,19 @@ pub(in crate::plan) fn offer(
     if names.is_empty() {
         return None;
     }
-    let may = |name: &str| names.contains(name);
-    let set = |name: &str, own: Option<u32>| own.or(may(name).then_some(every));
+    let is_offered = |name: &str| names.contains(name);
+    let set = |name: &str, own: Option<u32>| own.or(is_offered(name).then_some(every));
     let slowed = network.with_macrosteps(set);
-    let found = slow(&slowed, timeline);
+    let found = slow_bodies(&slowed, timeline);
     let fits: BTreeSet<usize> = found
         .bodies
         .iter()
-        .filter(|(_, slow)| slow.turn <= offered.most_turn() && cost::saved(slow) > 0.0)
+        .filter(|(_, slow)| slow.turn <= offered.phase_max() && cost::saved(slow) > 0.0)
         .map(|(_, slow)| slow.part)
         .collect();
-    let fits =
-        |name: &str| may(name) && fits.iter().any(|&part| network.parts()[part].name == name);
+    let fits = |name: &str| {
+        is_offered(name) && fits.iter().any(|&part| network.parts()[part].name == name)
+    };
     let network = network.with_macrosteps(|name, own| own.or(fits(name).then_some(every)));
     is_more(&network, &subset.network).then(|| Subset {
         network,
@@ -127,9 +130,9 @@ pub(in crate::plan) enum Offered {
 
 impl Offered {
     /// Largest turn of their modes from kick to kick [rad].
-    fn most_turn(self) -> f64 {
+    fn phase_max(self) -> f64 {
         match self {
-            Self::Keys => TURN,
+            Self::Keys => PHASE_MAX,
             // As much as any slow body may turn: its error is measured.
             Self::OnlySeen => f64::INFINITY,
         }
@@ -236,26 +239,27 @@ pub(in crate::plan) fn error(
         )
     });
     let found = measured(series, allowance, || {
-        beside(&slow, &single, contact_substeps, (budget, allowance))
+        compare_with_every_frame(&slow, &single, contact_substeps, (budget, allowance))
     })?;
     let Some(found) = found else {
         return Ok(None);
     };
     let ways = [&slow, &single].map(|island| (&island.island_plan, contact_substeps));
     let known = (allowance, store);
-    unless_spent(horizon::held(found, budget.asked(), ways, known))
+    unless_spent(horizon::extend_error(found, budget.asked(), ways, known))
 }
 
 /// The difference between an island and the same with kicks at every frame, over its beginning.
-fn beside(
+fn compare_with_every_frame(
     slow: &Assembled,
     single: &Assembled,
     contact_substeps: usize,
     (budget, allowance): (&Budget, &Allowance),
 ) -> Result<Option<Measured>, Error> {
-    let excerpt = unless_spent(length(&slow.island_plan, allowance))?;
-    let excerpt = excerpt
-        .filter(|excerpt| excerpt.n_frames > 0 && is_worth(&single.island_plan, excerpt.n_frames));
+    let excerpt = unless_spent(find_excerpt(&slow.island_plan, allowance))?;
+    let excerpt = excerpt.filter(|excerpt| {
+        excerpt.n_frames > 0 && is_affordable(&single.island_plan, excerpt.n_frames)
+    });
     let Some(excerpt) = excerpt else {
         return Ok(None);
     };
@@ -276,11 +280,11 @@ fn beside(
     }))
 }
 
-/// The certificate of an island with slow parts; `word` is that of its other links.
-pub(in crate::plan) fn word(growth: Growth, word: StabilityGuarantee) -> StabilityGuarantee {
+/// The certificate of an island with slow parts; `others` is that of its other links.
+pub(in crate::plan) fn guarantee(growth: Growth, others: StabilityGuarantee) -> StabilityGuarantee {
     if growth.is_tried {
         StabilityGuarantee::Tried
     } else {
-        word
+        others
     }
 }

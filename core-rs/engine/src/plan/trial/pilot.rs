@@ -18,39 +18,39 @@ use crate::plan::trial::chaos::Parting;
 use crate::plan::trial::cheapest;
 use crate::plan::trial::contacts::contacts;
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_run::{Excerpt, PilotRun, length};
-use crate::plan::trial::prune_modes::fewer;
+use crate::plan::trial::pilot_result::{ChosenIsland, LongRunPair, PilotResult};
+use crate::plan::trial::pilot_run::{Excerpt, PilotRun, find_excerpt};
+use crate::plan::trial::prune_modes::prune;
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
-use crate::plan::trial::tried::{Beyond, Piloted, Tried};
-use crate::plan::trial::waveform_error::{PARTS, Spans, beside, left_of};
+use crate::plan::trial::waveform_error::{PARTS, Spans, amplitude_difference, power_sum};
 
 /// Work of a search in multiples of its first run, if contacts dominate the cost: they are also computed twice and four
 /// times as finely, and at half the step.
-const RUNS: f64 = 12.0;
+const SEARCH_COST: f64 = 12.0;
 
 /// Finds the cheapest island within the budget; `assemble` puts the island together at some oversampling.
 pub(in crate::plan) fn pilot(
     assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
     budget: &Budget,
     allowance: &Allowance,
-) -> Result<Tried, Error> {
+) -> Result<PilotResult, Error> {
     if let Budget::Method(_) = budget {
-        return Ok(Piloted::untried(assemble((1, MethodChoice::ByBudget))?).into());
+        return Ok(ChosenIsland::unmeasured(assemble((1, MethodChoice::ByBudget))?).into());
     }
-    let island = first(assemble)?;
+    let island = lowest_stable(assemble)?;
     let timeline = &island.island_plan.timeline;
     if timeline.is_open || timeline.hands().next().is_some() {
         // Nobody knows beforehand what a hand or a session will do: nothing is left out.
-        return Ok(Piloted::untried(island).into());
+        return Ok(ChosenIsland::unmeasured(island).into());
     }
-    let excerpt = unless_spent(length(&island.island_plan, allowance))?;
+    let excerpt = unless_spent(find_excerpt(&island.island_plan, allowance))?;
     let Some(excerpt) = excerpt.filter(|excerpt| excerpt.n_frames > 0) else {
-        return Ok(Piloted::untried(island).into());
+        return Ok(ChosenIsland::unmeasured(island).into());
     };
-    let begun = unless_spent(begun(&island, excerpt, budget, allowance))?;
-    let Some((runs, spans)) = begun else {
-        return Ok(Piloted::untried(island).into());
+    let chosen = unless_spent(choose_runs(&island, excerpt, budget, allowance))?;
+    let Some((runs, spans)) = chosen else {
+        return Ok(ChosenIsland::unmeasured(island).into());
     };
     let (excerpt, stretches) = (runs.excerpt(), OnceCell::new());
     let heard = (&spans, &stretches);
@@ -61,7 +61,7 @@ pub(in crate::plan) fn pilot(
     // If the budget does not promise a waveform, laws are exact enough at one computation a step.
     let is_by_waveform = matches!(budget, Budget::Error(_));
     let Some(mut found) = contacts(is_by_waveform)? else {
-        return Ok(Piloted::untried(island).into());
+        return Ok(ChosenIsland::unmeasured(island).into());
     };
     let trial = (assemble, &runs, budget, allowance);
     let mut start = Search::new(trial, heard, (&island, &found)).start(&island, &found.run)?;
@@ -76,10 +76,10 @@ pub(in crate::plan) fn pilot(
     }
     let search = Search::new(trial, heard, (&island, &found));
     let of_contacts = unless_spent(found.audible(&island, budget, (&runs, &spans), allowance))?;
-    let told = |own: Option<f64>, parting: Option<&Parting>, audible: Option<Audible>| {
+    let stated_error = |own: Option<f64>, parting: Option<&Parting>, audible: Option<Audible>| {
         let seconds = |frames: usize| (excerpt.from + frames) as f64 / spans.rate;
         if let (Some(parting), Some(stretches)) = (parting, stretches.get()) {
-            let (db, until) = parting.until(budget.asked(), stretches);
+            let (db, until) = parting.valid_span(budget.asked(), stretches);
             return Some(Measured {
                 db,
                 over: seconds(until),
@@ -88,37 +88,37 @@ pub(in crate::plan) fn pilot(
             });
         }
         own.map(|own| Measured {
-            db: beside(own, found.error.unwrap_or(f64::NEG_INFINITY)),
+            db: power_sum(own, found.error.unwrap_or(f64::NEG_INFINITY)),
             over: seconds(excerpt.n_frames),
             spectral: None,
             audible: audible.map(|own| own.with(of_contacts.flatten().unwrap_or_default())),
         })
     };
     let pruned = |island: &Assembled, (steps, run): (usize, &PilotRun), most: Option<f64>| {
-        fewer(island, (steps, run), (excerpt, budget, most), allowance)
+        prune(island, (steps, run), (excerpt, budget, most), allowance)
     };
     let Some(start) = start else {
         if found.run.is_lost
-            && let Some((island, run)) = safe(assemble, &runs, allowance)?
+            && let Some((island, run)) = unconditionally_stable(assemble, &runs, allowance)?
         {
             let steps = island.island_plan.contact_substeps;
             let island = match run {
                 Some(run) => pruned(&island, (steps, &run), budget.left_out())?,
                 None => island,
             };
-            return Ok(Piloted::untried(island).into());
+            return Ok(ChosenIsland::unmeasured(island).into());
         }
-        let error = told(found.error, found.parting.as_ref(), None);
+        let error = stated_error(found.error, found.parting.as_ref(), None);
         let own = (found.contact_substeps, &*found.run);
         let island = pruned(&island, own, budget.left_out())?;
-        return Ok(Piloted { island, error }.into());
+        return Ok(ChosenIsland { island, error }.into());
     };
     let mut best = search.improve(start, budget)?;
     if best.run.is_lost
-        && let Some((island, run)) = safe(assemble, &runs, allowance)?
+        && let Some((island, run)) = unconditionally_stable(assemble, &runs, allowance)?
     {
         let Some(run) = run else {
-            return Ok(Piloted::untried(island).into());
+            return Ok(ChosenIsland::unmeasured(island).into());
         };
         best = Candidate {
             contact_substeps: island.island_plan.contact_substeps,
@@ -136,18 +136,18 @@ pub(in crate::plan) fn pilot(
         Some(parting) => Some(parting.with(found.parting.as_ref())),
         None => found.parting.clone(),
     };
-    let mut error = told(own, parting.as_ref(), best.audible);
+    let mut error = stated_error(own, parting.as_ref(), best.audible);
     let own = (best.contact_substeps, &*best.run);
     let mut island = pruned(&best.island, own, budget.left_out())?;
     let is_kept = error.is_some_and(|error| error.spectral.is_none() && error.db <= budget.asked());
     if matches!(budget, Budget::Error(_)) && is_kept {
-        let part = allowance.part(cheapest::SHARE);
+        let part = allowance.fraction(cheapest::SHARE);
         let search = Search {
             allowance: &part,
             ..search
         };
         let cheaper = search.cheapest((&best, island.island_plan.cost()), found.error)?;
-        allowance.spend_part(&part, cheapest::SHARE);
+        allowance.spend_fraction(&part, cheapest::SHARE);
         if let Some(cheaper) = cheaper {
             best = cheaper;
             // This error includes that of contacts.
@@ -155,17 +155,17 @@ pub(in crate::plan) fn pilot(
                 db: best.error,
                 ..error
             });
-            let left = left_of(budget.asked(), best.error);
+            let left = amplitude_difference(budget.asked(), best.error);
             let most = budget.left_out().map(|most| most.min(left));
             island = pruned(&best.island, (best.contact_substeps, &best.run), most)?;
         }
     }
     let is_open_ended = error.is_some_and(|error| error.spectral.is_none())
-        && horizon::may_grow(&best.island.island_plan);
+        && horizon::error_may_grow(&best.island.island_plan);
     let finer = is_open_ended.then(|| search.finer(&best.island)).flatten();
-    Ok(Tried {
-        piloted: Piloted { island, error },
-        beyond: finer.map(|finer| Beyond {
+    Ok(PilotResult {
+        chosen: ChosenIsland { island, error },
+        long_run: finer.map(|finer| LongRunPair {
             contact_substeps: [&best.island, &finer].map(|island| search.contact_substeps(island)),
             own: best.island,
             finer,
@@ -175,7 +175,7 @@ pub(in crate::plan) fn pilot(
 
 /// Chooses the runs of an island and the spans over which they are compared: as long as the allowance pays for a
 /// search. For an error budget a short comparison is better than none.
-fn begun(
+fn choose_runs(
     island: &Assembled,
     excerpt: Excerpt,
     budget: &Budget,
@@ -193,15 +193,15 @@ fn begun(
     let played = (plan, plan.contact_substeps);
     runs.play_while(played, allowance, |frames, _| {
         let spent = allowance.spent().0 - before;
-        let affordable = allowance.share_left(RUNS * spent);
+        let affordable = allowance.share_left(SEARCH_COST * spent);
         share.set(affordable * heard(frames) / heard(excerpt.n_frames));
-        affordable == 1.0 || frames <= spans.only(1).end()
+        affordable == 1.0 || frames <= spans.shortened(1).end()
     })?;
     let parts = (PARTS as f64 * share.get()) as usize;
     if parts >= PARTS {
         return Ok((runs, spans));
     }
-    let spans = spans.only(parts);
+    let spans = spans.shortened(parts);
     let excerpt = Excerpt {
         n_frames: spans.end(),
         ..excerpt
@@ -210,15 +210,15 @@ fn begun(
 }
 
 /// An island whose meshes cannot diverge, and its run, if the allowance paid for one.
-type Safe = (Assembled, Option<Rc<PilotRun>>);
+type StableIsland = (Assembled, Option<Rc<PilotRun>>);
 
 /// Assembles the island with meshes that cannot diverge, and plays it if the allowance lets it; `None` if it is lost
 /// too.
-fn safe(
+fn unconditionally_stable(
     assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
     runs: &Runs,
     allowance: &Allowance,
-) -> Result<Option<Safe>, Error> {
+) -> Result<Option<StableIsland>, Error> {
     let Ok(island) = assemble((1, MethodChoice::Unconditional)) else {
         return Ok(None);
     };
@@ -229,7 +229,7 @@ fn safe(
 }
 
 /// The island at the lowest oversampling at which it is stable.
-fn first(
+fn lowest_stable(
     assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
 ) -> Result<Assembled, Error> {
     match assemble((1, MethodChoice::ByBudget)) {

@@ -13,15 +13,15 @@ pub(in crate::plan) const AFTER: f64 = 0.3;
 /// Longest excerpt [s]: if nothing touches within it, there is nothing to learn about contacts.
 const LONGEST: f64 = 10.0;
 /// Most work of a pilot [s].
-const WORTH: f64 = 0.5;
+const WORK_MAX: f64 = 0.5;
 /// Work of comparing one sample of an output with others [s].
-const HEARD: f64 = 2e-8;
+const COMPARISON: f64 = 2e-8;
 /// Frames of a block, after each of which the modes are looked at.
-pub(in crate::plan) const LOOK: usize = 64;
+pub(in crate::plan) const BLOCK: usize = 64;
 /// Frames that it takes to see whether an island rests from its beginning on.
 const AT_REST: usize = 1024;
 /// Frames of a rest that are played at once.
-const PASSED: usize = 1 << 14;
+const REST_BLOCK: usize = 1 << 14;
 
 /// The frames that trials compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,8 +59,8 @@ pub(in crate::plan) fn work(island_plan: &IslandPlan) -> f64 {
         * (cost::stepped_cost(&island_plan.network, &island_plan.timeline) + bodies)
 }
 
-pub(in crate::plan) fn is_worth(island_plan: &IslandPlan, n_frames: usize) -> bool {
-    work(island_plan) * n_frames as f64 <= WORTH
+pub(in crate::plan) fn is_affordable(island_plan: &IslandPlan, n_frames: usize) -> bool {
+    work(island_plan) * n_frames as f64 <= WORK_MAX
 }
 
 /// How many frames an island rests from its beginning on; 0 if finding that out would take too long.
@@ -68,11 +68,11 @@ pub(in crate::plan) fn is_worth(island_plan: &IslandPlan, n_frames: usize) -> bo
 /// # Errors
 ///
 /// Those of [`play`].
-pub(in crate::plan) fn rest(
+pub(in crate::plan) fn frames_at_rest(
     island_plan: &IslandPlan,
     allowance: &Allowance,
 ) -> Result<usize, TrialError> {
-    if !is_worth(island_plan, AT_REST) {
+    if !is_affordable(island_plan, AT_REST) {
         return Ok(0);
     }
     let mut meter = Meter::new(island_plan, allowance);
@@ -90,22 +90,22 @@ pub(in crate::plan) fn rest(
 /// # Errors
 ///
 /// [`TrialError::Engine`] if the island cannot be played, [`TrialError::AllowanceSpent`] if the allowance ends first.
-pub(in crate::plan) fn length(
+pub(in crate::plan) fn find_excerpt(
     island_plan: &IslandPlan,
     allowance: &Allowance,
 ) -> Result<Excerpt, TrialError> {
     let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
     let most = Excerpt {
-        from: rest(island_plan, allowance)?,
-        n_frames: ((WORTH / work(island_plan)) as usize).min((LONGEST * rate) as usize),
+        from: frames_at_rest(island_plan, allowance)?,
+        n_frames: ((WORK_MAX / work(island_plan)) as usize).min((LONGEST * rate) as usize),
     };
-    let found = length_within(island_plan, (most, rate), allowance);
+    let found = find_length(island_plan, (most, rate), allowance);
     // If no length was found, the decision depends on all of `most`.
     let looked = match found {
         Ok(n_frames) if n_frames > 0 => n_frames,
         _ => most.n_frames,
     };
-    allowance.plays(most.from + looked);
+    allowance.note_frames(most.from + looked);
     Ok(Excerpt {
         n_frames: found?,
         ..most
@@ -113,7 +113,7 @@ pub(in crate::plan) fn length(
 }
 
 /// How many frames a pilot plays after the rest; 0 if that would take too long.
-fn length_within(
+fn find_length(
     island_plan: &IslandPlan,
     (excerpt, rate): (Excerpt, f64),
     allowance: &Allowance,
@@ -126,12 +126,12 @@ fn length_within(
     if island_plan.contact_substeps > 1 {
         let mut island = island(island_plan, island_plan.contact_substeps)?;
         let mut meter = Meter::new(island_plan, allowance);
-        let mut sound = vec![0.0; LOOK * island.n_out()];
-        meter.pass(&mut island, from)?;
-        for at in (0..most).step_by(LOOK) {
-            meter.draw(&island, LOOK)?;
+        let mut sound = vec![0.0; BLOCK * island.n_out()];
+        meter.play_rest(&mut island, from)?;
+        for at in (0..most).step_by(BLOCK) {
+            meter.draw(&island, BLOCK)?;
             // Faults are muted: a pilot does not report them.
-            let _ = island.process(&mut sound, LOOK, &mut ThreadTeam::alone());
+            let _ = island.process(&mut sound, BLOCK, &mut ThreadTeam::alone());
             if island.has_touched() {
                 return Ok((at + after).min(most));
             }
@@ -175,7 +175,7 @@ impl<'a> Meter<'a> {
         let rows: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
         let short = rows + cost::lone_laws_cost(&island_plan.network);
         let frame = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short;
-        let heard = HEARD * island_plan.network.outputs().len() as f64;
+        let heard = COMPARISON * island_plan.network.outputs().len() as f64;
         Self {
             allowance,
             frame: frame + heard,
@@ -185,10 +185,10 @@ impl<'a> Meter<'a> {
     }
 
     /// Plays the rest before an excerpt. Steps that the island skips cost nothing.
-    fn pass(&mut self, island: &mut Island, n_frames: usize) -> Result<(), TrialError> {
-        let mut sound = vec![0.0; PASSED.min(n_frames) * island.n_out()];
-        for at in (0..n_frames).step_by(PASSED) {
-            let n = PASSED.min(n_frames - at);
+    fn play_rest(&mut self, island: &mut Island, n_frames: usize) -> Result<(), TrialError> {
+        let mut sound = vec![0.0; REST_BLOCK.min(n_frames) * island.n_out()];
+        for at in (0..n_frames).step_by(REST_BLOCK) {
+            let n = REST_BLOCK.min(n_frames - at);
             let before = island.computed();
             let _ = island.process(
                 &mut sound[..n * island.n_out()],
@@ -282,14 +282,14 @@ fn run(
     mut goes_on: impl FnMut(usize, &[f64]) -> bool,
 ) -> Result<Option<PilotRun>, TrialError> {
     let n_frames = excerpt.n_frames;
-    allowance.plays(excerpt.end());
+    allowance.note_frames(excerpt.end());
     let mut meter = Meter::new(island_plan, allowance);
     // A run that the allowance cannot pay for is not begun.
     meter
         .allowance
         .affords(work(island_plan) * n_frames as f64)?;
     let mut island = island(island_plan, contact_substeps)?;
-    meter.pass(&mut island, excerpt.from)?;
+    meter.play_rest(&mut island, excerpt.from)?;
     let n_out = island.n_out();
     let mut sound = vec![0.0; n_frames * n_out];
     let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
@@ -299,13 +299,13 @@ fn run(
         .iter()
         .map(|body| vec![0.0; body.n_modes()])
         .collect();
-    for at in (0..n_frames).step_by(LOOK) {
+    for at in (0..n_frames).step_by(BLOCK) {
         if at == block {
             island.damp(by);
-        } else if at == block + LOOK {
+        } else if at == block + BLOCK {
             island.damp(1.0);
         }
-        let end = (at + LOOK).min(n_frames);
+        let end = (at + BLOCK).min(n_frames);
         let own = &mut sound[at * n_out..end * n_out];
         meter.draw(&island, end - at)?;
         let _ = island.process(own, end - at, &mut ThreadTeam::alone());
@@ -382,14 +382,14 @@ mod tests {
     fn played(island_plan: &IslandPlan, may_rest: bool) -> (Vec<u64>, Vec<u8>, [u64; 3], u64) {
         let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
         let mut heard = Vec::new();
-        let mut sound = vec![0.0; LOOK * island.n_out()];
-        for _ in 0..(0.6 * 44_100.0) as usize / LOOK {
+        let mut sound = vec![0.0; BLOCK * island.n_out()];
+        for _ in 0..(0.6 * 44_100.0) as usize / BLOCK {
             sound.fill(0.0);
             let team = &mut ThreadTeam::alone();
             if may_rest {
-                island.process(&mut sound, LOOK, team).unwrap();
+                island.process(&mut sound, BLOCK, team).unwrap();
             } else {
-                island.compute(&mut sound, LOOK, team).unwrap();
+                island.compute(&mut sound, BLOCK, team).unwrap();
             }
             heard.extend(sound.iter().map(|x| x.to_bits()));
         }

@@ -9,7 +9,7 @@ use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::truncate::{KeptModes, choose};
 use crate::plan::trial::allowance::{Allowance, unless_spent};
-use crate::plan::trial::pilot_run::{Excerpt, PilotRun, is_worth, play};
+use crate::plan::trial::pilot_run::{Excerpt, PilotRun, is_affordable, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
 
 /// Most attempts to leave modes out; each failed one lowers the permitted loudness by at least `QUIETER` [dB].
@@ -18,7 +18,7 @@ const QUIETER: f64 = 2.0;
 
 /// The island without the modes that are not heard, together at most `most` loud [dB]: chosen by their energies, then
 /// checked by playing.
-pub(in crate::plan) fn fewer(
+pub(in crate::plan) fn prune(
     island: &Assembled,
     (contact_substeps, run): (usize, &PilotRun),
     (excerpt, budget, most): (Excerpt, &Budget, Option<f64>),
@@ -43,7 +43,7 @@ pub(in crate::plan) fn fewer(
     let Some(most) = most else {
         return Ok(with(None));
     };
-    if !is_worth(&island.island_plan, 2 * excerpt.n_frames) {
+    if !is_affordable(&island.island_plan, 2 * excerpt.n_frames) {
         return Ok(with(Some(most)));
     }
     // The reference has no modes above hearing: leaving them out is no error.
@@ -98,9 +98,13 @@ fn keep(
     let ports = body.ports.iter().map(|port| port.shape.as_slice());
     let heard = body.heard.iter().map(|(_, shape)| shape.as_slice());
     let rows: Vec<&[f64]> = ports.chain(heard).collect();
-    let mut kept = choose(&ways(body, squares), &rows, allowed, budget, |mode| {
-        body.frequency(mode)
-    });
+    let mut kept = choose(
+        &excitations(body, squares),
+        &rows,
+        allowed,
+        budget,
+        |mode| body.frequency(mode),
+    );
     // Rigid motion of the body stays, however quiet it is.
     let loose = (0..body.modes.len()).filter(|&mode| body.compliance(mode).is_none());
     kept.modes.extend(loose);
@@ -116,17 +120,17 @@ fn keep(
         .collect();
     for port in &body.ports {
         let stiff = stiffest(island_plan, port.mat);
-        let give = |mode: usize| {
+        let compliance_share = |mode: usize| {
             let compliance = body.compliance(mode).unwrap_or(0.0);
             stiff * port.shape[mode] * port.shape[mode] * compliance
         };
-        let mut lost: f64 = fallen.iter().map(|&mode| give(mode)).sum();
+        let mut lost: f64 = fallen.iter().map(|&mode| compliance_share(mode)).sum();
         // The lowest modes yield most; those that do not move the port yield nothing.
         fallen.retain(|&mode| {
-            if lost <= enough || give(mode) == 0.0 {
+            if lost <= enough || compliance_share(mode) == 0.0 {
                 return true;
             }
-            lost -= give(mode);
+            lost -= compliance_share(mode);
             kept.modes.push(mode);
             false
         });
@@ -137,14 +141,14 @@ fn keep(
 
 /// Ways in which modes get their energies: as the pilot measured, and as may happen later, by a strike at each place
 /// that is ever struck and by a touch of each port that the pilot may have missed.
-fn ways(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
+fn excitations(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
     let by = |shape: &Vec<f64>| -> Vec<f64> {
         let each = shape.iter().enumerate();
         each.map(|(mode, share)| share * share * body.compliance(mode).unwrap_or(0.0))
             .collect()
     };
-    let is_told = body.ports.len() == 1 && squares.iter().any(|square| *square > 0.0);
-    let ports = body.ports.iter().filter(|_| !is_told);
+    let is_measured = body.ports.len() == 1 && squares.iter().any(|square| *square > 0.0);
+    let ports = body.ports.iter().filter(|_| !is_measured);
     let struck = body.struck.iter().map(|struck| by(&struck.shape));
     let touched = ports.map(|port| by(&port.shape));
     let own = squares.iter().enumerate();

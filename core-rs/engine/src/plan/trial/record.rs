@@ -36,7 +36,7 @@ pub trait TrialStore {
 
 impl TrialRecord {
     /// The record with `taken` at its head.
-    fn with(mut self, taken: &Taken) -> Self {
+    fn with_header(mut self, taken: &Taken) -> Self {
         let head = [Some(taken.drawn), Some(taken.needed), taken.left];
         self.numbers.splice(0..0, head);
         self.counts.insert(0, vec![u32::from(taken.is_refused)]);
@@ -44,7 +44,7 @@ impl TrialRecord {
     }
 
     /// Splits a record into what was taken and the rest; `None` if it is not valid.
-    fn apart(mut self) -> Option<(Taken, Self)> {
+    fn split_header(mut self) -> Option<(Taken, Self)> {
         let numbers = self.numbers.iter().flatten();
         let are_good = numbers.clone().all(|number| number.is_finite());
         if !are_good || self.numbers.len() < 3 || self.counts.is_empty() {
@@ -179,7 +179,7 @@ pub(in crate::plan) fn measured(
     let recalled = series.as_ref().and_then(|series| series.find(allowance));
     let known = recalled.and_then(|(taken, record)| Some((taken, record.error_alone()?)));
     if let Some((taken, error)) = known {
-        allowance.count(&taken);
+        allowance.replay(&taken);
         return Ok(error);
     }
     let left = allowance.begin();
@@ -197,10 +197,12 @@ pub(in crate::plan) fn find(
     allowance: &Allowance,
 ) -> Option<(Taken, TrialRecord)> {
     let left = allowance.begin();
-    [key.to_owned(), of_left(key, left)].iter().find_map(|key| {
-        let found = store.get(key)?.apart()?;
-        allowance.is_enough_for(&found.0).then_some(found)
-    })
+    [key.to_owned(), key_with_left(key, left)]
+        .iter()
+        .find_map(|key| {
+            let found = store.get(key)?.split_header()?;
+            allowance.is_enough_for(&found.0).then_some(found)
+        })
 }
 
 /// Keeps the record of trials of known length, which began with `left` of the allowance [s].
@@ -211,11 +213,14 @@ pub(in crate::plan) fn keep(
     record: TrialRecord,
 ) {
     let taken = allowance.taken(left);
-    let of_left = taken.left.map(|left| of_left(key, left));
-    store.put(of_left.as_deref().unwrap_or(key), record.with(&taken));
+    let bound_key = taken.left.map(|left| key_with_left(key, left));
+    store.put(
+        bound_key.as_deref().unwrap_or(key),
+        record.with_header(&taken),
+    );
 }
 
 /// The key for trials whose results depend on what was left.
-fn of_left(key: &str, left: f64) -> String {
+fn key_with_left(key: &str, left: f64) -> String {
     hex_of(format_args!("{key} {:016x}", left.to_bits()))
 }

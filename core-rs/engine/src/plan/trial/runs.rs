@@ -10,22 +10,22 @@ use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, play_while, work};
 
 /// Most samples of sound that are kept.
-const MOST: usize = 1 << 24;
+const SAMPLES_MAX: usize = 1 << 24;
 
 /// What distinguishes one way to play an island from others.
 #[derive(Clone, PartialEq)]
-struct Way {
+struct RunKey {
     /// The cost of a frame, bit for bit: it differs between ways that compute outputs or events differently.
     cost: u64,
     /// Steps a frame.
     oversampling: u32,
     contact_substeps: usize,
-    bodies: Vec<BodyWay>,
+    bodies: Vec<BodyKey>,
 }
 
 /// How one body of an island is computed.
 #[derive(Clone, PartialEq)]
-struct BodyWay {
+struct BodyKey {
     /// The method of a mesh, and its steps a frame.
     method: Option<(MeshMethod, u32)>,
     ports: Vec<usize>,
@@ -34,7 +34,7 @@ struct BodyWay {
 /// Runs of one excerpt of an island.
 pub(in crate::plan) struct Runs {
     excerpt: Excerpt,
-    kept: RefCell<Vec<(Way, Rc<PilotRun>)>>,
+    kept: RefCell<Vec<(RunKey, Rc<PilotRun>)>>,
 }
 
 impl Runs {
@@ -54,8 +54,8 @@ impl Runs {
     fn keep(&self, (island_plan, contact_substeps): (&IslandPlan, usize), run: &Rc<PilotRun>) {
         let mut kept = self.kept.borrow_mut();
         let samples: usize = kept.iter().map(|(_, run)| run.sound.len()).sum();
-        if samples + run.sound.len() <= MOST {
-            kept.push((way(island_plan, contact_substeps), run.clone()));
+        if samples + run.sound.len() <= SAMPLES_MAX {
+            kept.push((run_key(island_plan, contact_substeps), run.clone()));
         }
     }
 
@@ -85,8 +85,8 @@ impl Runs {
         allowance: &Allowance,
         goes_on: impl FnMut(usize, &[f64]) -> bool,
     ) -> Result<Option<Rc<PilotRun>>, TrialError> {
-        let own = way(island_plan, contact_substeps);
-        let known = |kept: &(Way, Rc<PilotRun>)| (kept.0 == own).then(|| kept.1.clone());
+        let own = run_key(island_plan, contact_substeps);
+        let known = |kept: &(RunKey, Rc<PilotRun>)| (kept.0 == own).then(|| kept.1.clone());
         if let Some(run) = self.kept.borrow().iter().find_map(known) {
             return Ok(Some(run));
         }
@@ -99,12 +99,12 @@ impl Runs {
     }
 }
 
-fn way(island_plan: &IslandPlan, contact_substeps: usize) -> Way {
-    let body = |body: &BodyPlan| BodyWay {
+fn run_key(island_plan: &IslandPlan, contact_substeps: usize) -> RunKey {
+    let body = |body: &BodyPlan| BodyKey {
         method: body.mesh_method(),
         ports: body.ports(),
     };
-    Way {
+    RunKey {
         cost: work(island_plan).to_bits(),
         oversampling: island_plan.oversampling,
         contact_substeps,

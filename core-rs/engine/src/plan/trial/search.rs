@@ -14,16 +14,17 @@ use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::contacts::Contacts;
-use crate::plan::trial::pilot_run::{PilotRun, is_worth};
+use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::waveform_error::{
-    DOUBLING, Held, ORDERS, Spans, difference, errors, left_of, with_kinks,
+    DOUBLING, EarlyComparison, ORDERS, Spans, amplitude_difference, at_most_first_order,
+    difference, estimate_errors,
 };
 
 /// Most steps a frame that the search tries.
 pub(in crate::plan) const TIMES_MAX: u32 = 8;
 /// Methods of meshes to try if the budget's first choice is not exact enough, in rising order of cost.
-const RUNGS: [(MeshMethod, u32); 5] = [
+const MESH_METHODS: [(MeshMethod, u32); 5] = [
     (MeshMethod::Ca2p, 1),
     (MeshMethod::Ca2p, 2),
     (MeshMethod::Bm4, 1),
@@ -39,7 +40,7 @@ pub(in crate::plan) struct Search<'a, F> {
     /// A chaotic parting that was found before the search.
     pub(in crate::plan) chaos: Option<&'a Parting>,
     /// Contact substeps a frame, at any oversampling.
-    pub(in crate::plan) once: usize,
+    pub(in crate::plan) substeps_per_frame: usize,
     pub(in crate::plan) n_frames: usize,
     pub(in crate::plan) runs: &'a Runs,
     pub(in crate::plan) budget: &'a Budget,
@@ -50,8 +51,8 @@ pub(in crate::plan) struct Search<'a, F> {
 #[derive(Clone)]
 pub(in crate::plan) struct Candidate {
     pub(in crate::plan) island: Assembled,
-    /// Index into `RUNGS` of the method of its meshes; `None`: the method that the budget gave.
-    pub(in crate::plan) rung: Option<usize>,
+    /// Index into `MESH_METHODS` of the method of its meshes; `None`: the method that the budget gave.
+    pub(in crate::plan) method_index: Option<usize>,
     pub(in crate::plan) oversampling: u32,
     pub(in crate::plan) contact_substeps: usize,
     pub(in crate::plan) run: Rc<PilotRun>,
@@ -68,14 +69,15 @@ pub(in crate::plan) struct Candidate {
 }
 
 /// Least gain that makes a step of the search worth its cost [dB]: for another method, and for a higher rate.
-const GAINS: (f64, f64) = (6.0, 3.0);
+const METHOD_GAIN: f64 = 6.0;
+const RATE_GAIN: f64 = 3.0;
 /// A step is also worth its cost if it divides the audible error by at least this.
 const AUDIBLE_GAIN: f64 = 1.5;
 /// Differences of third octaves between runs that have parted [dB]. Two runs that differ by rounding alone are up to 2
-/// dB apart over 0.3 s (the bundled tamtam, struck softly to hard), so differences below `ALIKE` are as good as none;
-/// above it a step has to gain `GAIN`.
-const ALIKE: f64 = 2.0;
-const GAIN: f64 = 1.0;
+/// dB apart over 0.3 s (the bundled tamtam, struck softly to hard), so differences below `SPECTRUM_NOISE` are as good
+/// as none; above it a step has to gain `SPECTRUM_GAIN`.
+const SPECTRUM_NOISE: f64 = 2.0;
+const SPECTRUM_GAIN: f64 = 1.0;
 
 /// How to assemble an island, the runs already played, the budget, and the allowance of work.
 type Trial<'a, F> = (&'a F, &'a Runs, &'a Budget, &'a Allowance);
@@ -94,7 +96,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
             spans,
             allowance,
             // Contacts that are computed once a step stay so at any oversampling.
-            once: match found.contact_substeps {
+            substeps_per_frame: match found.contact_substeps {
                 1 => 1,
                 some => some * island.island_plan.oversampling as usize,
             },
@@ -115,8 +117,8 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
             return Ok(None);
         };
         let any = (None, None, f64::INFINITY);
-        let held = self.compare_with_finer(island.clone(), run.clone(), &finer, any);
-        Ok(unless_spent(held)?.flatten())
+        let candidate = self.compare_with_finer(island.clone(), run.clone(), &finer, any);
+        Ok(unless_spent(candidate)?.flatten())
     }
 
     /// Assembles an island and measures its error. Returns `None` if its waveform error is not below that of `best` by
@@ -124,7 +126,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
     fn measure(
         &self,
         (oversampling, choice): (u32, MethodChoice<'_>),
-        rung: Option<usize>,
+        method_index: Option<usize>,
         last: Option<f64>,
         (best, gain): (&Candidate, f64),
     ) -> Result<Option<Candidate>, TrialError> {
@@ -141,19 +143,19 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         } else {
             f64::INFINITY
         };
-        let (truth, known) = best.finest();
-        let mut held = Held::against(&truth.sound, self.spans);
+        let (reference, reference_error) = best.finest();
+        let mut comparison = EarlyComparison::against(&reference.sound, self.spans);
         let played = (&island.island_plan, self.contact_substeps(&island));
         let run = self
             .runs
             .play_while(played, self.allowance, |frames, sound| {
-                let apart = held.look(frames, sound);
-                apart.is_none_or(|apart| left_of(apart, known) <= most)
+                let apart = comparison.update(frames, sound);
+                apart.is_none_or(|apart| amplitude_difference(apart, reference_error) <= most)
             })?;
         let Some(run) = run else {
             return Ok(None);
         };
-        self.compare_with_finer(island, run, &finer, (rung, last, most))
+        self.compare_with_finer(island, run, &finer, (method_index, last, most))
     }
 
     /// Assembles the island at half its step by the same methods: by other methods the result might be the same island
@@ -164,7 +166,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
             island.again(&island.mesh_methods()),
         ))
         .ok()?;
-        is_worth(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
+        is_affordable(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
     }
 
     /// Measures the error of a played island by playing it at half its step; `None` if the error is above `most` [dB].
@@ -173,25 +175,25 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         island: Assembled,
         run: Rc<PilotRun>,
         finer: &Assembled,
-        (rung, last, most): (Option<usize>, Option<f64>, f64),
+        (method_index, last, most): (Option<usize>, Option<f64>, f64),
     ) -> Result<Option<Candidate>, TrialError> {
         let oversampling = island.island_plan.oversampling;
-        let mut held = Held::against(&run.sound, self.spans);
+        let mut comparison = EarlyComparison::against(&run.sound, self.spans);
         let played = (&finer.island_plan, self.contact_substeps(finer));
         let fine = self
             .runs
             .play_while(played, self.allowance, |frames, sound| {
-                let change = held.look(frames, sound);
-                change.is_none_or(|change| errors(change, last, ORDERS.1).0 <= most)
+                let change = comparison.update(frames, sound);
+                change.is_none_or(|change| estimate_errors(change, last, ORDERS.1).0 <= most)
             })?;
         let Some(fine) = fine else {
             return Ok(None);
         };
         let change = difference(&run.sound, &fine.sound, self.spans);
-        let (mut error, mut left) = errors(change, last, ORDERS.1);
+        let (mut error, mut left) = estimate_errors(change, last, ORDERS.1);
         if island.may_collocate || island.sticks() {
-            error = with_kinks(error, last.map(|last| last + DOUBLING));
-            left = with_kinks(left, Some(error));
+            error = at_most_first_order(error, last.map(|last| last + DOUBLING));
+            left = at_most_first_order(left, Some(error));
         }
         if error > most {
             return Ok(None);
@@ -203,8 +205,8 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
             let played = (&finest.island_plan, self.contact_substeps(&finest));
             let finest = self.runs.play(played, self.allowance)?;
             let next = difference(&fine.sound, &finest.sound, self.spans);
-            error = error.max(errors(next, Some(change), ORDERS.1).0 + DOUBLING);
-            left = with_kinks(left, Some(error));
+            error = error.max(estimate_errors(next, Some(change), ORDERS.1).0 + DOUBLING);
+            left = at_most_first_order(left, Some(error));
         }
         let contact_substeps = self.contact_substeps(&island);
         let first = || Stretches::of(&run.sound, self.spans);
@@ -218,7 +220,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
                 stretches: self.stretches.get_or_init(first),
             };
             pair.parting(&island.island_plan, contact_substeps, self.allowance)?
-                .or_else(|| self.chaos.map(|known| known.again(&pair, false)))
+                .or_else(|| self.chaos.map(|known| known.compare_other(&pair, false)))
         };
         let audible = Audible::of_budget(self.budget, (&run, &fine.sound), self.spans)
             .filter(|_| parting.is_none())
@@ -228,7 +230,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
             audible,
             error: if run.is_lost { f64::INFINITY } else { error },
             island,
-            rung,
+            method_index,
             oversampling,
             contact_substeps,
             run,
@@ -243,8 +245,8 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
             return island.island_plan.contact_substeps;
         }
         let oversampling = island.island_plan.oversampling;
-        let least = self.once.min(Budget::STEPS_MIN);
-        (self.once / oversampling as usize).max(least)
+        let least = self.substeps_per_frame.min(Budget::STEPS_MIN);
+        (self.substeps_per_frame / oversampling as usize).max(least)
     }
 
     /// Improves the island until the budget is met, nothing helps any more, or the allowance is spent.
@@ -259,9 +261,10 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
             // No waveform can be kept: the attack is judged by its waveform, the whole by its spectrum.
             (Budget::Error(_), Some(parting)) => {
                 let most = budget.contact();
-                (parting.attack > most && parting.may_have(most)) || parting.spectral > ALIKE
+                (parting.attack > most && parting.is_attainable(most))
+                    || parting.spectral > SPECTRUM_NOISE
             }
-            (_, Some(parting)) => parting.spectral > ALIKE,
+            (_, Some(parting)) => parting.spectral > SPECTRUM_NOISE,
             (_, None) => best.run.is_lost || best.excess(budget) > 1.0,
         };
         let mut fair = None;
@@ -270,7 +273,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
                 break;
             };
             let last = std::mem::replace(&mut best, better);
-            let is_fair = |parting: &Parting| parting.spectral <= ALIKE;
+            let is_fair = |parting: &Parting| parting.spectral <= SPECTRUM_NOISE;
             fair = fair.or_else(|| last.parting.as_ref().is_some_and(is_fair).then_some(last));
         }
         // If the attack is missed in any case, the cheaper island with a good spectrum is taken.
@@ -289,18 +292,18 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         // by CA its amplitude would change differently, and the pilot may end before that is heard.
         let is_led = !best.island.island_plan.timeline.leads.is_empty();
         if best.island.has_modes() && best.oversampling == 1 && !is_led {
-            let gain = (best, GAINS.0);
+            let gain = (best, METHOD_GAIN);
             let candidate = self.measure((1, MethodChoice::Stepped), None, None, gain)?;
-            let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.0, self.budget);
+            let is_better = |candidate: &Candidate| candidate.beats(best, METHOD_GAIN, self.budget);
             if let Some(candidate) = candidate.filter(is_better) {
                 return Ok(Some(candidate));
             }
         }
-        let next = best.rung.map_or(0, |rung| rung + 1);
-        for (rung, &way) in RUNGS.iter().enumerate().skip(next) {
-            let how = (best.oversampling, MethodChoice::All(way));
-            let candidate = self.measure(how, Some(rung), None, (best, GAINS.0))?;
-            let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.0, self.budget);
+        let next = best.method_index.map_or(0, |method_index| method_index + 1);
+        for (method_index, &method) in MESH_METHODS.iter().enumerate().skip(next) {
+            let how = (best.oversampling, MethodChoice::All(method));
+            let candidate = self.measure(how, Some(method_index), None, (best, METHOD_GAIN))?;
+            let is_better = |candidate: &Candidate| candidate.beats(best, METHOD_GAIN, self.budget);
             if let Some(candidate) = candidate.filter(is_better) {
                 return Ok(Some(candidate));
             }
@@ -311,16 +314,16 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         let methods = best.island.mesh_methods();
         let last = (!best.run.is_lost).then_some(best.change);
         let again = best.island.again(&methods);
-        let (twice, gain) = (2 * best.oversampling, (best, GAINS.1));
-        let candidate = self.measure((twice, again), best.rung, last, gain)?;
-        let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.1, self.budget);
+        let (twice, gain) = (2 * best.oversampling, (best, RATE_GAIN));
+        let candidate = self.measure((twice, again), best.method_index, last, gain)?;
+        let is_better = |candidate: &Candidate| candidate.beats(best, RATE_GAIN, self.budget);
         if let Some(candidate) = candidate.filter(is_better) {
             return Ok(Some(candidate));
         }
         if best
             .parting
             .as_ref()
-            .is_none_or(|parting| parting.spectral <= ALIKE)
+            .is_none_or(|parting| parting.spectral <= SPECTRUM_NOISE)
         {
             return Ok(None);
         }
@@ -336,7 +339,7 @@ impl Candidate {
     pub(in crate::plan) fn differs_by_spectrum(&self) -> bool {
         self.parting
             .as_ref()
-            .is_some_and(|parting| parting.spectral > ALIKE)
+            .is_some_and(|parting| parting.spectral > SPECTRUM_NOISE)
     }
 
     /// The most exact known run, and its error.
@@ -362,8 +365,8 @@ impl Candidate {
             let is_nearer = self.error < other.error - gain && excess <= others.max(1.0);
             return is_nearer || excess < others / AUDIBLE_GAIN;
         };
-        let most = others.spectral.max(ALIKE);
-        own.spectral.max(ALIKE) < most - GAIN
+        let most = others.spectral.max(SPECTRUM_NOISE);
+        own.spectral.max(SPECTRUM_NOISE) < most - SPECTRUM_GAIN
             || (own.attack < others.attack - gain && own.spectral <= most)
     }
 }

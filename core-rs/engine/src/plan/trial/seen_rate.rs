@@ -10,7 +10,7 @@ use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::content::IslandContent;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
-use crate::plan::trial::pilot_run::{Excerpt, length, play};
+use crate::plan::trial::pilot_run::{Excerpt, find_excerpt, play};
 use crate::plan::trial::record::{Series, TrialStore, measured};
 use crate::plan::trial::waveform_error::{Spans, difference};
 
@@ -35,19 +35,19 @@ pub(in crate::plan) fn error(
     measured(series, allowance, || {
         let how = (1, MethodChoice::ByBudget);
         match Assembled::new(subset, own, budget, how, None, memo) {
-            Ok(each) => apart(slow, &each.island_plan, allowance),
+            Ok(each) => compare_rates(slow, &each.island_plan, allowance),
             Err(_) => Ok(None),
         }
     })
 }
 
 /// The difference between an island at the lower rate and the same at every frame, over its beginning.
-fn apart(
+fn compare_rates(
     slow: &IslandPlan,
     each: &IslandPlan,
     allowance: &Allowance,
 ) -> Result<Option<Measured>, Error> {
-    let excerpt = unless_spent(length(slow, allowance))?;
+    let excerpt = unless_spent(find_excerpt(slow, allowance))?;
     let Some(excerpt) = excerpt.filter(|excerpt| excerpt.n_frames > 0) else {
         return Ok(None);
     };

@@ -5,12 +5,12 @@ use std::ops::Range;
 
 use crate::maths::{log10, pow, sincos};
 
-/// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to 20 kHz, or up to `CARRIED` of the rate if that
-/// is lower.
+/// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to 20 kHz, or up to `RATE_SHARE` of the rate if
+/// that is lower.
 const CENTRE: f64 = 1_000.0;
 const LOWEST: i32 = -16;
 const HIGHEST: f64 = 20_000.0;
-const CARRIED: f64 = 0.45;
+const RATE_SHARE: f64 = 0.45;
 /// Least width × duration of a band: its level is the mean of about as many independent values. With fewer the level is
 /// chance (two runs that differ by rounding alone are then 2 to 4 dB apart).
 const FEWEST: f64 = 8.0;
@@ -21,14 +21,14 @@ const MISSING: f64 = 1e-10;
 
 /// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: over the third octaves
 /// within 60 dB of its strongest, summed over outputs that are normalised to equal power.
-pub(in crate::plan) fn levels_apart(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
+pub(in crate::plan) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
     let n_frames = b.len() / n_out.max(1);
     let bands = bands(n_frames, rate, FEWEST);
     let (mut ours, mut theirs) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
     for output in 0..n_out {
         let of =
             |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
-        let (a, b) = (level(of(a)), level(of(b)));
+        let (a, b) = (remove_mean(of(a)), remove_mean(of(b)));
         let whole: f64 = b.iter().map(|x| x * x).sum();
         if whole <= 0.0 {
             continue;
@@ -51,7 +51,7 @@ pub(in crate::plan) fn levels_apart(a: &[f64], b: &[f64], n_out: usize, rate: f6
 }
 
 /// Removes the mean, which is not audible.
-fn level(mut sound: Vec<f64>) -> Vec<f64> {
+fn remove_mean(mut sound: Vec<f64>) -> Vec<f64> {
     let mean = sound.iter().sum::<f64>() / sound.len().max(1) as f64;
     sound.iter_mut().for_each(|x| *x -= mean);
     sound
@@ -71,7 +71,7 @@ pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
     let centres = (LOWEST..).map(|i| CENTRE * pow(2.0, f64::from(i) / 3.0));
     let (down, up) = (pow(2.0, -1.0 / 6.0), pow(2.0, 1.0 / 6.0));
     centres
-        .take_while(|centre| *centre <= HIGHEST.min(CARRIED * rate))
+        .take_while(|centre| *centre <= HIGHEST.min(RATE_SHARE * rate))
         .filter(|centre| centre * (up - down) * seconds >= fewest)
         .map(|centre| Band {
             centre,
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn phases_are_forgiven_and_levels_are_not() {
-        let apart = |a: &[f64], b: &[f64]| levels_apart(a, b, 2, 44_100.0);
+        let apart = |a: &[f64], b: &[f64]| level_difference(a, b, 2, 44_100.0);
         let b = sound(|_| 1.0, 1.0);
         let other = apart(&sound(|_| 1.0, 2.0), &b);
         assert!((0.001..1.0).contains(&other), "{other}");
@@ -183,9 +183,9 @@ mod tests {
     fn what_is_missing_or_silent_is_no_nonsense() {
         let b = sound(|_| 1.0, 1.0);
         let silence = vec![0.0; b.len()];
-        assert_eq!(levels_apart(&b, &b, 2, 44_100.0), 0.0);
-        assert_eq!(levels_apart(&b, &silence, 2, 44_100.0), 0.0);
-        assert!((levels_apart(&silence, &b, 2, 44_100.0) - 100.0).abs() < 1e-9);
-        assert_eq!(levels_apart(&[], &[], 0, 44_100.0), 0.0);
+        assert_eq!(level_difference(&b, &b, 2, 44_100.0), 0.0);
+        assert_eq!(level_difference(&b, &silence, 2, 44_100.0), 0.0);
+        assert!((level_difference(&silence, &b, 2, 44_100.0) - 100.0).abs() < 1e-9);
+        assert_eq!(level_difference(&[], &[], 0, 44_100.0), 0.0);
     }
 }

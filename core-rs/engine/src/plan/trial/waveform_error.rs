@@ -20,7 +20,7 @@ const EARLY: (usize, f64) = (4, 12.0);
 /// Errors [dB] of the runs at S and at 2S steps, from the `change` between them and from that between S/2 and S before
 /// (`last`). If the change falls faster than by the order `most`, that is chance: it depends on where within a step a
 /// contact closes.
-pub(in crate::plan) fn errors(change: f64, last: Option<f64>, most: f64) -> (f64, f64) {
+pub(in crate::plan) fn estimate_errors(change: f64, last: Option<f64>, most: f64) -> (f64, f64) {
     let least = ORDERS.0;
     let believed = last.map_or(change, |last| change.max(last - most * DOUBLING));
     let order = last.map_or(least, |last| {
@@ -35,24 +35,25 @@ pub(in crate::plan) fn errors(change: f64, last: Option<f64>, most: f64) -> (f64
 
 /// The error to state if a law has kinks or friction lets go, given the error `before` at twice the step. Where such an
 /// instant lies within a step is chance, so the stated error falls by the first power of the step at most.
-pub(in crate::plan) fn with_kinks(error: f64, before: Option<f64>) -> f64 {
+pub(in crate::plan) fn at_most_first_order(error: f64, before: Option<f64>) -> f64 {
     before.map_or(error, |before| error.max(before - DOUBLING))
 }
 
 /// The sum of two independent errors, by power [dB].
-pub(in crate::plan) fn beside(one: f64, other: f64) -> f64 {
+pub(in crate::plan) fn power_sum(one: f64, other: f64) -> f64 {
     let power = |db: f64| pow(10.0, db / 10.0);
     10.0 * log10(power(one) + power(other))
 }
 
 /// The sum of several errors in the worst case, by amplitude [dB].
-pub(in crate::plan) fn sum(errors: impl IntoIterator<Item = f64>) -> f64 {
+pub(in crate::plan) fn amplitude_sum(errors: impl IntoIterator<Item = f64>) -> f64 {
     20.0 * log10(errors.into_iter().map(decibels).sum::<f64>().max(1e-15))
 }
 
-/// What is left of a budget after an error [dB]; practically nothing if the error is larger.
-pub(in crate::plan) fn left_of(budget: f64, error: f64) -> f64 {
-    20.0 * log10((decibels(budget) - decibels(error)).max(1e-15))
+/// The difference of two errors by amplitude [dB]: what is left of a budget, or of a measured difference, after an
+/// error; practically nothing if the second is larger.
+pub(in crate::plan) fn amplitude_difference(one: f64, other: f64) -> f64 {
+    20.0 * log10((decibels(one) - decibels(other)).max(1e-15))
 }
 
 /// The spans over which sounds are compared: from the start to one third of the time after the first event, to two
@@ -82,7 +83,7 @@ impl Spans {
     }
 
     /// The same spans over a shorter time after the first event: `parts` of `PARTS`, at least one.
-    pub(in crate::plan) fn only(&self, parts: usize) -> Self {
+    pub(in crate::plan) fn shortened(&self, parts: usize) -> Self {
         let event = self.event();
         let third = (self.end() - event) * parts.clamp(1, PARTS) / PARTS / 3;
         let end = event + 3 * third;
@@ -99,7 +100,7 @@ impl Spans {
 
     /// Frames after which an unfinished run is compared, so that it may be stopped early: one in the first span, and
     /// the ends of all spans but the last.
-    pub(in crate::plan) fn looks(&self) -> [usize; 3] {
+    pub(in crate::plan) fn checkpoints(&self) -> [usize; 3] {
         let [first, second, _] = self.frames;
         [
             first - (first - self.event()) * (EARLY.0 - 1) / EARLY.0,
@@ -118,39 +119,42 @@ impl Spans {
 }
 
 /// A run that is compared with another one while it is played.
-pub(in crate::plan) struct Held<'a> {
+pub(in crate::plan) struct EarlyComparison<'a> {
     against: &'a [f64],
     spans: &'a Spans,
-    /// Looks already made.
-    n_looks: usize,
+    /// Checkpoints already passed.
+    n_checked: usize,
     /// Lower bound of the difference over the whole run [dB].
-    pub(in crate::plan) least: f64,
+    pub(in crate::plan) lower_bound: f64,
 }
 
-impl<'a> Held<'a> {
+impl<'a> EarlyComparison<'a> {
     pub(in crate::plan) fn against(against: &'a [f64], spans: &'a Spans) -> Self {
         Self {
             against,
             spans,
-            n_looks: 0,
-            least: f64::NEG_INFINITY,
+            n_checked: 0,
+            lower_bound: f64::NEG_INFINITY,
         }
     }
 
-    /// Returns the lower bound of the difference over the whole run [dB] if a new look is due after `n_frames` of its
-    /// sound.
-    pub(in crate::plan) fn look(&mut self, n_frames: usize, sound: &[f64]) -> Option<f64> {
-        let looks = self.spans.looks();
-        let n = looks.iter().filter(|look| **look <= n_frames).count();
-        if n <= self.n_looks {
+    /// Returns the lower bound of the difference over the whole run [dB] if another checkpoint is passed after
+    /// `n_frames` of its sound.
+    pub(in crate::plan) fn update(&mut self, n_frames: usize, sound: &[f64]) -> Option<f64> {
+        let checkpoints = self.spans.checkpoints();
+        let n = checkpoints
+            .iter()
+            .filter(|checkpoint| **checkpoint <= n_frames)
+            .count();
+        if n <= self.n_checked {
             return None;
         }
-        self.n_looks = n;
+        self.n_checked = n;
         let early = if n == 1 { EARLY.1 } else { 0.0 };
-        let own = self.spans.within(looks[n - 1]);
+        let own = self.spans.within(checkpoints[n - 1]);
         let apart = difference(sound, self.against, &own) - early;
-        self.least = self.least.max(apart);
-        Some(self.least)
+        self.lower_bound = self.lower_bound.max(apart);
+        Some(self.lower_bound)
     }
 }
 
@@ -187,10 +191,10 @@ mod tests {
     #[test]
     fn what_is_left_beside_a_part_is_the_rest() {
         for (one, other) in [(-40.0, -46.0), (-80.0, -40.0), (-3.0, -3.0)] {
-            assert!((left_of(sum([one, other]), other) - one).abs() < 1e-9);
+            assert!((amplitude_difference(amplitude_sum([one, other]), other) - one).abs() < 1e-9);
         }
-        assert!((sum([-40.0, -40.0]) + 40.0 - DOUBLING).abs() < 0.01);
-        assert!(left_of(-60.0, -40.0) <= -300.0);
+        assert!((amplitude_sum([-40.0, -40.0]) + 40.0 - DOUBLING).abs() < 0.01);
+        assert!(amplitude_difference(-60.0, -40.0) <= -300.0);
     }
 
     #[test]
@@ -198,7 +202,7 @@ mod tests {
         let all = spans();
         assert_eq!((all.event(), all.end()), (60, 360));
         for (parts, end) in [(0, 108), (1, 108), (3, 210), (4, 258), (6, 360), (99, 360)] {
-            let only = all.only(parts);
+            let only = all.shortened(parts);
             assert_eq!((only.event(), only.end()), (60, end));
         }
     }
@@ -219,17 +223,17 @@ mod tests {
         let grows = |n: usize| 1e-6 * (n as f64 - 60.0).max(0.0);
         let falls = |n: usize| if (60..85).contains(&n) { 1e-3 } else { 1e-9 };
         for (a, b) in [notes(grows), notes(falls)] {
-            let mut held = Held::against(&b, &spans);
+            let mut comparison = EarlyComparison::against(&b, &spans);
             let whole = difference(&a, &b, &spans);
             let mut n_told = 0;
             for end in (0..=360).step_by(24) {
-                if let Some(least) = held.look(end, &a[..end]) {
+                if let Some(least) = comparison.update(end, &a[..end]) {
                     n_told += 1;
                     assert!(least <= whole + 1e-9, "{least} of {whole} after {end}");
                 }
             }
             assert_eq!(n_told, 3);
-            assert!(held.least > whole - EARLY.1);
+            assert!(comparison.lower_bound > whole - EARLY.1);
         }
     }
 }

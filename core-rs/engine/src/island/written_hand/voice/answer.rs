@@ -33,10 +33,10 @@ impl Voice {
         here: f64,
     ) -> f64 {
         let wanted = self.wanted(script, scene, n, ask);
-        let Some(now) = self.now.as_mut() else {
+        let Some(running) = self.running.as_mut() else {
             return 0.0;
         };
-        let index = now.gesture;
+        let index = running.gesture;
         let gesture = &scene.gestures[index];
         let manner = gesture.gesture.manner;
         let limit = manner.force_limit();
@@ -44,7 +44,7 @@ impl Voice {
             Ask::Pass(x) => (x, n + 1),
             Ask::Aim { to, x } => (x, to),
         };
-        let source = gesture.source(&mut now.source, target);
+        let source = gesture.source(&mut running.source, target);
         if target == n + 1 {
             self.asked = asked;
         }
@@ -60,7 +60,7 @@ impl Voice {
                 x: *x,
                 previous: 0.0,
             });
-            self.held = Some(TrackedFrame {
+            self.tracked = Some(TrackedFrame {
                 gesture: index,
                 source,
                 x: *x,
@@ -68,7 +68,7 @@ impl Voice {
             // The free copy follows the key.
             return script
                 .free
-                .needed(&self.free, *x, &self.targets, &mut self.room);
+                .needed(&self.free, *x, &self.targets, &mut self.buffers);
         }
         let force = match *ask {
             _ if !over => wanted,
@@ -91,7 +91,7 @@ impl Voice {
             blow.particle = flight.launch(scene.scheme, scene.body, script.struck, force);
         }
         let strikes_itself = blow.particle.is_some();
-        blow.tell(
+        blow.note(
             scene.scheme,
             scene.body,
             &mut scene.reports[index],
@@ -120,29 +120,31 @@ impl Voice {
 
     /// Read back the ergon that holds a tracked key, once all other forces of the frame are known.
     pub(crate) fn settle(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
-        if let Some(held) = self.held.take() {
-            let force = kernel::needed(scene.scheme, scene.body, script.struck, held.x);
+        if let Some(tracked) = self.tracked.take() {
+            let force = kernel::needed(scene.scheme, scene.body, script.struck, tracked.x);
             let blow = Blow {
                 frame: n,
                 mat: script.struck,
-                source: held.source,
+                source: tracked.source,
                 force,
                 particle: None,
                 is_stream: true,
             };
-            let report = &mut scene.reports[held.gesture];
+            let report = &mut scene.reports[tracked.gesture];
             let sparks = &mut self.sparks;
-            blow.tell(scene.scheme, scene.body, report, scene.stream, sparks);
+            blow.note(scene.scheme, scene.body, report, scene.stream, sparks);
         }
     }
 
     /// The force that does what is asked, without a limit [N].
     fn wanted(&mut self, script: &VoiceScript, scene: &Scene<'_>, n: u64, ask: &Ask) -> f64 {
-        let Some(now) = &self.now else { return 0.0 };
+        let Some(running) = &self.running else {
+            return 0.0;
+        };
         let free = &script.free;
-        match (*ask, scene.gestures[now.gesture].gesture.manner.touch) {
+        match (*ask, scene.gestures[running.gesture].gesture.manner.touch) {
             (Ask::Pass(x), Touch::Open) => {
-                free.needed(&self.free, x, &self.targets, &mut self.room)
+                free.needed(&self.free, x, &self.targets, &mut self.buffers)
             }
             (Ask::Pass(x), Touch::Tracked) => {
                 kernel::needed(scene.scheme, scene.body, script.struck, x)
@@ -154,9 +156,9 @@ impl Voice {
                         self.free.body.x[local] = scene.body.x[member];
                         self.free.body.d[local] = scene.body.d[member];
                     }
-                    free.forces(&mut self.free, n, &mut self.room.laws, &mut self.targets);
+                    free.forces(&mut self.free, n, &mut self.buffers.laws, &mut self.targets);
                 }
-                free.aim(&self.free, n, to, x, &mut self.room)
+                free.aim(&self.free, n, to, x, &mut self.buffers)
             }
         }
     }
@@ -164,7 +166,7 @@ impl Voice {
 
 impl Blow {
     /// Add the ergon to the report, the stream and the sparks, before its force is added to the sum.
-    fn tell(
+    fn note(
         &self,
         scheme: &Scheme,
         body: &Body,

@@ -35,7 +35,10 @@ impl Voice {
         while let Some(&index) = script.gestures.get(self.begun) {
             let gesture = &scene.gestures[index];
             let now = n as f64 / rate;
-            let joined = self.now.as_ref().is_some_and(|now| now.gesture == index);
+            let joined = self
+                .running
+                .as_ref()
+                .is_some_and(|running| running.gesture == index);
             if n >= gesture.first {
                 self.begun += 1;
                 scene.reports[index].start = now;
@@ -44,18 +47,18 @@ impl Voice {
                 }
                 let late = self.late_joining(script, scene, gesture, n);
                 scene.reports[index].first_point_missed = late.is_some();
-                self.now = Some(Running::new(index, late));
+                self.running = Some(Running::new(index, late));
                 continue;
             }
             let left = gesture.gesture.start - now;
             let in_time =
                 n >= gesture.join_from && left >= JOIN_MIN.min(gesture.gesture.manner.join);
-            if self.now.is_none() && in_time {
+            if self.running.is_none() && in_time {
                 let from = self.motion(script, scene, gesture.gesture.manner.touch, n);
                 let still = (from.x - gesture.gesture.entry.x).abs() <= AGREES
                     && (from.v / rate).abs() <= AGREES;
                 if !still && gesture.gesture.manner.join > 0.0 {
-                    self.now = Some(Running::new(
+                    self.running = Some(Running::new(
                         index,
                         Some(Joining::new(from, gesture.gesture.entry)),
                     ));

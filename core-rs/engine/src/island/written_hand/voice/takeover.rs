@@ -79,15 +79,15 @@ impl Voice {
             }
         }
         let latest = |voice: &Self, script: &VoiceScript| {
-            let now = voice.now.as_ref().map(|now| now.gesture);
-            now.or_else(|| voice.begun.checked_sub(1).map(|last| script.gestures[last]))
+            let playing = voice.running.as_ref().map(|running| running.gesture);
+            playing.or_else(|| voice.begun.checked_sub(1).map(|last| script.gestures[last]))
         };
         let before = latest(old, then).map(|there| takeover.gesture(there));
         self.flight = std::mem::take(&mut old.flight);
         self.is_led = old.is_led;
-        self.now = old.now.take().and_then(|now| {
-            let gesture = takeover.gesture(now.gesture)?;
-            Some(Running { gesture, ..now })
+        self.running = old.running.take().and_then(|running| {
+            let gesture = takeover.gesture(running.gesture)?;
+            Some(Running { gesture, ..running })
         });
         // The position asked for at this very frame is kept only if the comparison goes into the report of the same
         // gesture.

@@ -71,21 +71,21 @@ impl State<'_> {
         let (mut held, mut rigid) = ([0.0; 2], [0.0; 2]);
         for (i, &mode) in self.block.iter().enumerate() {
             if i < self.n_rigid {
-                rigid = more(rigid, row[mode], y(self.n_held() + i));
+                rigid = add_scaled(rigid, row[mode], y(self.n_held() + i));
             } else {
-                held = more(held, row[mode] / self.omega[i], y(i - self.n_rigid));
+                held = add_scaled(held, row[mode] / self.omega[i], y(i - self.n_rigid));
             }
         }
         if self.n_rigid == 0 {
             return held;
         }
-        more(held, 1.0, over(rigid, s))
+        add_scaled(held, 1.0, divide(rigid, s))
     }
 
     fn velocities(&self, row: &[f64], y: &impl Fn(usize) -> Complex) -> Complex {
         let all = self.block.iter().enumerate();
         all.fold([0.0; 2], |sum, (i, &mode)| {
-            more(sum, row[mode], y(self.n_held() + i))
+            add_scaled(sum, row[mode], y(self.n_held() + i))
         })
     }
 }
@@ -121,12 +121,12 @@ pub(super) fn add(
         return Err(NoModes::Inexact);
     }
     // The state at t = 0 and the effect of an impulse, in the modes: through the inverse.
-    let through = |row: usize, state: &dyn Fn(usize) -> f64| -> f64 {
+    let project = |row: usize, state: &dyn Fn(usize) -> f64| -> f64 {
         let own = &left[row * size..(row + 1) * size];
         own.iter().enumerate().map(|(i, by)| by * state(i)).sum()
     };
     let held = state.n_held();
-    let begins = |at: usize| {
+    let initial_state = |at: usize| {
         if at < held {
             let mode = block[n_rigid + at];
             state.omega[n_rigid + at] * (coordinates.x0[mode] - coordinates.rest[mode])
@@ -134,7 +134,7 @@ pub(super) fn add(
             coordinates.v0[block[at - held]]
         }
     };
-    let hit = |point: usize| {
+    let impulse_state = |point: usize| {
         move |at: usize| {
             if at < held {
                 0.0
@@ -145,7 +145,7 @@ pub(super) fn add(
     };
     // How far rigid modes have moved in total when everything else has died away.
     let n_points = coordinates.struck.len();
-    let mut went = vec![vec![0.0; n_points + 1]; n_rigid];
+    let mut rigid_displacement = vec![vec![0.0; n_points + 1]; n_rigid];
     for (k, &(re, im)) in found.values.iter().enumerate() {
         if im < 0.0 {
             continue;
@@ -168,17 +168,22 @@ pub(super) fn add(
         };
         let part = |state: &dyn Fn(usize) -> f64| {
             [
-                through(k, state),
-                if is_pair { through(k + 1, state) } else { 0.0 },
+                project(k, state),
+                if is_pair { project(k + 1, state) } else { 0.0 },
             ]
         };
         let s = [re, im];
-        let start = part(&begins);
-        let felt: Vec<Complex> = (0..n_points).map(|point| part(&hit(point))).collect();
-        for (i, went) in went.iter_mut().enumerate() {
-            let share = over(y(held + i), s);
-            for (went, by) in went.iter_mut().zip(felt.iter().chain([&start])) {
-                *went -= share[0] * by[0] - share[1] * by[1];
+        let start = part(&initial_state);
+        let felt: Vec<Complex> = (0..n_points)
+            .map(|point| part(&impulse_state(point)))
+            .collect();
+        for (i, rigid_displacement) in rigid_displacement.iter_mut().enumerate() {
+            let share = divide(y(held + i), s);
+            for (rigid_displacement, by) in rigid_displacement
+                .iter_mut()
+                .zip(felt.iter().chain([&start]))
+            {
+                *rigid_displacement -= share[0] * by[0] - share[1] * by[1];
             }
         }
         let pole = if is_pair {
@@ -188,7 +193,7 @@ pub(super) fn add(
         };
         let seen = |output: usize| {
             let positions = state.positions(&coordinates.positions[output], &y, s);
-            more(
+            add_scaled(
                 positions,
                 1.0,
                 state.velocities(&coordinates.velocities[output], &y),
@@ -196,15 +201,15 @@ pub(super) fn add(
         };
         modes.add((pole, start), seen, |point| felt[point]);
     }
-    for (i, went) in went.iter().enumerate() {
+    for (i, rigid_displacement) in rigid_displacement.iter().enumerate() {
         let mode = block[i];
         modes.add(
             (
                 Pole::Real { decay: 0.0 },
-                [coordinates.x0[mode] + went[n_points], 0.0],
+                [coordinates.x0[mode] + rigid_displacement[n_points], 0.0],
             ),
             |output| [coordinates.positions[output][mode], 0.0],
-            |point| [went[point], 0.0],
+            |point| [rigid_displacement[point], 0.0],
         );
     }
     Ok(())
@@ -271,11 +276,11 @@ fn multiply(row: &[f64], table: &[f64], factor: f64, into: &mut [f64]) {
     }
 }
 
-fn more(sum: Complex, by: f64, x: Complex) -> Complex {
+fn add_scaled(sum: Complex, by: f64, x: Complex) -> Complex {
     [sum[0] + by * x[0], sum[1] + by * x[1]]
 }
 
-fn over(x: Complex, by: Complex) -> Complex {
+fn divide(x: Complex, by: Complex) -> Complex {
     let square = by[0] * by[0] + by[1] * by[1];
     [
         (x[0] * by[0] + x[1] * by[1]) / square,

@@ -43,8 +43,8 @@ pub(super) fn slow(
         Scheme::physical(&subset.network, rate)
     };
     let scheme = scheme.map_err(|error| error.to_string())?;
-    let own = Matrices::new(&subset, &scheme, body);
-    let modes = own.modes();
+    let matrices = Matrices::new(&subset, &scheme, body);
+    let modes = matrices.modes();
     let top = modes.eigenvalues.iter().fold(0.0_f64, |top, x| top.max(*x));
     let turn = f64::from(every)
         * if is_discrete {
@@ -59,20 +59,20 @@ pub(super) fn slow(
     if !is_within(turn) {
         return Err(too_fast());
     }
-    let frame = frame(&own.k, &own.z, is_discrete);
+    let frame = frame(&matrices.k, &matrices.z, is_discrete);
     let flow = Flow::new(&frame, every).ok_or_else(too_fast)?;
     let found = Found {
         springs: Springs::Exact(Arc::new(flow.clone())),
         turn,
-        rest: own.rest(&modes.eigenvalues, &modes.eigenvectors),
-        free: own.free,
-        w: own.w,
+        rest: matrices.rest(&modes.eigenvalues, &modes.eigenvectors),
+        free: matrices.free,
+        w: matrices.w,
         is_discrete,
     };
     let mut slow = found.slow(rate, (part, every), body, subset)?;
     let missing = |&(own, mat): &(usize, usize)| {
         if is_struck(mat) {
-            missing(&flow, &frame, own, is_discrete)
+            missing_response(&flow, &frame, own, is_discrete)
         } else {
             Vec::new()
         }
@@ -82,7 +82,12 @@ pub(super) fn slow(
 }
 
 /// For pushes at each frame between two kicks: the part of their effect that is still missing at the end.
-fn missing(flow: &Flow, frame: &Square, own: usize, is_discrete: bool) -> Vec<[Vec<f64>; 2]> {
+fn missing_response(
+    flow: &Flow,
+    frame: &Square,
+    own: usize,
+    is_discrete: bool,
+) -> Vec<[Vec<f64>; 2]> {
     let n = flow.keep.n;
     let mut moved = vec![0.0; 2 * n];
     moved[n + own] = 1.0;

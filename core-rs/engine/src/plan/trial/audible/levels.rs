@@ -21,7 +21,7 @@ const MISSING: f64 = 1e-10;
 const FADED: usize = 4;
 
 /// The largest level difference among the third octaves that are heard in `b` [dB].
-pub(super) fn apart(a: &[f64], b: &[f64], rate: f64) -> f64 {
+pub(super) fn level_error(a: &[f64], b: &[f64], rate: f64) -> f64 {
     let bands = bands(b.len(), rate, FEWEST);
     let of = |x: &[f64]| -> Vec<f64> {
         let powers = powers(faded(x));
@@ -57,7 +57,7 @@ fn heard(centres: &[f64], powers: &[f64]) -> Vec<bool> {
     let masked = |at: usize| -> f64 {
         let others = powers.iter().zip(&barks).enumerate();
         let others = others.filter(|(other, _)| *other != at);
-        let spread = others.map(|(_, (power, bark))| power * decibels(spreads(barks[at] - bark)));
+        let spread = others.map(|(_, (power, bark))| power * decibels(spreading(barks[at] - bark)));
         spread.sum::<f64>() * decibels(-14.5 - barks[at])
     };
     let own = powers.iter().enumerate();
@@ -70,7 +70,7 @@ fn bark(f: f64) -> f64 {
 }
 
 /// Level of a masker at a distance of `bark` above it, relative to its own [dB].
-fn spreads(bark: f64) -> f64 {
+fn spreading(bark: f64) -> f64 {
     let d = bark + 0.474;
     15.81 + 7.5 * d - 17.5 * sqrt(1.0 + d * d)
 }
@@ -105,9 +105,9 @@ mod tests {
 
     #[test]
     fn a_masker_spreads_further_up_than_down() {
-        assert!(spreads(0.0).abs() < 0.01);
-        assert!((spreads(3.0) + 21.4).abs() < 0.1, "{}", spreads(3.0));
-        assert!((spreads(-3.0) + 50.7).abs() < 0.1, "{}", spreads(-3.0));
+        assert!(spreading(0.0).abs() < 0.01);
+        assert!((spreading(3.0) + 21.4).abs() < 0.1, "{}", spreading(3.0));
+        assert!((spreading(-3.0) + 50.7).abs() < 0.1, "{}", spreading(-3.0));
     }
 
     #[test]
@@ -124,7 +124,7 @@ mod tests {
                     own
                 }
             });
-            apart(&tones(&rest), &b, RATE)
+            level_error(&tones(&rest), &b, RATE)
         };
         assert!(without(near) < 1e-6, "{}", without(near));
         let change = -20.0 * log10(0.3);
@@ -135,9 +135,9 @@ mod tests {
     fn silence_and_what_is_missing_are_no_nonsense() {
         let b = tones(&[(500.0, 1.0)]);
         let silence = vec![0.0; b.len()];
-        assert_eq!(apart(&b, &b, RATE), 0.0);
-        assert_eq!(apart(&b, &silence, RATE), 0.0);
-        assert!((apart(&silence, &b, RATE) - 100.0).abs() < 1e-9);
-        assert_eq!(apart(&[], &[], RATE), 0.0);
+        assert_eq!(level_error(&b, &b, RATE), 0.0);
+        assert_eq!(level_error(&b, &silence, RATE), 0.0);
+        assert!((level_error(&silence, &b, RATE) - 100.0).abs() < 1e-9);
+        assert_eq!(level_error(&[], &[], RATE), 0.0);
     }
 }

@@ -23,7 +23,7 @@ const FEWEST: usize = 8;
 
 /// Largest error of a pitch [cents], and of a T60 relative to itself, among partials up to `upto` [Hz]; `b` is the
 /// reference.
-pub(super) fn apart(a: &[f64], b: &[f64], rate: f64, upto: f64) -> (f64, f64) {
+pub(super) fn pitch_errors(a: &[f64], b: &[f64], rate: f64, upto: f64) -> (f64, f64) {
     let found = strongest(b, rate, upto).into_iter();
     found.fold((0.0, 0.0), |(cents, t60), f| {
         let (own_cents, own_t60) = compare(a, b, f, rate).unwrap_or((0.0, 0.0));
@@ -174,24 +174,27 @@ mod tests {
     #[test]
     fn pitch_and_decay_are_told_of_weaker_partials_too() {
         let b = sound((220.0, 8.0), (1_310.0, 20.0));
-        let (cents, t60) = apart(&b, &b, RATE, 5_000.0);
+        let (cents, t60) = pitch_errors(&b, &b, RATE, 5_000.0);
         assert_eq!((cents, t60), (0.0, 0.0));
         // 5 cents, and a T60 that is a tenth longer.
         let a = sound((220.0, 8.0), (1_310.0 * 1.002_892, 20.0 / 1.1));
-        let (cents, t60) = apart(&a, &b, RATE, 5_000.0);
+        let (cents, t60) = pitch_errors(&a, &b, RATE, 5_000.0);
         assert!((cents - 5.0).abs() < 0.2, "{cents}");
         assert!((t60 - 0.1).abs() < 0.01, "{t60}");
         // Partials above `upto` are not compared.
-        assert!(apart(&a, &b, RATE, 1_000.0).0 < 0.3);
+        assert!(pitch_errors(&a, &b, RATE, 1_000.0).0 < 0.3);
     }
 
     #[test]
     fn short_and_silent_sounds_tell_nothing() {
-        assert_eq!(apart(&[], &[], RATE, 5_000.0), (0.0, 0.0));
-        assert_eq!(apart(&[0.0; 500], &[0.0; 500], RATE, 5_000.0), (0.0, 0.0));
+        assert_eq!(pitch_errors(&[], &[], RATE, 5_000.0), (0.0, 0.0));
+        assert_eq!(
+            pitch_errors(&[0.0; 500], &[0.0; 500], RATE, 5_000.0),
+            (0.0, 0.0)
+        );
         let b = sound((220.0, 8.0), (1_310.0, 20.0));
         let silence = vec![0.0; b.len()];
-        let (cents, t60) = apart(&silence, &b, RATE, 5_000.0);
+        let (cents, t60) = pitch_errors(&silence, &b, RATE, 5_000.0);
         assert!(cents.is_finite() && t60.is_finite());
     }
 }

@@ -1,6 +1,6 @@
 //! Many frames of a linear key at once: one frame is an affine map, and its powers are computed by squaring.
 
-use super::{FreeKey, Motion};
+use super::{FreeKey, FreeMotion};
 use crate::kernel::Laws;
 use crate::state::Target;
 use crate::timeline::Source;
@@ -13,7 +13,7 @@ const MATS_MAX: usize = 8;
 /// The map of some frames minus the identity, on (x, d, 1) of all MATs. A slow key changes by far less than 1 in one
 /// frame, and the digits of that change would be lost beside the identity.
 #[derive(Clone, Debug)]
-pub(crate) struct Leap {
+pub(crate) struct FramePowers {
     n_mat: usize,
     /// (size, size), row by row; the last row is 0
     change: Vec<f64>,
@@ -23,7 +23,7 @@ pub(crate) struct Leap {
     moved: Vec<f64>,
 }
 
-impl Leap {
+impl FramePowers {
     /// Buffers for the powers of a key's frame; `None` if a frame is not a constant affine map, or the key has more
     /// MATs than [`MATS_MAX`].
     pub(crate) fn new(free: &FreeKey) -> Option<Self> {
@@ -49,10 +49,10 @@ impl Leap {
     }
 
     /// Advance a key by `frames` frames without strikes.
-    pub(super) fn forward(
+    pub(super) fn advance(
         &mut self,
         free: &FreeKey,
-        motion: &mut Motion,
+        motion: &mut FreeMotion,
         mut frames: u64,
         laws: &mut Laws,
         targets: &mut Vec<Target>,
@@ -79,7 +79,7 @@ impl Leap {
     fn one_frame(
         &mut self,
         free: &FreeKey,
-        motion: &mut Motion,
+        motion: &mut FreeMotion,
         laws: &mut Laws,
         targets: &mut Vec<Target>,
     ) {
@@ -141,7 +141,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::island::written_hand::free::Room;
+    use crate::island::written_hand::free::Buffers;
     use crate::network::{Network, Tie};
     use crate::scheme::Scheme;
     use crate::state::Body;
@@ -171,38 +171,38 @@ mod tests {
         }
     }
 
-    fn room(free: &FreeKey) -> Room {
-        Room {
+    fn buffers(free: &FreeKey) -> Buffers {
+        Buffers {
             coast: free.at_rest(),
             laws: Laws::new(&free.scheme),
             targets: Vec::new(),
-            leap: Leap::new(free),
+            frame_powers: FramePowers::new(free),
         }
     }
 
-    fn moving(free: &FreeKey) -> Motion {
+    fn moving(free: &FreeKey) -> FreeMotion {
         free.start(Body::new(&free.scheme, vec![2e-3, -1e-3], vec![1e-6, 3e-7]))
     }
 
     #[test]
     fn many_frames_at_once_are_the_same_frames() {
         let free = key();
-        let mut room = room(&free);
-        let mut leap = room.leap.take().unwrap();
+        let mut buffers = buffers(&free);
+        let mut frame_powers = buffers.frame_powers.take().unwrap();
         for frames in [0, 1, 2, 77, 12_345, 300_001] {
             let mut stepped = moving(&free);
             for n in 0..frames {
-                free.forces(&mut stepped, n, &mut room.laws, &mut room.targets);
-                free.strike_and_move(&mut stepped, n, 0.0, &mut room.targets);
+                free.forces(&mut stepped, n, &mut buffers.laws, &mut buffers.targets);
+                free.strike_and_move(&mut stepped, n, 0.0, &mut buffers.targets);
             }
-            let mut leapt = moving(&free);
-            let Room { laws, targets, .. } = &mut room;
-            leap.forward(&free, &mut leapt, frames, laws, targets);
-            for (stepped, leapt, most) in [
-                (&stepped.body.x, &leapt.body.x, 1e-11),
-                (&stepped.body.d, &leapt.body.d, 1e-14),
+            let mut advanced = moving(&free);
+            let Buffers { laws, targets, .. } = &mut buffers;
+            frame_powers.advance(&free, &mut advanced, frames, laws, targets);
+            for (stepped, advanced, most) in [
+                (&stepped.body.x, &advanced.body.x, 1e-11),
+                (&stepped.body.d, &advanced.body.d, 1e-14),
             ] {
-                for (a, b) in stepped.iter().zip(leapt) {
+                for (a, b) in stepped.iter().zip(advanced) {
                     assert!((a - b).abs() <= most, "{a} and {b} after {frames}");
                 }
             }
@@ -213,20 +213,20 @@ mod tests {
     #[test]
     fn a_throw_of_a_day_arrives() {
         let free = key();
-        let mut room = room(&free);
+        let mut buffers = buffers(&free);
         let (n, to, x) = (1_000, 86_399 * 44_100, 0.5e-3);
-        let force = free.aim(&moving(&free), n, to, x, &mut room);
+        let force = free.aim(&moving(&free), n, to, x, &mut buffers);
         let mut motion = moving(&free);
-        let Room {
+        let Buffers {
             laws,
             targets,
-            leap,
+            frame_powers,
             ..
-        } = &mut room;
+        } = &mut buffers;
         free.forces(&mut motion, n, laws, targets);
         free.strike_and_move(&mut motion, n, force, targets);
-        let leap = leap.as_mut().unwrap();
-        leap.forward(&free, &mut motion, to - n - 1, laws, targets);
+        let frame_powers = frame_powers.as_mut().unwrap();
+        frame_powers.advance(&free, &mut motion, to - n - 1, laws, targets);
         let there = motion.body.x[free.struck];
         assert!((there - x).abs() < 1e-9, "{there} m, by {force} N");
     }
@@ -234,8 +234,8 @@ mod tests {
     #[test]
     fn a_key_with_laws_has_no_such_map() {
         let mut free = key();
-        assert!(Leap::new(&free).is_some());
+        assert!(FramePowers::new(&free).is_some());
         Arc::make_mut(&mut free.scheme).linear = false;
-        assert!(Leap::new(&free).is_none());
+        assert!(FramePowers::new(&free).is_none());
     }
 }

@@ -56,7 +56,7 @@ pub(super) fn plan(
 
 impl Maker<'_> {
     /// Plans an island at the lowest rate at which it works, at least once in `self.every` frames.
-    pub(super) fn slowly(
+    pub(super) fn plan_at_lower_rate(
         &mut self,
         subset: &Subset,
         own: &OwnTimeline,
@@ -80,14 +80,14 @@ impl Maker<'_> {
                 self.stepped(&alike, &slower, modules, None, why.clone())
                     .is_ok()
             });
-            if is_made && self.put_slow(before, every) {
+            if is_made && self.set_every(before, every) {
                 return Ok(());
             }
-            let [units, rows, choices, stay] = before;
+            let [units, rows, choices, refused_slow] = before;
             self.plan.units.truncate(units);
             self.plan.rows.truncate(rows);
             self.plan.choices.truncate(choices);
-            self.plan.stay.truncate(stay);
+            self.plan.stay.truncate(refused_slow);
             every /= 2;
         }
         let [_, first_row, ..] = self.counts();
@@ -117,7 +117,7 @@ impl Maker<'_> {
 
     /// Sets what was just planned to be computed once in `every` frames. Returns false if it would then still take as
     /// many steps as frames.
-    fn put_slow(&mut self, [units, rows, ..]: [usize; 4], every: u32) -> bool {
+    fn set_every(&mut self, [units, rows, ..]: [usize; 4], every: u32) -> bool {
         for unit in &mut self.plan.units[units..] {
             if let Unit::IslandPlan(island_plan) = unit {
                 if island_plan.oversampling >= every {

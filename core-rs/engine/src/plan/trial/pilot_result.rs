@@ -19,14 +19,14 @@ use crate::plan::trial::search::TIMES_MAX;
 const SUBSTEPS_MAX: usize = 2 * TIMES_MAX as usize * Budget::STEPS_MAX;
 
 /// An island that meets its budget as far as possible, and its remaining error.
-pub(in crate::plan) struct Piloted {
+pub(in crate::plan) struct ChosenIsland {
     pub(in crate::plan) island: Assembled,
     pub(in crate::plan) error: Option<Measured>,
 }
 
-impl Piloted {
+impl ChosenIsland {
     /// An assembled island whose error is not known.
-    pub(in crate::plan) fn untried(island: Assembled) -> Self {
+    pub(in crate::plan) fn unmeasured(island: Assembled) -> Self {
         Self {
             island,
             error: None,
@@ -35,7 +35,7 @@ impl Piloted {
 }
 
 /// The island with what an earlier plan decided; `None` if that does not fit it.
-pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Piloted> {
+pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<ChosenIsland> {
     if pin.kept.len() != island.bodies.len() {
         return None;
     }
@@ -47,48 +47,53 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Piloted
     });
     let kept = kept.collect::<Option<Vec<_>>>()?;
     let substeps = pin.contact_substeps.clamp(1, Budget::STEPS_MAX);
-    Some(Piloted::untried(island.only(substeps, kept)))
+    Some(ChosenIsland::unmeasured(island.only(substeps, kept)))
 }
 
 /// The island that a pilot chose, whose error may grow after the pilot's end.
-pub(in crate::plan) struct Tried {
-    pub(in crate::plan) piloted: Piloted,
+pub(in crate::plan) struct PilotResult {
+    pub(in crate::plan) chosen: ChosenIsland,
     /// What to play on to see how long the error holds; `None` if it need not be checked.
-    pub(in crate::plan) beyond: Option<Beyond>,
+    pub(in crate::plan) long_run: Option<LongRunPair>,
 }
 
 /// The island with all its modes and the same at half its step, to be played and compared.
-pub(in crate::plan) struct Beyond {
+pub(in crate::plan) struct LongRunPair {
     pub(in crate::plan) own: Assembled,
     pub(in crate::plan) finer: Assembled,
     /// Contact substeps a step of each.
     pub(in crate::plan) contact_substeps: [usize; 2],
 }
 
-impl Tried {
+impl PilotResult {
     /// Checks how long the error holds, and returns the island with that error.
-    pub(in crate::plan) fn held(
+    pub(in crate::plan) fn extend_error(
         self,
         budget: &Budget,
         known: (&Allowance, Option<&dyn TrialStore>),
-    ) -> Result<Piloted, Error> {
+    ) -> Result<ChosenIsland, Error> {
         let Self {
-            mut piloted,
-            beyond,
+            mut chosen,
+            long_run,
         } = self;
-        if let (Some(measured), Some(beyond)) = (piloted.error, beyond) {
-            let [own, finer] = beyond.contact_substeps;
+        if let (Some(measured), Some(long_run)) = (chosen.error, long_run) {
+            let [own, finer] = long_run.contact_substeps;
             let played = [
-                (&beyond.own.island_plan, own),
-                (&beyond.finer.island_plan, finer),
+                (&long_run.own.island_plan, own),
+                (&long_run.finer.island_plan, finer),
             ];
-            piloted.error = unless_spent(horizon::held(measured, budget.asked(), played, known))?;
+            chosen.error = unless_spent(horizon::extend_error(
+                measured,
+                budget.asked(),
+                played,
+                known,
+            ))?;
         }
-        piloted.error = piloted.error.map(|error| error.doubted(budget.asked()));
-        Ok(piloted)
+        chosen.error = chosen.error.map(|error| error.doubted(budget.asked()));
+        Ok(chosen)
     }
 
-    /// The record that [`Tried::recalled`] reads.
+    /// The record that [`PilotResult::recalled`] reads.
     pub(in crate::plan) fn record(&self) -> TrialRecord {
         let Assembled {
             island_plan,
@@ -96,9 +101,9 @@ impl Tried {
             because,
             shape,
             ..
-        } = &self.piloted.island;
-        let beyond = self.beyond.as_ref();
-        let [own, finer] = beyond.map_or([0, 0], |beyond| beyond.contact_substeps);
+        } = &self.chosen.island;
+        let long_run = self.long_run.as_ref();
+        let [own, finer] = long_run.map_or([0, 0], |long_run| long_run.contact_substeps);
         let how = [
             island_plan.oversampling,
             island_plan.contact_substeps as u32,
@@ -106,7 +111,7 @@ impl Tried {
             own as u32,
             finer as u32,
         ];
-        let mut numbers = TrialRecord::numbers_of(self.piloted.error);
+        let mut numbers = TrialRecord::numbers_of(self.chosen.error);
         numbers.extend(bodies.iter().map(|body| body.left_out));
         let kept = bodies.iter().map(PortedBody::numbers);
         TrialRecord {
@@ -138,7 +143,7 @@ impl Tried {
             ..Choice::default()
         };
         let island = assemble((oversampling, MethodChoice::ByBudget), Some(&choice)).ok()?;
-        let Piloted { mut island, .. } = pinned(island, &choice)?;
+        let ChosenIsland { mut island, .. } = pinned(island, &choice)?;
         island.shape = shape;
         if left_out.len() != island.bodies.len() {
             return None;
@@ -150,10 +155,10 @@ impl Tried {
             Some(why) => Some(NoModes::of(why)?),
             None => None,
         };
-        let beyond = if own > 0 {
+        let long_run = if own > 0 {
             let methods = island.mesh_methods();
             let at = |times| assemble((times, island.again(&methods)), None).ok();
-            Some(Beyond {
+            Some(LongRunPair {
                 own: at(oversampling)?,
                 finer: at(2 * oversampling)?,
                 contact_substeps: [own, finer].map(|substeps| substeps as usize),
@@ -162,17 +167,17 @@ impl Tried {
             None
         };
         Some(Self {
-            piloted: Piloted { island, error },
-            beyond,
+            chosen: ChosenIsland { island, error },
+            long_run,
         })
     }
 }
 
-impl From<Piloted> for Tried {
-    fn from(piloted: Piloted) -> Self {
+impl From<ChosenIsland> for PilotResult {
+    fn from(chosen: ChosenIsland) -> Self {
         Self {
-            piloted,
-            beyond: None,
+            chosen,
+            long_run: None,
         }
     }
 }
