@@ -156,7 +156,7 @@ macro_rules! loops {
             /// Add Σ w·x to a sum, lane by lane.
             $(#[$feature])?
             #[inline]
-            unsafe fn see(sum: &mut Sum, part: usize, w: &Four, x: &Four) {
+            unsafe fn add_weighted(sum: &mut Sum, part: usize, w: &Four, x: &Four) {
                 // SAFETY: part + width ≤ SUMS.
                 unsafe {
                     let at = sum.0.as_mut_ptr().add(part);
@@ -249,7 +249,7 @@ macro_rules! loops {
                             before = now;
                             now = new;
                             for (row, w) in rows.iter().enumerate() {
-                                see(&mut *first.add(row * room + frame), part, w, &now);
+                                add_weighted(&mut *first.add(row * room + frame), part, w, &now);
                             }
                         }
                         store(&mut motion.now, part, now);
@@ -276,7 +276,7 @@ macro_rules! loops {
                         for frame in 0..n_frames {
                             for (out, weights) in weights.iter().enumerate() {
                                 let w = load(weights, part);
-                                see(&mut sums[out * room + frame], part, &w, &now);
+                                add_weighted(&mut sums[out * room + frame], part, &w, &now);
                             }
                             let new = next(&a, &b, &now, &before);
                             before = now;

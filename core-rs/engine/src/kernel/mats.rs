@@ -44,7 +44,7 @@ pub(crate) fn advance(
     }
     let mut within = match mesh_partition {
         Some(mesh_partition) => free_in_ranges(mesh_partition, team, scheme, body),
-        None => free(scheme, body),
+        None => advance_free(scheme, body),
     };
     for target in targets {
         body.d[target.mat] = target.x - target.previous;
@@ -54,7 +54,7 @@ pub(crate) fn advance(
     within
 }
 
-fn free(scheme: &Scheme, body: &mut Body) -> bool {
+fn advance_free(scheme: &Scheme, body: &mut Body) -> bool {
     let Body { x, d, force, .. } = body;
     if let Some(previous) = &mut body.previous {
         previous.swap(x, d);

@@ -36,11 +36,11 @@ impl MeshPartition {
     /// The partition for a number of threads; `None` if the mesh is too small for threads to save time.
     pub(crate) fn for_threads(springs: &[Spring], n_mat: usize, threads: usize) -> Option<Self> {
         let parts = threads.min(n_mat / LEAST).min(MOST);
-        (parts > 1 && !springs.is_empty()).then(|| Self::cut(springs, n_mat, parts))
+        (parts > 1 && !springs.is_empty()).then(|| Self::new(springs, n_mat, parts))
     }
 
     /// The partition into `parts` ranges with about equal work.
-    pub(super) fn cut(springs: &[Spring], n_mat: usize, parts: usize) -> Self {
+    pub(super) fn new(springs: &[Spring], n_mat: usize, parts: usize) -> Self {
         // Work of a MAT: 1, plus 1 for each end of a spring on it.
         let mut work = vec![1_usize; n_mat];
         for run in springs {
@@ -131,7 +131,7 @@ impl MeshRange {
             };
             let (a, b) = (links(run.a), links(run.b));
             let both = a.start.max(b.start)..a.end.min(b.end);
-            let [only_a, only_b] = [&a, &b].map(|own| without(own, &both));
+            let [only_a, only_b] = [&a, &b].map(|own| range_without(own, &both));
             let to = |end: usize, i: usize| end + i - mats.start;
             // A MAT that is an end a of one link and an end b of another adds its force as end a first, as in the
             // undivided run.
@@ -149,7 +149,7 @@ impl MeshRange {
 }
 
 /// `all` without `part`, which lies at one end of `all`.
-fn without(all: &Range<usize>, part: &Range<usize>) -> Range<usize> {
+fn range_without(all: &Range<usize>, part: &Range<usize>) -> Range<usize> {
     if part.is_empty() {
         all.clone()
     } else if part.start == all.start {
@@ -203,7 +203,7 @@ mod tests {
             let (mut whole, mut room) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
             total(&springs, &x, &v, &mut room, &mut whole);
             for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (MOST, 1)] {
-                let mut mesh_partition = MeshPartition::cut(&springs, N_MAT, parts);
+                let mut mesh_partition = MeshPartition::new(&springs, N_MAT, parts);
                 assert!(mesh_partition.0.len() > 1);
                 let mut found = vec![f64::NAN; N_MAT];
                 ThreadTeam::with(threads, |team| {
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn ranges_are_all_mats_in_order() {
         for parts in 2..=MOST {
-            let mesh_partition = MeshPartition::cut(&springs(3), N_MAT, parts);
+            let mesh_partition = MeshPartition::new(&springs(3), N_MAT, parts);
             assert!(mesh_partition.0.len() <= parts);
             let (mut x, mut seen) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
             mesh_partition.ranges(

@@ -86,9 +86,9 @@ fn passes_have_the_bits_of_their_formulas() {
 fn a_body_out_of_bounds_is_unsound() {
     for bad in [f64::NAN, f64::INFINITY, -2e4] {
         let mut x = numbers(70, 2);
-        assert!(passes::within(&x));
+        assert!(passes::are_in_range(&x));
         x[68] = bad;
-        assert!(!passes::within(&x));
+        assert!(!passes::are_in_range(&x));
     }
 }
 
@@ -112,7 +112,7 @@ fn cuthill_and_mckee_find_the_narrow_way() {
         }
     }
     // Two more nodes without neighbours.
-    let order = order::near(&neighbours);
+    let order = order::reverse_cuthill_mckee(&neighbours);
     let mut place = vec![usize::MAX; order.len()];
     for (at, &node) in order.iter().enumerate() {
         place[node] = at;

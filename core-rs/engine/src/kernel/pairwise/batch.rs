@@ -232,13 +232,13 @@ wide! {
 }
 
 wide! {
-    /// Components of forces along directions, and `told` times each force.
-    fn parts(f: &[f64], along: [&[f64]; AXES_MAX], told: f64, into: &mut [Quad]) {
+    /// Components of forces along directions, and `sum_share` times each force.
+    fn parts(f: &[f64], along: [&[f64]; AXES_MAX], sum_share: f64, into: &mut [Quad]) {
         let n = f.len();
         let [x, y, z] = along.map(|one| &one[..n]);
         let into = &mut into[..n];
         for i in 0..n {
-            into[i] = [f[i] * x[i], f[i] * y[i], f[i] * z[i], told * f[i]];
+            into[i] = [f[i] * x[i], f[i] * y[i], f[i] * z[i], sum_share * f[i]];
         }
     }
 }
