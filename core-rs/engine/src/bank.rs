@@ -16,7 +16,7 @@ use crate::cell::Response;
 use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, joined, run, run_weighted};
 use crate::units::Rate;
 use script::{Script, Section};
-use sleep::{NOTHING, SLEEP, faint};
+use sleep::{UNHEARABLE, REST_TEST_EVERY, rest_threshold};
 
 /// Parameters of one oscillator.
 #[derive(Clone, Debug)]
@@ -103,7 +103,7 @@ impl Bank {
             scales: Vec::new(),
             events: Vec::new(),
             strikes,
-            faint: 0.0,
+            rest_threshold: 0.0,
             places: vec![(0, 0); oscillators.len()],
             holds: Vec::new(),
         };
@@ -119,10 +119,10 @@ impl Bank {
             });
         }
         script.share();
-        script.faint = if is_open {
-            NOTHING
+        script.rest_threshold = if is_open {
+            UNHEARABLE
         } else {
-            faint(oscillators, &script.strikes, rate) / script.rates.len().max(1) as f64
+            rest_threshold(oscillators, &script.strikes, rate) / script.rates.len().max(1) as f64
         };
         let still = |motion: &Motion| motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;
         let most = script.sections.iter().map(|section| section.outputs.len());
@@ -171,11 +171,11 @@ impl Bank {
                 (event.frame.saturating_sub(self.frame) as usize).min(n_frames)
             });
             if until > at {
-                let until = until.min(at + (SLEEP - now % SLEEP) as usize);
+                let until = until.min(at + (REST_TEST_EVERY - now % REST_TEST_EVERY) as usize);
                 self.run(script, group, heard, at..until);
                 at = until;
-                if (self.frame + at as u64).is_multiple_of(SLEEP) {
-                    self.rest(script, group);
+                if (self.frame + at as u64).is_multiple_of(REST_TEST_EVERY) {
+                    self.rest_if_decayed(script, group);
                 }
                 continue;
             }

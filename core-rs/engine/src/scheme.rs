@@ -315,8 +315,8 @@ impl Scheme {
     /// slopes excite stays bounded.
     pub(crate) fn let_laws_give_way(&mut self) {
         self.runs.retain(|run| match &run.kind {
-            Kind::Lnl { law, .. } => !law.gives_way(),
-            Kind::Followed { by, .. } => !by.corners().all(|law| law.gives_way()),
+            Kind::Lnl { law, .. } => !law.is_bounded_far_from_rest(),
+            Kind::Followed { by, .. } => !by.corners().all(|law| law.is_bounded_far_from_rest()),
             _ => true,
         });
     }
@@ -375,7 +375,7 @@ impl Scheme {
         let mut all = self.w.clone();
         for proxy in &self.proxies {
             let most = proxy.masses().map(|mat| self.w[mat]).fold(0.0, f64::max);
-            all[proxy.mat] = proxy.reach() * proxy.reach() * most;
+            all[proxy.mat] = proxy.share_sum_max() * proxy.share_sum_max() * most;
         }
         all
     }

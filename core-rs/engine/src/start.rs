@@ -87,7 +87,7 @@ pub(crate) fn forces(
                 let ends = (run.a + i, run.b + i);
                 let (length, direction) = space.line(ends, |mat| x[mat]);
                 let v = space.stretch(ends, direction, |mat| mats.v0[mat]) * ca_step;
-                let e = space.law.settled(run.k, length - run.rest, 0.0);
+                let e = space.law.after_yielding(run.k, length - run.rest, 0.0);
                 let f = space.law.force([run.k, run.z], e, v);
                 for ((a, b), along) in run.pairs(i).zip(direction) {
                     force[a] += f * along;
@@ -134,7 +134,7 @@ pub(crate) fn forces(
     }
     for proxy in network.proxies() {
         let pull = force[proxy.mat];
-        proxy.each(|mat| x[mat], |mat, share| force[mat] += share * pull);
+        proxy.for_each_share(|mat| x[mat], |mat, share| force[mat] += share * pull);
     }
     let runs = network.runs().iter();
     for run in runs.filter(|run| !closed(run.first) && acts(run.first)) {

@@ -45,7 +45,7 @@ pub(super) struct Script {
     pub(super) events: Vec<Vec<Event>>,
     pub(super) strikes: Vec<Strikes>,
     /// Sum of amplitudes below which a group is set to rest.
-    pub(super) faint: f64,
+    pub(super) rest_threshold: f64,
     /// Group and lane of each oscillator, in the order of the list that the bank is made from.
     pub(super) places: Vec<(u32, u32)>,
     /// Which oscillator each lane holds   (n_groups · LANES)

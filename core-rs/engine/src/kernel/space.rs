@@ -134,7 +134,7 @@ fn link_line(
 
 /// Distance − rest [m] of a link whose rest length has grown by `memory` [m]; updates `memory` if the link yields.
 fn settle(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
-    let settled = link.law.settled(k, e, *memory);
+    let settled = link.law.after_yielding(k, e, *memory);
     *memory = e - settled;
     settled
 }

@@ -213,7 +213,7 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
                 proxied_mats.push(mat);
             }
         } else {
-            proxy.each(
+            proxy.for_each_share(
                 |_| 0.0,
                 |mat, share| {
                     sums[mat] += own * share.abs();
@@ -256,7 +256,7 @@ fn proxy_factor(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
     |mat| {
         let mut proxies = scheme.proxies.iter();
         let proxy = proxies.find(|proxy| proxy.mat == mat);
-        proxy.map_or(1.0, |proxy| proxy.reach().max(1.0))
+        proxy.map_or(1.0, |proxy| proxy.share_sum_max().max(1.0))
     }
 }
 
@@ -292,7 +292,7 @@ fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], be
         }
         for proxy in &scheme.proxies {
             let pull = std::mem::take(&mut y[proxy.mat]);
-            proxy.each(begin, |mat, share| y[mat] += share * pull * root[mat]);
+            proxy.for_each_share(begin, |mat, share| y[mat] += share * pull * root[mat]);
         }
     };
     let worst = |vector: &dyn Fn(usize) -> f64| {

@@ -104,7 +104,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
             LinkKind::Ref => scheme.runs.push(planned),
             LinkKind::Space(space) => {
                 scheme.linear = false;
-                planned.kind = Kind::Space(space.stepped(per_step));
+                planned.kind = Kind::Space(space.at_rate(per_step));
                 scheme.runs.push(planned);
             }
             LinkKind::Pairwise(pairs) => {
