@@ -16,7 +16,7 @@ use crate::cell::Response;
 use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, joined, run, run_weighted};
 use crate::units::Rate;
 use script::{Script, Section};
-use sleep::{UNHEARABLE, REST_TEST_EVERY, rest_threshold};
+use sleep::{REST_TEST_EVERY, UNHEARABLE, rest_threshold};
 
 /// Parameters of one oscillator.
 #[derive(Clone, Debug)]
@@ -80,16 +80,16 @@ pub(crate) struct Bank {
     is_damped: bool,
     /// Sums of one section   (its outputs · room)
     sums: Vec<Sum>,
-    room: usize,
+    frames_max: usize,
 }
 
 impl Bank {
-    /// A bank at frame 0; `room`: largest number of frames a call; `is_open`: further strikes may be added later.
+    /// A bank at frame 0; `frames_max`: largest number of frames a call; `is_open`: further strikes may be added later.
     pub(crate) fn new(
         oscillators: &[Oscillator],
         strikes: Vec<Strikes>,
         rate: Rate,
-        room: usize,
+        frames_max: usize,
         is_open: bool,
     ) -> Self {
         let mut order: Vec<usize> = (0..oscillators.len()).collect();
@@ -118,7 +118,7 @@ impl Bank {
                 groups: first..script.rates.len(),
             });
         }
-        script.share();
+        script.add_strikes();
         script.rest_threshold = if is_open {
             UNHEARABLE
         } else {
@@ -130,8 +130,8 @@ impl Bank {
             frame: 0,
             next: vec![0; motions.len()],
             still: motions.iter().map(still).collect(),
-            sums: vec![Sum::ZERO; most.max().unwrap_or(0) * room],
-            room,
+            sums: vec![Sum::ZERO; most.max().unwrap_or(0) * frames_max],
+            frames_max,
             motions,
             damped: script.rates.clone(),
             is_damped: false,
@@ -144,15 +144,15 @@ impl Bank {
         let script = self.script.clone();
         for section in &script.sections {
             let heard = section.outputs.len();
-            let room = self.room;
-            self.sums[..heard * room].fill(Sum::ZERO);
+            let frames_max = self.frames_max;
+            self.sums[..heard * frames_max].fill(Sum::ZERO);
             for group in section.groups.clone() {
                 self.advance(&script, group, heard, n_frames);
             }
             if out.is_empty() {
                 continue;
             }
-            for (sums, &output) in self.sums.chunks(room).zip(&section.outputs) {
+            for (sums, &output) in self.sums.chunks(frames_max).zip(&section.outputs) {
                 for (frame, sum) in out.chunks_exact_mut(n_out).zip(&sums[..n_frames]) {
                     frame[output as usize] += joined(sum);
                 }
@@ -216,7 +216,7 @@ impl Bank {
                 &script.weights[group],
                 n_frames,
                 sums,
-                self.room,
+                self.frames_max,
             );
         }
     }

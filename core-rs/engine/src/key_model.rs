@@ -113,7 +113,9 @@ impl KeyModel {
     /// # Errors
     /// [`KeyError`] if the numbers do not describe a key.
     pub fn of_row(row: &[f64]) -> Result<Self, KeyError> {
-        if row.len() < KEY_PARAMETERS || !(row.len() - KEY_PARAMETERS).is_multiple_of(MODE_PARAMETERS) {
+        if row.len() < KEY_PARAMETERS
+            || !(row.len() - KEY_PARAMETERS).is_multiple_of(MODE_PARAMETERS)
+        {
             return Err(KeyError::Count);
         }
         let mode = |row: &[f64]| Mode {
@@ -132,7 +134,10 @@ impl KeyModel {
             presliding: row[7],
             static_dry: row[8],
             static_speed: row[9],
-            modes: row[KEY_PARAMETERS..].chunks_exact(MODE_PARAMETERS).map(mode).collect(),
+            modes: row[KEY_PARAMETERS..]
+                .chunks_exact(MODE_PARAMETERS)
+                .map(mode)
+                .collect(),
         };
         if !row.iter().all(|number| number.is_finite()) {
             return Err(KeyError::NotFinite);

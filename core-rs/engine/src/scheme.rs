@@ -10,7 +10,7 @@ mod listen;
 mod spring;
 
 pub use certify::{Certificate, Means, StabilityGuarantee};
-pub(crate) use certify::{Refusal, LargestEigenvalue, top, top_up_to};
+pub(crate) use certify::{LargestEigenvalue, Refusal, top, top_up_to};
 pub(crate) use listen::Tap;
 pub(crate) use spring::{Pull, Spring};
 

@@ -29,7 +29,7 @@ pub use look::{Contact, Glance, How, Look, Oscillation, Point, Push, SeenBody};
 pub use stored::StorableIsland;
 pub use takeover::Takeover;
 
-use group::{GROUPS_MAX, Group, THREADED_BLOCK, RunningUnit, UNIT_BLOCK};
+use group::{GROUPS_MAX, Group, RunningUnit, THREADED_BLOCK, UNIT_BLOCK};
 
 /// A running simulation of a plan.
 #[derive(Clone, Debug)]
@@ -92,7 +92,11 @@ impl Simulation {
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
     pub fn planned(plan: Arc<Plan>, options: Options) -> Result<Self, Error> {
         let n_out = plan.network.outputs().len();
-        let block = if options.threads > 1 { THREADED_BLOCK } else { UNIT_BLOCK };
+        let block = if options.threads > 1 {
+            THREADED_BLOCK
+        } else {
+            UNIT_BLOCK
+        };
         let mut groups = Vec::new();
         for range in plan.groups(GROUPS_MAX) {
             // A fault in a unit that no output hears does not stop the simulation.
@@ -215,7 +219,11 @@ impl Simulation {
     }
 
     fn block_limit(&self) -> usize {
-        if self.threads > 1 { THREADED_BLOCK } else { UNIT_BLOCK }
+        if self.threads > 1 {
+            THREADED_BLOCK
+        } else {
+            UNIT_BLOCK
+        }
     }
 
     /// Advance every group by `n_frames` frames. Of several faults the one with the first frame is returned.

@@ -296,7 +296,10 @@ impl<'a> Fit<'a> {
             if loses && best.as_ref().is_none_or(|(least, _)| error < *least) {
                 best = Some((error, fitted));
             }
-            if best.as_ref().is_some_and(|(error, _)| *error <= ERROR_SOUGHT) {
+            if best
+                .as_ref()
+                .is_some_and(|(error, _)| *error <= ERROR_SOUGHT)
+            {
                 break;
             }
         }

@@ -68,7 +68,11 @@ impl Bm4 {
         let stages = STAGES.iter().filter(|_| exact);
         let losses = stages.map(|[b, _]| losses(zeta, *b)).collect();
         Self {
-            written: mesh.springs.iter().map(|spring| [spring.k, spring.z]).collect(),
+            written: mesh
+                .springs
+                .iter()
+                .map(|spring| [spring.k, spring.z])
+                .collect(),
             losses: Arc::new(losses),
             x,
             v,

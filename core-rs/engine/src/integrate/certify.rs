@@ -18,7 +18,9 @@ use super::method::{BM4_LIMIT, MeshMethod};
 use super::{faster, ieq, trapezoid};
 use crate::guard::Limit;
 use crate::network::{Error, Network};
-use crate::scheme::{Certificate, Refusal, Scheme, StabilityGuarantee, LargestEigenvalue, top_up_to};
+use crate::scheme::{
+    Certificate, LargestEigenvalue, Refusal, Scheme, StabilityGuarantee, top_up_to,
+};
 use crate::units::Rate;
 
 /// Factor on a limit that allows for the rounding error of an eigenvalue.
@@ -46,12 +48,12 @@ pub(crate) fn certify(
     let mesh = Mesh::new(network, rate, way)?;
     let scheme = &mesh.scheme;
     let largest = |c: f64, enough: f64, most: f64| top_up_to(scheme, network, c, enough, most);
-    let of = |top: &LargestEigenvalue, word: StabilityGuarantee| Certificate {
+    let certificate = |top: &LargestEigenvalue, word: StabilityGuarantee| Certificate {
         lambda_max: top.lambda,
         means: top.means,
         word,
     };
-    let sure = if scheme.linear {
+    let guarantee = if scheme.linear {
         StabilityGuarantee::Proved
     } else {
         StabilityGuarantee::Guarded
@@ -61,9 +63,9 @@ pub(crate) fn certify(
             let (c, enough) = ca2p(&mesh);
             let found = largest(c, enough, SHARED_MODES)?;
             if found.lambda < enough {
-                Ok(of(&found, sure))
+                Ok(certificate(&found, guarantee))
             } else if found.lambda < SHARED_MODES {
-                Ok(of(&found, StabilityGuarantee::Tried))
+                Ok(certificate(&found, StabilityGuarantee::Tried))
             } else {
                 Err(unstable(network, way, &found, SHARED_MODES))
             }
@@ -72,7 +74,7 @@ pub(crate) fn certify(
             let most = BM4_LIMIT * BM4_LIMIT;
             let found = largest(LOSSES, most, most)?;
             if found.lambda < most {
-                Ok(of(&found, StabilityGuarantee::Tried))
+                Ok(certificate(&found, StabilityGuarantee::Tried))
             } else {
                 Err(unstable(network, way, &found, most))
             }
@@ -85,7 +87,10 @@ pub(crate) fn certify(
             }
             // IEQ has no stability limit, but for non-linear links it conserves an energy that is not that of their
             // laws.
-            Ok(of(&largest(0.0, f64::INFINITY, f64::INFINITY)?, sure))
+            Ok(certificate(
+                &largest(0.0, f64::INFINITY, f64::INFINITY)?,
+                guarantee,
+            ))
         }
     }
 }
@@ -104,7 +109,11 @@ pub(super) fn ca2p_guard_limit(mesh: &Mesh) -> Limit {
 /// CA2P: the weight c of Z in λmax(M⁻¹(K + c·Z)), and the bound below which stability is proved.
 fn ca2p(mesh: &Mesh) -> (f64, f64) {
     let loses = mesh.damped || mesh.scheme.zeta.iter().any(|zeta| *zeta != 0.0);
-    if loses { (6.0, ANY_MODES) } else { (0.0, SHARED_MODES) }
+    if loses {
+        (6.0, ANY_MODES)
+    } else {
+        (0.0, SHARED_MODES)
+    }
 }
 
 fn unstable(network: &Network, way: MeshMethod, found: &LargestEigenvalue, most: f64) -> Error {

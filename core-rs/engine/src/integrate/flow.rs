@@ -36,7 +36,10 @@ impl Flow {
         // b·d·b⁻¹·a = b·d·b⁻¹ + b·d·b⁻¹·(a − 1): a − 1 is small, and this form keeps its digits.
         let conjugated_deviation = conjugated.times(&deviation);
         let keep = conjugated.plus(&conjugated_deviation, 1.0).plus(&bc, -1.0);
-        let pull = deviation.clone().plus(&bc, 1.0).plus(&conjugated_deviation, -1.0);
+        let pull = deviation
+            .clone()
+            .plus(&bc, 1.0)
+            .plus(&conjugated_deviation, -1.0);
         Some(Self {
             macrostep,
             keep,

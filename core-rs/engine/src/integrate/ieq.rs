@@ -107,12 +107,16 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
     let mut inverse = mat_diagonal.clone();
     let c = links.elastic_matrix(mesh, [x, &v], &mut inverse);
     for (inverse, mat_diagonal) in inverse.iter_mut().zip(&mat_diagonal) {
-        *inverse = if *mat_diagonal > 0.0 { 1.0 / *inverse } else { 0.0 };
+        *inverse = if *mat_diagonal > 0.0 {
+            1.0 / *inverse
+        } else {
+            0.0
+        };
     }
-    let (mut a, mut room) = (vec![0.0; n], vec![0.0; links.longest()]);
+    let (mut a, mut scratch) = (vec![0.0; n], vec![0.0; links.longest()]);
     let mut apply = |p: &[f64], y: &mut [f64]| {
         y.fill(0.0);
-        passes::apply_stiffnesses(&links.runs, &c, p, &mut room, y);
+        passes::apply_stiffnesses(&links.runs, &c, p, &mut scratch, y);
         diagonal_minus(&mat_diagonal, p, y);
     };
     Conjugate::new(n).solve(&mut apply, &inverse, &force, &mut a);
@@ -206,9 +210,9 @@ impl Stepper for Ieq {
     }
 
     fn stored(&self) -> f64 {
-        let (kept, by_laws) = self
-            .links
-            .nonlinear_energies(&self.mesh, &self.x, &self.d, &self.state);
+        let (kept, by_laws) =
+            self.links
+                .nonlinear_energies(&self.mesh, &self.x, &self.d, &self.state);
         self.energy() - kept + by_laws
     }
 }

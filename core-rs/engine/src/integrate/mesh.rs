@@ -231,7 +231,8 @@ impl Mesh {
 
     /// Partition the mesh for a number of threads if this saves time.
     pub(super) fn partition_for(&self, scratch: &mut Scratch, threads: usize) {
-        scratch.laws.mesh_partition = MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
+        scratch.laws.mesh_partition =
+            MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
     }
 
     fn others(&self, part: Part, [x, v]: [&[f64]; 2], scratch: &mut Scratch, force: &mut [f64]) {

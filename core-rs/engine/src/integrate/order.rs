@@ -12,7 +12,12 @@ pub(super) fn reverse_cuthill_mckee(neighbours: &[Vec<usize>]) -> Vec<usize> {
             continue;
         }
         let first = order.len();
-        breadth_first(peripheral_node(start, neighbours), neighbours, &mut placed, &mut order);
+        breadth_first(
+            peripheral_node(start, neighbours),
+            neighbours,
+            &mut placed,
+            &mut order,
+        );
         order[first..].reverse();
     }
     order

@@ -10,10 +10,10 @@ use super::thread_team::ThreadTeam;
 use crate::scheme::{Pull, Spring};
 
 /// Largest number of ranges.
-const MOST: usize = 8;
+const RANGES_MAX: usize = 8;
 /// Smallest number of MATs in a range. In a mesh of fewer than 1,000 MATs two threads gain nothing: they wait for each
 /// other as long as they work (`integrate::tests::cost::of_a_crew`). From 2,000 MATs on they always gain.
-pub(crate) const LEAST: usize = 1_000;
+pub(crate) const RANGE_MATS_MIN: usize = 1_000;
 
 /// The ranges of a mesh, in order.
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ struct MeshRange {
 impl MeshPartition {
     /// The partition for a number of threads; `None` if the mesh is too small for threads to save time.
     pub(crate) fn for_threads(springs: &[Spring], n_mat: usize, threads: usize) -> Option<Self> {
-        let parts = threads.min(n_mat / LEAST).min(MOST);
+        let parts = threads.min(n_mat / RANGE_MATS_MIN).min(RANGES_MAX);
         (parts > 1 && !springs.is_empty()).then(|| Self::new(springs, n_mat, parts))
     }
 
@@ -75,7 +75,8 @@ impl MeshPartition {
         force: &mut [f64],
         work: impl Fn(&[Spring], &mut [f64], &mut [f64]) + Sync,
     ) {
-        let mut parts: [Option<(&mut MeshRange, &mut [f64])>; MOST] = [const { None }; MOST];
+        let mut parts: [Option<(&mut MeshRange, &mut [f64])>; RANGES_MAX] =
+            [const { None }; RANGES_MAX];
         let (n, mut rest) = (self.0.len(), force);
         for (part, range) in parts.iter_mut().zip(&mut self.0) {
             let (own, others) = rest.split_at_mut(range.mats.len());
@@ -102,7 +103,7 @@ impl MeshPartition {
         mut changed: [&mut [f64]; N],
         work: impl Fn(Range<usize>, [&mut [f64]; N]) + Sync,
     ) {
-        let mut parts: [Option<Part<'_, N>>; MOST] = [const { None }; MOST];
+        let mut parts: [Option<Part<'_, N>>; RANGES_MAX] = [const { None }; RANGES_MAX];
         let n = self.0.len();
         for (part, range) in parts.iter_mut().zip(&self.0) {
             let own = changed.each_mut().map(|all| {
@@ -202,7 +203,7 @@ mod tests {
             let springs = springs(seed);
             let (mut whole, mut room) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
             total(&springs, &x, &v, &mut room, &mut whole);
-            for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (MOST, 1)] {
+            for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (RANGES_MAX, 1)] {
                 let mut mesh_partition = MeshPartition::new(&springs, N_MAT, parts);
                 assert!(mesh_partition.0.len() > 1);
                 let mut found = vec![f64::NAN; N_MAT];
@@ -219,7 +220,7 @@ mod tests {
 
     #[test]
     fn ranges_are_all_mats_in_order() {
-        for parts in 2..=MOST {
+        for parts in 2..=RANGES_MAX {
             let mesh_partition = MeshPartition::new(&springs(3), N_MAT, parts);
             assert!(mesh_partition.0.len() <= parts);
             let (mut x, mut seen) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);

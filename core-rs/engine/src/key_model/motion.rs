@@ -233,7 +233,8 @@ impl<const N: usize> Motion<N> {
         let (h, x, v) = (self.step, self.x, self.v);
         let mut pull = 0.0;
         for mode in &mut self.modes {
-            mode.gain = (mode.omega_squared * (mode.x - x) + mode.damping_rate * (mode.v - v)) / mode.denominator;
+            mode.gain = (mode.omega_squared * (mode.x - x) + mode.damping_rate * (mode.v - v))
+                / mode.denominator;
             pull += mode.mass * mode.gain;
         }
         let friction = Friction::of(&self.key, v);

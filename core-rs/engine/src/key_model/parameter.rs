@@ -1,6 +1,6 @@
 //! The parameters with respect to which a path is differentiated.
 
-use super::{MODE_PARAMETERS, KEY_PARAMETERS};
+use super::{KEY_PARAMETERS, MODE_PARAMETERS};
 
 /// The parameter of a column of derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::curve::Curve;
 use super::frozen::{FrozenOutputs, Placed};
-use super::glide::{Glide, update_residual, until};
+use super::glide::{Glide, until, update_residual};
 use super::room::{Room, RoomSpec};
 use route::{GROUPS_MAX, Route};
 pub use route::{RouteError, To, Treatment};
@@ -356,7 +356,12 @@ impl Mixer {
                 let sums = self.frozen_sum.iter_mut().zip(first..).take(n_frames);
                 sums.for_each(|(sum, n)| *sum += one.at(n));
             }
-            route.add(own, first, from.zip(&self.frozen_sum).map(|(x, y)| x + y), to);
+            route.add(
+                own,
+                first,
+                from.zip(&self.frozen_sum).map(|(x, y)| x + y),
+                to,
+            );
         }
         for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(SPAN_FRAMES)) {
             let frames = mixed.chunks_exact_mut(n_channels.max(1));

@@ -62,7 +62,12 @@ pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
 }
 
 /// The `count` poles of smallest |s| that arise from undamped modes; `is_coupled` says whether damping couples these.
-pub(super) fn damped_modes(body: &Body, modes: &[Mode], is_coupled: bool, count: usize) -> Vec<DampedMode> {
+pub(super) fn damped_modes(
+    body: &Body,
+    modes: &[Mode],
+    is_coupled: bool,
+    count: usize,
+) -> Vec<DampedMode> {
     if !is_coupled {
         let solve = |mode: &Mode| uncoupled_mode(mode, &times(&body.dampers, &mode.vector));
         return modes.iter().take(count).map(solve).collect();
@@ -150,7 +155,10 @@ fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
     if k == 0 {
         return all;
     }
-    let images: Vec<Vec<f64>> = responses.iter().map(|own| body.springs.times(own)).collect();
+    let images: Vec<Vec<f64>> = responses
+        .iter()
+        .map(|own| body.springs.times(own))
+        .collect();
     let small = (0..k * k)
         .map(|at| dot(&responses[at / k], &images[at % k]))
         .collect();

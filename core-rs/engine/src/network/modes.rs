@@ -123,7 +123,8 @@ impl Network {
             ModeRange::Below(f) => {
                 let count = checked_count(spectrum::n_below(&body.springs, body.lambda(f)))?;
                 let (found, is_coupled) = search(count, &lowest);
-                let mut all = damped::damped_modes(&body, &found.modes, is_coupled, found.modes.len());
+                let mut all =
+                    damped::damped_modes(&body, &found.modes, is_coupled, found.modes.len());
                 all.retain(|mode| frequency(mode) <= f);
                 (all, found.is_certified)
             }
@@ -132,7 +133,8 @@ impl Network {
                 let centre = body.lambda(f);
                 let around = |count| spectrum::modes_around(&body.springs, centre, count);
                 let (found, is_coupled) = search(count, &around);
-                let mut all = damped::damped_modes(&body, &found.modes, is_coupled, found.modes.len());
+                let mut all =
+                    damped::damped_modes(&body, &found.modes, is_coupled, found.modes.len());
                 let distance = |mode: &DampedMode| (frequency(mode) - f).abs();
                 all.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
                 all.truncate(count);

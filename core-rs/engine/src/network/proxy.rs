@@ -77,7 +77,11 @@ impl Along {
 impl Proxy {
     /// Call `visit` with each mass and its share, when MATs are at `x` [m].
     #[inline]
-    pub(crate) fn for_each_share(&self, x: impl Fn(usize) -> f64, mut visit: impl FnMut(usize, f64)) {
+    pub(crate) fn for_each_share(
+        &self,
+        x: impl Fn(usize) -> f64,
+        mut visit: impl FnMut(usize, f64),
+    ) {
         match &self.shares {
             Shares::Fixed(shares) => shares.iter().for_each(|&(mat, share)| visit(mat, share)),
             Shares::Moving {

@@ -82,7 +82,11 @@ fn point(body: &Body, f: f64) -> (Complex<f64>, Complex<f64>) {
 }
 
 /// The solution x of P(s) x = force; `None` at a pole.
-fn answer(matrices: &NetworkMatrices, s: Complex<f64>, force: &[Complex<f64>]) -> Option<Vec<Complex<f64>>> {
+fn answer(
+    matrices: &NetworkMatrices,
+    s: Complex<f64>,
+    force: &[Complex<f64>],
+) -> Option<Vec<Complex<f64>>> {
     let matrix = matrices.at(s);
     let factor = Factor::new(&matrices.pattern, &matrix, Complex::from(0.0))?;
     let mut x = factor.solve(force);

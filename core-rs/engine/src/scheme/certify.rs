@@ -148,7 +148,12 @@ pub(crate) struct LargestEigenvalue {
 
 /// λmax(M⁻¹(K + c·Z)): Gershgorin's bound if it is below `enough`, else an eigenvalue. Fails if a force at rest is not
 /// finite.
-pub(crate) fn top(scheme: &Scheme, network: &Network, c: f64, enough: f64) -> Result<LargestEigenvalue, Error> {
+pub(crate) fn top(
+    scheme: &Scheme,
+    network: &Network,
+    c: f64,
+    enough: f64,
+) -> Result<LargestEigenvalue, Error> {
     top_up_to(scheme, network, c, enough, f64::INFINITY)
 }
 
@@ -261,7 +266,13 @@ fn proxy_factor(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
 }
 
 /// The largest eigenvalue of M^-½ (K + c·Z) M^-½, with proxies at their initial positions.
-fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], beyond: f64) -> LargestEigenvalue {
+fn by_eigenvalue(
+    scheme: &Scheme,
+    network: &Network,
+    c: f64,
+    weights: &[f64],
+    beyond: f64,
+) -> LargestEigenvalue {
     let n = scheme.n_mat();
     let mut root: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
     for proxy in &scheme.proxies {

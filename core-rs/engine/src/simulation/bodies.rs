@@ -30,7 +30,7 @@ pub(super) struct Body {
 enum Source {
     /// The masses follow from the modes of the body.
     Modes(Box<ModeShapes>),
-    /// The body computes its masses by another method: their indices in the body, and room for their motions (x, step).
+    /// The body computes its masses by another method: their indices in the body, and their motions (x, step).
     Masses(Vec<(usize, (f64, f64))>),
 }
 
@@ -105,7 +105,13 @@ impl<'a> BodyCandidate<'a> {
         found
     }
 
-    fn new(place: Place, network: &Network, mats: &[usize], source: MassSource<'a>, step: f64) -> Self {
+    fn new(
+        place: Place,
+        network: &Network,
+        mats: &[usize],
+        source: MassSource<'a>,
+        step: f64,
+    ) -> Self {
         let own = network.mats();
         Self {
             place,
@@ -118,7 +124,7 @@ impl<'a> BodyCandidate<'a> {
         }
     }
 
-    /// The body, with a place in the room; `None` if its modes cannot be found.
+    /// The body, with a place in the workspace; `None` if its modes cannot be found.
     fn body(self, transform: ModalTransform, workspace: &mut Workspace) -> Option<Body> {
         let first = workspace.mats.len();
         let source = match self.source {
@@ -154,7 +160,7 @@ fn moving(network: &Network) -> Vec<usize> {
 }
 
 /// The bodies of one side that hold at least one wanted mass: the names of all their masses with their places in the
-/// room, and the bodies.
+/// workspace, and the bodies.
 pub(super) fn bodies(
     side: &Side<'_>,
     same: [&[bool]; 2],
@@ -190,7 +196,7 @@ pub(super) fn names(
 }
 
 impl Body {
-    /// Copies the positions and steps of the masses from the simulation into the room.
+    /// Copies the positions and steps of the masses from the simulation into the workspace.
     pub(super) fn read_masses(&self, simulation: &mut Simulation, workspace: &mut Workspace) {
         let playing = simulation.playing(self.place.at);
         let times = playing.steps_a_frame();
@@ -234,7 +240,7 @@ impl Body {
         }
     }
 
-    /// Sets the motion of the body from its masses in the room.
+    /// Sets the motion of the body from its masses in the workspace.
     pub(super) fn write_masses(&mut self, simulation: &mut Simulation, workspace: &mut Workspace) {
         let playing = simulation.playing(self.place.at);
         let frames = 1.0 / playing.steps_a_frame();

@@ -15,7 +15,7 @@ pub(super) enum MatLocation {
     Island(UnitIndex, usize),
     /// Index of an oscillator in a bank, and the rest position of its MAT [m].
     Bank(UnitIndex, usize, f64),
-    /// Index in the room of a mass of a body.
+    /// Index in the workspace of a mass of a body.
     Workspace(usize),
 }
 
@@ -62,7 +62,10 @@ pub(super) fn unmatched<'a, T>(
 }
 
 /// The moving MATs of units that are not the same on both sides, by name. Ports are left out: their bodies move them.
-pub(super) fn mat_locations(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, MatLocation)> {
+pub(super) fn mat_locations(
+    side: &Side<'_>,
+    [islands, banks]: [&[bool]; 2],
+) -> Vec<(String, MatLocation)> {
     let mut found = Vec::new();
     for (&(at, _, island_plan), _) in unmatched(&side.islands, islands) {
         let mut ports: Vec<usize> = island_plan

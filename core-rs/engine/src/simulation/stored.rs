@@ -7,7 +7,7 @@
 use std::sync::OnceLock;
 
 use super::Simulation;
-use super::group::{Group, RunningUnit, UNIT_BLOCK, SoundSource};
+use super::group::{Group, RunningUnit, SoundSource, UNIT_BLOCK};
 use crate::archive::Damaged;
 use crate::interrupt;
 use crate::island::{Fault, Island};

@@ -154,13 +154,14 @@ impl Takeover {
         for (&(to, _, island_plan), _) in unmatched(&here.islands, &same[1]) {
             let mut found = false;
             for (own, body) in island_plan.bodies.iter().enumerate() {
-                let before = unmatched(&there.islands, &same[0]).find_map(|(&(from, _, other), _)| {
-                    let same = |their: &crate::island::inside::BodyPlan| {
-                        let name = |mat| island_plan.network.mat_name(mat);
-                        body.is_same(their, name, |mat| other.network.mat_name(mat))
-                    };
-                    Some((from, other.bodies.iter().position(same)?))
-                });
+                let before =
+                    unmatched(&there.islands, &same[0]).find_map(|(&(from, _, other), _)| {
+                        let same = |their: &crate::island::inside::BodyPlan| {
+                            let name = |mat| island_plan.network.mat_name(mat);
+                            body.is_same(their, name, |mat| other.network.mat_name(mat))
+                        };
+                        Some((from, other.bodies.iter().position(same)?))
+                    });
                 if let Some((from, their)) = before {
                     self.items.push((from, to, ItemTakeover::Body(their, own)));
                     found = true;
@@ -175,23 +176,24 @@ impl Takeover {
     /// Finds links with memory in islands that are not the same, by link name; links of one name are matched by their
     /// order.
     fn memory(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
-        let found = |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (UnitIndex, usize))> {
-            let others = side.islands.iter().zip(same).filter(|(_, same)| !**same);
-            let links = others.flat_map(|(&(at, _, island_plan), _)| {
-                let network = &island_plan.network;
-                let runs = network.runs().iter();
-                let own = runs.filter(|run| run.kind.remembers());
-                let links = own.flat_map(|run| run.first..run.first + run.len);
-                links.map(move |link| (network.link_name(link), (at, link)))
-            });
-            let mut known: HashMap<String, usize> = HashMap::new();
-            let numbered = links.map(|(name, place)| {
-                let next = known.entry(name.clone()).or_default();
-                *next += 1;
-                ((name, *next), place)
-            });
-            numbered.collect()
-        };
+        let found =
+            |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (UnitIndex, usize))> {
+                let others = side.islands.iter().zip(same).filter(|(_, same)| !**same);
+                let links = others.flat_map(|(&(at, _, island_plan), _)| {
+                    let network = &island_plan.network;
+                    let runs = network.runs().iter();
+                    let own = runs.filter(|run| run.kind.remembers());
+                    let links = own.flat_map(|run| run.first..run.first + run.len);
+                    links.map(move |link| (network.link_name(link), (at, link)))
+                });
+                let mut known: HashMap<String, usize> = HashMap::new();
+                let numbered = links.map(|(name, place)| {
+                    let next = known.entry(name.clone()).or_default();
+                    *next += 1;
+                    ((name, *next), place)
+                });
+                numbered.collect()
+            };
         let by_name: HashMap<_, _> = found(there, &islands[0]).into_iter().collect();
         for (name, (to, own)) in found(here, &islands[1]) {
             if let Some(&(from, their)) = by_name.get(&name) {

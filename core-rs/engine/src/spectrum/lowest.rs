@@ -4,7 +4,9 @@
 //! same steps and sums the vector. Orthogonality is lost only along converged pairs (Paige 1971), so it is kept for the
 //! pair that is sought. The error of the Rayleigh quotient is the square of the vector's error.
 
-use super::vector::{add, dot, norm, normalise, orthogonalise, orthonormal, start_vector, scale_and_subtract};
+use super::vector::{
+    add, dot, norm, normalise, orthogonalise, orthonormal, scale_and_subtract, start_vector,
+};
 use super::{Apply, Mode};
 use crate::interrupt;
 

@@ -110,7 +110,8 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Foun
         if modes.len() <= count {
             continue;
         }
-        let at = (count..modes.len()).find(|&i| distance(&modes[i]) - distance(&modes[i - 1]) > GAP * shift);
+        let at = (count..modes.len())
+            .find(|&i| distance(&modes[i]) - distance(&modes[i - 1]) > GAP * shift);
         let Some(at) = at else { continue };
         let radius = 0.5 * (distance(&modes[at]) + distance(&modes[at - 1]));
         let inside = n_below(springs, shift + radius) - n_below(springs, shift - radius);

@@ -149,7 +149,12 @@ impl Links {
 
     /// Returns what the links' elastic parts add to the system matrix at the start (n_links), and adds it to
     /// `diagonal`.
-    pub(super) fn elastic_matrix(&self, mesh: &Mesh, motion: [&[f64]; 2], diagonal: &mut [f64]) -> Vec<f64> {
+    pub(super) fn elastic_matrix(
+        &self,
+        mesh: &Mesh,
+        motion: [&[f64]; 2],
+        diagonal: &mut [f64],
+    ) -> Vec<f64> {
         let mut state = self.start(mesh, motion[0], motion[1]);
         let (mut forces, mut right) = (vec![0.0; self.longest()], vec![0.0; diagonal.len()]);
         let mut unused = right.clone();

@@ -111,7 +111,7 @@ impl Batch {
     /// Store the ends of the pairs that touch, their directions and e; returns their number. NaN counts as a touch, so
     /// that it reaches the positions, where it is detected.
     fn find(&mut self, rest: f64, pairs: &[Pair], x: &[Quad]) -> usize {
-        let n = near(x, pairs, rest * rest, &mut self.ends);
+        let n = select_near(x, pairs, rest * rest, &mut self.ends);
         let ends = &self.ends[..n];
         let [along_x, along_y, along_z] = self.along.each_mut().map(|one| &mut one[..n]);
         apart(x, ends, [&mut *along_x, &mut *along_y, &mut *along_z]);
@@ -160,7 +160,7 @@ wide! {
 wide! {
     /// Copies the pairs whose squared distance is below `square`, or NaN, to `found`, in their order; returns their
     /// number.
-    pub(super) fn near(x: &[Quad], pairs: &[Pair], square: f64, found: &mut [Pair]) -> usize {
+    pub(super) fn select_near(x: &[Quad], pairs: &[Pair], square: f64, found: &mut [Pair]) -> usize {
         let found = &mut found[..pairs.len()];
         let mut n = 0;
         for &[i, j] in pairs {

@@ -1,8 +1,8 @@
 //! Lists of points that may touch: a long list of all pairs that are near, searched rarely, and a short list of the
 //! closest, which is selected from the long one.
 
-use super::batch::{BATCH, Batch, Forces, near};
-use super::cells::{Cells, room};
+use super::batch::{BATCH, Batch, Forces, select_near};
+use super::cells::{Cells, n_reserved_pairs};
 use super::{Pair, Quad};
 use crate::maths::wide::wide;
 use crate::network::{AXES_MAX, Measure, PairRun, Pairwise};
@@ -59,8 +59,8 @@ impl Neighbours {
             searched_at: quads(),
             narrowed_at: quads(),
             cells: Cells::new(n, pairs.link.n_axes),
-            pairs: Vec::with_capacity(room(n)),
-            close: Vec::with_capacity(room(n)),
+            pairs: Vec::with_capacity(n_reserved_pairs(n)),
+            close: Vec::with_capacity(n_reserved_pairs(n)),
             batch: Batch::new(),
             forces: Forces {
                 first: quads(),
@@ -113,7 +113,8 @@ impl Neighbours {
         if self.is_made && are_within(&self.x, &self.narrowed_at, square(HALF * margin)) {
             return;
         }
-        if !self.is_made || !are_within(&self.x, &self.searched_at, square(HALF * (skin - margin))) {
+        if !self.is_made || !are_within(&self.x, &self.searched_at, square(HALF * (skin - margin)))
+        {
             let n_first = run.pairs.n_first;
             let reach = run.rest + skin;
             self.searched_at.copy_from_slice(&self.x);
@@ -125,7 +126,7 @@ impl Neighbours {
         }
         self.narrowed_at.copy_from_slice(&self.x);
         let reach = square(run.rest + margin);
-        self.n_close = near(&self.x, &self.pairs, reach, &mut self.close);
+        self.n_close = select_near(&self.x, &self.pairs, reach, &mut self.close);
     }
 
     /// Compute the forces of all pairs by the law of a run with K and Z in `by`, and by its friction.

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::super::friction::{Contact, Friction};
 use super::super::parameter::Parameter;
-use super::{Motion, ModeMotion};
+use super::{ModeMotion, Motion};
 use crate::dry::Turned;
 
 /// The quantities of a step that its derivatives need.
@@ -24,7 +24,10 @@ impl<const N: usize> Motion<N> {
     /// contribution of each parameter to its own column.
     pub(super) fn advance_columns(&mut self, of: &Step<'_>) {
         let (h, contact, turned) = (self.step, of.contact, of.turned);
-        let (stiffness, presliding) = (self.spring_fraction * self.key.stiffness, self.key.presliding);
+        let (stiffness, presliding) = (
+            self.spring_fraction * self.key.stiffness,
+            self.key.presliding,
+        );
         let per_force = self.h_over_m / self.denominator;
         let by_force = turned.by_gain * per_force;
         let by_v = turned.by_v - turned.by_gain * 2.0 * self.half_damping / self.denominator

@@ -85,7 +85,11 @@ impl Mixer {
         });
         let fading_out = old.frozen_fading_out.iter().flatten();
         let fading_out = fading_out.filter_map(|one| Some(one.fading(out(one.out)?, one.fade)));
-        for (place, one) in self.frozen_fading_out.iter_mut().zip(fading_out.chain(gone)) {
+        for (place, one) in self
+            .frozen_fading_out
+            .iter_mut()
+            .zip(fading_out.chain(gone))
+        {
             *place = Some(one);
         }
     }

@@ -122,7 +122,7 @@ impl Network {
         if a.first == b.first {
             return Err(self.refused(name, "a link joins two different points"));
         }
-        self.room(name, n)?;
+        self.check_capacity(name, n)?;
         let first = self.n_lia;
         let space = SpaceLink::new(law, Measure::Distance, n_axes, [a, b]);
         self.add_run(LinkKind::Space(space), a.first, b.first, n, [k, z, rest]);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::Takeover;
 use crate::plan::Plan;
 use crate::simulation::bodies::Workspace;
-use crate::simulation::side::{UnitIndex, MatLocation};
+use crate::simulation::side::{MatLocation, UnitIndex};
 use crate::simulation::{RunningUnit, Simulation};
 
 impl Simulation {
@@ -43,11 +43,13 @@ impl Simulation {
             workspace,
             ..
         } = takeover;
-        from.iter().for_each(|body| body.read_masses(old, workspace));
+        from.iter()
+            .for_each(|body| body.read_masses(old, workspace));
         for &(from, to) in &*mats {
             self.pass(old, workspace, from, to);
         }
-        to.iter_mut().for_each(|body| body.write_masses(self, workspace));
+        to.iter_mut()
+            .for_each(|body| body.write_masses(self, workspace));
         for (from, to, item) in &takeover.items {
             if let (RunningUnit::Island(own), RunningUnit::Island(old)) =
                 (self.playing(*to), old.playing(*from))
@@ -69,7 +71,13 @@ impl Simulation {
     }
 
     /// Transfers the motion of one MAT.
-    fn pass(&mut self, old: &mut Self, workspace: &mut Workspace, from: MatLocation, to: MatLocation) {
+    fn pass(
+        &mut self,
+        old: &mut Self,
+        workspace: &mut Workspace,
+        from: MatLocation,
+        to: MatLocation,
+    ) {
         let motion = match from {
             MatLocation::Workspace(slot) => workspace.mats[slot],
             MatLocation::Island(at, mat) => match old.playing(at) {

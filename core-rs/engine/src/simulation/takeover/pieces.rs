@@ -7,7 +7,7 @@ use super::Takeover;
 use crate::island::written_hand::voice::{VoiceTakeover, shared};
 use crate::island::{Island, ItemTakeover};
 use crate::plan::IslandPlan;
-use crate::simulation::side::{UnitIndex, Side};
+use crate::simulation::side::{Side, UnitIndex};
 
 /// A voice of an old island: the island's place, the island, its plan, and the index of the voice.
 type Known<'a> = (UnitIndex, &'a Island, &'a IslandPlan, usize);
@@ -116,7 +116,8 @@ impl Takeover {
                 .map(|&(at, _, island_plan)| (at, island_plan));
             all.find_map(of)
         };
-        let same: HashMap<UnitIndex, UnitIndex> = self.units.iter().map(|&(from, to)| (to, from)).collect();
+        let same: HashMap<UnitIndex, UnitIndex> =
+            self.units.iter().map(|&(from, to)| (to, from)).collect();
         for &(to, island, island_plan) in &here.islands {
             let script = island.script();
             for (gate, own) in script.gates.iter().enumerate() {
