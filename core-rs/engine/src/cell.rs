@@ -20,7 +20,7 @@ pub fn decay(t60: Option<f64>) -> f64 {
     t60.map_or(0.0, |t60| 3.0 * LN_10 / t60)
 }
 
-/// A motion that decays by more than e^-STEEP is not extrapolated backwards by its own formula.
+/// A motion that decays by more than e^-BACKWARD_DECAY_MAX is not extrapolated backwards by its own formula.
 const BACKWARD_DECAY_MAX: f64 = 25.0;
 
 /// A CEL's parameters in the discrete scheme: κ = K/M and ζ = Z/M.
@@ -251,8 +251,8 @@ impl Cell {
         self.response(t) / self.mass
     }
 
-    /// The same function extended to times `t` [s] before the impulse. If it decays by more than e^-STEEP over `t`, it
-    /// is extended as an odd function, since its own continuation would become too large.
+    /// The same function extended to times `t` [s] before the impulse. If it decays by more than
+    /// e^-BACKWARD_DECAY_MAX over `t`, it is extended as an odd function, since its own continuation would become too large.
     pub(crate) fn answer_around(&self, t: f64) -> f64 {
         if t < 0.0 && self.reach() * -t > BACKWARD_DECAY_MAX {
             -self.answer(-t)

@@ -63,7 +63,7 @@ fn advance_free(scheme: &Scheme, body: &mut Body) -> bool {
     move_range(scheme, 0..force.len(), force, previous, [x, d])
 }
 
-/// [`free`], with the ranges of a partition computed by a thread team.
+/// [`advance_free`], with the ranges of a partition computed by a thread team.
 fn advance_free_in_ranges(
     mesh_partition: &MeshPartition,
     team: &mut ThreadTeam<'_>,
@@ -144,7 +144,7 @@ fn update(
     bad == 0
 }
 
-/// [`moved`] from positions and steps in `from`, which are not changed.
+/// [`update`] from positions and steps in `from`, which are not changed.
 #[inline(always)]
 fn update_from(
     numbers: impl Fn(usize) -> [f64; 4],

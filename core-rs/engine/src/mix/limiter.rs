@@ -62,7 +62,8 @@ pub struct Limiter {
     release: f64,
     /// The last `latency` frames, oldest at `at`.
     delay: Vec<f64>,
-    /// Reductions of the last `latency` + 1 frames in fixed point, before the mean; the next one is written at `next_held`.
+    /// Reductions of the last `latency` + 1 frames in fixed point, before the mean; the next one is written at
+    /// `next_held`.
     held: Vec<u64>,
     sum: u64,
     at: usize,

@@ -50,7 +50,8 @@ pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
         .map(|i| if i % 2 == 0 { 1.0 } else { -1.0 })
         .collect();
     let image = times(&body.dampers, &alternating);
-    // If damping does not act on a mode x, Z x is only rounding error; Z times a scattered vector tells its size.
+    // If damping does not act on a mode x, Z x is only rounding error; Z times a vector of alternating signs tells
+    // its size.
     let least = ROUNDING * sqrt(dot(&image, &image) / n as f64);
     modes.iter().any(|mode| {
         let image = times(&body.dampers, &mode.vector);

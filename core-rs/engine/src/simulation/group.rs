@@ -164,8 +164,8 @@ impl Group {
 }
 
 impl RunningUnit {
-    /// Advances by at most UNIT_BLOCK frames, after `done` frames of the simulation, and adds the sound to `out` (n_frames
-    /// · n_out); `sound` is a buffer for the unit's own outputs.
+    /// Advances by at most UNIT_BLOCK frames, after `done` frames of the simulation, and adds the sound to `out`
+    /// (n_frames · n_out); `sound` is a buffer for the unit's own outputs.
     fn process(
         &mut self,
         (unit, source): (&Unit, &mut SoundSource),
