@@ -252,7 +252,8 @@ impl Cell {
     }
 
     /// The same function extended to times `t` [s] before the impulse. If it decays by more than
-    /// e^-BACKWARD_DECAY_MAX over `t`, it is extended as an odd function, since its own continuation would become too large.
+    /// e^-BACKWARD_DECAY_MAX over `t`, it is extended as an odd function, since its own continuation would become
+    /// too large.
     pub(crate) fn answer_around(&self, t: f64) -> f64 {
         if t < 0.0 && self.reach() * -t > BACKWARD_DECAY_MAX {
             -self.answer(-t)

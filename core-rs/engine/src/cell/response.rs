@@ -68,7 +68,8 @@ impl Response {
     }
 
     /// The same function extended to times `t` [s] before the impulse. If it decays by more than
-    /// e^-BACKWARD_DECAY_MAX over `t`, it is extended as if it decayed both ways, since its own continuation would become too large.
+    /// e^-BACKWARD_DECAY_MAX over `t`, it is extended as if it decayed both ways, since its own continuation
+    /// would become too large.
     pub(crate) fn around(&self, t: f64) -> f64 {
         let fades = |decay: f64| {
             let is_steep = -decay * t > BACKWARD_DECAY_MAX;

@@ -99,8 +99,8 @@ impl Mixer {
         let (mut next, n) = (0, self.routes.len());
         let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
         let mut places = self.fading_out.iter_mut();
-        let gone = |route: &&mut Route| !route.has_faded_out(old.frame);
-        let fading_out = old.fading_out.iter_mut().flatten().filter(gone);
+        let sounds = |route: &&mut Route| !route.has_faded_out(old.frame);
+        let fading_out = old.fading_out.iter_mut().flatten().filter(sounds);
         for before in fading_out.chain(&mut old.routes) {
             let here = out(before.out);
             let (Some(own), true) = (here, before.group < self.groups.len()) else {
