@@ -16,7 +16,7 @@ use crate::cell::Response;
 use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, joined, run, run_weighted};
 use crate::units::Rate;
 use script::{Script, Section};
-use sleep::{NOTHING, SLEEP, faint};
+use sleep::{REST_TEST_EVERY, UNHEARABLE, rest_threshold};
 
 /// Parameters of one oscillator.
 #[derive(Clone, Debug)]
@@ -80,16 +80,16 @@ pub(crate) struct Bank {
     is_damped: bool,
     /// Sums of one section   (its outputs · room)
     sums: Vec<Sum>,
-    room: usize,
+    frames_max: usize,
 }
 
 impl Bank {
-    /// A bank at frame 0; `room`: largest number of frames a call; `is_open`: further strikes may be added later.
+    /// A bank at frame 0; `frames_max`: largest number of frames a call; `is_open`: further strikes may be added later.
     pub(crate) fn new(
         oscillators: &[Oscillator],
         strikes: Vec<Strikes>,
         rate: Rate,
-        room: usize,
+        frames_max: usize,
         is_open: bool,
     ) -> Self {
         let mut order: Vec<usize> = (0..oscillators.len()).collect();
@@ -103,7 +103,7 @@ impl Bank {
             scales: Vec::new(),
             events: Vec::new(),
             strikes,
-            faint: 0.0,
+            rest_threshold: 0.0,
             places: vec![(0, 0); oscillators.len()],
             holds: Vec::new(),
         };
@@ -118,11 +118,11 @@ impl Bank {
                 groups: first..script.rates.len(),
             });
         }
-        script.share();
-        script.faint = if is_open {
-            NOTHING
+        script.add_strikes();
+        script.rest_threshold = if is_open {
+            UNHEARABLE
         } else {
-            faint(oscillators, &script.strikes, rate) / script.rates.len().max(1) as f64
+            rest_threshold(oscillators, &script.strikes, rate) / script.rates.len().max(1) as f64
         };
         let still = |motion: &Motion| motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;
         let most = script.sections.iter().map(|section| section.outputs.len());
@@ -130,8 +130,8 @@ impl Bank {
             frame: 0,
             next: vec![0; motions.len()],
             still: motions.iter().map(still).collect(),
-            sums: vec![Sum::ZERO; most.max().unwrap_or(0) * room],
-            room,
+            sums: vec![Sum::ZERO; most.max().unwrap_or(0) * frames_max],
+            frames_max,
             motions,
             damped: script.rates.clone(),
             is_damped: false,
@@ -144,15 +144,15 @@ impl Bank {
         let script = self.script.clone();
         for section in &script.sections {
             let heard = section.outputs.len();
-            let room = self.room;
-            self.sums[..heard * room].fill(Sum::ZERO);
+            let frames_max = self.frames_max;
+            self.sums[..heard * frames_max].fill(Sum::ZERO);
             for group in section.groups.clone() {
                 self.advance(&script, group, heard, n_frames);
             }
             if out.is_empty() {
                 continue;
             }
-            for (sums, &output) in self.sums.chunks(room).zip(&section.outputs) {
+            for (sums, &output) in self.sums.chunks(frames_max).zip(&section.outputs) {
                 for (frame, sum) in out.chunks_exact_mut(n_out).zip(&sums[..n_frames]) {
                     frame[output as usize] += joined(sum);
                 }
@@ -171,11 +171,11 @@ impl Bank {
                 (event.frame.saturating_sub(self.frame) as usize).min(n_frames)
             });
             if until > at {
-                let until = until.min(at + (SLEEP - now % SLEEP) as usize);
+                let until = until.min(at + (REST_TEST_EVERY - now % REST_TEST_EVERY) as usize);
                 self.run(script, group, heard, at..until);
                 at = until;
-                if (self.frame + at as u64).is_multiple_of(SLEEP) {
-                    self.rest(script, group);
+                if (self.frame + at as u64).is_multiple_of(REST_TEST_EVERY) {
+                    self.rest_if_decayed(script, group);
                 }
                 continue;
             }
@@ -216,7 +216,7 @@ impl Bank {
                 &script.weights[group],
                 n_frames,
                 sums,
-                self.room,
+                self.frames_max,
             );
         }
     }

@@ -20,8 +20,8 @@ pub fn decay(t60: Option<f64>) -> f64 {
     t60.map_or(0.0, |t60| 3.0 * LN_10 / t60)
 }
 
-/// A motion that decays by more than e^-STEEP is not extrapolated backwards by its own formula.
-const STEEP: f64 = 25.0;
+/// A motion that decays by more than e^-BACKWARD_DECAY_MAX is not extrapolated backwards by its own formula.
+const BACKWARD_DECAY_MAX: f64 = 25.0;
 
 /// A CEL's parameters in the discrete scheme: κ = K/M and ζ = Z/M.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -212,24 +212,24 @@ impl Cell {
             return step * v;
         }
         // y(-T) = e^s (y C - (v + σy) S), with the (hyperbolic) cosine C, and sine over ω S, of one step:
-        // `turn` is 1 - e^s C and `slide` is e^s S, both computed without cancellation.
-        let (turn, slide) = match self.poles {
+        // `cosine_term` is 1 - e^s C and `sine_term` is e^s S, both computed without cancellation.
+        let (cosine_term, sine_term) = match self.poles {
             Poles::Oscillating { omega } => {
                 let half = sin(0.5 * omega * step);
-                let slide = if omega > 0.0 {
+                let sine_term = if omega > 0.0 {
                     sin(omega * step) / omega
                 } else {
                     step
                 };
-                (2.0 * exp(s) * (half * half) - expm1(s), exp(s) * slide)
+                (2.0 * exp(s) * (half * half) - expm1(s), exp(s) * sine_term)
             }
             Poles::Creeping { slow, fast } => {
                 let gap = fast - slow;
-                let turn = -0.5 * (expm1(fast * step) + expm1(slow * step));
-                (turn, exp(slow * step) * expm1(gap * step) / gap)
+                let cosine_term = -0.5 * (expm1(fast * step) + expm1(slow * step));
+                (cosine_term, exp(slow * step) * expm1(gap * step) / gap)
             }
         };
-        y * turn + (v + self.sigma * y) * slide
+        y * cosine_term + (v + self.sigma * y) * sine_term
     }
 
     /// Displacement per unit of initial velocity, `t` [s] >= 0 after it: m times the impulse response.
@@ -251,10 +251,11 @@ impl Cell {
         self.response(t) / self.mass
     }
 
-    /// The same function extended to times `t` [s] before the impulse. If it decays by more than e^-STEEP over `t`, it
-    /// is extended as an odd function, since its own continuation would become too large.
+    /// The same function extended to times `t` [s] before the impulse. If it decays by more than
+    /// e^-BACKWARD_DECAY_MAX over `t`, it is extended as an odd function, since its own continuation would become
+    /// too large.
     pub(crate) fn answer_around(&self, t: f64) -> f64 {
-        if t < 0.0 && self.reach() * -t > STEEP {
+        if t < 0.0 && self.reach() * -t > BACKWARD_DECAY_MAX {
             -self.answer(-t)
         } else {
             self.answer(t)

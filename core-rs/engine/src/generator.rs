@@ -71,7 +71,7 @@ pub struct Topology {
     /// Whether the fixed points lie before and after the masses, so that a path of links is one run.
     pub(crate) in_line: bool,
     /// A plainer body of whose matrix this body's matrix is a polynomial, and the coefficients from the first power on.
-    plain: Option<(Box<Topology>, Vec<f64>)>,
+    base_polynomial: Option<(Box<Topology>, Vec<f64>)>,
 }
 
 /// Why a generator is refused.
@@ -183,7 +183,7 @@ impl Topology {
             tilts: false,
             lowest_lambda: None,
             in_line: false,
-            plain: None,
+            base_polynomial: None,
         }
     }
 

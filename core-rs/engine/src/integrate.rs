@@ -42,7 +42,7 @@ trait Stepper {
     /// Advance by one step; impulses (MAT, [N·s]) act at its beginning.
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>);
     /// Partition the mesh for a team of `threads` threads if this saves time.
-    fn share(&mut self, _threads: usize) {}
+    fn partition_for(&mut self, _threads: usize) {}
     /// Whether a thread team can share the work.
     fn is_shared(&self) -> bool {
         false
@@ -52,7 +52,7 @@ trait Stepper {
     /// Recompute what depends on the K and Z of led links.
     fn settle_led(&mut self, _team: &mut ThreadTeam<'_>) {}
     /// Take a copy of the numbers that leads change, so that none is shared with a clone.
-    fn own(&mut self) {}
+    fn unshare(&mut self) {}
     /// Positions now [m]                                            (n_mat)
     fn x(&self) -> &[f64];
     /// The guard of links that stiffen, if the network has any.
@@ -69,7 +69,7 @@ trait Stepper {
     /// The last step of a MAT, x − x⁻ [m], to the method's accuracy.
     fn last_step(&self, mat: usize) -> f64;
     /// Set position and last step of a MAT [m]; call `settle` once all are set.
-    fn put(&mut self, mat: usize, x: f64, step: f64);
+    fn set_motion(&mut self, mat: usize, x: f64, step: f64);
     /// Recompute what depends on the positions and steps of all MATs.
     fn settle(&mut self);
     /// The energy that the method conserves [J]; of a staggered method, its value half a step earlier.
@@ -201,7 +201,7 @@ impl Integrator {
 
     /// Take a copy of the numbers that leads change, so that none is shared with a clone and a step allocates nothing.
     pub(crate) fn own(&mut self) {
-        self.motion.stepper_mut().own();
+        self.motion.stepper_mut().unshare();
     }
 
     /// Multiply all velocities by a factor.
@@ -225,7 +225,7 @@ impl Integrator {
     /// Set position of a MAT and its step over a frame [m]; call [`Integrator::settle`] once all are set.
     pub(crate) fn put(&mut self, mat: usize, (x, step): (f64, f64)) {
         let step = step / f64::from(self.substeps);
-        self.motion.stepper_mut().put(mat, x, step);
+        self.motion.stepper_mut().set_motion(mat, x, step);
     }
 
     /// Recompute what depends on the positions and steps of all MATs.
@@ -237,7 +237,7 @@ impl Integrator {
 
     /// Partition the mesh for a team of `threads` threads if this saves time; results stay the same to the last bit.
     pub(crate) fn share(&mut self, threads: usize) {
-        self.motion.stepper_mut().share(threads);
+        self.motion.stepper_mut().partition_for(threads);
     }
 
     /// Whether a thread team can share the work.
@@ -267,7 +267,7 @@ impl Integrator {
 
     /// Whether all positions are finite and within range.
     pub(crate) fn sound(&self) -> bool {
-        passes::within(self.positions())
+        passes::are_in_range(self.positions())
     }
 
     /// Whether steps may create energy that can be measured: never for a linear network.

@@ -25,10 +25,10 @@ use parameter::Parameter;
 /// Longest delay of a force [s].
 const DELAY_MAX: f64 = 1.0;
 /// Ticks between two polls of an interruption.
-const POLL: usize = 1024;
+const POLL_EVERY: usize = 1024;
 /// Number of derivatives with respect to forces that are computed together, and the fraction of their maximum below
 /// which they are taken to have died away.
-const FORCES: usize = 16;
+const FORCE_COLUMNS: usize = 16;
 const DIED_AWAY: f64 = 1e-7;
 
 /// A part of a key that oscillates on it: a mass on a spring and a damper.
@@ -71,9 +71,9 @@ pub struct KeyModel {
 }
 
 /// Number of parameters of a key without its modes, which come first in a row of parameters.
-pub const OWN: usize = 10;
+pub const KEY_PARAMETERS: usize = 10;
 /// Number of parameters of a mode.
-pub const OF_MODE: usize = 3;
+pub const MODE_PARAMETERS: usize = 3;
 
 /// Why a key cannot be computed.
 #[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
@@ -113,7 +113,9 @@ impl KeyModel {
     /// # Errors
     /// [`KeyError`] if the numbers do not describe a key.
     pub fn of_row(row: &[f64]) -> Result<Self, KeyError> {
-        if row.len() < OWN || !(row.len() - OWN).is_multiple_of(OF_MODE) {
+        if row.len() < KEY_PARAMETERS
+            || !(row.len() - KEY_PARAMETERS).is_multiple_of(MODE_PARAMETERS)
+        {
             return Err(KeyError::Count);
         }
         let mode = |row: &[f64]| Mode {
@@ -132,7 +134,10 @@ impl KeyModel {
             presliding: row[7],
             static_dry: row[8],
             static_speed: row[9],
-            modes: row[OWN..].chunks_exact(OF_MODE).map(mode).collect(),
+            modes: row[KEY_PARAMETERS..]
+                .chunks_exact(MODE_PARAMETERS)
+                .map(mode)
+                .collect(),
         };
         if !row.iter().all(|number| number.is_finite()) {
             return Err(KeyError::NotFinite);
@@ -186,7 +191,7 @@ impl KeyModel {
         let mut motion = Motion::<0>::with_columns(self, rate, steps, &[])?;
         let mut path = Vec::with_capacity(forces.len());
         for (n, &force) in forces.iter().enumerate() {
-            if n % POLL == 0 {
+            if n % POLL_EVERY == 0 {
                 interrupt::poll();
             }
             path.push(motion.position());
@@ -235,17 +240,17 @@ impl KeyModel {
         let mut all = vec![0.0; forces.len() * columns.len()];
         let mut motion = Motion::<0>::with_columns(self, rate, steps, &[])?;
         let mut at = 0;
-        for (number, group) in columns.chunks(FORCES).enumerate() {
+        for (number, group) in columns.chunks(FORCE_COLUMNS).enumerate() {
             while at < group[0] {
                 motion.tick(forces[at], 0.0);
                 at += 1;
             }
             let last = group[group.len() - 1];
             let of: Vec<_> = group.iter().map(|&tick| Parameter::Force(tick)).collect();
-            let mut wide = motion.widened::<FORCES>(of);
+            let mut wide = motion.widened::<FORCE_COLUMNS>(of);
             let mut greatest = 0.0_f64;
             for (n, &force) in forces.iter().enumerate().skip(at) {
-                if n % POLL == 0 {
+                if n % POLL_EVERY == 0 {
                     interrupt::poll();
                 }
                 let row = &wide.dx[..group.len()];
@@ -254,7 +259,7 @@ impl KeyModel {
                 if n > last && greatest > 0.0 && most < DIED_AWAY * greatest {
                     break;
                 }
-                let to = n * columns.len() + number * FORCES;
+                let to = n * columns.len() + number * FORCE_COLUMNS;
                 all[to..to + group.len()].copy_from_slice(row);
                 wide.tick(force, 0.0);
             }
@@ -273,7 +278,7 @@ impl KeyModel {
         let mut path = Vec::with_capacity(forces.len());
         let mut jacobian = Vec::with_capacity(forces.len() * columns.len());
         for (n, &force) in forces.iter().enumerate() {
-            if n % POLL == 0 {
+            if n % POLL_EVERY == 0 {
                 interrupt::poll();
             }
             path.push(motion.position());

@@ -57,25 +57,25 @@ pub struct Law {
     native: Option<native::Native>,
     /// Whether it has constants that may change.
     is_open: bool,
-    asked: Asked,
+    asked: ActivityCache,
 }
 
 /// The first question to [`Law::is_active`] (which includes the law's reach) and its answer, because a session asks all
 /// laws at each of its lines. Copies of a law share it.
 #[derive(Clone, Default)]
-struct Asked(Arc<OnceLock<(Question, bool)>>);
+struct ActivityCache(Arc<OnceLock<(ActivityQuery, bool)>>);
 
 /// A law's reach, and the greatest elongation and rate in question, as bits.
-type Question = [u64; 3];
+type ActivityQuery = [u64; 3];
 
-impl fmt::Debug for Asked {
+impl fmt::Debug for ActivityCache {
     /// Does not depend on the question, because networks are identified by their `Debug` output.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Asked")
+        f.write_str("Asked") // the text is part of these identities
     }
 }
 
-impl PartialEq for Asked {
+impl PartialEq for ActivityCache {
     /// Always equal, because the answer follows from the law.
     fn eq(&self, _: &Self) -> bool {
         true
@@ -158,7 +158,7 @@ impl Law {
             shared: 0.0,
             native: None,
             is_open: !text.open.is_empty(),
-            asked: Asked::default(),
+            asked: ActivityCache::default(),
         })
     }
 
@@ -194,7 +194,7 @@ impl Law {
             shared: q,
             native: None,
             is_open: false,
-            asked: Asked::default(),
+            asked: ActivityCache::default(),
         }
     }
 
@@ -379,7 +379,7 @@ impl Law {
 
     /// Whether its force far from rest is small compared with its slopes at rest, as that of a bow is: motion that
     /// these slopes excite stays bounded.
-    pub(crate) fn gives_way(&self) -> bool {
+    pub(crate) fn is_bounded_far_from_rest(&self) -> bool {
         const FAR: f64 = 1e3; // [m], [m/s]
         const SMALL: f64 = 0.01;
         let is_small = |far: f64, slope: f64| (far / FAR).abs() <= SMALL * slope.abs();
@@ -404,10 +404,10 @@ impl Law {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn is_active(&self, d_max: f64, v_max: f64) -> bool {
-        let question: Question = [self.reach, d_max, v_max].map(f64::to_bits);
-        let answer = || (question, self.gives_energy(d_max, v_max));
+        let query: ActivityQuery = [self.reach, d_max, v_max].map(f64::to_bits);
+        let answer = || (query, self.gives_energy(d_max, v_max));
         let known = self.asked.0.get_or_init(answer);
-        if known.0 == question && !self.is_open {
+        if known.0 == query && !self.is_open {
             known.1
         } else {
             self.gives_energy(d_max, v_max)

@@ -10,7 +10,7 @@ mod listen;
 mod spring;
 
 pub use certify::{Certificate, Means, StabilityGuarantee};
-pub(crate) use certify::{Refusal, Top, top, top_up_to};
+pub(crate) use certify::{LargestEigenvalue, Refusal, top, top_up_to};
 pub(crate) use listen::Tap;
 pub(crate) use spring::{Pull, Spring};
 
@@ -315,8 +315,8 @@ impl Scheme {
     /// slopes excite stays bounded.
     pub(crate) fn let_laws_give_way(&mut self) {
         self.runs.retain(|run| match &run.kind {
-            Kind::Lnl { law, .. } => !law.gives_way(),
-            Kind::Followed { by, .. } => !by.corners().all(|law| law.gives_way()),
+            Kind::Lnl { law, .. } => !law.is_bounded_far_from_rest(),
+            Kind::Followed { by, .. } => !by.corners().all(|law| law.is_bounded_far_from_rest()),
             _ => true,
         });
     }
@@ -375,7 +375,7 @@ impl Scheme {
         let mut all = self.w.clone();
         for proxy in &self.proxies {
             let most = proxy.masses().map(|mat| self.w[mat]).fold(0.0, f64::max);
-            all[proxy.mat] = proxy.reach() * proxy.reach() * most;
+            all[proxy.mat] = proxy.share_sum_max() * proxy.share_sum_max() * most;
         }
         all
     }

@@ -29,7 +29,7 @@ pub use look::{Contact, Glance, How, Look, Oscillation, Point, Push, SeenBody};
 pub use stored::StorableIsland;
 pub use takeover::Takeover;
 
-use group::{GROUPS, Group, LONG, RunningUnit, STRETCH};
+use group::{GROUPS_MAX, Group, RunningUnit, THREADED_BLOCK, UNIT_BLOCK};
 
 /// A running simulation of a plan.
 #[derive(Clone, Debug)]
@@ -41,7 +41,7 @@ pub struct Simulation {
     derivatives: Derivatives,
     sounds_in: sounds_in::SoundsIn,
     /// Room for the outputs of the last skipped frames, which differentiated outputs need.
-    unheard: Vec<f64>,
+    skipped_outputs: Vec<f64>,
 }
 
 /// The complete state of a simulation at one frame; see [`Simulation::restore`].
@@ -92,9 +92,13 @@ impl Simulation {
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
     pub fn planned(plan: Arc<Plan>, options: Options) -> Result<Self, Error> {
         let n_out = plan.network.outputs().len();
-        let stretch = if options.threads > 1 { LONG } else { STRETCH };
+        let block = if options.threads > 1 {
+            THREADED_BLOCK
+        } else {
+            UNIT_BLOCK
+        };
         let mut groups = Vec::new();
-        for range in plan.groups(GROUPS) {
+        for range in plan.groups(GROUPS_MAX) {
             // A fault in a unit that no output hears does not stop the simulation.
             let on_fault = if range.start < plan.n_heard {
                 options.on_fault
@@ -105,7 +109,7 @@ impl Simulation {
                 on_fault,
                 ..options
             };
-            groups.push(Group::new(&plan, range, n_out * stretch, options)?);
+            groups.push(Group::new(&plan, range, n_out * block, options)?);
         }
         let threads = options.threads.max(1);
         group::assign_teams(&mut groups, &plan, threads);
@@ -123,7 +127,7 @@ impl Simulation {
             threads,
             frame: 0,
             derivatives,
-            unheard: vec![0.0; looked_at * n_out],
+            skipped_outputs: vec![0.0; looked_at * n_out],
         })
     }
 
@@ -183,13 +187,13 @@ impl Simulation {
     /// [`Fault`] with the first part that becomes non-finite, unless faults are muted.
     pub fn process(&mut self, out: &mut [f64]) -> Result<(), Fault> {
         let n_out = self.n_out().max(1);
-        out.chunks_mut(self.longest() * n_out)
-            .try_for_each(|out| self.hear(out, out.len() / n_out))
+        out.chunks_mut(self.block_limit() * n_out)
+            .try_for_each(|out| self.advance_with_derivatives(out, out.len() / n_out))
     }
 
-    /// [`Simulation::stretch`], followed by the differentiation of the outputs that hear rates of change.
-    fn hear(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
-        self.stretch(out, n_frames)?;
+    /// [`Simulation::advance_groups`], followed by the differentiation of the outputs that hear rates of change.
+    fn advance_with_derivatives(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
+        self.advance_groups(out, n_frames)?;
         let n_out = self.n_out();
         self.derivatives.process(out, n_out);
         Ok(())
@@ -201,25 +205,29 @@ impl Simulation {
     /// [`Fault`] with the first part that becomes non-finite, unless faults are muted.
     pub fn skip(&mut self, n_frames: u64) -> Result<(), Fault> {
         let n_out = self.n_out().max(1);
-        let heard = n_frames.min((self.unheard.len() / n_out) as u64);
+        let heard = n_frames.min((self.skipped_outputs.len() / n_out) as u64);
         let mut left = n_frames - heard;
         while left > 0 {
-            let n = left.min(self.longest() as u64);
-            self.stretch(&mut [], n as usize)?;
+            let n = left.min(self.block_limit() as u64);
+            self.advance_groups(&mut [], n as usize)?;
             left -= n;
         }
-        let mut unheard = std::mem::take(&mut self.unheard);
-        let result = self.process(&mut unheard[..heard as usize * n_out]);
-        self.unheard = unheard;
+        let mut skipped_outputs = std::mem::take(&mut self.skipped_outputs);
+        let result = self.process(&mut skipped_outputs[..heard as usize * n_out]);
+        self.skipped_outputs = skipped_outputs;
         result
     }
 
-    fn longest(&self) -> usize {
-        if self.threads > 1 { LONG } else { STRETCH }
+    fn block_limit(&self) -> usize {
+        if self.threads > 1 {
+            THREADED_BLOCK
+        } else {
+            UNIT_BLOCK
+        }
     }
 
     /// Advance every group by `n_frames` frames. Of several faults the one with the first frame is returned.
-    fn stretch(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
+    fn advance_groups(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
         interrupt::poll();
         let plan = &*self.plan;
         let n_out = plan.network.outputs().len();

@@ -87,7 +87,7 @@ pub(crate) fn forces(
                 let ends = (run.a + i, run.b + i);
                 let (length, direction) = space.line(ends, |mat| x[mat]);
                 let v = space.stretch(ends, direction, |mat| mats.v0[mat]) * ca_step;
-                let e = space.law.settled(run.k, length - run.rest, 0.0);
+                let e = space.law.after_yielding(run.k, length - run.rest, 0.0);
                 let f = space.law.force([run.k, run.z], e, v);
                 for ((a, b), along) in run.pairs(i).zip(direction) {
                     force[a] += f * along;
@@ -134,12 +134,12 @@ pub(crate) fn forces(
     }
     for proxy in network.proxies() {
         let pull = force[proxy.mat];
-        proxy.each(|mat| x[mat], |mat, share| force[mat] += share * pull);
+        proxy.for_each_share(|mat| x[mat], |mat, share| force[mat] += share * pull);
     }
     let runs = network.runs().iter();
     for run in runs.filter(|run| !closed(run.first) && acts(run.first)) {
         if let LinkKind::Dry(dry) = &run.kind {
-            rub(network, (run, dry), x, &mut force);
+            add_dry_friction(network, (run, dry), x, &mut force);
         }
     }
     force
@@ -148,7 +148,7 @@ pub(crate) fn forces(
 /// Add the force of dry friction just before t = 0: against the velocity, or at rest against all other forces. If these
 /// exceed its level, motion begins at t = 0; just before, the ends moved the other way and reversed, so that friction
 /// had the other sign.
-fn rub(network: &Network, (run, dry): (&Run, &Dry), x: &[f64], force: &mut [f64]) {
+fn add_dry_friction(network: &Network, (run, dry): (&Run, &Dry), x: &[f64], force: &mut [f64]) {
     let mats = network.mats();
     let (a, b) = (run.a, run.b);
     let v = mats.v0[b] - mats.v0[a];
@@ -160,7 +160,7 @@ fn rub(network: &Network, (run, dry): (&Run, &Dry), x: &[f64], force: &mut [f64]
             0.0
         }
     };
-    let gained = |i: usize| {
+    let acceleration_without = |i: usize| {
         let tie = mats.k[i] * (x[i] - mats.rest[i]) + mats.z[i] * mats.v0[i];
         per_force(i)
             * (force[i]
@@ -174,7 +174,7 @@ fn rub(network: &Network, (run, dry): (&Run, &Dry), x: &[f64], force: &mut [f64]
     let f = if v != 0.0 {
         level * v.signum()
     } else if both > 0.0 {
-        let held = (gained(b) - gained(a)) / both;
+        let held = (acceleration_without(b) - acceleration_without(a)) / both;
         if held.abs() > level {
             -level * held.signum()
         } else {

@@ -7,7 +7,7 @@ use crate::kernel::bank::{LANES, Lanes, Motion, Rates};
 use crate::units::Rate;
 
 /// Marks a lane without an oscillator.
-const NOBODY: u32 = u32::MAX;
+const NO_OSCILLATOR: u32 = u32::MAX;
 
 /// A blow on one lane of a group or on all lanes.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +45,7 @@ pub(super) struct Script {
     pub(super) events: Vec<Vec<Event>>,
     pub(super) strikes: Vec<Strikes>,
     /// Sum of amplitudes below which a group is set to rest.
-    pub(super) faint: f64,
+    pub(super) rest_threshold: f64,
     /// Group and lane of each oscillator, in the order of the list that the bank is made from.
     pub(super) places: Vec<(u32, u32)>,
     /// Which oscillator each lane holds   (n_groups · LANES)
@@ -93,7 +93,7 @@ impl Script {
         self.events.push(events);
         let holds = members.iter().map(|&member| member as u32);
         self.holds.extend(holds);
-        self.holds.resize(self.rates.len() * LANES, NOBODY);
+        self.holds.resize(self.rates.len() * LANES, NO_OSCILLATOR);
         Motion {
             now: of(&|own| scale(own) * own.now),
             before: of(&|own| scale(own) * own.before),
@@ -101,7 +101,7 @@ impl Script {
     }
 
     /// Add shared strikes to the events of every group, and sort the events.
-    pub(super) fn share(&mut self) {
+    pub(super) fn add_strikes(&mut self) {
         for (index, strikes) in self.strikes.iter().enumerate() {
             let mut groups: Vec<u32> = self.places[strikes.among.clone()]
                 .iter()

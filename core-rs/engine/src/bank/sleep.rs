@@ -6,15 +6,15 @@ use crate::kernel::bank::{LANES, Lanes};
 use crate::units::Rate;
 
 /// Frames between two tests for decayed groups, counted from frame 0.
-pub(super) const SLEEP: u64 = 4_096;
+pub(super) const REST_TEST_EVERY: u64 = 4_096;
 /// Largest level of all groups at rest together, relative to the hardest blow [dB]: below the rounding of 24 bits.
-const ASLEEP: f64 = -160.0;
+const REST_LEVEL: f64 = -160.0;
 /// Threshold if further strikes are unknown [m]: about the width of an atomic nucleus.
-pub(super) const NOTHING: f64 = 1e-15;
+pub(super) const UNHEARABLE: f64 = 1e-15;
 
 impl Bank {
     /// Set a decayed group to rest; without blows it cannot grow.
-    pub(super) fn rest(&mut self, script: &Script, group: usize) {
+    pub(super) fn rest_if_decayed(&mut self, script: &Script, group: usize) {
         if self.still[group] {
             return;
         }
@@ -24,7 +24,7 @@ impl Bank {
             amplitude(a, b, motion.now.0[lane], motion.before.0[lane])
         };
         let moves: f64 = (0..LANES).map(amplitude).sum();
-        if moves < script.faint {
+        if moves < script.rest_threshold {
             (motion.now, motion.before) = (Lanes::ZERO, Lanes::ZERO);
             self.still[group] = true;
         }
@@ -48,8 +48,8 @@ fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
     }
 }
 
-/// Largest sum of amplitudes that counts as rest, for all groups together: [`ASLEEP`] below the hardest blow.
-pub(super) fn faint(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate) -> f64 {
+/// Largest sum of amplitudes that counts as rest, for all groups together: [`REST_LEVEL`] below the hardest blow.
+pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate) -> f64 {
     // With one output, the lanes hold positions times their weights.
     let scale = |own: &Oscillator| match own.heard[..] {
         [(_, weight)] => weight.abs(),
@@ -75,5 +75,5 @@ pub(super) fn faint(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate)
             size.map_or(unit, |size| impulse * size) * share.abs() * scale(own)
         })
     });
-    own.chain(shared).fold(0.0, f64::max) * crate::maths::decibels(ASLEEP)
+    own.chain(shared).fold(0.0, f64::max) * crate::maths::decibels(REST_LEVEL)
 }

@@ -22,7 +22,7 @@ impl Bank {
     pub(crate) fn set_motion(&mut self, oscillator: usize, (now, before): (f64, f64)) {
         let (group, lane) = self.place(oscillator);
         let scale = self.script.scales[group].0[lane];
-        self.put(group, lane, (scale * now, scale * before));
+        self.store(group, lane, (scale * now, scale * before));
     }
 
     /// Copy the motion of an oscillator of another bank; exact to the last bit if both have the same scale.
@@ -30,13 +30,13 @@ impl Bank {
         let ((group, lane), (from, at)) = (self.place(oscillator), old.place(there));
         if self.script.scales[group].0[lane] == old.script.scales[from].0[at] {
             let motion = &old.motions[from];
-            self.put(group, lane, (motion.now.0[at], motion.before.0[at]));
+            self.store(group, lane, (motion.now.0[at], motion.before.0[at]));
         } else {
             self.set_motion(oscillator, old.motion(there));
         }
     }
 
-    fn put(&mut self, group: usize, lane: usize, (now, before): (f64, f64)) {
+    fn store(&mut self, group: usize, lane: usize, (now, before): (f64, f64)) {
         let motion = &mut self.motions[group];
         (motion.now.0[lane], motion.before.0[lane]) = (now, before);
         self.still[group] = motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;

@@ -1,7 +1,7 @@
 //! The response of one coordinate of a linear body to an impulse, given as displacements at two samples. From then on
 //! the recurrence x[n+1] = a·x[n] − b·x[n−1] runs through the samples of the continuous motion.
 
-use super::{Cell, Ratios, STEEP};
+use super::{BACKWARD_DECAY_MAX, Cell, Ratios};
 use crate::maths::{cos, exp, sin, sqrt};
 use crate::units::Rate;
 
@@ -67,11 +67,12 @@ impl Response {
         }
     }
 
-    /// The same function extended to times `t` [s] before the impulse. If it decays by more than e^-STEEP over `t`, it
-    /// is extended as if it decayed both ways, since its own continuation would become too large.
+    /// The same function extended to times `t` [s] before the impulse. If it decays by more than
+    /// e^-BACKWARD_DECAY_MAX over `t`, it is extended as if it decayed both ways, since its own continuation
+    /// would become too large.
     pub(crate) fn around(&self, t: f64) -> f64 {
         let fades = |decay: f64| {
-            let is_steep = -decay * t > STEEP;
+            let is_steep = -decay * t > BACKWARD_DECAY_MAX;
             exp(-decay * if is_steep { -t } else { t })
         };
         match *self {

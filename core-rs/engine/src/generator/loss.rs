@@ -47,15 +47,15 @@ const MAX_FITTED: usize = 20_000;
 const POWERS_ROW: usize = 8;
 const POWERS_MESH: usize = 3;
 /// Powers are added until the named decays are within this relative error.
-const NEAR: f64 = 0.003;
+const ERROR_SOUGHT: f64 = 0.003;
 /// Decays with a larger relative error are refused.
-const FAR: f64 = 0.01;
+const ERROR_MAX: f64 = 0.01;
 /// Number of places at which the fit is evaluated.
 const PLACES: usize = 256;
 /// Relative rounding error of the square of a frequency.
 const ROUNDING: f64 = 1e-9;
 /// Weight of a named decay relative to a place between named decays.
-const NAMED: f64 = 1_000.0;
+const NAMED_WEIGHT: f64 = 1_000.0;
 
 /// Stiffness (or κ) and loss (or ζ) of a mode, divided by its mass.
 #[derive(Clone, Copy, Debug)]
@@ -227,7 +227,7 @@ impl<'a> Fit<'a> {
         curve: &Curve,
         points: &[(f64, Pole)],
     ) -> Result<Self, GeneratorError> {
-        let (base, own) = match &topology.plain {
+        let (base, own) = match &topology.base_polynomial {
             Some((base, coefficients)) => (base.as_ref(), coefficients.as_slice()),
             None => (topology, [1.0].as_slice()),
         };
@@ -266,7 +266,7 @@ impl<'a> Fit<'a> {
                     false => above = middle,
                 }
             }
-            places.push([below / top, pole.loss, NAMED]);
+            places.push([below / top, pole.loss, NAMED_WEIGHT]);
             named.push((*f, pole.loss));
         }
         Ok(Self {
@@ -296,12 +296,15 @@ impl<'a> Fit<'a> {
             if loses && best.as_ref().is_none_or(|(least, _)| error < *least) {
                 best = Some((error, fitted));
             }
-            if best.as_ref().is_some_and(|(error, _)| *error <= NEAR) {
+            if best
+                .as_ref()
+                .is_some_and(|(error, _)| *error <= ERROR_SOUGHT)
+            {
                 break;
             }
         }
         let (error, fitted) = best.unwrap_or_else(|| (f64::INFINITY, self.fitted(0, 0)));
-        if error <= FAR {
+        if error <= ERROR_MAX {
             return Ok(fitted);
         }
         let (at, _) = self.worst(&fitted);

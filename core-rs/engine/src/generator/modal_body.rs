@@ -14,7 +14,7 @@ pub const MAX_MODAL: usize = 500;
 /// Most places of one body.
 pub const MAX_PLACES: usize = 64;
 /// Fraction of a place's own mobility below which the remainder is rounding error.
-const NOTHING: f64 = 1e-12;
+const PIVOT_MIN: f64 = 1e-12;
 
 /// Masses, and the stiffness and damping between them.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,7 +118,7 @@ fn added(levels: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut modes = Vec::new();
     for at in 0..n {
         let pivot = rest[at * n + at];
-        if pivot <= NOTHING {
+        if pivot <= PIVOT_MIN {
             continue;
         }
         let root = sqrt(pivot);

@@ -10,7 +10,7 @@ use crate::interrupt;
 pub(super) struct Sparse(pub(super) Vec<BTreeMap<usize, f64>>);
 
 /// Rows between two polls of an interruption.
-const LOOK: usize = 256;
+const POLL_EVERY: usize = 256;
 /// Entries below this fraction of the largest are rounding errors.
 const ROUNDING: f64 = 1e-14;
 
@@ -45,7 +45,7 @@ impl Sparse {
     pub(super) fn times(&self, other: &Self) -> Self {
         let mut product = Self::zero(self.0.len());
         for (i, (row, sum)) in self.0.iter().zip(&mut product.0).enumerate() {
-            if i.is_multiple_of(LOOK) {
+            if i.is_multiple_of(POLL_EVERY) {
                 interrupt::poll();
             }
             for (inner, value) in row {

@@ -85,7 +85,7 @@ pub fn stiff_string(
     }
     Ok(Topology {
         lowest_lambda: Some(lowest),
-        plain: Some((Box::new(string(masses, ends, 0.0)?), coefficients)),
+        base_polynomial: Some((Box::new(string(masses, ends, 0.0)?), coefficients)),
         ..Topology::new(masses, links.runs, row.positions)
     })
 }

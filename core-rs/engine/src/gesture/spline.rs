@@ -44,19 +44,19 @@ pub fn slopes(t: &[f64], x: &[f64], ends: Ends) -> (Vec<f64>, Vec<f64>) {
         for i in 1..n - 1 {
             // Without the contribution of the jerk, two straight lines meet at this knot.
             let (left, right) = (points.step(i - 1), points.step(i));
-            let before = points.slope(i - 1) - jerk.on(points, i - 1).slope_from_right();
-            let after = points.slope(i) - jerk.on(points, i).slope_from_left();
+            let before = points.slope(i - 1) - jerk.piece(points, i - 1).slope_from_right();
+            let after = points.slope(i) - jerk.piece(points, i).slope_from_left();
             a[i] = 2.0 * (after - before) / (left + right);
             v[i] = (right * before + left * after) / (left + right);
         }
         if let Ends::Clamped { first, last } = ends {
             ((v[0], a[0]), (v[n - 1], a[n - 1])) = (first, last);
         } else {
-            let (first, last) = (jerk.on(points, 0), jerk.on(points, n - 2));
+            let (first, last) = (jerk.piece(points, 0), jerk.piece(points, n - 2));
             // With two points, a[1] and the jerk are still 0, which gives a straight line.
-            a[0] = a[1] - first.gain();
+            a[0] = a[1] - first.acceleration_change();
             v[0] = points.slope(0) - first.slope_from_left() - 0.5 * first.h * a[0];
-            a[n - 1] = a[n - 2] + last.gain();
+            a[n - 1] = a[n - 2] + last.acceleration_change();
             v[n - 1] = points.slope(n - 2) - last.slope_from_right() + 0.5 * last.h * a[n - 1];
         }
     } else if let (1, Ends::Clamped { first, .. }) = (n, ends) {
@@ -95,7 +95,7 @@ impl Points<'_> {
     }
 
     /// Twice the second divided differences, including the ends if these are clamped.
-    fn bends(self, ends: Ends) -> Vec<f64> {
+    fn second_differences(self, ends: Ends) -> Vec<f64> {
         let last = self.t.len() - 2;
         let inner = (0..last)
             .map(|i| 2.0 * (self.slope(i + 1) - self.slope(i)) / (self.step(i) + self.step(i + 1)));
@@ -121,7 +121,7 @@ struct Jerk {
 }
 
 /// The jerk on one interval, in Bernstein's quadratics (1-s)², 2s(1-s), s².
-struct Stretch {
+struct JerkPiece {
     h: f64,
     j: [f64; 3],
 }
@@ -133,9 +133,9 @@ const BERNSTEIN: [[f64; 3]; 3] = [
     [1.0 / 30.0, 1.0 / 10.0, 1.0 / 5.0],
 ];
 
-impl Stretch {
+impl JerkPiece {
     /// Change of acceleration over the interval.
-    fn gain(&self) -> f64 {
+    fn acceleration_change(&self) -> f64 {
         self.h * (self.j[0] + self.j[1] + self.j[2]) / 3.0
     }
 
@@ -152,8 +152,8 @@ impl Stretch {
 
 impl Jerk {
     fn solve(points: Points, ends: Ends) -> Self {
-        let bends = points.bends(ends);
-        let mut lambda: Vec<f64> = bends.windows(2).map(|w| w[1] - w[0]).collect();
+        let second_differences = points.second_differences(ends);
+        let mut lambda: Vec<f64> = second_differences.windows(2).map(|w| w[1] - w[0]).collect();
         let first = if ends == Ends::Natural { -2 } else { 0 };
         let n = lambda.len();
         let mut bands = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
@@ -177,7 +177,7 @@ impl Jerk {
         Self { lambda, first }
     }
 
-    fn on(&self, points: Points, i: usize) -> Stretch {
+    fn piece(&self, points: Points, i: usize) -> JerkPiece {
         let lambda = |k| index(self.first, i, k, self.lambda.len()).map_or(0.0, |j| self.lambda[j]);
         let (p, r) = points.shares(i);
         let (before, here, after) = (lambda(0), lambda(1), lambda(2));
@@ -186,7 +186,7 @@ impl Jerk {
             here,
             (1.0 - r) * here + r * after,
         ];
-        Stretch {
+        JerkPiece {
             h: points.step(i),
             j,
         }

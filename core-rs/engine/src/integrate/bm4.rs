@@ -9,7 +9,7 @@
 use std::sync::Arc;
 
 use super::Stepper;
-use super::mesh::{Mesh, Room};
+use super::mesh::{Mesh, Scratch};
 use super::passes;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::maths;
@@ -43,7 +43,7 @@ pub(super) struct Bm4 {
     /// Viscous forces of the last kick [N], and velocities at its midpoint       (n_mat)
     viscous: Vec<f64>,
     midway: Vec<f64>,
-    room: Room,
+    scratch: Scratch,
 }
 
 crate::archive::state!(Bm4 {
@@ -57,52 +57,56 @@ crate::archive::state!(Bm4 {
 impl Bm4 {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Self {
         let (x, v) = (network.mats().x0.clone(), mesh.start(network));
-        let (mut room, zeros) = (mesh.room(), vec![0.0; x.len()]);
+        let (mut scratch, zeros) = (mesh.scratch(), vec![0.0; x.len()]);
         let mut force = zeros.clone();
         let team = &mut ThreadTeam::alone();
-        mesh.elastic(&x, &mut room, &mut force, team);
+        mesh.elastic(&x, &mut scratch, &mut force, team);
         let mut viscous = zeros.clone();
-        mesh.viscous([&x, &v], &mut room, &mut viscous, team);
+        mesh.viscous([&x, &v], &mut scratch, &mut viscous, team);
         let zeta = &mesh.scheme.zeta;
         let exact = !mesh.damped && zeta.iter().any(|zeta| *zeta != 0.0);
         let stages = STAGES.iter().filter(|_| exact);
         let losses = stages.map(|[b, _]| losses(zeta, *b)).collect();
         Self {
-            written: mesh.springs.iter().map(|own| [own.k, own.z]).collect(),
+            written: mesh
+                .springs
+                .iter()
+                .map(|spring| [spring.k, spring.z])
+                .collect(),
             losses: Arc::new(losses),
             x,
             v,
             force,
             viscous,
             midway: zeros,
-            room,
+            scratch,
             mesh,
         }
     }
 
     /// The flow of v for a time b at fixed positions, then that of x for a time a; `stage` is an index into `losses`.
     fn kick_drift(&mut self, stage: usize, [b, a]: [f64; 2], team: &mut ThreadTeam<'_>) {
-        let (mesh, room) = (&*self.mesh, &mut self.room);
+        let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
         let (x, v, force) = (&mut self.x, &mut self.v, &self.force);
         if mesh.damped {
             let (viscous, midway) = (&mut self.viscous, &mut self.midway);
-            mesh.ranges(room, team, [&mut *midway], |mats, ties, [midway]| {
+            mesh.ranges(scratch, team, [&mut *midway], |mats, ties, [midway]| {
                 let forces = [&force[mats.clone()], &viscous[mats.clone()]];
                 let motion = [&x[mats.clone()], &v[mats]];
                 passes::midway(0.5 * b, ties, forces, motion, midway);
             });
-            mesh.viscous([x, midway], room, viscous, team);
-            mesh.ranges(room, team, [x, v], |mats, ties, [x, v]| {
+            mesh.viscous([x, midway], scratch, viscous, team);
+            mesh.ranges(scratch, team, [x, v], |mats, ties, [x, v]| {
                 let forces = [&force[mats.clone()], &viscous[mats.clone()]];
                 passes::lossy_kick_drift([b, a], ties, forces, &midway[mats], x, v);
             });
         } else if let Some(losses) = self.losses.get(stage) {
-            mesh.ranges(room, team, [x, v], |mats, ties, [x, v]| {
+            mesh.ranges(scratch, team, [x, v], |mats, ties, [x, v]| {
                 let losses = losses.each_ref().map(|all| &all[mats.clone()]);
                 passes::decaying_kick_drift(a, losses, ties, &force[mats], x, v);
             });
         } else {
-            mesh.ranges(room, team, [x, v], |mats, ties, [x, v]| {
+            mesh.ranges(scratch, team, [x, v], |mats, ties, [x, v]| {
                 passes::kick_drift([b, a], ties, &force[mats], x, v);
             });
         }
@@ -125,7 +129,7 @@ fn losses(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
 impl Stepper for Bm4 {
     fn lead(&mut self, lead: &Lead, (n, part): (u64, f64)) {
         let [of_k, of_z] = lead.at(n, part);
-        // The mesh is not shared since `own`: nothing is copied.
+        // The mesh is not shared since `unshare`: nothing is copied.
         let mesh = Arc::make_mut(&mut self.mesh);
         for ((spring, first), [k, z]) in mesh
             .springs
@@ -140,20 +144,20 @@ impl Stepper for Bm4 {
     }
 
     fn settle_led(&mut self, team: &mut ThreadTeam<'_>) {
-        let (mesh, room) = (&*self.mesh, &mut self.room);
-        mesh.elastic(&self.x, room, &mut self.force, team);
+        let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
+        mesh.elastic(&self.x, scratch, &mut self.force, team);
     }
 
-    fn own(&mut self) {
+    fn unshare(&mut self) {
         Arc::make_mut(&mut self.mesh);
     }
 
-    fn share(&mut self, threads: usize) {
-        self.mesh.share(&mut self.room, threads);
+    fn partition_for(&mut self, threads: usize) {
+        self.mesh.partition_for(&mut self.scratch, threads);
     }
 
     fn is_shared(&self) -> bool {
-        self.room.mesh_partition().is_some()
+        self.scratch.mesh_partition().is_some()
     }
 
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
@@ -163,7 +167,7 @@ impl Stepper for Bm4 {
         for (at, stage) in STAGES.into_iter().enumerate() {
             self.kick_drift(at, stage, team);
             self.mesh
-                .elastic(&self.x, &mut self.room, &mut self.force, team);
+                .elastic(&self.x, &mut self.scratch, &mut self.force, team);
         }
         self.kick_drift(0, [B1, 0.0], team);
     }
@@ -185,17 +189,17 @@ impl Stepper for Bm4 {
         self.v[mat] - 0.5 * self.mesh.acceleration(mat, &x, &v)
     }
 
-    fn put(&mut self, mat: usize, x: f64, step: f64) {
+    fn set_motion(&mut self, mat: usize, x: f64, step: f64) {
         (self.x[mat], self.v[mat]) = (x, step);
     }
 
     fn settle(&mut self) {
         self.mesh
             .velocities_from_steps(&self.x, &mut self.v, &mut self.midway);
-        let (room, team) = (&mut self.room, &mut ThreadTeam::alone());
-        self.mesh.elastic(&self.x, room, &mut self.force, team);
+        let (scratch, team) = (&mut self.scratch, &mut ThreadTeam::alone());
+        self.mesh.elastic(&self.x, scratch, &mut self.force, team);
         let motion = [&self.x[..], &self.v];
-        self.mesh.viscous(motion, room, &mut self.viscous, team);
+        self.mesh.viscous(motion, scratch, &mut self.viscous, team);
     }
 
     fn velocities_mut(&mut self) -> &mut [f64] {

@@ -49,7 +49,7 @@ impl Ca {
 }
 
 impl Stepper for Ca {
-    fn share(&mut self, threads: usize) {
+    fn partition_for(&mut self, threads: usize) {
         self.laws.mesh_partition =
             MeshPartition::for_threads(&self.scheme.fused, self.scheme.n_mat(), threads);
     }
@@ -97,7 +97,7 @@ impl Stepper for Ca {
         self.body.d[mat]
     }
 
-    fn put(&mut self, mat: usize, x: f64, step: f64) {
+    fn set_motion(&mut self, mat: usize, x: f64, step: f64) {
         (self.body.x[mat], self.body.d[mat]) = (x, step);
     }
 

@@ -8,7 +8,7 @@
 
 use std::sync::Arc;
 
-use super::mesh::{Mesh, Room};
+use super::mesh::{Mesh, Scratch};
 use super::mesh_stage::MeshStage;
 use super::passes;
 use super::{Stepper, certify};
@@ -35,7 +35,7 @@ pub(super) struct Ca2p {
     elastic_before: Vec<f64>,
     /// All forces of the second pass [N]                        (n_mat)
     force: Vec<f64>,
-    room: Room,
+    scratch: Scratch,
 }
 
 crate::archive::state!(Ca2p {
@@ -58,10 +58,10 @@ const STEPS_BACK: usize = 8;
 impl Ca2p {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
         let guard =
-            Guard::new(&mesh.scheme, network, certify::ca2p_bears(&mesh), &[])?.map(Box::new);
+            Guard::new(&mesh.scheme, network, certify::ca2p_guard_limit(&mesh), &[])?.map(Box::new);
         let (x, v) = (network.mats().x0.clone(), mesh.start(network));
-        let mut room = mesh.room();
-        let d = last_step(&mesh, &x, &v, &mut room);
+        let mut scratch = mesh.scratch();
+        let d = last_step(&mesh, &x, &v, &mut scratch);
         let zeros = vec![0.0; x.len()];
         let mut it = Self {
             there: x.iter().zip(&d).map(|(x, d)| x - d).collect(),
@@ -72,31 +72,31 @@ impl Ca2p {
             force: zeros,
             previous: PreviousState::new(x.len()),
             guard,
-            room,
+            scratch,
             x,
             d,
             mesh,
         };
         let team = &mut ThreadTeam::alone();
         it.mesh
-            .elastic(&it.there, &mut it.room, &mut it.elastic, team);
-        it.look(team);
+            .elastic(&it.there, &mut it.scratch, &mut it.elastic, team);
+        it.first_pass(team);
         Ok(it)
     }
 
     /// The first pass: forces at the current frame.
-    fn look(&mut self, team: &mut ThreadTeam<'_>) {
-        let (mesh, room) = (&*self.mesh, &mut self.room);
+    fn first_pass(&mut self, team: &mut ThreadTeam<'_>) {
+        let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
         std::mem::swap(&mut self.elastic, &mut self.elastic_before);
-        mesh.elastic(&self.x, room, &mut self.elastic, team);
+        mesh.elastic(&self.x, scratch, &mut self.elastic, team);
         if mesh.damped {
-            mesh.viscous([&self.x, &self.d], room, &mut self.viscous, team);
+            mesh.viscous([&self.x, &self.d], scratch, &mut self.viscous, team);
         }
     }
 }
 
 /// x(0) − x(−T) of the continuous motion [m], by classical Runge-Kutta backwards   (n_mat)
-fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], room: &mut Room) -> Vec<f64> {
+fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], scratch: &mut Scratch) -> Vec<f64> {
     let n = x0.len();
     let (mut x, mut v) = (x0.to_vec(), v0.to_vec());
     let (mut force, mut there) = (vec![0.0; n], vec![[0.0; 2]; n]);
@@ -107,7 +107,7 @@ fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], room: &mut Room) -> Vec<f64> {
         for (ahead, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
             let at: Vec<f64> = (0..n).map(|i| x[i] + ahead * h * there[i][0]).collect();
             let speed: Vec<f64> = (0..n).map(|i| v[i] + ahead * h * there[i][1]).collect();
-            mesh.total([&at, &speed], room, &mut force, &mut ThreadTeam::alone());
+            mesh.total([&at, &speed], scratch, &mut force, &mut ThreadTeam::alone());
             let scheme = &mesh.scheme;
             for i in 0..n {
                 let a = force[i] * scheme.w[i]
@@ -130,39 +130,39 @@ fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], room: &mut Room) -> Vec<f64> {
 }
 
 impl Stepper for Ca2p {
-    fn share(&mut self, threads: usize) {
-        self.mesh.share(&mut self.room, threads);
+    fn partition_for(&mut self, threads: usize) {
+        self.mesh.partition_for(&mut self.scratch, threads);
     }
 
     fn is_shared(&self) -> bool {
-        self.room.mesh_partition().is_some()
+        self.scratch.mesh_partition().is_some()
     }
 
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
-        let (mesh, room) = (&*self.mesh, &mut self.room);
+        let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
         let [elastic, viscous] = [&self.elastic, &self.viscous];
         let (x, d, there, v) = (&self.x, &self.d, &mut self.there, &mut self.v);
-        mesh.ranges(room, team, [there, v], |mats, ties, [there, v]| {
+        mesh.ranges(scratch, team, [there, v], |mats, ties, [there, v]| {
             let forces = [elastic, viscous].map(|all| &all[mats.clone()]);
             let motion = [x, d].map(|all| &all[mats.clone()]);
-            passes::look(ties, forces, motion, there, v);
+            passes::evaluation_point(ties, forces, motion, there, v);
         });
         for &(mat, impulse) in impulses {
             let jump = mesh.jump(mat, impulse);
             self.there[mat] += jump * (1.0 / 6.0);
             self.v[mat] += 0.5 * jump;
         }
-        mesh.total([&self.there, &self.v], room, &mut self.force, team);
+        mesh.total([&self.there, &self.v], scratch, &mut self.force, team);
         for &(mat, impulse) in impulses {
             self.d[mat] += mesh.jump(mat, impulse);
         }
         self.previous.swap(&mut self.x, &mut self.d);
         let (force, there, v, previous) = (&self.force, &self.there, &self.v, &self.previous);
         let (x, d) = (&mut self.x, &mut self.d);
-        mesh.ranges(room, team, [&mut *x, &mut *d], |mats, ties, [x, d]| {
-            let look = [there, v].map(|all| &all[mats.clone()]);
+        mesh.ranges(scratch, team, [&mut *x, &mut *d], |mats, ties, [x, d]| {
+            let point = [there, v].map(|all| &all[mats.clone()]);
             let from = [&previous.x, &previous.d].map(|all| &all[mats.clone()]);
-            passes::leap(ties, &force[mats], look, from, x, d);
+            passes::second_pass(ties, &force[mats], point, from, x, d);
         });
         if let Some(guard) = &mut self.guard
             && guard.needs_finer(x, d, &mesh.scheme.w)
@@ -171,7 +171,7 @@ impl Stepper for Ca2p {
             let (force, d) = (&mut self.force[..], &mut d[..]);
             MeshStage {
                 mesh,
-                room,
+                scratch,
                 force,
                 x,
                 d,
@@ -179,7 +179,7 @@ impl Stepper for Ca2p {
             }
             .step_finer(guard);
         }
-        self.look(team);
+        self.first_pass(team);
     }
 
     fn mesh(&self) -> &Mesh {
@@ -208,7 +208,7 @@ impl Stepper for Ca2p {
         self.d[mat]
     }
 
-    fn put(&mut self, mat: usize, x: f64, step: f64) {
+    fn set_motion(&mut self, mat: usize, x: f64, step: f64) {
         (self.x[mat], self.d[mat]) = (x, step);
     }
 
@@ -216,10 +216,10 @@ impl Stepper for Ca2p {
         for (there, (x, d)) in self.there.iter_mut().zip(self.x.iter().zip(&self.d)) {
             *there = x - d;
         }
-        let (room, team) = (&mut self.room, &mut ThreadTeam::alone());
+        let (scratch, team) = (&mut self.scratch, &mut ThreadTeam::alone());
         self.mesh
-            .elastic(&self.there, room, &mut self.elastic, team);
-        self.look(team);
+            .elastic(&self.there, scratch, &mut self.elastic, team);
+        self.first_pass(team);
     }
 
     fn guard(&self) -> Option<&Guard> {

@@ -18,14 +18,16 @@ use super::method::{BM4_LIMIT, MeshMethod};
 use super::{faster, ieq, trapezoid};
 use crate::guard::Limit;
 use crate::network::{Error, Network};
-use crate::scheme::{Certificate, Refusal, Scheme, StabilityGuarantee, Top, top_up_to};
+use crate::scheme::{
+    Certificate, LargestEigenvalue, Refusal, Scheme, StabilityGuarantee, top_up_to,
+};
 use crate::units::Rate;
 
 /// Factor on a limit that allows for the rounding error of an eigenvalue.
-const BORDER: f64 = 1.0 - 1e-14;
+const ROUNDING: f64 = 1.0 - 1e-14;
 /// CA2P: largest λ if K and Z share their modes, and for any modes.
-const SHARED: f64 = 12.0 * BORDER;
-const ANY: f64 = 6.0 * BORDER;
+const SHARED_MODES: f64 = 12.0 * ROUNDING;
+const ANY_MODES: f64 = 6.0 * ROUNDING;
 /// BM4: the weight c of Z in λmax(M⁻¹(K + c·Z)).
 const LOSSES: f64 = 2.0;
 
@@ -45,13 +47,13 @@ pub(crate) fn certify(
     }
     let mesh = Mesh::new(network, rate, way)?;
     let scheme = &mesh.scheme;
-    let look = |c: f64, enough: f64, most: f64| top_up_to(scheme, network, c, enough, most);
-    let of = |top: &Top, word: StabilityGuarantee| Certificate {
+    let largest = |c: f64, enough: f64, most: f64| top_up_to(scheme, network, c, enough, most);
+    let certificate = |top: &LargestEigenvalue, word: StabilityGuarantee| Certificate {
         lambda_max: top.lambda,
         means: top.means,
         word,
     };
-    let sure = if scheme.linear {
+    let guarantee = if scheme.linear {
         StabilityGuarantee::Proved
     } else {
         StabilityGuarantee::Guarded
@@ -59,44 +61,47 @@ pub(crate) fn certify(
     match way {
         MeshMethod::Ca2p => {
             let (c, enough) = ca2p(&mesh);
-            let found = look(c, enough, SHARED)?;
+            let found = largest(c, enough, SHARED_MODES)?;
             if found.lambda < enough {
-                Ok(of(&found, sure))
-            } else if found.lambda < SHARED {
-                Ok(of(&found, StabilityGuarantee::Tried))
+                Ok(certificate(&found, guarantee))
+            } else if found.lambda < SHARED_MODES {
+                Ok(certificate(&found, StabilityGuarantee::Tried))
             } else {
-                Err(unstable(network, way, &found, SHARED))
+                Err(unstable(network, way, &found, SHARED_MODES))
             }
         }
         MeshMethod::Bm4 => {
             let most = BM4_LIMIT * BM4_LIMIT;
-            let found = look(LOSSES, most, most)?;
+            let found = largest(LOSSES, most, most)?;
             if found.lambda < most {
-                Ok(of(&found, StabilityGuarantee::Tried))
+                Ok(certificate(&found, StabilityGuarantee::Tried))
             } else {
                 Err(unstable(network, way, &found, most))
             }
         }
         MeshMethod::Ca | MeshMethod::Ieq | MeshMethod::Trapezoid => {
             if way == MeshMethod::Ieq {
-                ieq::takes(&mesh, network)?;
+                ieq::check_supported(&mesh, network)?;
             } else {
-                trapezoid::linear(&mesh, network)?;
+                trapezoid::check_linear(&mesh, network)?;
             }
             // IEQ has no stability limit, but for non-linear links it conserves an energy that is not that of their
             // laws.
-            Ok(of(&look(0.0, f64::INFINITY, f64::INFINITY)?, sure))
+            Ok(certificate(
+                &largest(0.0, f64::INFINITY, f64::INFINITY)?,
+                guarantee,
+            ))
         }
     }
 }
 
 /// The stability limit that CA2P's guard watches. The trusted part is the bound for any modes: a stiffened link need
 /// not share modes with the network at rest.
-pub(super) fn ca2p_bears(mesh: &Mesh) -> Limit {
+pub(super) fn ca2p_guard_limit(mesh: &Mesh) -> Limit {
     Limit {
         c: ca2p(mesh).0,
-        trusted: 0.9 * ANY,
-        most: SHARED,
+        trusted: 0.9 * ANY_MODES,
+        most: SHARED_MODES,
         has_poles: false,
     }
 }
@@ -104,10 +109,14 @@ pub(super) fn ca2p_bears(mesh: &Mesh) -> Limit {
 /// CA2P: the weight c of Z in λmax(M⁻¹(K + c·Z)), and the bound below which stability is proved.
 fn ca2p(mesh: &Mesh) -> (f64, f64) {
     let loses = mesh.damped || mesh.scheme.zeta.iter().any(|zeta| *zeta != 0.0);
-    if loses { (6.0, ANY) } else { (0.0, SHARED) }
+    if loses {
+        (6.0, ANY_MODES)
+    } else {
+        (0.0, SHARED_MODES)
+    }
 }
 
-fn unstable(network: &Network, way: MeshMethod, found: &Top, most: f64) -> Error {
+fn unstable(network: &Network, way: MeshMethod, found: &LargestEigenvalue, most: f64) -> Error {
     let (name, lambda) = (way.facts().name, found.lambda);
     let times = (lambda / most).sqrt().ceil();
     Error::Refused {

@@ -6,11 +6,11 @@
 use crate::maths::wide::wide;
 
 /// The residual relative to the right side, below which only rounding is left.
-const KNOWN: f64 = 1e-16;
+const TOLERANCE: f64 = 1e-16;
 /// Largest number of iterations: a mesh takes a few dozen.
-const ROUNDS: usize = 2000;
+const ITERATIONS_MAX: usize = 2000;
 /// A restart is worth it only if the squared residual has fallen below this part of its value at the last restart.
-const SMALLER: f64 = 0.1;
+const RESTART_GAIN: f64 = 0.1;
 const LANES: usize = 8;
 
 /// Work space for a solution.
@@ -44,27 +44,27 @@ impl Conjugate {
         x: &mut [f64],
     ) {
         let Self { r, p, y } = self;
-        let enough = KNOWN * KNOWN * size(inverse, right);
-        let (mut rounds, mut last) = (0, f64::INFINITY);
-        while rounds < ROUNDS {
+        let enough = TOLERANCE * TOLERANCE * squared_norm(inverse, right);
+        let (mut iterations, mut last) = (0, f64::INFINITY);
+        while iterations < ITERATIONS_MAX {
             apply(x, y);
             let mut rho = residual(inverse, right, y, r);
             // Written so that a NaN ends the loop too.
-            if !(rho > enough && rho < SMALLER * last) {
+            if !(rho > enough && rho < RESTART_GAIN * last) {
                 break;
             }
             last = rho;
-            turn(inverse, r, 0.0, p);
-            while rho > enough && rounds < ROUNDS {
+            update_direction(inverse, r, 0.0, p);
+            while rho > enough && iterations < ITERATIONS_MAX {
                 apply(p, y);
-                let along = dot(p, y);
-                if along <= 0.0 || along.is_nan() {
+                let curvature = dot(p, y);
+                if curvature <= 0.0 || curvature.is_nan() {
                     break;
                 }
-                let next = descend(rho / along, [inverse, p, y], x, r);
-                turn(inverse, r, next / rho, p);
+                let next = update_solution(rho / curvature, [inverse, p, y], x, r);
+                update_direction(inverse, r, next / rho, p);
                 rho = next;
-                rounds += 1;
+                iterations += 1;
             }
         }
     }
@@ -98,7 +98,7 @@ wide! {
 
 wide! {
     /// Σ inverse·r².
-    fn size(inverse: &[f64], r: &[f64]) -> f64 {
+    fn squared_norm(inverse: &[f64], r: &[f64]) -> f64 {
         let r = &r[..inverse.len()];
         sum(inverse.len(), |i| inverse[i] * (r[i] * r[i]))
     }
@@ -118,7 +118,7 @@ wide! {
 
 wide! {
     /// p = inverse·r + factor·p.
-    fn turn(inverse: &[f64], r: &[f64], factor: f64, p: &mut [f64]) {
+    fn update_direction(inverse: &[f64], r: &[f64], factor: f64, p: &mut [f64]) {
         let n = inverse.len();
         let (r, p) = (&r[..n], &mut p[..n]);
         for i in 0..n {
@@ -129,7 +129,7 @@ wide! {
 
 wide! {
     /// x += α·p, r −= α·y; returns the new Σ inverse·r². `numbers` are inverse, p and y.
-    fn descend(
+    fn update_solution(
         alpha: f64,
         numbers: [&[f64]; 3],
         x: &mut [f64],

@@ -30,18 +30,21 @@ impl Flow {
         let whole = frame.power(macrostep);
         let [a, b] = [whole.block(0, 0, n), whole.block(0, n, n)];
         let [c, d] = [whole.block(n, 0, n), whole.block(n, n, n)];
-        let turned = b.times(&d).over(&b)?;
-        let moved = a.plus(&Square::one(n), -1.0);
+        let conjugated = b.times(&d).over(&b)?;
+        let deviation = a.plus(&Square::one(n), -1.0);
         let bc = b.times(&c);
         // b·d·b⁻¹·a = b·d·b⁻¹ + b·d·b⁻¹·(a − 1): a − 1 is small, and this form keeps its digits.
-        let turned_moved = turned.times(&moved);
-        let keep = turned.plus(&turned_moved, 1.0).plus(&bc, -1.0);
-        let pull = moved.clone().plus(&bc, 1.0).plus(&turned_moved, -1.0);
+        let conjugated_deviation = conjugated.times(&deviation);
+        let keep = conjugated.plus(&conjugated_deviation, 1.0).plus(&bc, -1.0);
+        let pull = deviation
+            .clone()
+            .plus(&bc, 1.0)
+            .plus(&conjugated_deviation, -1.0);
         Some(Self {
             macrostep,
             keep,
             pull: pull.scaled(-1.0 / steps),
-            start: [moved.scaled(1.0 / steps), b.scaled(1.0 / steps)],
+            start: [deviation.scaled(1.0 / steps), b.scaled(1.0 / steps)],
         })
     }
 

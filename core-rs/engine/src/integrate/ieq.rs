@@ -20,7 +20,7 @@ use crate::maths::wide::wide;
 use crate::network::{Error, Network};
 use links::{Links, State};
 
-pub(super) use links::takes;
+pub(super) use links::check_supported;
 
 /// Largest λmax(M⁻¹K) at which all springs are explicit; the stability limit is 4.
 const EXPLICIT: f64 = 3.9;
@@ -35,11 +35,11 @@ pub(super) struct Ieq {
     d: Vec<f64>,
     s: Vec<f64>,
     /// The part of the system's diagonal that comes from each MAT alone, M·(1 + ½ζ + βκ); 0 for fixed points   (n_mat)
-    own: Arc<Vec<f64>>,
+    mat_diagonal: Arc<Vec<f64>>,
     /// Right side, and 1 over the system's diagonal                                              (n_mat)
     right: Vec<f64>,
     inverse: Vec<f64>,
-    room: Conjugate,
+    solver: Conjugate,
     /// Forces of one run   (longest run)
     forces: Vec<f64>,
 }
@@ -55,7 +55,7 @@ crate::archive::state!(Ieq {
 
 impl Ieq {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
-        takes(&mesh, network)?;
+        check_supported(&mesh, network)?;
         let lambda = links::linear_part(&mesh, network)?;
         let beta = if lambda <= EXPLICIT {
             0.0
@@ -66,16 +66,16 @@ impl Ieq {
         let links = Links::new(&mesh, beta);
         let d = last_step(&mesh, &links, network);
         let scheme = &mesh.scheme;
-        let own = (0..x.len())
+        let mat_diagonal = (0..x.len())
             .map(|i| mesh.m[i] * (1.0 + 0.5 * scheme.zeta[i] + beta * scheme.kappa[i]))
             .collect();
         Ok(Self {
             state: links.start(&mesh, &x, &d),
             s: d.iter().map(|d| 2.0 * d).collect(),
-            own: Arc::new(own),
+            mat_diagonal: Arc::new(mat_diagonal),
             right: vec![0.0; x.len()],
             inverse: vec![0.0; x.len()],
-            room: Conjugate::new(x.len()),
+            solver: Conjugate::new(x.len()),
             forces: vec![0.0; links.longest()],
             links: Arc::new(links),
             x,
@@ -93,7 +93,7 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
     let mut force = vec![0.0; n];
     mesh.total(
         [x, &v],
-        &mut mesh.room(),
+        &mut mesh.scratch(),
         &mut force,
         &mut ThreadTeam::alone(),
     );
@@ -101,19 +101,23 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
         let tie = scheme.kappa[i] * (x[i] - scheme.rest[i]) + scheme.zeta[i] * v[i];
         *force -= mesh.m[i] * tie;
     }
-    let own: Vec<f64> = (0..n)
+    let mat_diagonal: Vec<f64> = (0..n)
         .map(|i| mesh.m[i] * (1.0 + links.beta * scheme.kappa[i]))
         .collect();
-    let mut inverse = own.clone();
-    let c = links.stiff(mesh, [x, &v], &mut inverse);
-    for (inverse, own) in inverse.iter_mut().zip(&own) {
-        *inverse = if *own > 0.0 { 1.0 / *inverse } else { 0.0 };
+    let mut inverse = mat_diagonal.clone();
+    let c = links.elastic_matrix(mesh, [x, &v], &mut inverse);
+    for (inverse, mat_diagonal) in inverse.iter_mut().zip(&mat_diagonal) {
+        *inverse = if *mat_diagonal > 0.0 {
+            1.0 / *inverse
+        } else {
+            0.0
+        };
     }
-    let (mut a, mut room) = (vec![0.0; n], vec![0.0; links.longest()]);
+    let (mut a, mut scratch) = (vec![0.0; n], vec![0.0; links.longest()]);
     let mut apply = |p: &[f64], y: &mut [f64]| {
         y.fill(0.0);
-        passes::each(&links.runs, &c, p, &mut room, y);
-        less(&own, p, y);
+        passes::apply_stiffnesses(&links.runs, &c, p, &mut scratch, y);
+        diagonal_minus(&mat_diagonal, p, y);
     };
     Conjugate::new(n).solve(&mut apply, &inverse, &force, &mut a);
     v.iter().zip(&a).map(|(v, a)| v - 0.5 * a).collect()
@@ -124,7 +128,7 @@ impl Stepper for Ieq {
         let (mesh, links) = (&*self.mesh, &*self.links);
         // Add the links' explicit forces to `right` and their part of the diagonal to `inverse`.
         self.right.fill(0.0);
-        self.inverse.copy_from_slice(&self.own);
+        self.inverse.copy_from_slice(&self.mat_diagonal);
         links.gather(
             mesh,
             [&self.x, &self.d],
@@ -136,24 +140,24 @@ impl Stepper for Ieq {
         for i in 0..self.x.len() {
             let tie = ties.kappa[i] * ((self.x[i] - ties.rest[i]) - 2.0 * links.beta * self.d[i]);
             self.right[i] += mesh.m[i] * (2.0 * self.d[i] - tie);
-            let moves = self.own[i] > 0.0;
+            let moves = self.mat_diagonal[i] > 0.0;
             self.inverse[i] = if moves { 1.0 / self.inverse[i] } else { 0.0 };
         }
         for &(mat, impulse) in impulses {
             self.right[mat] += impulse * mesh.scheme.rate;
         }
-        let (c, own, forces) = (&self.state.c, &*self.own, &mut self.forces);
-        self.room.solve(
+        let (c, mat_diagonal, forces) = (&self.state.c, &*self.mat_diagonal, &mut self.forces);
+        self.solver.solve(
             &mut |p, y| {
                 y.fill(0.0);
-                passes::each(&links.runs, c, p, forces, y);
-                less(own, p, y);
+                passes::apply_stiffnesses(&links.runs, c, p, forces, y);
+                diagonal_minus(mat_diagonal, p, y);
             },
             &self.inverse,
             &self.right,
             &mut self.s,
         );
-        links.carry(&self.s, &mut self.state);
+        links.advance_psi(&self.s, &mut self.state);
         for ((x, d), s) in self.x.iter_mut().zip(&mut self.d).zip(&self.s) {
             *d = s - *d;
             *x += *d;
@@ -177,7 +181,7 @@ impl Stepper for Ieq {
         self.d[mat]
     }
 
-    fn put(&mut self, mat: usize, x: f64, step: f64) {
+    fn set_motion(&mut self, mat: usize, x: f64, step: f64) {
         (self.x[mat], self.d[mat]) = (x, step);
     }
 
@@ -206,20 +210,20 @@ impl Stepper for Ieq {
     }
 
     fn stored(&self) -> f64 {
-        let (kept, true_) = self
-            .links
-            .potentials(&self.mesh, &self.x, &self.d, &self.state);
-        self.energy() - kept + true_
+        let (kept, by_laws) =
+            self.links
+                .nonlinear_energies(&self.mesh, &self.x, &self.d, &self.state);
+        self.energy() - kept + by_laws
     }
 }
 
 wide! {
     /// y = own·p − y.
-    fn less(own: &[f64], p: &[f64], y: &mut [f64]) {
-        let n = own.len();
+    fn diagonal_minus(mat_diagonal: &[f64], p: &[f64], y: &mut [f64]) {
+        let n = mat_diagonal.len();
         let (p, y) = (&p[..n], &mut y[..n]);
         for i in 0..n {
-            y[i] = own[i] * p[i] - y[i];
+            y[i] = mat_diagonal[i] * p[i] - y[i];
         }
     }
 }

@@ -12,13 +12,13 @@ impl Spring {
 }
 
 impl Mesh {
-    /// Turn last steps x[n] − x[n−1] into velocities per step at n, by adding half a step's acceleration; `room`, `x`
-    /// and `v`: (n_mat).
-    pub(super) fn velocities_from_steps(&self, x: &[f64], v: &mut [f64], room: &mut [f64]) {
-        for (mat, half) in room.iter_mut().enumerate() {
+    /// Turn last steps x[n] − x[n−1] into velocities per step at n, by adding half a step's acceleration; `scratch`,
+    /// `x` and `v`: (n_mat).
+    pub(super) fn velocities_from_steps(&self, x: &[f64], v: &mut [f64], scratch: &mut [f64]) {
+        for (mat, half) in scratch.iter_mut().enumerate() {
             *half = 0.5 * self.acceleration(mat, &|i| x[i], &|i| v[i]);
         }
-        for (v, half) in v.iter_mut().zip(room) {
+        for (v, half) in v.iter_mut().zip(scratch) {
             *v += *half;
         }
     }

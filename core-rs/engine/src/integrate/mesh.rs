@@ -32,13 +32,13 @@ pub(super) struct Mesh {
 
 /// Work space for the computation of forces.
 #[derive(Clone, Debug)]
-pub(super) struct Room {
+pub(super) struct Scratch {
     /// Forces of one run   (longest run)
     f: Vec<f64>,
     laws: Laws,
 }
 
-impl Room {
+impl Scratch {
     /// Partition of the mesh for a thread team.
     pub(super) fn mesh_partition(&self) -> Option<&MeshPartition> {
         self.laws.mesh_partition.as_ref()
@@ -56,11 +56,11 @@ enum Part {
 impl Mesh {
     /// Fails with the name of a module that the method cannot step.
     pub(super) fn new(network: &Network, rate: Rate, way: MeshMethod) -> Result<Self, Error> {
-        has_no_memory(network)?;
+        refuse_stateful_links(network)?;
         let scheme = if way == MeshMethod::Ca {
             Scheme::new(network, rate)?
         } else {
-            takes(network)?;
+            check_supported(network)?;
             Scheme::physical(network, rate)?
         };
         let inverse = |w: &f64| if *w > 0.0 { 1.0 / w } else { 0.0 };
@@ -121,9 +121,9 @@ impl Mesh {
         }
     }
 
-    pub(super) fn room(&self) -> Room {
+    pub(super) fn scratch(&self) -> Scratch {
         let lengths = self.scheme.runs.iter().map(|run| run.len);
-        Room {
+        Scratch {
             f: vec![0.0; lengths.max().unwrap_or(0)],
             laws: Laws::new(&self.scheme),
         }
@@ -149,21 +149,21 @@ impl Mesh {
     pub(super) fn elastic(
         &self,
         x: &[f64],
-        room: &mut Room,
+        scratch: &mut Scratch,
         force: &mut [f64],
         team: &mut ThreadTeam<'_>,
     ) {
-        self.springs(room, force, team, |springs, room, force| {
-            passes::elastic(springs, x, room, force);
+        self.springs(scratch, force, team, |springs, scratch, force| {
+            passes::elastic(springs, x, scratch, force);
         });
-        self.others(Part::Elastic, [x, x], room, force);
+        self.others(Part::Elastic, [x, x], scratch, force);
     }
 
     /// Damping forces of all links at positions `x` and velocities `v` [N].
     pub(super) fn viscous(
         &self,
         [x, v]: [&[f64]; 2],
-        room: &mut Room,
+        scratch: &mut Scratch,
         force: &mut [f64],
         team: &mut ThreadTeam<'_>,
     ) {
@@ -171,43 +171,43 @@ impl Mesh {
             force.fill(0.0);
             return;
         }
-        self.springs(room, force, team, |springs, room, force| {
-            passes::viscous(springs, v, room, force);
+        self.springs(scratch, force, team, |springs, scratch, force| {
+            passes::viscous(springs, v, scratch, force);
         });
-        self.others(Part::Viscous, [x, v], room, force);
+        self.others(Part::Viscous, [x, v], scratch, force);
     }
 
     /// All forces of all links at positions `x` and velocities `v` [N].
     pub(super) fn total(
         &self,
         [x, v]: [&[f64]; 2],
-        room: &mut Room,
+        scratch: &mut Scratch,
         force: &mut [f64],
         team: &mut ThreadTeam<'_>,
     ) {
-        self.springs(room, force, team, |springs, room, force| {
+        self.springs(scratch, force, team, |springs, scratch, force| {
             if self.damped {
-                springs::total(springs, x, v, room, force);
+                springs::total(springs, x, v, scratch, force);
             } else {
-                passes::elastic(springs, x, room, force);
+                passes::elastic(springs, x, scratch, force);
             }
         });
-        self.others(Part::Total, [x, v], room, force);
+        self.others(Part::Total, [x, v], scratch, force);
     }
 
     /// Runs `pass` over all springs, by a thread team if the mesh is partitioned.
     fn springs(
         &self,
-        room: &mut Room,
+        scratch: &mut Scratch,
         force: &mut [f64],
         team: &mut ThreadTeam<'_>,
         pass: impl Fn(&[Spring], &mut [f64], &mut [f64]) + Sync,
     ) {
-        if let Some(mesh_partition) = &mut room.laws.mesh_partition {
+        if let Some(mesh_partition) = &mut scratch.laws.mesh_partition {
             mesh_partition.forces(team, force, pass);
         } else {
             force.fill(0.0);
-            pass(&self.springs, &mut room.f, force);
+            pass(&self.springs, &mut scratch.f, force);
         }
     }
 
@@ -215,13 +215,13 @@ impl Mesh {
     /// ties and their slices of `changed`.
     pub(super) fn ranges<const N: usize>(
         &self,
-        room: &Room,
+        scratch: &Scratch,
         team: &mut ThreadTeam<'_>,
         changed: [&mut [f64]; N],
         work: impl Fn(Range<usize>, Ties<'_>, [&mut [f64]; N]) + Sync,
     ) {
         let ties = self.ties();
-        match room.mesh_partition() {
+        match scratch.mesh_partition() {
             Some(mesh_partition) => mesh_partition.ranges(team, changed, |mats, changed| {
                 work(mats.clone(), ties.of(mats), changed);
             }),
@@ -230,30 +230,31 @@ impl Mesh {
     }
 
     /// Partition the mesh for a number of threads if this saves time.
-    pub(super) fn share(&self, room: &mut Room, threads: usize) {
-        room.laws.mesh_partition = MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
+    pub(super) fn partition_for(&self, scratch: &mut Scratch, threads: usize) {
+        scratch.laws.mesh_partition =
+            MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
     }
 
-    fn others(&self, part: Part, [x, v]: [&[f64]; 2], room: &mut Room, force: &mut [f64]) {
+    fn others(&self, part: Part, [x, v]: [&[f64]; 2], scratch: &mut Scratch, force: &mut [f64]) {
         for run in &self.others {
-            let f = &mut room.f[..run.len];
+            let f = &mut scratch.f[..run.len];
             match &run.kind {
                 Kind::Lnl {
                     law,
                     rate,
                     room: at,
                 } => {
-                    let laws = &mut room.laws;
+                    let laws = &mut scratch.laws;
                     let (e, de) = (&mut laws.e[..run.len], &mut laws.v[..run.len]);
                     for i in 0..run.len {
                         e[i] = x[run.b + i] - x[run.a + i] - run.rest;
                         de[i] = (v[run.b + i] - v[run.a + i]) * rate;
                     }
-                    let scratch = &mut laws.scratch[*at];
+                    let law_scratch = &mut laws.scratch[*at];
                     match part {
-                        Part::Elastic => law.spring_run(e, f, scratch),
-                        Part::Viscous => law.drag_run(e, de, f, scratch),
-                        Part::Total => law.eval_in(e, de, f, scratch, &mut laws.native),
+                        Part::Elastic => law.spring_run(e, f, law_scratch),
+                        Part::Viscous => law.drag_run(e, de, f, law_scratch),
+                        Part::Total => law.eval_in(e, de, f, law_scratch, &mut laws.native),
                     }
                 }
                 _ => {
@@ -296,7 +297,7 @@ fn only_ca(what: &str) -> String {
 }
 
 /// Refuses links with a state of their own: a mesh stores only positions and velocities.
-fn has_no_memory(network: &Network) -> Result<(), Error> {
+fn refuse_stateful_links(network: &Network) -> Result<(), Error> {
     let mut runs = network.runs().iter();
     match runs.find(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_))) {
         Some(run) => Err(Error::Refused {
@@ -309,7 +310,7 @@ fn has_no_memory(network: &Network) -> Result<(), Error> {
 
 /// Refuses what methods other than CA cannot step: they need parameters in continuous time, and forces that are
 /// functions of the positions and velocities.
-fn takes(network: &Network) -> Result<(), Error> {
+fn check_supported(network: &Network) -> Result<(), Error> {
     let discrete = network.parts().iter().find(|part| part.ca_rate.is_some());
     if let Some(part) = discrete {
         return Err(Error::Refused {

@@ -1,13 +1,13 @@
 //! The interface through which the guard steps a mesh: it computes frames in finer steps, with the forces of the mesh.
 
-use super::mesh::{Mesh, Room};
+use super::mesh::{Mesh, Scratch};
 use crate::guard::{Guard, Motion, Stage};
 use crate::kernel::thread_team::ThreadTeam;
 
 /// The arrays of a mesh that finer steps need.
 pub(super) struct MeshStage<'a, 'b> {
     pub(super) mesh: &'a Mesh,
-    pub(super) room: &'a mut Room,
+    pub(super) scratch: &'a mut Scratch,
     pub(super) force: &'a mut [f64],
     pub(super) x: &'a mut [f64],
     pub(super) d: &'a mut [f64],
@@ -17,7 +17,7 @@ pub(super) struct MeshStage<'a, 'b> {
 impl Stage for MeshStage<'_, '_> {
     fn links(&mut self) {
         let motion = [&*self.x, &*self.d];
-        self.mesh.total(motion, self.room, self.force, self.team);
+        self.mesh.total(motion, self.scratch, self.force, self.team);
     }
 
     fn motion(&mut self) -> Motion<'_> {

@@ -1,7 +1,7 @@
 //! Numbering by reverse Cuthill-McKee (1969; George 1971), which keeps neighbours near each other.
 
 /// Orders the nodes of a graph, given the neighbours of each node: returns the node at each place, (n).
-pub(super) fn near(neighbours: &[Vec<usize>]) -> Vec<usize> {
+pub(super) fn reverse_cuthill_mckee(neighbours: &[Vec<usize>]) -> Vec<usize> {
     let n = neighbours.len();
     let mut placed = vec![false; n];
     let mut order = Vec::with_capacity(n);
@@ -12,7 +12,12 @@ pub(super) fn near(neighbours: &[Vec<usize>]) -> Vec<usize> {
             continue;
         }
         let first = order.len();
-        walk(far(start, neighbours), neighbours, &mut placed, &mut order);
+        breadth_first(
+            peripheral_node(start, neighbours),
+            neighbours,
+            &mut placed,
+            &mut order,
+        );
         order[first..].reverse();
     }
     order
@@ -20,7 +25,7 @@ pub(super) fn near(neighbours: &[Vec<usize>]) -> Vec<usize> {
 
 /// Breadth-first search from a node; the neighbours of a node are visited by rising degree. Appends the nodes reached
 /// to `order` and returns the number of levels.
-fn walk(
+fn breadth_first(
     start: usize,
     neighbours: &[Vec<usize>],
     placed: &mut [bool],
@@ -50,15 +55,15 @@ fn walk(
 
 /// A node at the far end of its component (George & Liu 1979): moves to the last node that a search reaches, as long as
 /// this increases the number of levels.
-fn far(start: usize, neighbours: &[Vec<usize>]) -> usize {
-    let look = |from: usize| {
+fn peripheral_node(start: usize, neighbours: &[Vec<usize>]) -> usize {
+    let search = |from: usize| {
         let (mut seen, mut order) = (vec![false; neighbours.len()], Vec::new());
-        let levels = walk(from, neighbours, &mut seen, &mut order);
+        let levels = breadth_first(from, neighbours, &mut seen, &mut order);
         (levels, order.last().copied().unwrap_or(from))
     };
-    let (mut node, (mut levels, mut last)) = (start, look(start));
+    let (mut node, (mut levels, mut last)) = (start, search(start));
     loop {
-        let (deeper, end) = look(last);
+        let (deeper, end) = search(last);
         if deeper <= levels {
             return node;
         }

@@ -8,15 +8,15 @@ use crate::maths::wide::wide;
 use crate::scheme::Spring;
 
 wide! {
-    /// Add the elastic forces at positions `x`; `room` is as long as the longest run.
-    pub(super) fn elastic(runs: &[Spring], x: &[f64], room: &mut [f64], force: &mut [f64]) {
+    /// Add the elastic forces at positions `x`; `scratch` is as long as the longest run.
+    pub(super) fn elastic(runs: &[Spring], x: &[f64], scratch: &mut [f64], force: &mut [f64]) {
         for run in runs {
             let ((xa, xb), Spring { len, k, q, rest, .. }) = (ends(run, x), *run);
             let (xa, xb) = (&xa[..len], &xb[..len]);
             if q == 0.0 {
-                spread(run, room, force, |i| k * (xb[i] - xa[i] - rest));
+                spread(run, scratch, force, |i| k * (xb[i] - xa[i] - rest));
             } else {
-                spread(run, room, force, |i| {
+                spread(run, scratch, force, |i| {
                     let e = xb[i] - xa[i] - rest;
                     k * e + q * (e * e * e)
                 });
@@ -27,22 +27,22 @@ wide! {
 
 wide! {
     /// Add the dampers' forces at velocities `v` (per step).
-    pub(super) fn viscous(runs: &[Spring], v: &[f64], room: &mut [f64], force: &mut [f64]) {
+    pub(super) fn viscous(runs: &[Spring], v: &[f64], scratch: &mut [f64], force: &mut [f64]) {
         for run in runs.iter().filter(|run| run.z != 0.0) {
             let ((va, vb), Spring { len, z, .. }) = (ends(run, v), *run);
             let (va, vb) = (&va[..len], &vb[..len]);
-            spread(run, room, force, |i| z * (vb[i] - va[i]));
+            spread(run, scratch, force, |i| z * (vb[i] - va[i]));
         }
     }
 }
 
 wide! {
     /// Add the forces of links that each have a stiffness `c`, (n_links): y −= L·p, with L their Laplacian.
-    pub(super) fn each(
+    pub(super) fn apply_stiffnesses(
         runs: &[Spring],
         c: &[f64],
         p: &[f64],
-        room: &mut [f64],
+        scratch: &mut [f64],
         y: &mut [f64],
     ) {
         let mut first = 0;
@@ -50,7 +50,7 @@ wide! {
             let len = run.len;
             let ((pa, pb), c) = (ends(run, p), &c[first..][..len]);
             let (pa, pb) = (&pa[..len], &pb[..len]);
-            spread(run, room, y, |i| c[i] * (pb[i] - pa[i]));
+            spread(run, scratch, y, |i| c[i] * (pb[i] - pa[i]));
             first += len;
         }
     }
@@ -188,7 +188,7 @@ wide! {
 wide! {
     /// The point at which the second pass of CA2P computes forces: x′ = x + a_e/12, v′ = d + ½(a_e + a_v), with the
     /// elastic and the viscous acceleration, including those of the ties.
-    pub(super) fn look(
+    pub(super) fn evaluation_point(
         ties: Ties<'_>,
         forces: [&[f64]; 2],
         motion: [&[f64]; 2],
@@ -210,17 +210,17 @@ wide! {
 }
 
 wide! {
-    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with F computed at x′, v′ (see `look`); `from` holds x and d before the
-    /// step.
-    pub(super) fn leap(
+    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with F computed at x′, v′ (see `evaluation_point`); `from` holds x and d
+    /// before the step.
+    pub(super) fn second_pass(
         ties: Ties<'_>,
         force: &[f64],
-        look: [&[f64]; 2],
+        point: [&[f64]; 2],
         from: [&[f64]; 2],
         x: &mut [f64],
         d: &mut [f64],
     ) {
-        let ([there, v], n) = (look, force.len());
+        let ([there, v], n) = (point, force.len());
         let [previous, by] = from.map(|from| &from[..n]);
         let [w, kappa, zeta, rest] = ties.cut(n);
         let (there, v, x, d) = (&there[..n], &v[..n], &mut x[..n], &mut d[..n]);
@@ -233,7 +233,7 @@ wide! {
 
 wide! {
     /// Whether all positions are finite and within range.
-    pub(super) fn within(x: &[f64]) -> bool {
+    pub(super) fn are_in_range(x: &[f64]) -> bool {
         let bad = x
             .iter()
             .fold(0_u64, |bad, &x| bad | u64::from(!crate::kernel::sound(x)));

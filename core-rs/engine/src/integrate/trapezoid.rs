@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::Stepper;
 use super::banded::{Factor, MOST};
-use super::mesh::{Mesh, Room};
+use super::mesh::{Mesh, Scratch};
 use super::order;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
@@ -25,20 +25,20 @@ pub(super) struct Trapezoid {
     force: Vec<f64>,
     /// Right side, then u                             (n_moving)
     u: Vec<f64>,
-    room: Room,
+    scratch: Scratch,
 }
 
 crate::archive::state!(Trapezoid { x, v, force, u });
 
 impl Trapezoid {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
-        linear(&mesh, network)?;
+        check_linear(&mesh, network)?;
         let (mats, factor) = factorise(&mesh, network)?;
         let (x, v) = (network.mats().x0.clone(), mesh.start(network));
         Ok(Self {
             force: vec![0.0; x.len()],
             u: vec![0.0; mats.len()],
-            room: mesh.room(),
+            scratch: mesh.scratch(),
             factor: Arc::new(factor),
             mats: Arc::new(mats),
             x,
@@ -49,14 +49,14 @@ impl Trapezoid {
 }
 
 /// Refuses a link that is not linear.
-pub(super) fn linear(mesh: &Mesh, network: &Network) -> Result<(), Error> {
-    let hard = mesh.springs.iter().find(|own| own.q != 0.0);
-    let hard = hard.and_then(|own| {
-        let same = |run: &&crate::network::Run| (run.a, run.b) == (own.a, own.b);
+pub(super) fn check_linear(mesh: &Mesh, network: &Network) -> Result<(), Error> {
+    let hardening = mesh.springs.iter().find(|spring| spring.q != 0.0);
+    let hardening = hardening.and_then(|spring| {
+        let same = |run: &&crate::network::Run| (run.a, run.b) == (spring.a, spring.b);
         network.runs().iter().find(same)
     });
     let other = mesh.others.first().map(|run| run.first);
-    match hard.map(|run| run.first).or(other) {
+    match hardening.map(|run| run.first).or(other) {
         None => Ok(()),
         Some(link) => Err(Error::Refused {
             module: network.link_name(link),
@@ -92,10 +92,10 @@ fn factorise(mesh: &Mesh, network: &Network) -> Result<(Vec<usize>, Factor), Err
         near.sort_unstable();
         near.dedup();
     }
-    let order = order::near(&neighbours);
+    let order = order::reverse_cuthill_mckee(&neighbours);
     let mats: Vec<usize> = order.iter().map(|&at| moving[at]).collect();
-    for (place, &mat) in mats.iter().enumerate() {
-        slot[mat] = place;
+    for (row, &mat) in mats.iter().enumerate() {
+        slot[mat] = row;
     }
     let pairs = || links().map(|(a, b, stiff)| (slot[a], slot[b], stiff));
     let inner = pairs().filter(|(a, b, _)| *a.max(b) != usize::MAX);
@@ -109,9 +109,9 @@ fn factorise(mesh: &Mesh, network: &Network) -> Result<(Vec<usize>, Factor), Err
         });
     }
     let mut columns = vec![0.0; mats.len() * (band + 1)];
-    for (place, &mat) in mats.iter().enumerate() {
+    for (row, &mat) in mats.iter().enumerate() {
         let tie = 0.5 * mesh.scheme.zeta[mat] + 0.25 * mesh.scheme.kappa[mat];
-        columns[place * (band + 1)] = mesh.m[mat] * (1.0 + tie);
+        columns[row * (band + 1)] = mesh.m[mat] * (1.0 + tie);
     }
     for (a, b, stiff) in pairs() {
         for end in [a, b] {
@@ -139,7 +139,7 @@ impl Stepper for Trapezoid {
         }
         mesh.elastic(
             &self.x,
-            &mut self.room,
+            &mut self.scratch,
             &mut self.force,
             &mut ThreadTeam::alone(),
         );
@@ -172,7 +172,7 @@ impl Stepper for Trapezoid {
         self.v[mat] - 0.5 * self.mesh.acceleration(mat, &x, &v)
     }
 
-    fn put(&mut self, mat: usize, x: f64, step: f64) {
+    fn set_motion(&mut self, mat: usize, x: f64, step: f64) {
         (self.x[mat], self.v[mat]) = (x, step);
     }
 

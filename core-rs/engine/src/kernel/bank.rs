@@ -74,22 +74,22 @@ pub(crate) fn run_weighted(
     weights: &[Lanes],
     n_frames: usize,
     sums: &mut [Sum],
-    room: usize,
+    stride: usize,
 ) {
-    weighted_on(rates, motion, weights, n_frames, sums, room);
+    weighted_on(rates, motion, weights, n_frames, sums, stride);
 }
 
 /// Advance a group by `n_frames` frames and add Σ weight·x of each row after each frame to `sums`, (n_rows · n_frames),
-/// row by row, `room` entries apart.
+/// row by row, `stride` entries apart.
 pub(crate) fn follow(
     rates: &Rates,
     motion: &mut Motion,
     weights: &[Lanes],
     n_frames: usize,
     sums: &mut [Sum],
-    room: usize,
+    stride: usize,
 ) {
-    follow_on(rates, motion, weights, n_frames, sums, room);
+    follow_on(rates, motion, weights, n_frames, sums, stride);
 }
 
 /// Generates the loops for one kind of vector: `$width` numbers in a `$vector`. Whatever the width, the sum of a group
@@ -156,7 +156,7 @@ macro_rules! loops {
             /// Add Σ w·x to a sum, lane by lane.
             $(#[$feature])?
             #[inline]
-            unsafe fn see(sum: &mut Sum, part: usize, w: &Four, x: &Four) {
+            unsafe fn add_weighted(sum: &mut Sum, part: usize, w: &Four, x: &Four) {
                 // SAFETY: part + width ≤ SUMS.
                 unsafe {
                     let at = sum.0.as_mut_ptr().add(part);
@@ -204,22 +204,22 @@ macro_rules! loops {
                 weights: &[Lanes],
                 n_frames: usize,
                 sums: &mut [Sum],
-                room: usize,
+                stride: usize,
             ) {
                 // Up to three rows stay in registers beside the oscillators.
                 // SAFETY: what each needs of `sums` is checked there.
                 unsafe {
                     match weights {
-                        [] => follow_rows(rates, motion, &[], n_frames, sums, room),
-                        [a] => follow_rows(rates, motion, &[a], n_frames, sums, room),
-                        [a, b] => follow_rows(rates, motion, &[a, b], n_frames, sums, room),
-                        [a, b, c] => follow_rows(rates, motion, &[a, b, c], n_frames, sums, room),
+                        [] => follow_rows(rates, motion, &[], n_frames, sums, stride),
+                        [a] => follow_rows(rates, motion, &[a], n_frames, sums, stride),
+                        [a, b] => follow_rows(rates, motion, &[a, b], n_frames, sums, stride),
+                        [a, b, c] => follow_rows(rates, motion, &[a, b, c], n_frames, sums, stride),
                         [a, b, c, more @ ..] => {
                             let start = motion.clone();
-                            let (first, rest) = sums.split_at_mut(3 * room);
-                            follow_rows(rates, motion, &[a, b, c], n_frames, first, room);
+                            let (first, rest) = sums.split_at_mut(3 * stride);
+                            follow_rows(rates, motion, &[a, b, c], n_frames, first, stride);
                             let mut again = start;
-                            follow(rates, &mut again, more, n_frames, rest, room);
+                            follow(rates, &mut again, more, n_frames, rest, stride);
                         }
                     }
                 }
@@ -233,9 +233,9 @@ macro_rules! loops {
                 weights: &[&Lanes; ROWS],
                 n_frames: usize,
                 sums: &mut [Sum],
-                room: usize,
+                stride: usize,
             ) {
-                assert!(ROWS == 0 || sums.len() >= (ROWS - 1) * room + n_frames);
+                assert!(ROWS == 0 || sums.len() >= (ROWS - 1) * stride + n_frames);
                 for part in (0..SUMS).step_by($width) {
                     // SAFETY: parts are multiples of the width below SUMS; the sums are as many as is asserted.
                     unsafe {
@@ -249,7 +249,7 @@ macro_rules! loops {
                             before = now;
                             now = new;
                             for (row, w) in rows.iter().enumerate() {
-                                see(&mut *first.add(row * room + frame), part, w, &now);
+                                add_weighted(&mut *first.add(row * stride + frame), part, w, &now);
                             }
                         }
                         store(&mut motion.now, part, now);
@@ -265,7 +265,7 @@ macro_rules! loops {
                 weights: &[Lanes],
                 n_frames: usize,
                 sums: &mut [Sum],
-                room: usize,
+                stride: usize,
             ) {
                 for part in (0..SUMS).step_by($width) {
                     // SAFETY: parts are multiples of the width below SUMS.
@@ -276,7 +276,7 @@ macro_rules! loops {
                         for frame in 0..n_frames {
                             for (out, weights) in weights.iter().enumerate() {
                                 let w = load(weights, part);
-                                see(&mut sums[out * room + frame], part, &w, &now);
+                                add_weighted(&mut sums[out * stride + frame], part, &w, &now);
                             }
                             let new = next(&a, &b, &now, &before);
                             before = now;
@@ -375,11 +375,11 @@ macro_rules! fastest {
 fastest!(run_on, run, rates: &Rates, motion: &mut Motion, sums: &mut [Sum]);
 fastest!(
     weighted_on, weighted, rates: &Rates, motion: &mut Motion, weights: &[Lanes],
-    n_frames: usize, sums: &mut [Sum], room: usize
+    n_frames: usize, sums: &mut [Sum], stride: usize
 );
 fastest!(
     follow_on, follow, rates: &Rates, motion: &mut Motion, weights: &[Lanes],
-    n_frames: usize, sums: &mut [Sum], room: usize
+    n_frames: usize, sums: &mut [Sum], stride: usize
 );
 
 /// Total of a partial sum.

@@ -13,7 +13,7 @@ pub(crate) struct Laws {
     pub(crate) e: Vec<f64>,
     pub(crate) v: Vec<f64>,
     /// Forces of one run of springs                      (longest fused run)
-    pub(crate) room: Vec<f64>,
+    pub(crate) spring_forces: Vec<f64>,
     /// The springs partitioned for a thread team; `None` for one thread.
     pub(crate) mesh_partition: Option<MeshPartition>,
     /// Scratch memory of each law, by its index           (n_laws)
@@ -34,7 +34,7 @@ impl Laws {
         let mut laws = Self {
             e: Vec::new(),
             v: Vec::new(),
-            room: vec![0.0; scheme.fused.iter().map(|run| run.len).max().unwrap_or(0)],
+            spring_forces: vec![0.0; scheme.fused.iter().map(|run| run.len).max().unwrap_or(0)],
             mesh_partition: None,
             scratch: Vec::new(),
             followed: followed(scheme),

@@ -10,7 +10,7 @@ use crate::scheme::Scheme;
 use crate::state::{Body, PreviousState, Target};
 
 /// Positions beyond this are treated as non-finite [m].
-const RUNAWAY: f64 = 1e4;
+const POSITION_MAX: f64 = 1e4;
 
 /// Position of a MAT at the next frame [m], given the forces summed so far.
 pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
@@ -43,8 +43,8 @@ pub(crate) fn advance(
         target.previous = body.x[target.mat];
     }
     let mut within = match mesh_partition {
-        Some(mesh_partition) => free_in_ranges(mesh_partition, team, scheme, body),
-        None => free(scheme, body),
+        Some(mesh_partition) => advance_free_in_ranges(mesh_partition, team, scheme, body),
+        None => advance_free(scheme, body),
     };
     for target in targets {
         body.d[target.mat] = target.x - target.previous;
@@ -54,7 +54,7 @@ pub(crate) fn advance(
     within
 }
 
-fn free(scheme: &Scheme, body: &mut Body) -> bool {
+fn advance_free(scheme: &Scheme, body: &mut Body) -> bool {
     let Body { x, d, force, .. } = body;
     if let Some(previous) = &mut body.previous {
         previous.swap(x, d);
@@ -63,8 +63,8 @@ fn free(scheme: &Scheme, body: &mut Body) -> bool {
     move_range(scheme, 0..force.len(), force, previous, [x, d])
 }
 
-/// [`free`], with the ranges of a partition computed by a thread team.
-fn free_in_ranges(
+/// [`advance_free`], with the ranges of a partition computed by a thread team.
+fn advance_free_in_ranges(
     mesh_partition: &MeshPartition,
     team: &mut ThreadTeam<'_>,
     scheme: &Scheme,
@@ -125,7 +125,12 @@ fn move_range(
 /// Move MATs in place: d += F·w − κ(x − rest) − ζd, x += d; `numbers` gives w, κ, ζ and rest of each. Returns whether
 /// all positions are sound.
 #[inline(always)]
-fn moved(numbers: impl Fn(usize) -> [f64; 4], force: &[f64], x: &mut [f64], d: &mut [f64]) -> bool {
+fn update(
+    numbers: impl Fn(usize) -> [f64; 4],
+    force: &[f64],
+    x: &mut [f64],
+    d: &mut [f64],
+) -> bool {
     let n = force.len();
     let (x, d) = (&mut x[..n], &mut d[..n]);
     let mut bad = 0_u64;
@@ -139,9 +144,9 @@ fn moved(numbers: impl Fn(usize) -> [f64; 4], force: &[f64], x: &mut [f64], d: &
     bad == 0
 }
 
-/// [`moved`] from positions and steps in `from`, which are not changed.
+/// [`update`] from positions and steps in `from`, which are not changed.
 #[inline(always)]
-fn moved_from(
+fn update_from(
     numbers: impl Fn(usize) -> [f64; 4],
     force: &[f64],
     from: [&[f64]; 2],
@@ -172,7 +177,7 @@ wide! {
     ) -> bool {
         let n = force.len();
         let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
-        moved(|i| [w[i], kappa[i], zeta[i], rest[i]], force, x, d)
+        update(|i| [w[i], kappa[i], zeta[i], rest[i]], force, x, d)
     }
 }
 
@@ -187,7 +192,7 @@ wide! {
     ) -> bool {
         let n = force.len();
         let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
-        moved_from(|i| [w[i], kappa[i], zeta[i], rest[i]], force, from, x, d)
+        update_from(|i| [w[i], kappa[i], zeta[i], rest[i]], force, from, x, d)
     }
 }
 
@@ -199,7 +204,7 @@ wide! {
         x: &mut [f64],
         d: &mut [f64],
     ) -> bool {
-        moved(|_| numbers, force, x, d)
+        update(|_| numbers, force, x, d)
     }
 }
 
@@ -212,7 +217,7 @@ wide! {
         x: &mut [f64],
         d: &mut [f64],
     ) -> bool {
-        moved_from(|_| numbers, force, from, x, d)
+        update_from(|_| numbers, force, from, x, d)
     }
 }
 
@@ -236,8 +241,8 @@ wide! {
     }
 }
 
-/// Whether a position is finite and within [`RUNAWAY`]; false for NaN.
+/// Whether a position is finite and within [`POSITION_MAX`]; false for NaN.
 #[inline(always)]
 pub(crate) fn sound(x: f64) -> bool {
-    x.abs() <= RUNAWAY
+    x.abs() <= POSITION_MAX
 }

@@ -10,10 +10,10 @@ use super::thread_team::ThreadTeam;
 use crate::scheme::{Pull, Spring};
 
 /// Largest number of ranges.
-const MOST: usize = 8;
+const RANGES_MAX: usize = 8;
 /// Smallest number of MATs in a range. In a mesh of fewer than 1,000 MATs two threads gain nothing: they wait for each
 /// other as long as they work (`integrate::tests::cost::of_a_crew`). From 2,000 MATs on they always gain.
-pub(crate) const LEAST: usize = 1_000;
+pub(crate) const RANGE_MATS_MIN: usize = 1_000;
 
 /// The ranges of a mesh, in order.
 #[derive(Clone, Debug)]
@@ -35,12 +35,12 @@ struct MeshRange {
 impl MeshPartition {
     /// The partition for a number of threads; `None` if the mesh is too small for threads to save time.
     pub(crate) fn for_threads(springs: &[Spring], n_mat: usize, threads: usize) -> Option<Self> {
-        let parts = threads.min(n_mat / LEAST).min(MOST);
-        (parts > 1 && !springs.is_empty()).then(|| Self::cut(springs, n_mat, parts))
+        let parts = threads.min(n_mat / RANGE_MATS_MIN).min(RANGES_MAX);
+        (parts > 1 && !springs.is_empty()).then(|| Self::new(springs, n_mat, parts))
     }
 
     /// The partition into `parts` ranges with about equal work.
-    pub(super) fn cut(springs: &[Spring], n_mat: usize, parts: usize) -> Self {
+    pub(super) fn new(springs: &[Spring], n_mat: usize, parts: usize) -> Self {
         // Work of a MAT: 1, plus 1 for each end of a spring on it.
         let mut work = vec![1_usize; n_mat];
         for run in springs {
@@ -75,7 +75,8 @@ impl MeshPartition {
         force: &mut [f64],
         work: impl Fn(&[Spring], &mut [f64], &mut [f64]) + Sync,
     ) {
-        let mut parts: [Option<(&mut MeshRange, &mut [f64])>; MOST] = [const { None }; MOST];
+        let mut parts: [Option<(&mut MeshRange, &mut [f64])>; RANGES_MAX] =
+            [const { None }; RANGES_MAX];
         let (n, mut rest) = (self.0.len(), force);
         for (part, range) in parts.iter_mut().zip(&mut self.0) {
             let (own, others) = rest.split_at_mut(range.mats.len());
@@ -102,7 +103,7 @@ impl MeshPartition {
         mut changed: [&mut [f64]; N],
         work: impl Fn(Range<usize>, [&mut [f64]; N]) + Sync,
     ) {
-        let mut parts: [Option<Part<'_, N>>; MOST] = [const { None }; MOST];
+        let mut parts: [Option<Part<'_, N>>; RANGES_MAX] = [const { None }; RANGES_MAX];
         let n = self.0.len();
         for (part, range) in parts.iter_mut().zip(&self.0) {
             let own = changed.each_mut().map(|all| {
@@ -131,7 +132,7 @@ impl MeshRange {
             };
             let (a, b) = (links(run.a), links(run.b));
             let both = a.start.max(b.start)..a.end.min(b.end);
-            let [only_a, only_b] = [&a, &b].map(|own| without(own, &both));
+            let [only_a, only_b] = [&a, &b].map(|own| range_without(own, &both));
             let to = |end: usize, i: usize| end + i - mats.start;
             // A MAT that is an end a of one link and an end b of another adds its force as end a first, as in the
             // undivided run.
@@ -149,7 +150,7 @@ impl MeshRange {
 }
 
 /// `all` without `part`, which lies at one end of `all`.
-fn without(all: &Range<usize>, part: &Range<usize>) -> Range<usize> {
+fn range_without(all: &Range<usize>, part: &Range<usize>) -> Range<usize> {
     if part.is_empty() {
         all.clone()
     } else if part.start == all.start {
@@ -202,8 +203,8 @@ mod tests {
             let springs = springs(seed);
             let (mut whole, mut room) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
             total(&springs, &x, &v, &mut room, &mut whole);
-            for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (MOST, 1)] {
-                let mut mesh_partition = MeshPartition::cut(&springs, N_MAT, parts);
+            for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (RANGES_MAX, 1)] {
+                let mut mesh_partition = MeshPartition::new(&springs, N_MAT, parts);
                 assert!(mesh_partition.0.len() > 1);
                 let mut found = vec![f64::NAN; N_MAT];
                 ThreadTeam::with(threads, |team| {
@@ -219,8 +220,8 @@ mod tests {
 
     #[test]
     fn ranges_are_all_mats_in_order() {
-        for parts in 2..=MOST {
-            let mesh_partition = MeshPartition::cut(&springs(3), N_MAT, parts);
+        for parts in 2..=RANGES_MAX {
+            let mesh_partition = MeshPartition::new(&springs(3), N_MAT, parts);
             assert!(mesh_partition.0.len() <= parts);
             let (mut x, mut seen) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
             mesh_partition.ranges(

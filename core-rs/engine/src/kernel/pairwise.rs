@@ -50,7 +50,7 @@ pub(super) fn forces(
     history.begin();
     if pairs.pairs.is_searched() {
         neighbours.push(pairs, by, (x, d), history);
-        neighbours.tell(pairs, pair_force, own);
+        neighbours.add_forces(pairs, pair_force, own);
     } else {
         let seen = neighbours.seen();
         walls::push(pairs, by, (x, d), (seen, history), (pair_force, own));

@@ -10,7 +10,7 @@ pub(crate) fn divide(scheme: &Scheme, body: &mut Body) {
     for proxy in &scheme.proxies {
         let pull = force[proxy.mat];
         if pull != 0.0 {
-            proxy.each(|mat| x[mat], |mat, share| force[mat] += share * pull);
+            proxy.for_each_share(|mat| x[mat], |mat, share| force[mat] += share * pull);
         }
     }
 }

@@ -36,7 +36,7 @@ pub(crate) fn links(
             }),
             None => {
                 force.fill(0.0);
-                springs::total(&scheme.fused, x, d, &mut laws.room, force);
+                springs::total(&scheme.fused, x, d, &mut laws.spring_forces, force);
             }
         }
         for (force, weight) in force.iter_mut().zip(&scheme.weight) {

@@ -71,7 +71,7 @@ pub(super) fn forces(
         if link.law.yields() {
             let memory = &mut memory[run.first..run.first + n];
             for (e, memory) in e.iter_mut().zip(memory) {
-                *e = settle(link, run.k, *e, memory);
+                *e = update_rest(link, run.k, *e, memory);
             }
         }
         for ((f, &e), &step) in f.iter_mut().zip(&*e).zip(&*step) {
@@ -133,8 +133,8 @@ fn link_line(
 }
 
 /// Distance − rest [m] of a link whose rest length has grown by `memory` [m]; updates `memory` if the link yields.
-fn settle(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
-    let settled = link.law.settled(k, e, *memory);
+fn update_rest(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
+    let settled = link.law.after_yielding(k, e, *memory);
     *memory = e - settled;
     settled
 }
@@ -146,7 +146,7 @@ fn single(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
     let step = link.stretch(ends, along, |mat| body.d[mat]);
     let mut e = length - run.rest;
     if link.law.yields() {
-        e = settle(link, run.k, e, &mut body.memory[run.first]);
+        e = update_rest(link, run.k, e, &mut body.memory[run.first]);
     }
     let mut f = link.law.force([run.k, run.z], e, step);
     if let Some(gate) = run.gate {

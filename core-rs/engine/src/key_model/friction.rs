@@ -53,10 +53,10 @@ impl Contact {
         if key.presliding == 0.0 || friction.level <= 0.0 {
             return none;
         }
-        let wear = h * v.abs() / friction.level;
-        let under = 1.0 + key.presliding * wear;
-        let to = (s + h * v) / under;
-        let by_level = to * key.presliding * wear / (friction.level * under);
+        let h_v_over_level = h * v.abs() / friction.level;
+        let denominator = 1.0 + key.presliding * h_v_over_level;
+        let to = (s + h * v) / denominator;
+        let by_level = to * key.presliding * h_v_over_level / (friction.level * denominator);
         let by_speed = if v == 0.0 {
             0.0
         } else {
@@ -64,10 +64,10 @@ impl Contact {
         };
         Self {
             s: to,
-            by_s: 1.0 / under,
-            by_v: (h - to * by_speed) / under + by_level * friction.slope,
+            by_s: 1.0 / denominator,
+            by_v: (h - to * by_speed) / denominator + by_level * friction.slope,
             by_level,
-            by_presliding: -to * wear / under,
+            by_presliding: -to * h_v_over_level / denominator,
         }
     }
 }

@@ -21,13 +21,13 @@ const ANGLE_MAX: f64 = 1.0;
 
 /// A mode in motion, and the derivatives of its motion.
 #[derive(Clone, Debug)]
-struct Swing<const N: usize> {
+struct ModeMotion<const N: usize> {
     mass: f64,
     /// ω², 2ζω, ω, and the denominator of the trapezoidal rule.
-    stiff: f64,
-    damp: f64,
+    omega_squared: f64,
+    damping_rate: f64,
     omega: f64,
-    under: f64,
+    denominator: f64,
     x: f64,
     v: f64,
     /// Its acceleration in this step, with opposite sign.
@@ -45,25 +45,25 @@ pub struct Motion<const N: usize = 0> {
     steps: usize,
     step: f64,
     /// h/m, Z h/2m, and 1 + Z h/2m.
-    push: f64,
-    drag: f64,
-    under: f64,
+    h_over_m: f64,
+    half_damping: f64,
+    denominator: f64,
     /// The last forces, the newest last (those before the first tick are zero), and the number of ticks so far.
     sent: Vec<f64>,
     ticks: usize,
     /// Steps of a tick in which the previous force still acts.
-    late: f64,
+    previous_force_steps: f64,
     x: f64,
     v: f64,
     /// Fraction of the next step in which spring and weight act. It is a half in the first step, because the velocity
     /// begins half a step before the position.
-    part: f64,
+    spring_fraction: f64,
     /// Deflection of the contact before it slides.
     s: f64,
     pub(super) dx: [f64; N],
     dv: [f64; N],
     ds: [f64; N],
-    modes: Vec<Swing<N>>,
+    modes: Vec<ModeMotion<N>>,
 }
 
 impl Motion<0> {
@@ -97,8 +97,8 @@ impl<const N: usize> Motion<N> {
             .collect();
         let columns = columns.ok_or(KeyError::Count)?;
         let step = 1.0 / (rate * steps as f64);
-        let (push, drag) = (step / key.mass, 0.5 * key.damping * step / key.mass);
-        let stiffest = key.stiffness.abs().max(key.presliding) * step * push;
+        let (h_over_m, half_damping) = (step / key.mass, 0.5 * key.damping * step / key.mass);
+        let stiffest = key.stiffness.abs().max(key.presliding) * step * h_over_m;
         let fastest = key.modes.iter().map(|mode| TAU * mode.frequency * step);
         if stiffest > ANGLE_MAX * ANGLE_MAX || fastest.fold(0.0, f64::max) > ANGLE_MAX {
             return Err(KeyError::Fast);
@@ -110,15 +110,15 @@ impl<const N: usize> Motion<N> {
         if let Some(column) = columns.iter().position(|&to| to == Parameter::Start) {
             dx[column] = 1.0;
         }
-        let swing = |mode: &Mode| {
+        let mode_motion = |mode: &Mode| {
             let omega = TAU * mode.frequency;
-            let damp = 2.0 * mode.ratio * omega;
-            Swing {
+            let damping_rate = 2.0 * mode.ratio * omega;
+            ModeMotion {
                 mass: mode.mass,
-                stiff: omega * omega,
-                damp,
+                omega_squared: omega * omega,
+                damping_rate,
                 omega,
-                under: 1.0 + 0.5 * damp * step,
+                denominator: 1.0 + 0.5 * damping_rate * step,
                 x: key.start,
                 v: 0.0,
                 gain: 0.0,
@@ -130,20 +130,20 @@ impl<const N: usize> Motion<N> {
             columns,
             steps,
             step,
-            push,
-            drag,
-            under: 1.0 + drag,
+            h_over_m,
+            half_damping,
+            denominator: 1.0 + half_damping,
             sent: vec![0.0; whole as usize + 2],
             ticks: 0,
-            late: (shift - whole) * steps as f64,
+            previous_force_steps: (shift - whole) * steps as f64,
             x: key.start,
             v: 0.0,
-            part: 0.5,
+            spring_fraction: 0.5,
             s: 0.0,
             dx,
             dv: [0.0; N],
             ds: [0.0; N],
-            modes: key.modes.iter().map(swing).collect(),
+            modes: key.modes.iter().map(mode_motion).collect(),
             key: key.clone(),
         })
     }
@@ -165,7 +165,7 @@ impl<const N: usize> Motion<N> {
         self.ticks += 1;
         let (before, now) = (self.sent[0], self.sent[1]);
         for step in 0..self.steps {
-            let rest = self.late - step as f64; // steps in which the previous force still acts
+            let rest = self.previous_force_steps - step as f64; // steps in which the previous force still acts
             if rest >= 1.0 {
                 self.step(before + direct, 0.0, 1.0);
             } else if rest < 0.0 {
@@ -180,12 +180,12 @@ impl<const N: usize> Motion<N> {
     /// The same motion with other columns, whose derivatives begin at zero.
     pub(super) fn widened<const M: usize>(&self, columns: Vec<Parameter>) -> Motion<M> {
         let none = [0.0; M];
-        let swing = |mode: &Swing<N>| Swing {
+        let mode_motion = |mode: &ModeMotion<N>| ModeMotion {
             mass: mode.mass,
-            stiff: mode.stiff,
-            damp: mode.damp,
+            omega_squared: mode.omega_squared,
+            damping_rate: mode.damping_rate,
             omega: mode.omega,
-            under: mode.under,
+            denominator: mode.denominator,
             x: mode.x,
             v: mode.v,
             gain: mode.gain,
@@ -197,20 +197,20 @@ impl<const N: usize> Motion<N> {
             columns,
             steps: self.steps,
             step: self.step,
-            push: self.push,
-            drag: self.drag,
-            under: self.under,
+            h_over_m: self.h_over_m,
+            half_damping: self.half_damping,
+            denominator: self.denominator,
             sent: self.sent.clone(),
             ticks: self.ticks,
-            late: self.late,
+            previous_force_steps: self.previous_force_steps,
             x: self.x,
             v: self.v,
-            part: self.part,
+            spring_fraction: self.spring_fraction,
             s: self.s,
             dx: none,
             dv: none,
             ds: none,
-            modes: self.modes.iter().map(swing).collect(),
+            modes: self.modes.iter().map(mode_motion).collect(),
         }
     }
 
@@ -233,19 +233,20 @@ impl<const N: usize> Motion<N> {
         let (h, x, v) = (self.step, self.x, self.v);
         let mut pull = 0.0;
         for mode in &mut self.modes {
-            mode.gain = (mode.stiff * (mode.x - x) + mode.damp * (mode.v - v)) / mode.under;
+            mode.gain = (mode.omega_squared * (mode.x - x) + mode.damping_rate * (mode.v - v))
+                / mode.denominator;
             pull += mode.mass * mode.gain;
         }
         let friction = Friction::of(&self.key, v);
         let contact = Contact::of(&self.key, &friction, self.s, v, h);
         let key = &self.key;
         let held = key.stiffness * x + key.weight;
-        let total = force - self.part * held + pull - key.presliding * contact.s;
-        let gain = (self.push * total - 2.0 * self.drag * v) / self.under;
+        let total = force - self.spring_fraction * held + pull - key.presliding * contact.s;
+        let gain = (self.h_over_m * total - 2.0 * self.half_damping * v) / self.denominator;
         let per_level = if key.presliding > 0.0 {
             0.0
         } else {
-            self.push / self.under
+            self.h_over_m / self.denominator
         };
         let bound = friction.level * per_level;
         let turned = Turned::of(v, gain, bound);
@@ -260,9 +261,9 @@ impl<const N: usize> Motion<N> {
                 contact: &contact,
                 turned: &turned,
             };
-            self.move_columns(&of);
+            self.advance_columns(&of);
         }
-        self.part = 1.0;
+        self.spring_fraction = 1.0;
         self.s = contact.s;
         self.v = turned.v;
         self.x += h * self.v;

@@ -1,6 +1,6 @@
 //! The parameters with respect to which a path is differentiated.
 
-use super::{OF_MODE, OWN};
+use super::{KEY_PARAMETERS, MODE_PARAMETERS};
 
 /// The parameter of a column of derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,7 +24,7 @@ pub(super) enum Parameter {
 
 impl Parameter {
     pub(super) fn of(index: usize, n_modes: usize) -> Option<Self> {
-        const FIRST: [Parameter; OWN] = [
+        const FIRST: [Parameter; KEY_PARAMETERS] = [
             Parameter::Mass,
             Parameter::Stiffness,
             Parameter::Damping,
@@ -39,8 +39,8 @@ impl Parameter {
         if let Some(&own) = FIRST.get(index) {
             return Some(own);
         }
-        let mode = (index - OWN) / OF_MODE;
+        let mode = (index - KEY_PARAMETERS) / MODE_PARAMETERS;
         let each = [Self::ModeMass, Self::ModeFrequency, Self::ModeRatio];
-        (mode < n_modes).then(|| each[(index - OWN) % OF_MODE](mode))
+        (mode < n_modes).then(|| each[(index - KEY_PARAMETERS) % MODE_PARAMETERS](mode))
     }
 }

@@ -395,7 +395,7 @@ fn what_gives_way() {
             damping,
             ..LawText::default()
         };
-        Law::new(&text).expect("a law").gives_way()
+        Law::new(&text).expect("a law").is_bounded_far_from_rest()
     };
     assert!(law(None, Some("v*exp(0.5 - 4*(v/0.2)**2)")));
     assert!(law(Some("where(abs(d) < 1, d, 0)"), None));

@@ -35,7 +35,7 @@ const SIGNS: [&str; 14] = [
 ];
 
 /// Signs of other languages: the sign, why it has no meaning here, and what to write instead.
-const HABITS: [(&str, &str, Option<&str>); 10] = [
+const FOREIGN_SIGNS: [(&str, &str, Option<&str>); 10] = [
     ("//", "There is no integer division.", Some("/")),
     ("^", "A power is written with two stars.", Some("**")),
     ("=", "One `=` does not compare; two do.", Some("==")),
@@ -138,8 +138,8 @@ fn sign(which: Which, rest: &[char], at: usize) -> Result<(Kind, usize), LawErro
         sign.chars().zip(rest).filter(|(a, b)| a == *b).count() == sign.chars().count()
     };
     let pair = SIGNS.iter().any(|sign| sign.len() == 2 && is(sign));
-    if let Some((habit, why, instead)) = HABITS.iter().find(|row| is(row.0) && !pair) {
-        let length = habit.chars().count();
+    if let Some((foreign, why, instead)) = FOREIGN_SIGNS.iter().find(|row| is(row.0) && !pair) {
+        let length = foreign.chars().count();
         return Err(
             LawError::new(which, at, length, (*why).into()).suggesting(instead.map(str::to_owned))
         );

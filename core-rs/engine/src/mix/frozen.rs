@@ -65,7 +65,7 @@ impl Placed {
     }
 
     /// Whether it is the same frozen output, at the same place, as one of an old mixer whose output is now `out`.
-    pub(super) fn is_as(&self, before: &Self, out: usize) -> bool {
+    pub(super) fn continues(&self, before: &Self, out: usize) -> bool {
         Arc::ptr_eq(&self.source, &before.source)
             && (self.column, self.begins, self.out) == (before.column, before.begins, out)
     }

@@ -113,17 +113,17 @@ impl Glide {
 }
 
 /// Begin or end the glide of a remaining gain at frame `n`; returns whether any of it remains.
-pub(super) fn falls(rest: &mut Option<Glide>, n: u64) -> bool {
-    let Some(glide) = rest else { return false };
+pub(super) fn update_residual(residual: &mut Option<Glide>, n: u64) -> bool {
+    let Some(glide) = residual else { return false };
     glide.begin_due(n);
     if glide.steady(n).is_some() {
-        *rest = None;
+        *residual = None;
     }
-    rest.is_some()
+    residual.is_some()
 }
 
 /// A gain that glides to 0; `None` if it is 0 already.
-pub(super) fn falling(rate: f64, from: f64) -> Option<Glide> {
+pub(super) fn glide_to_zero(rate: f64, from: f64) -> Option<Glide> {
     (from != 0.0).then(|| Glide::between(rate, from, 0.0))
 }
 

@@ -8,14 +8,14 @@ use crate::maths;
 
 /// Look-ahead of the limiter [s], which is its attack time: shorter than the 10 ms of backward masking in hearing, and
 /// long enough for a fade without a click.
-const AHEAD: f64 = 5e-3;
+const LOOK_AHEAD: f64 = 5e-3;
 /// Time constant of the release [s].
 const RELEASE: f64 = 50e-3;
 /// A gain of 1 in fixed point, in steps of −241 dB: a running sum of integers does not drift, so the gain returns to
 /// exactly 1.
 const ONE: f64 = (1u64 << 40) as f64;
 /// Largest look-ahead [frames]: the sum of that many values up to [`ONE`] is at most 2⁵³, so doubles hold it exactly.
-const MAX_AHEAD: f64 = 8191.0;
+const LOOK_AHEAD_MAX: f64 = 8191.0;
 
 /// Largest number of channels; the largest loudspeaker rooms have some hundreds.
 pub const MAX_CHANNELS: usize = 1024;
@@ -62,11 +62,12 @@ pub struct Limiter {
     release: f64,
     /// The last `latency` frames, oldest at `at`.
     delay: Vec<f64>,
-    /// Reductions of the last `latency` + 1 frames in fixed point, before the mean; the next one is written at `turn`.
+    /// Reductions of the last `latency` + 1 frames in fixed point, before the mean; the next one is written at
+    /// `next_held`.
     held: Vec<u64>,
     sum: u64,
     at: usize,
-    turn: usize,
+    next_held: usize,
     /// Candidates for the maximum of the window, in falling order: frame and reduction.
     candidates: VecDeque<(u64, f64)>,
     frame: u64,
@@ -80,8 +81,8 @@ impl Limiter {
     /// If the rate is too low or too high for the look-ahead, the ceiling is not a finite number above 0, or there are
     /// too many channels.
     pub fn new(rate: f64, n_channels: usize, ceiling: f64) -> Result<Self, LimiterError> {
-        let latency = (AHEAD * rate).ceil();
-        if !(latency > 0.0 && latency <= MAX_AHEAD) {
+        let latency = (LOOK_AHEAD * rate).ceil();
+        if !(latency > 0.0 && latency <= LOOK_AHEAD_MAX) {
             return Err(LimiterError::Rate(rate));
         }
         if !(ceiling > 0.0 && ceiling.is_finite()) {
@@ -100,7 +101,7 @@ impl Limiter {
             held: vec![0; latency + 1],
             sum: 0,
             at: 0,
-            turn: 0,
+            next_held: 0,
             // Allocated here, because `process` must not allocate.
             candidates: VecDeque::with_capacity(latency + 2),
             frame: 0,
@@ -164,8 +165,8 @@ impl Limiter {
             largest.max(released)
         };
         let newest = (self.reduction * ONE).ceil() as u64;
-        self.sum = self.sum + newest - std::mem::replace(&mut self.held[self.turn], newest);
-        self.turn = (self.turn + 1) % self.held.len();
+        self.sum = self.sum + newest - std::mem::replace(&mut self.held[self.next_held], newest);
+        self.next_held = (self.next_held + 1) % self.held.len();
         1.0 - self.sum as f64 / (self.held.len() as f64 * ONE)
     }
 

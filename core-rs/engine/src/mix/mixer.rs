@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::curve::Curve;
 use super::frozen::{FrozenOutputs, Placed};
-use super::glide::{Glide, falls, until};
+use super::glide::{Glide, until, update_residual};
 use super::room::{Room, RoomSpec};
 use route::{GROUPS_MAX, Route};
 pub use route::{RouteError, To, Treatment};
@@ -15,9 +15,9 @@ pub use route::{RouteError, To, Treatment};
 /// Frames that rooms process, and for which frozen outputs are summed, at a time.
 const SPAN_FRAMES: usize = 256;
 /// Largest number of routes that fade out at once; further routes stop without a fade.
-const LEAVING_MAX: usize = 32;
+const FADING_OUT_MAX: usize = 32;
 /// Largest number of frozen outputs that fade out at once; further ones stop without a fade.
-const FROZEN_LEAVING_MAX: usize = 128;
+const FROZEN_FADING_OUT_MAX: usize = 128;
 
 /// Routes of outputs to channels, with gains and high-passes.
 ///
@@ -49,15 +49,15 @@ pub struct Mixer {
     /// Gain of all channels over the frames of the piece.
     fade: Option<Curve>,
     /// Difference between the earlier gain of all channels and the current one, since a takeover; it glides to 0.
-    rest: Option<Glide>,
+    residual_gain: Option<Glide>,
     /// Routes of an earlier mixer that fade out. Those that have ended stay here, because freeing them would take time.
-    leaving: [Option<Route>; LEAVING_MAX],
+    fading_out: [Option<Route>; FADING_OUT_MAX],
     /// Outputs that were computed earlier.
     frozen: Vec<Placed>,
     /// Frozen outputs of an earlier mixer that fade out   (FROZEN_LEAVING_MAX)
-    frozen_leaving: Vec<Option<Placed>>,
+    frozen_fading_out: Vec<Option<Placed>>,
     /// Sum of the frozen outputs of one route in a span   (SPAN_FRAMES)
-    beside: Vec<f64>,
+    frozen_sum: Vec<f64>,
     /// Whether any fade may be running.
     is_fading: bool,
     frame: u64,
@@ -75,11 +75,11 @@ impl Mixer {
             rooms: Vec::new(),
             sent: Vec::new(),
             fade: None,
-            rest: None,
-            leaving: [const { None }; LEAVING_MAX],
+            residual_gain: None,
+            fading_out: [const { None }; FADING_OUT_MAX],
             frozen: Vec::new(),
-            frozen_leaving: vec![None; FROZEN_LEAVING_MAX],
-            beside: vec![0.0; SPAN_FRAMES],
+            frozen_fading_out: vec![None; FROZEN_FADING_OUT_MAX],
+            frozen_sum: vec![0.0; SPAN_FRAMES],
             is_fading: false,
             frame: 0,
         }
@@ -257,9 +257,9 @@ impl Mixer {
         if self.is_fading {
             let n = self.frame;
             self.is_fading = false;
-            let leaving = self.leaving.iter_mut().flatten();
-            for route in self.routes.iter_mut().chain(leaving) {
-                self.is_fading |= falls(&mut route.rest, n);
+            let fading_out = self.fading_out.iter_mut().flatten();
+            for route in self.routes.iter_mut().chain(fading_out) {
+                self.is_fading |= update_residual(&mut route.residual_gain, n);
                 let Some(fade) = &mut route.fade else {
                     continue;
                 };
@@ -269,13 +269,13 @@ impl Mixer {
                     route.fade = None;
                 }
             }
-            self.is_fading |= falls(&mut self.rest, n);
-            let leaving = self.frozen_leaving.iter_mut().flatten();
-            for one in self.frozen.iter_mut().chain(leaving) {
+            self.is_fading |= update_residual(&mut self.residual_gain, n);
+            let fading_out = self.frozen_fading_out.iter_mut().flatten();
+            for one in self.frozen.iter_mut().chain(fading_out) {
                 one.fade.begin_due(n);
                 self.is_fading |= one.fade.steady(n).is_none();
             }
-            for place in &mut self.frozen_leaving {
+            for place in &mut self.frozen_fading_out {
                 place.take_if(|one| one.fade.steady(n).is_some());
             }
         }
@@ -311,7 +311,7 @@ impl Mixer {
             let rests = self.begin_fades();
             let steady = rests && self.groups.iter().all(|glide| glide.steady(n).is_some());
             let is_frozen =
-                !self.frozen.is_empty() || self.frozen_leaving.iter().any(Option::is_some);
+                !self.frozen.is_empty() || self.frozen_fading_out.iter().any(Option::is_some);
             let most = if self.rooms.is_empty() && !is_frozen {
                 u64::MAX
             } else {
@@ -333,9 +333,9 @@ impl Mixer {
         let (first, n_out, n_channels) = (self.frame, self.n_out, self.n_channels);
         let n_frames = frames.len().checked_div(n_out).unwrap_or(0);
         self.sent.fill(0.0);
-        let leaving = self.leaving.iter_mut().flatten();
-        let leaving = leaving.filter(|route| !route.is_gone(first));
-        for route in self.routes.iter_mut().chain(leaving) {
+        let fading_out = self.fading_out.iter_mut().flatten();
+        let fading_out = fading_out.filter(|route| !route.has_faded_out(first));
+        for route in self.routes.iter_mut().chain(fading_out) {
             let own = &self.groups[route.group];
             let out = route.out;
             let (to, step) = match route.to {
@@ -344,25 +344,30 @@ impl Mixer {
             };
             let to = to.iter_mut().step_by(step);
             let from = frames.iter().skip(out).step_by(n_out).copied();
-            let leaving = self.frozen_leaving.iter().flatten();
-            let frozen = self.frozen.iter().chain(leaving);
+            let fading_out = self.frozen_fading_out.iter().flatten();
+            let frozen = self.frozen.iter().chain(fading_out);
             let mut frozen = frozen.filter(|one| one.out == out).peekable();
             if frozen.peek().is_none() {
                 route.add(own, first, from, to);
                 continue;
             }
-            self.beside.fill(0.0);
+            self.frozen_sum.fill(0.0);
             for one in frozen {
-                let sums = self.beside.iter_mut().zip(first..).take(n_frames);
+                let sums = self.frozen_sum.iter_mut().zip(first..).take(n_frames);
                 sums.for_each(|(sum, n)| *sum += one.at(n));
             }
-            route.add(own, first, from.zip(&self.beside).map(|(x, y)| x + y), to);
+            route.add(
+                own,
+                first,
+                from.zip(&self.frozen_sum).map(|(x, y)| x + y),
+                to,
+            );
         }
         for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(SPAN_FRAMES)) {
             let frames = mixed.chunks_exact_mut(n_channels.max(1));
             frames.zip(sent).for_each(|(frame, &x)| room.next(x, frame));
         }
-        if self.fade.is_some() || self.rest.is_some() {
+        if self.fade.is_some() || self.residual_gain.is_some() {
             let frames = mixed.chunks_exact_mut(n_channels.max(1));
             for (frame, n) in frames.zip(first..) {
                 let gain = self.gain_of_all(n);
@@ -373,8 +378,8 @@ impl Mixer {
 
     /// The gain of all channels at a frame.
     fn gain_of_all(&self, n: u64) -> f64 {
-        let rest = self.rest.map_or(0.0, |rest| rest.at(n));
-        self.fade.as_ref().map_or(1.0, |fade| fade.at(n)) + rest
+        let residual = self.residual_gain.map_or(0.0, |glide| glide.at(n));
+        self.fade.as_ref().map_or(1.0, |fade| fade.at(n)) + residual
     }
 }
 

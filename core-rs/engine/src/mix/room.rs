@@ -14,16 +14,16 @@ use crate::section::{BUTTERWORTH_2, Section};
 /// Number of delay lines; a power of two, because the matrix is a Hadamard matrix.
 const LINES: usize = 16;
 /// Speed of sound [m/s].
-const SOUND: f64 = 343.0;
+const SPEED_OF_SOUND: f64 = 343.0;
 /// Lengths of the shortest and the longest line, roughly relative to the mean.
-const SPREAD: (f64, f64) = (0.5, 1.6);
+const LENGTH_SPREAD: (f64, f64) = (0.5, 1.6);
 /// Cutoff of the high-pass at the input [Hz]: the offset of a leaning hand is not sound, and a room would hold it
 /// longest.
 const HIGHPASS: f64 = 20.0;
 /// Smaller samples are set to 0: denormal numbers, below 1e-308, are slow.
-const LEAST: f64 = 1e-200;
+const AMPLITUDE_MIN: f64 = 1e-200;
 /// Largest number of iterations in the design of a filter.
-const STEPS: usize = 500;
+const ITERATIONS_MAX: usize = 500;
 
 /// Parameters of a room.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,7 +81,7 @@ pub(super) struct Room {
     spec: RoomSpec,
     lines: Vec<Line>,
     /// Gain of each line in each channel   (n_channels · LINES)
-    heard: Vec<f64>,
+    channel_gains: Vec<f64>,
     highpass: Section,
 }
 
@@ -100,7 +100,7 @@ impl Room {
         if !is_decay {
             return Err(RoomError::Decay);
         }
-        let lengths = lengths(spec.size / SOUND * rate);
+        let lengths = lengths(spec.size / SPEED_OF_SOUND * rate);
         let slopes = slopes(spec.t60, rate).ok_or(RoomError::Apart(long, short))?;
         let lines = lengths
             .iter()
@@ -116,14 +116,14 @@ impl Room {
             spec.gain
         };
         let signs = |at: usize| (0..LINES).map(move |line| sign(at, line));
-        let heard = (0..spec.channels.len())
+        let channel_gains = (0..spec.channels.len())
             .flat_map(signs)
             .map(|sign| sign * scale)
             .collect();
         Ok(Self {
             spec,
             lines,
-            heard,
+            channel_gains,
             highpass: Section::new(HIGHPASS.min(0.4 * rate), rate, BUTTERWORTH_2),
         })
     }
@@ -148,14 +148,18 @@ impl Room {
         for (now, line) in now.iter_mut().zip(&mut self.lines) {
             *now = line.next();
         }
-        let rows = self.heard.chunks_exact(LINES);
+        let rows = self.channel_gains.chunks_exact(LINES);
         for (&channel, row) in self.spec.channels.iter().zip(rows) {
             frame[channel] += row.iter().zip(&now).map(|(h, y)| h * y).sum::<f64>();
         }
-        turn(&mut now);
+        mix_lines(&mut now);
         for (back, line) in now.iter().zip(&mut self.lines) {
             let into = x + back;
-            line.delay.push(if into.abs() < LEAST { 0.0 } else { into });
+            line.delay.push(if into.abs() < AMPLITUDE_MIN {
+                0.0
+            } else {
+                into
+            });
         }
     }
 }
@@ -173,7 +177,7 @@ impl Line {
         let mut is_found = false;
         // The logarithm of the filter's gain is only nearly linear in f²/(f² + f₁·f₂): iterate towards the two gains
         // asked for.
-        for _ in 0..STEPS {
+        for _ in 0..ITERATIONS_MAX {
             let gain = |square: f64| {
                 let ratio = exp(ends[0] - ends[1]);
                 let (zero, pole) = (middle * ratio, middle / ratio);
@@ -207,7 +211,7 @@ impl Line {
     fn next(&mut self) -> f64 {
         let x = self.delay.oldest();
         let y = self.b0 * x + self.b1 * self.x - self.a1 * self.y;
-        (self.x, self.y) = (x, if y.abs() < LEAST { 0.0 } else { y });
+        (self.x, self.y) = (x, if y.abs() < AMPLITUDE_MIN { 0.0 } else { y });
         self.y
     }
 }
@@ -234,7 +238,7 @@ fn slopes(t60: [(f64, f64); 2], rate: f64) -> Option<[f64; 2]> {
 
 /// Lengths of the lines [frames]: different primes near a geometric series with the mean `mean`.
 fn lengths(mean: f64) -> [usize; LINES] {
-    let (least, most) = SPREAD;
+    let (least, most) = LENGTH_SPREAD;
     let row: [f64; LINES] =
         std::array::from_fn(|i| least * pow(most / least, i as f64 / (LINES - 1) as f64));
     let own = row.iter().sum::<f64>() / LINES as f64;
@@ -257,7 +261,7 @@ fn is_prime(n: usize) -> bool {
 }
 
 /// Multiply by the Hadamard matrix over √LINES, which is orthogonal, in log₂(LINES) steps.
-fn turn(x: &mut [f64; LINES]) {
+fn mix_lines(x: &mut [f64; LINES]) {
     let mut half = 1;
     while half < LINES {
         for pair in x.chunks_exact_mut(2 * half) {

@@ -1,11 +1,11 @@
 //! The silence detector: finds the point where a sound has decayed by 80 dB.
 
 /// Relative to the highest peak: −80 dB.
-const FADED: f64 = 1e-4;
+const QUIET: f64 = 1e-4;
 /// Length of a window [s].
 const WINDOW: f64 = 0.1;
 /// Number of consecutive quiet windows that end a sound: beats return within a shorter time.
-const WINDOWS: u64 = 10;
+const QUIET_WINDOWS: u64 = 10;
 
 /// Finds the end of a sound: ten consecutive quiet windows of a tenth of a second, all after a given frame.
 ///
@@ -64,11 +64,11 @@ impl SilenceDetector {
             }
             self.peak = self.peak.max(self.loudest);
             let is_after = self.at - self.window >= self.from;
-            let is_quiet = is_after && self.loudest <= FADED * self.peak;
+            let is_quiet = is_after && self.loudest <= QUIET * self.peak;
             self.n_quiet = if is_quiet { self.n_quiet + 1 } else { 0 };
             self.loudest = 0.0;
-            if self.n_quiet == WINDOWS {
-                return Some(self.at - (WINDOWS - 1) * self.window);
+            if self.n_quiet == QUIET_WINDOWS {
+                return Some(self.at - (QUIET_WINDOWS - 1) * self.window);
             }
         }
         None

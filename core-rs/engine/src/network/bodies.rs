@@ -54,7 +54,7 @@ impl Network {
             self.check_tuning(name, cell.f, Some(cell.t60))?;
         }
         let full = self.full_name(name);
-        self.room(name, cells.len())?;
+        self.check_capacity(name, cells.len())?;
         let first = self.n_mat();
         let part = self.current();
         for (at, (&m, cell)) in masses.iter().zip(cells).enumerate() {
@@ -116,7 +116,7 @@ impl Network {
         let body = generator::modal_body(mass, &poles, levels, beyond)
             .map_err(|error| self.refused(name, &error.to_string()))?;
         let n = body.masses.len();
-        self.room(name, n * n)?;
+        self.check_capacity(name, n * n)?;
         let (first, part, places) = (self.n_mat(), self.current(), levels[0].len());
         let line = generator::Place::Line;
         for (i, &m) in body.masses.iter().enumerate() {
@@ -270,7 +270,7 @@ impl Network {
         losses: &Losses,
         [hardening, stretching]: [f64; 2],
     ) -> Result<usize, Error> {
-        self.room(name, topology.n_mat + topology.n_fixed)?;
+        self.check_capacity(name, topology.n_mat + topology.n_fixed)?;
         let tuned = losses.tuned;
         let (n, n_fixed) = (topology.n_mat, topology.n_fixed);
         let before = usize::from(topology.in_line && n_fixed > 0);

@@ -182,7 +182,7 @@ impl Network {
         kind: MatKind,
         [m, k, z, rest, x0, v0]: [f64; 6],
     ) -> Result<usize, Error> {
-        self.room(name, 1)?;
+        self.check_capacity(name, 1)?;
         let index = self.n_mat();
         let part = self.current();
         self.mats.push(Mat {

@@ -1,6 +1,6 @@
 //! Damped modes: poles s of (s² + s·Z + K) x = 0, in coordinates that make every mass 1.
 //!
-//! The problem is first solved in the span of undamped modes x and of the answers of the springs to the forces Z x.
+//! The problem is first solved in the span of undamped modes x and of the responses of the springs to the forces Z x.
 //! Each pole is then refined by itself on the whole network.
 
 use nalgebra::Complex;
@@ -17,26 +17,26 @@ use crate::spectrum::{Mode, general, whole};
 const UNCOUPLED: f64 = 1e-6;
 /// Rounding error of Z x, relative to the strongest damping.
 const ROUNDING: f64 = 1e-13;
-/// An answer is dropped if the part of it that is new is below this fraction.
+/// A response is dropped if the part of it that is new is below this fraction.
 const NEW: f64 = 1e-6;
 /// Most corrections of a pole; each squares its relative error.
 const CORRECTIONS: usize = 8;
 /// A correction below this fraction of the pole is the last: the error that remains is its square.
-const LAST: f64 = 1e-8;
+const STEP_LAST: f64 = 1e-8;
 /// A pole needs no correction if the error that its residual implies is below this fraction of it.
 const EXACT: f64 = 1e-12;
 /// A correction above this fraction of the pole leads to another pole; all corrections are then discarded.
-const FAR: f64 = 1e-2;
+const STEP_MAX: f64 = 1e-2;
 
 /// Largest relative error, implied by its residual, at which a pole counts as known (1e-6 cents).
-const KNOWN: f64 = 5e-10;
+const ERROR_KNOWN: f64 = 5e-10;
 /// Rounding error of a residual, relative to the largest stiffness of the network.
-const ROUNDED: f64 = 1e-12;
+const RESIDUAL_ROUNDING: f64 = 1e-12;
 /// Two poles are the same one, found twice, if corrections reduced their distance to less than this fraction.
-const NEARER: f64 = 1e-3;
+const MERGED: f64 = 1e-3;
 
 /// A pole and the motion x of the masses (n), scaled to xᵀ(2s + Z)x = 2i·Im s, or to length 1 if the pole is real.
-pub(super) struct Swing {
+pub(super) struct DampedMode {
     pub(super) pole: Complex<f64>,
     pub(super) shape: Vec<Complex<f64>>,
     /// Whether this is a pole, and distinct from all others.
@@ -46,11 +46,12 @@ pub(super) struct Swing {
 /// Whether damping couples any of the modes with others.
 pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
     let n = body.springs.n();
-    let scattered: Vec<f64> = (0..n)
+    let alternating: Vec<f64> = (0..n)
         .map(|i| if i % 2 == 0 { 1.0 } else { -1.0 })
         .collect();
-    let image = times(&body.dampers, &scattered);
-    // If damping does not act on a mode x, Z x is only rounding error; Z times a scattered vector tells its size.
+    let image = times(&body.dampers, &alternating);
+    // If damping does not act on a mode x, Z x is only rounding error; Z times a vector of alternating signs tells
+    // its size.
     let least = ROUNDING * sqrt(dot(&image, &image) / n as f64);
     modes.iter().any(|mode| {
         let image = times(&body.dampers, &mode.vector);
@@ -62,12 +63,17 @@ pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
 }
 
 /// The `count` poles of smallest |s| that arise from undamped modes; `is_coupled` says whether damping couples these.
-pub(super) fn swings(body: &Body, modes: &[Mode], is_coupled: bool, count: usize) -> Vec<Swing> {
+pub(super) fn damped_modes(
+    body: &Body,
+    modes: &[Mode],
+    is_coupled: bool,
+    count: usize,
+) -> Vec<DampedMode> {
     if !is_coupled {
-        let alone = |mode: &Mode| alone(mode, &times(&body.dampers, &mode.vector));
-        return modes.iter().take(count).map(alone).collect();
+        let solve = |mode: &Mode| uncoupled_mode(mode, &times(&body.dampers, &mode.vector));
+        return modes.iter().take(count).map(solve).collect();
     }
-    let modes = with_answers(body, modes);
+    let modes = with_responses(body, modes);
     let images: Vec<Vec<f64>> = modes
         .iter()
         .map(|mode| times(&body.dampers, &mode.vector))
@@ -76,20 +82,20 @@ pub(super) fn swings(body: &Body, modes: &[Mode], is_coupled: bool, count: usize
         return Vec::new();
     };
     found.truncate(count);
-    let whole = Whole::new(body);
-    let poles: Vec<Complex<f64>> = found.iter().map(|swing| swing.pole).collect();
-    for (i, swing) in found.iter_mut().enumerate() {
+    let matrices = NetworkMatrices::new(body);
+    let poles: Vec<Complex<f64>> = found.iter().map(|mode| mode.pole).collect();
+    for (i, mode) in found.iter_mut().enumerate() {
         let others = poles.iter().enumerate().filter(|(j, _)| *j != i);
         let gap = others.fold(f64::INFINITY, |least, (_, other)| {
-            least.min((other - swing.pole).norm())
+            least.min((other - mode.pole).norm())
         });
-        whole.correct(swing, gap);
+        matrices.correct(mode, gap);
     }
     for i in 0..found.len() {
         crate::interrupt::poll();
         for j in 0..i {
             let (before, now) = (poles[i] - poles[j], found[i].pole - found[j].pole);
-            if now.norm() < NEARER * before.norm() {
+            if now.norm() < MERGED * before.norm() {
                 (found[i].is_known, found[j].is_known) = (false, false);
             }
         }
@@ -98,7 +104,7 @@ pub(super) fn swings(body: &Body, modes: &[Mode], is_coupled: bool, count: usize
 }
 
 /// The pole of a mode that damping couples with no other: s² + ζs + λ = 0.
-fn alone(mode: &Mode, image: &[f64]) -> Swing {
+fn uncoupled_mode(mode: &Mode, image: &[f64]) -> DampedMode {
     let half = 0.5 * dot(&mode.vector, image);
     let squared = mode.lambda - half * half;
     let pole = if squared >= 0.0 {
@@ -108,15 +114,15 @@ fn alone(mode: &Mode, image: &[f64]) -> Swing {
         Complex::new(-mode.lambda / (half + sqrt(-squared)), 0.0)
     };
     let shape = mode.vector.iter().map(|&x| Complex::from(x)).collect();
-    Swing {
+    DampedMode {
         pole,
         shape,
         is_known: true,
     }
 }
 
-/// The modes, extended by answers of the springs to damping: orthonormal vectors, each with its λ, as modes are.
-fn with_answers(body: &Body, modes: &[Mode]) -> Vec<Mode> {
+/// The modes, extended by responses of the springs to damping: orthonormal vectors, each with its λ, as modes are.
+fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
     let n = body.springs.n();
     let room = modes.len().min(n - modes.len());
     let mut rests: Vec<Vec<f64>> = Vec::new();
@@ -129,36 +135,39 @@ fn with_answers(body: &Body, modes: &[Mode]) -> Vec<Mode> {
         push_new(&mut kept, &mut rests, image);
     }
     rests.truncate(room);
-    // Static answers, then answers at half the highest λ: two for each damped point, if there are few.
+    // Static responses, then responses at half the highest λ: two for each damped point, if there are few.
     let middle = modes.last().map_or(0.0, |mode| 0.5 * mode.lambda);
     let mut kept = basis(modes);
-    let mut answers: Vec<Vec<f64>> = Vec::new();
+    let mut responses: Vec<Vec<f64>> = Vec::new();
     for mut shift in [-1e-9 * body.springs.scale(), middle] {
         if rests.is_empty() {
             break;
         }
         let factor = body.springs.factor(&mut shift);
         for rest in &rests {
-            if answers.len() < room {
-                push_new(&mut kept, &mut answers, factor.solve(rest));
+            if responses.len() < room {
+                push_new(&mut kept, &mut responses, factor.solve(rest));
             }
         }
     }
-    // Rotate the answers among themselves so that springs do not couple them.
+    // Rotate the responses among themselves so that springs do not couple them.
     let mut all = modes.to_vec();
-    let k = answers.len();
+    let k = responses.len();
     if k == 0 {
         return all;
     }
-    let images: Vec<Vec<f64>> = answers.iter().map(|own| body.springs.times(own)).collect();
+    let images: Vec<Vec<f64>> = responses
+        .iter()
+        .map(|own| body.springs.times(own))
+        .collect();
     let small = (0..k * k)
-        .map(|at| dot(&answers[at / k], &images[at % k]))
+        .map(|at| dot(&responses[at / k], &images[at % k]))
         .collect();
     if let Some((lambdas, seen)) = whole(small, &units(k)) {
         for (at, lambda) in lambdas.into_iter().enumerate() {
             let mut vector = vec![0.0; n];
-            for (answer, row) in answers.iter().zip(&seen) {
-                add(row[at], answer, &mut vector);
+            for (response, row) in responses.iter().zip(&seen) {
+                add(row[at], response, &mut vector);
             }
             all.push(Mode { lambda, vector });
         }
@@ -178,7 +187,7 @@ fn push_new(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Ve
 }
 
 /// Poles of modes that damping couples, by rising |s|: eigenvalues in (p, v) with p = ω·q, ṗ = ω·v, v̇ = −ω·p − Z·v.
-fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<Swing>> {
+fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<DampedMode>> {
     let n = modes.len();
     let size = 2 * n;
     let mut matrix = vec![0.0; size * size];
@@ -220,25 +229,25 @@ fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<Swing>> {
         re * re + im * im
     };
     poles.sort_by(|&a, &b| square(a).total_cmp(&square(b)));
-    let swing = |at: usize| {
+    let damped_mode = |at: usize| {
         let (re, im) = found.values[at];
-        Swing {
+        DampedMode {
             pole: Complex::new(re, im),
             shape: shape(at, im != 0.0),
             is_known: true,
         }
     };
-    Some(poles.into_iter().map(swing).collect())
+    Some(poles.into_iter().map(damped_mode).collect())
 }
 
 /// Stiffness and damping of the whole network on one sparsity pattern.
-pub(super) struct Whole {
+pub(super) struct NetworkMatrices {
     pub(super) pattern: Pattern,
     stiffness: Values<f64>,
     damping: Values<f64>,
 }
 
-impl Whole {
+impl NetworkMatrices {
     pub(super) fn new(body: &Body) -> Self {
         let n = body.springs.n();
         let all = body.springs.each().iter().chain(&body.dampers);
@@ -258,10 +267,10 @@ impl Whole {
 
     /// Refine a pole by Newton's method, s −= xᵀx / xᵀy with P(s) y = P′(s) x, unless its residual shows that it is
     /// exact; `gap` is the distance to the next pole. Source: Ruhe, SIAM J. Numer. Anal. 10 (1973).
-    fn correct(&self, swing: &mut Swing, gap: f64) {
+    fn correct(&self, mode: &mut DampedMode, gap: f64) {
         let n = self.pattern.n();
         let mut image = vec![Complex::from(0.0); n];
-        let (mut s, mut x) = (swing.pole, swing.shape.clone());
+        let (mut s, mut x) = (mode.pole, mode.shape.clone());
         let size = |x: &[Complex<f64>]| sqrt(x.iter().map(|x| x.norm_sqr()).sum());
         let slope = |s: Complex<f64>| {
             Values::of(&self.stiffness, &self.damping, s * 2.0, |_, z| {
@@ -284,32 +293,32 @@ impl Whole {
             let y = factor.solve(&image);
             let step = bilinear(&x, &x) / bilinear(&x, &y);
             let length = size(&y);
-            if !(step.norm() <= FAR * swing.pole.norm() && length.is_finite()) {
-                (s, x) = (swing.pole, swing.shape.clone());
+            if !(step.norm() <= STEP_MAX * mode.pole.norm() && length.is_finite()) {
+                (s, x) = (mode.pole, mode.shape.clone());
                 break;
             }
             s -= step;
             x = y.into_iter().map(|y| y / length).collect();
-            if step.norm() <= LAST * s.norm() {
+            if step.norm() <= STEP_LAST * s.norm() {
                 break;
             }
         }
-        if swing.pole.im == 0.0 {
+        if mode.pole.im == 0.0 {
             s.im = 0.0;
         }
         self.at(s).times(&self.pattern, &x, &mut image);
         let stiffest = self.stiffness.diagonal.iter();
         let stiffest = stiffest.fold(0.0_f64, |most, k| most.max(k.abs()));
-        let most = 2.0 * KNOWN * s.norm_sqr() + ROUNDED * stiffest;
-        swing.is_known = size(&image) <= most * size(&x);
+        let most = 2.0 * ERROR_KNOWN * s.norm_sqr() + RESIDUAL_ROUNDING * stiffest;
+        mode.is_known = size(&image) <= most * size(&x);
         slope(s).times(&self.pattern, &x, &mut image);
         let by = if s.im == 0.0 {
             Complex::from(1.0 / size(&x))
         } else {
             root(Complex::new(0.0, 2.0 * s.im) / bilinear(&x, &image))
         };
-        swing.pole = s;
-        swing.shape = x.into_iter().map(|x| x * by).collect();
+        mode.pole = s;
+        mode.shape = x.into_iter().map(|x| x * by).collect();
     }
 }
 

@@ -36,8 +36,8 @@ impl Error {
     /// if there are no errors.
     pub(crate) fn of(found: impl IntoIterator<Item = Error>) -> Option<Self> {
         let mut known = HashSet::new();
-        let mut each: Vec<Error> = found.into_iter().flat_map(Error::each).collect();
-        each.retain(|error| known.insert(error.whole()));
+        let mut each: Vec<Error> = found.into_iter().flat_map(Error::into_list).collect();
+        each.retain(|error| known.insert(error.module_without_number()));
         match each.len() {
             0 | 1 => each.pop(),
             _ => Some(Self::Several(each)),
@@ -45,7 +45,7 @@ impl Error {
     }
 
     /// Name of the module at fault, without the number of a member.
-    fn whole(&self) -> String {
+    fn module_without_number(&self) -> String {
         let name = match self {
             Self::Refused { module, .. } | Self::Unstable { module, .. } => module,
             Self::Several(_) => return String::new(),
@@ -59,7 +59,7 @@ impl Error {
     }
 
     /// Each fault by itself.
-    pub fn each(self) -> Vec<Self> {
+    pub fn into_list(self) -> Vec<Self> {
         match self {
             Self::Several(each) => each,
             one => vec![one],

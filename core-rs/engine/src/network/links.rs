@@ -246,7 +246,7 @@ impl Network {
         if a == b {
             return Err(self.refused(name, "a link joins two different points"));
         }
-        self.room(name, 1)?;
+        self.check_capacity(name, 1)?;
         let first = self.n_lia;
         self.add_run(kind, a, b, 1, [k, z, rest]);
         let name = self.full_name(name);

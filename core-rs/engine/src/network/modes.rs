@@ -3,7 +3,7 @@
 use nalgebra::Complex;
 
 use super::Network;
-use super::damped::{self, Swing};
+use super::damped::{self, DampedMode};
 use crate::spectrum::{self, Found};
 use crate::units::LN_1000;
 
@@ -99,8 +99,8 @@ impl Network {
             }
         };
         let lowest = |count| spectrum::lowest_modes(&body.springs, count);
-        let heard = |swing: &Swing| Tone::of(body.continuous(swing.pole)).f;
-        let kept = |count: usize| -> Result<usize, TooManyModes> {
+        let frequency = |mode: &DampedMode| Tone::of(body.continuous(mode.pole)).f;
+        let checked_count = |count: usize| -> Result<usize, TooManyModes> {
             let (count, most) = (count.min(n), KEPT / n);
             if count <= most {
                 return Ok(count);
@@ -114,48 +114,50 @@ impl Network {
         let (mut poles, is_certified) = match range {
             _ if n == 0 => (Vec::new(), true),
             ModeRange::Lowest(count) => {
-                let count = kept(count)?;
+                let count = checked_count(count)?;
                 let (found, is_coupled) = search(count, &lowest);
-                let lowest = damped::swings(&body, &found.modes, is_coupled, count);
+                let lowest = damped::damped_modes(&body, &found.modes, is_coupled, count);
                 let is_all = lowest.len() == count;
                 (lowest, found.is_certified && is_all)
             }
             ModeRange::Below(f) => {
-                let count = kept(spectrum::n_below(&body.springs, body.lambda(f)))?;
+                let count = checked_count(spectrum::n_below(&body.springs, body.lambda(f)))?;
                 let (found, is_coupled) = search(count, &lowest);
-                let mut all = damped::swings(&body, &found.modes, is_coupled, found.modes.len());
-                all.retain(|swing| heard(swing) <= f);
+                let mut all =
+                    damped::damped_modes(&body, &found.modes, is_coupled, found.modes.len());
+                all.retain(|mode| frequency(mode) <= f);
                 (all, found.is_certified)
             }
             ModeRange::Around(f, count) => {
-                let count = kept(count)?;
+                let count = checked_count(count)?;
                 let centre = body.lambda(f);
                 let around = |count| spectrum::modes_around(&body.springs, centre, count);
                 let (found, is_coupled) = search(count, &around);
-                let mut all = damped::swings(&body, &found.modes, is_coupled, found.modes.len());
-                let far = |swing: &Swing| (heard(swing) - f).abs();
-                all.sort_by(|a, b| far(a).total_cmp(&far(b)));
+                let mut all =
+                    damped::damped_modes(&body, &found.modes, is_coupled, found.modes.len());
+                let distance = |mode: &DampedMode| (frequency(mode) - f).abs();
+                all.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
                 all.truncate(count);
                 (all, found.is_certified)
             }
         };
-        let is_certified = is_certified && poles.iter().all(|swing| swing.is_known);
+        let is_certified = is_certified && poles.iter().all(|mode| mode.is_known);
         poles.sort_by(|a, b| a.pole.norm_sqr().total_cmp(&b.pole.norm_sqr()));
         // The sign of a shape is such that its largest motion is positive.
-        let shape = |swing: &Swing| -> Vec<Complex<f64>> {
+        let shape = |mode: &DampedMode| -> Vec<Complex<f64>> {
             let large = |x: &Complex<f64>, y: &Complex<f64>| x.re.abs().total_cmp(&y.re.abs());
-            let most = swing.shape.iter().copied().max_by(large);
+            let most = mode.shape.iter().copied().max_by(large);
             let sign = if most.is_some_and(|x| x.re < 0.0) {
                 -1.0
             } else {
                 1.0
             };
-            let each = swing.shape.iter().zip(&body.root);
+            let each = mode.shape.iter().zip(&body.root);
             each.map(|(x, root)| x * (sign / root)).collect()
         };
         let each: Vec<Complex<f64>> = poles
             .iter()
-            .map(|swing| body.continuous(swing.pole))
+            .map(|mode| body.continuous(mode.pole))
             .collect();
         Ok(PartModes {
             tones: each.iter().map(|&s| Tone::of(s)).collect(),

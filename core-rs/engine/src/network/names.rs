@@ -31,7 +31,7 @@ fn find(groups: &[Group], index: usize) -> Option<&Group> {
     groups.get(at).filter(|group| group.first <= index)
 }
 
-fn show(groups: &[Group], index: usize) -> String {
+fn full_name(groups: &[Group], index: usize) -> String {
     let Some(group) = find(groups, index) else {
         return format!("#{index}");
     };
@@ -47,7 +47,7 @@ fn show(groups: &[Group], index: usize) -> String {
 }
 
 /// The groups of the modules `kept` (rising indices), renumbered.
-fn cut(groups: &[Group], kept: &[u32]) -> Vec<Group> {
+fn renumbered(groups: &[Group], kept: &[u32]) -> Vec<Group> {
     let mut cut: Vec<Group> = Vec::new();
     let mut before: Option<usize> = None;
     for (local, &index) in kept.iter().enumerate() {
@@ -74,8 +74,8 @@ impl Names {
     /// The names of some modules, by their rising indices.
     pub(super) fn subset(&self, mats: &[u32], links: &[u32]) -> Self {
         Self {
-            mats: cut(&self.mats, mats),
-            links: cut(&self.links, links),
+            mats: renumbered(&self.mats, mats),
+            links: renumbered(&self.links, links),
         }
     }
 
@@ -131,11 +131,11 @@ impl Names {
     }
 
     pub(super) fn mat(&self, index: usize) -> String {
-        show(&self.mats, index)
+        full_name(&self.mats, index)
     }
 
     pub(super) fn link(&self, index: usize) -> String {
-        show(&self.links, index)
+        full_name(&self.links, index)
     }
 
     /// How many MATs the module that begins at `first` has.

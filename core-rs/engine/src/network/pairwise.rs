@@ -193,7 +193,7 @@ impl Network {
         {
             return Err(self.refused(name, "joins a module that does not exist"));
         }
-        self.room(name, b.n)?;
+        self.check_capacity(name, b.n)?;
         let first = self.n_lia;
         let reach = own.law.reach();
         let rest = reach
@@ -201,7 +201,7 @@ impl Network {
                 Measure::Within => -gap,
                 Measure::Distance | Measure::Plane(_) | Measure::Surface(_) => gap,
             };
-        let link = SpaceLink::of(own.law, measure, n_axes, [a.first, b.first]);
+        let link = SpaceLink::new(own.law, measure, n_axes, [a.first, b.first]);
         let pairs = Pairwise {
             link,
             n_first: a.n,
@@ -252,7 +252,9 @@ fn refusal(
         Some("an attraction acts along a distance, without a gap and without friction")
     } else if is_contact && *measure == Measure::Distance && a.n > 1 && gap <= 0.0 {
         Some("points that meet need a gap above 0: the distance at which they touch")
-    } else if matches!(measure, Measure::Distance | Measure::Surface(_)) && law.sinks_beyond(gap) {
+    } else if matches!(measure, Measure::Distance | Measure::Surface(_))
+        && law.rests_beyond_gap(gap)
+    {
         Some(SINKS)
     } else if matches!(measure, Measure::Plane(normal) if (length(normal) - 1.0).abs() > 1e-9
         || (n_axes == 2 && normal[2] != 0.0))

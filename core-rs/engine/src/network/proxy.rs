@@ -75,11 +75,15 @@ impl Along {
 }
 
 impl Proxy {
-    /// Call `tell` with each mass and its share, when MATs are at `x` [m].
+    /// Call `visit` with each mass and its share, when MATs are at `x` [m].
     #[inline]
-    pub(crate) fn each(&self, x: impl Fn(usize) -> f64, mut tell: impl FnMut(usize, f64)) {
+    pub(crate) fn for_each_share(
+        &self,
+        x: impl Fn(usize) -> f64,
+        mut visit: impl FnMut(usize, f64),
+    ) {
         match &self.shares {
-            Shares::Fixed(shares) => shares.iter().for_each(|&(mat, share)| tell(mat, share)),
+            Shares::Fixed(shares) => shares.iter().for_each(|&(mat, share)| visit(mat, share)),
             Shares::Moving {
                 mats,
                 columns,
@@ -91,7 +95,7 @@ impl Proxy {
                     for (j, b) in [(j, 1.0 - right), (j + 1, right)] {
                         let share = a * b;
                         if share != 0.0 {
-                            tell(mats[i * columns + j], share);
+                            visit(mats[i * columns + j], share);
                         }
                     }
                 }
@@ -102,7 +106,7 @@ impl Proxy {
     /// Σ share·value over its masses, when MATs are at `x` [m].
     pub(crate) fn sum(&self, x: impl Fn(usize) -> f64, value: impl Fn(usize) -> f64) -> f64 {
         let mut sum = 0.0;
-        self.each(x, |mat, share| sum += share * value(mat));
+        self.for_each_share(x, |mat, share| sum += share * value(mat));
         sum
     }
 
@@ -134,16 +138,16 @@ impl Proxy {
     }
 
     /// Turn shares that follow no MAT into fixed shares.
-    fn settle(&mut self) {
+    fn fix_shares(&mut self) {
         if self.guides().next().is_none() {
             let mut shares = Vec::new();
-            self.each(|_| 0.0, |mat, share| shares.push((mat, share)));
+            self.for_each_share(|_| 0.0, |mat, share| shares.push((mat, share)));
             self.shares = Shares::Fixed(shares.into());
         }
     }
 
     /// The largest possible Σ|share|.
-    pub(crate) fn reach(&self) -> f64 {
+    pub(crate) fn share_sum_max(&self) -> f64 {
         match &self.shares {
             Shares::Fixed(shares) => shares.iter().map(|(_, share)| share.abs()).sum(),
             Shares::Moving { .. } => 1.0,
@@ -186,7 +190,7 @@ impl Network {
     pub fn shares(&self, mat: usize) -> Vec<(usize, f64)> {
         let mut shares = Vec::new();
         if let Some(own) = self.proxies.iter().find(|proxy| proxy.mat == mat) {
-            own.each(
+            own.for_each_share(
                 |mat| self.mats.x0[mat],
                 |mat, share| shares.push((mat, share)),
             );
@@ -229,7 +233,7 @@ impl Network {
             return Err(self.refused(name, "a PROXY must follow a MAT that exists"));
         }
         self.check_shares(name, &own.shares)?;
-        own.settle();
+        own.fix_shares();
         let mats = &self.mats;
         let at = |mat: usize| mats.x0[mat];
         let (x0, v0) = (own.sum(at, at), own.sum(at, |mat| mats.v0[mat]));

@@ -47,23 +47,25 @@ impl Network {
     ) -> ReachableNetwork {
         let is_off = |link: usize| moment.without.contains(&link);
         let is_held = |other: usize| other != mat && moment.held.contains(&other);
-        let goes = |other: usize| other == mat || self.mats.kind[other].moves();
-        let (mut through, mut own) = (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
+        let can_move = |other: usize| other == mat || self.mats.kind[other].moves();
+        let (mut joined, mut own) = (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
         for (_, mats) in links(self).filter(|&(link, _)| !is_off(link)) {
             // A link in space joins all coordinates of its points.
-            let mut going = mats.all().iter().copied().filter(|&mat| goes(mat));
-            let Some(first) = going.next() else { continue };
+            let mut movable = mats.all().iter().copied().filter(|&mat| can_move(mat));
+            let Some(first) = movable.next() else {
+                continue;
+            };
             let mut own_first = (!is_held(first)).then_some(first);
-            for other in going {
-                through.join(first, other);
+            for other in movable {
+                joined.join(first, other);
                 if !is_held(other) {
                     own.join(*own_first.get_or_insert(other), other);
                 }
             }
         }
-        let root = through.root(mat);
+        let root = joined.root(mat);
         let others = moment.held.iter();
-        let others = others.filter(|&&other| other != mat && through.root(other) == root);
+        let others = others.filter(|&&other| other != mat && joined.root(other) == root);
         let others = others.count();
         let root = own.root(mat);
         let mut is_here: Vec<bool> = (0..self.n_mat()).map(|i| own.root(i) == root).collect();
@@ -140,26 +142,26 @@ impl Network {
     /// All numbers that determine the motion, as bytes: networks with equal bytes move equally.
     pub fn numbers(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(32 * self.n_mat() + 48 * self.runs.len());
-        let mut put = |number: u64| bytes.extend(number.to_le_bytes());
+        let mut push = |number: u64| bytes.extend(number.to_le_bytes());
         let rate = |part: usize| {
             let rate = self.parts.get(part).and_then(|part| part.ca_rate);
             rate.map_or(0, |rate| rate.hertz().to_bits())
         };
-        put(self.n_mat() as u64);
+        push(self.n_mat() as u64);
         for i in 0..self.n_mat() {
             let mats = &self.mats;
-            put(mats.kind[i] as u64);
-            put(rate(mats.part[i] as usize));
+            push(mats.kind[i] as u64);
+            push(rate(mats.part[i] as usize));
             for number in [mats.m[i], mats.k[i], mats.z[i]] {
-                put(number.to_bits());
+                push(number.to_bits());
             }
         }
         for run in &self.runs {
             for number in [run.a, run.b, run.len] {
-                put(number as u64);
+                push(number as u64);
             }
             for number in [rate(run.part), run.k.to_bits(), run.z.to_bits()] {
-                put(number);
+                push(number);
             }
         }
         bytes

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::Complex;
 
 use super::Network;
-use super::damped::Whole;
+use super::damped::NetworkMatrices;
 use super::part_body::Body;
 use crate::maths::{cos, sin};
 use crate::spectrum::sparse::Factor;
@@ -51,11 +51,11 @@ impl Network {
         for slot in own(forced) {
             force[slot] += 1.0 / body.root[slot];
         }
-        let whole = Whole::new(&body);
+        let matrices = NetworkMatrices::new(&body);
         let mut found = vec![Complex::from(0.0); heard.len() * frequencies.len()];
         for (at, &f) in frequencies.iter().enumerate() {
             let (s, gain) = point(&body, f);
-            let answer = answer(&whole, s, &force);
+            let answer = answer(&matrices, s, &force);
             for (row, slots) in heard.iter().enumerate() {
                 let position = |x: &Vec<Complex<f64>>| -> Complex<f64> {
                     slots.iter().map(|&slot| x[slot] / body.root[slot]).sum()
@@ -82,13 +82,17 @@ fn point(body: &Body, f: f64) -> (Complex<f64>, Complex<f64>) {
 }
 
 /// The solution x of P(s) x = force; `None` at a pole.
-fn answer(whole: &Whole, s: Complex<f64>, force: &[Complex<f64>]) -> Option<Vec<Complex<f64>>> {
-    let matrix = whole.at(s);
-    let factor = Factor::new(&whole.pattern, &matrix, Complex::from(0.0))?;
+fn answer(
+    matrices: &NetworkMatrices,
+    s: Complex<f64>,
+    force: &[Complex<f64>],
+) -> Option<Vec<Complex<f64>>> {
+    let matrix = matrices.at(s);
+    let factor = Factor::new(&matrices.pattern, &matrix, Complex::from(0.0))?;
     let mut x = factor.solve(force);
     let mut image = vec![Complex::from(0.0); x.len()];
     for _ in 0..REFINEMENTS {
-        matrix.times(&whole.pattern, &x, &mut image);
+        matrix.times(&matrices.pattern, &x, &mut image);
         let left: Vec<Complex<f64>> = force.iter().zip(&image).map(|(f, y)| f - y).collect();
         for (x, more) in x.iter_mut().zip(factor.solve(&left)) {
             *x += more;

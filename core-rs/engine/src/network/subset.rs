@@ -78,8 +78,8 @@ impl Network {
                 continue;
             }
             // Few runs reach a small subset: check before searching link by link.
-            if subset.reaches(run.a, run.len) && subset.reaches(run.b, run.len) {
-                self.cut(run, links, &mut subset);
+            if subset.has_any(run.a, run.len) && subset.has_any(run.b, run.len) {
+                self.add_inside(run, links, &mut subset);
             }
         }
         let Subset { mats, links, .. } = &subset;
@@ -170,8 +170,8 @@ impl Network {
     }
 
     /// Add the links of one run that lie inside the subset; links whose ends stay consecutive share a run.
-    fn cut(&self, run: &Run, links: &[u32], subset: &mut Subset) {
-        let mut open: Option<Stretch> = None;
+    fn add_inside(&self, run: &Run, links: &[u32], subset: &mut Subset) {
+        let mut open: Option<LinkRange> = None;
         for i in 0..run.len {
             let Some((a, b, space)) = subset.local(run, i) else {
                 continue;
@@ -183,7 +183,7 @@ impl Network {
             match &mut open {
                 Some(before) if before.is_followed_by(a, b, space.as_ref()) => before.len += 1,
                 before => {
-                    let next = Stretch {
+                    let next = LinkRange {
                         a,
                         b,
                         len: 1,
@@ -198,14 +198,14 @@ impl Network {
 }
 
 /// Links of a run that stay consecutive.
-struct Stretch {
+struct LinkRange {
     a: usize,
     b: usize,
     len: usize,
     space: Option<SpaceLink>,
 }
 
-impl Stretch {
+impl LinkRange {
     fn is_followed_by(&self, a: usize, b: usize, space: Option<&SpaceLink>) -> bool {
         (a, b) == (self.a + self.len, self.b + self.len) && space == self.space.as_ref()
     }
@@ -213,7 +213,7 @@ impl Stretch {
 
 impl Subset {
     /// Whether any MAT of a range of the whole belongs to the subset.
-    fn reaches(&self, first: usize, len: usize) -> bool {
+    fn has_any(&self, first: usize, len: usize) -> bool {
         let at = self.mats.partition_point(|&mat| (mat as usize) < first);
         self.mats
             .get(at)
@@ -279,8 +279,8 @@ impl Subset {
         self.mat(last).is_some() && at(last) - at(first) == last - first
     }
 
-    fn push(&mut self, run: &Run, stretch: Option<Stretch>) {
-        let Some(Stretch { a, b, len, space }) = stretch else {
+    fn push(&mut self, run: &Run, range: Option<LinkRange>) {
+        let Some(LinkRange { a, b, len, space }) = range else {
             return;
         };
         let followed = run.followed();

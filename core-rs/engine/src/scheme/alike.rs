@@ -19,7 +19,7 @@ pub(crate) struct Alike {
 
 impl Scheme {
     /// All MATs as ranges with equal coefficients; empty if the ranges are too short to save time.
-    pub(super) fn stretches(&self) -> Vec<Alike> {
+    pub(super) fn equal_ranges(&self) -> Vec<Alike> {
         let n = self.n_mat();
         let (mut found, mut start) = (Vec::new(), 0);
         while start < n {

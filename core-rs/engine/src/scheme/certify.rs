@@ -110,7 +110,7 @@ fn space_weight(law: &SpaceLaw, run: &Run, c: f64) -> f64 {
 
 /// The MATs of points in contacts between all pairs, axis by axis, each with an upper bound of the sum of K + c·Z of
 /// the contacts on it.
-fn crowded(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
+fn pairwise_weights(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
     let pairs = match &run.kind {
         Kind::Pairwise { by, .. } => Some(by),
         _ => None,
@@ -129,17 +129,17 @@ fn crowded(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
 }
 
 /// Whether each link of a run always joins the same two MATs.
-fn joins(run: &Run) -> bool {
+fn has_fixed_pairs(run: &Run) -> bool {
     !matches!(run.kind, Kind::Pairwise { .. })
 }
 
 /// The stability limit of 4, reduced by the possible rounding error of an eigenvalue.
-const BORDER: f64 = 4.0 * (1.0 - 1e-14);
+const LIMIT: f64 = 4.0 * (1.0 - 1e-14);
 /// Up to this many MATs all eigenvalues are computed: this is exact at the limit, and just as quick.
 const DENSE_MAX: usize = 200;
 
 /// The largest eigenvalue of M⁻¹(K + c·Z), or an upper bound of it.
-pub(crate) struct Top {
+pub(crate) struct LargestEigenvalue {
     pub(crate) lambda: f64,
     pub(crate) means: Means,
     /// The MAT with the largest amplitude in the mode of `lambda`; 0 if only sums were computed.
@@ -148,7 +148,12 @@ pub(crate) struct Top {
 
 /// λmax(M⁻¹(K + c·Z)): Gershgorin's bound if it is below `enough`, else an eigenvalue. Fails if a force at rest is not
 /// finite.
-pub(crate) fn top(scheme: &Scheme, network: &Network, c: f64, enough: f64) -> Result<Top, Error> {
+pub(crate) fn top(
+    scheme: &Scheme,
+    network: &Network,
+    c: f64,
+    enough: f64,
+) -> Result<LargestEigenvalue, Error> {
     top_up_to(scheme, network, c, enough, f64::INFINITY)
 }
 
@@ -159,11 +164,11 @@ pub(crate) fn top_up_to(
     c: f64,
     enough: f64,
     beyond: f64,
-) -> Result<Top, Error> {
+) -> Result<LargestEigenvalue, Error> {
     let weights: Vec<f64> = scheme.runs.iter().map(|run| weight(run, c)).collect();
     let lambda = by_sums(scheme, network, c, &weights)?;
     if lambda < enough {
-        return Ok(Top {
+        return Ok(LargestEigenvalue {
             lambda,
             means: Means::Gershgorin,
             worst: 0,
@@ -192,38 +197,38 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
         })
         .collect();
     // A body that resists bending has links with negative K; each counts by its absolute value.
-    let joined = || links().filter(|(run, _)| joins(run));
-    let reach = reach(scheme);
+    let joined = || links().filter(|(run, _)| has_fixed_pairs(run));
+    let factor = proxy_factor(scheme);
     for (run, weight) in joined() {
         for i in 0..run.len {
             for (a, b) in run.pairs(i) {
-                let weight = weight.abs() * reach(a) * reach(b);
+                let weight = weight.abs() * factor(a) * factor(b);
                 sums[a] += weight;
                 sums[b] += weight;
             }
         }
     }
     // (Σshare·x)² ≤ Σ|share|·Σ|share|·x², and no share of a moving proxy is above 1.
-    let mut met = Vec::new();
+    let mut proxied_mats = Vec::new();
     for proxy in &scheme.proxies {
         let own = sums[proxy.mat];
         if proxy.is_moving() {
             for mat in proxy.masses() {
                 sums[mat] += own;
-                met.push(mat);
+                proxied_mats.push(mat);
             }
         } else {
-            proxy.each(
+            proxy.for_each_share(
                 |_| 0.0,
                 |mat, share| {
                     sums[mat] += own * share.abs();
-                    met.push(mat);
+                    proxied_mats.push(mat);
                 },
             );
         }
     }
     for (run, weight) in links() {
-        crowded(run, *weight).for_each(|(mat, sum)| sums[mat] += sum);
+        pairwise_weights(run, *weight).for_each(|(mat, sum)| sums[mat] += sum);
     }
     if let Some(mat) = sums.iter().position(|sum| !sum.is_finite()) {
         return Err(Error::Refused {
@@ -237,31 +242,37 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
         pairs.map(|(a, b)| at(a) + at(b))
     });
     // Any two points of a pairwise run may touch.
-    let crowds = links().flat_map(|(run, weight)| crowded(run, *weight));
-    let crowds = crowds.map(|(mat, _)| 2.0 * at(mat));
+    let pairwise = links().flat_map(|(run, weight)| pairwise_weights(run, *weight));
+    let pairwise = pairwise.map(|(mat, _)| 2.0 * at(mat));
     let ends = joined().flat_map(|(run, _)| (0..run.len).flat_map(|i| run.pairs(i)));
     let ends = ends.filter(|&(a, b)| scheme.is_proxy(a) || scheme.is_proxy(b));
-    met.extend(ends.flat_map(|(a, b)| [a, b]));
-    let proxied = met.iter().map(|&mat| 2.0 * at(mat));
+    proxied_mats.extend(ends.flat_map(|(a, b)| [a, b]));
+    let proxied = proxied_mats.iter().map(|&mat| 2.0 * at(mat));
     Ok((0..n)
         .map(at)
         .chain(edges)
-        .chain(crowds)
+        .chain(pairwise)
         .chain(proxied)
         .fold(0.0, f64::max))
 }
 
 /// Factor for the weight of a link in the sum at each end: above 1 only at proxies with Σ|share| above 1.
-fn reach(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
+fn proxy_factor(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
     |mat| {
         let mut proxies = scheme.proxies.iter();
         let proxy = proxies.find(|proxy| proxy.mat == mat);
-        proxy.map_or(1.0, |proxy| proxy.reach().max(1.0))
+        proxy.map_or(1.0, |proxy| proxy.share_sum_max().max(1.0))
     }
 }
 
 /// The largest eigenvalue of M^-½ (K + c·Z) M^-½, with proxies at their initial positions.
-fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], beyond: f64) -> Top {
+fn by_eigenvalue(
+    scheme: &Scheme,
+    network: &Network,
+    c: f64,
+    weights: &[f64],
+    beyond: f64,
+) -> LargestEigenvalue {
     let n = scheme.n_mat();
     let mut root: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
     for proxy in &scheme.proxies {
@@ -279,10 +290,10 @@ fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], be
         }
         for (run, weight) in scheme.runs.iter().zip(weights) {
             // The matrix of links between points that may touch is bounded by twice the sum at each point.
-            crowded(run, *weight)
+            pairwise_weights(run, *weight)
                 .for_each(|(mat, sum)| y[mat] += 2.0 * sum * scheme.w[mat] * v[mat]);
             for (a, b) in (0..run.len)
-                .filter(|_| joins(run))
+                .filter(|_| has_fixed_pairs(run))
                 .flat_map(|i| run.pairs(i))
             {
                 let f = weight * (scaled[b] - scaled[a]);
@@ -292,7 +303,7 @@ fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], be
         }
         for proxy in &scheme.proxies {
             let pull = std::mem::take(&mut y[proxy.mat]);
-            proxy.each(begin, |mat, share| y[mat] += share * pull * root[mat]);
+            proxy.for_each_share(begin, |mat, share| y[mat] += share * pull * root[mat]);
         }
     };
     let worst = |vector: &dyn Fn(usize) -> f64| {
@@ -302,7 +313,7 @@ fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], be
     };
     if n > DENSE_MAX {
         let largest = spectrum::largest_up_to(n, &mut apply, beyond);
-        return Top {
+        return LargestEigenvalue {
             lambda: largest.theta + largest.residual,
             means: Means::Lanczos,
             worst: worst(&|i| largest.vector[i]),
@@ -318,7 +329,7 @@ fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], be
     }
     let eigen = matrix.symmetric_eigen();
     let at = eigen.eigenvalues.imax();
-    Top {
+    LargestEigenvalue {
         lambda: eigen.eigenvalues[at],
         means: Means::Dense,
         worst: worst(&|i| eigen.eigenvectors[(i, at)]),
@@ -336,7 +347,7 @@ pub(crate) enum Refusal {
 
 /// The lowest multiple of the rate at which the scheme is stable. Springs need a factor of √(λmax/4), dampers of
 /// λmax/4, and for CELs it depends on their poles at that rate; so multiples are tried.
-fn helping(scheme: &Scheme, network: &Network, lambda: f64) -> u32 {
+fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u32 {
     const MOST: u32 = 1 << 20;
     let own: HashSet<usize> = scheme.runs.iter().map(|run| run.first).collect();
     let is_stable = |times: u32| {
@@ -345,8 +356,8 @@ fn helping(scheme: &Scheme, network: &Network, lambda: f64) -> u32 {
         };
         Scheme::new(network, rate).is_ok_and(|mut finer| {
             finer.runs.retain(|run| own.contains(&run.first));
-            let top = top_up_to(&finer, network, 2.0, BORDER, BORDER);
-            top.is_ok_and(|top| top.lambda < BORDER)
+            let top = top_up_to(&finer, network, 2.0, LIMIT, LIMIT);
+            top.is_ok_and(|top| top.lambda < LIMIT)
         })
     };
     let mut high = oversampling(lambda);
@@ -374,7 +385,7 @@ fn helping(scheme: &Scheme, network: &Network, lambda: f64) -> u32 {
 
 /// Whether the scheme is stable without its damping.
 pub(super) fn bears_springs(scheme: &Scheme, network: &Network) -> bool {
-    top_up_to(scheme, network, 0.0, BORDER, BORDER).is_ok_and(|top| top.lambda < BORDER)
+    top_up_to(scheme, network, 0.0, LIMIT, LIMIT).is_ok_and(|top| top.lambda < LIMIT)
 }
 
 pub(super) fn certify(
@@ -389,16 +400,16 @@ pub(super) fn certify(
     };
     let beyond = match refusal {
         Refusal::Explained => f64::INFINITY,
-        Refusal::Bare => BORDER,
+        Refusal::Bare => LIMIT,
     };
-    let top = top_up_to(scheme, network, 2.0, BORDER, beyond)?;
+    let top = top_up_to(scheme, network, 2.0, LIMIT, beyond)?;
     // The eigenvalue holds for the initial position of a proxy only.
     let moves = scheme.proxies.iter().any(Proxy::is_moving);
     let word = match top.means {
         Means::Dense | Means::Lanczos if moves => StabilityGuarantee::Tried,
         _ => word,
     };
-    if top.lambda < BORDER {
+    if top.lambda < LIMIT {
         return Ok(Certificate {
             lambda_max: top.lambda,
             means: top.means,
@@ -409,7 +420,7 @@ pub(super) fn certify(
         module: network.mat_name(top.worst),
         lambda: top.lambda,
         oversampling: match refusal {
-            Refusal::Explained => helping(scheme, network, top.lambda),
+            Refusal::Explained => lowest_stable_multiple(scheme, network, top.lambda),
             Refusal::Bare => oversampling(top.lambda),
         },
     })

@@ -73,7 +73,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                 };
                 let f = own.pitch(at).map_or(0.0, |(f, _)| f);
                 too_high.extend(above_nyquist(network, i, f, rate));
-                (step * step / m, moved(own, at, rate))
+                (step * step / m, at_rate(own, at, rate))
             }
         };
         if mats.kind[i] == MatKind::Cel {
@@ -83,7 +83,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
     if let Some(refused) = Error::of(too_high) {
         return Err(refused);
     }
-    let mut rooms: Vec<Arc<Law>> = Vec::new();
+    let mut laws: Vec<Arc<Law>> = Vec::new();
     let (mut dry_runs, mut n_pairwise, mut n_followed) = (Vec::new(), 0, 0);
     for run in network.runs() {
         let ca = ca_rate(network, run.part);
@@ -104,7 +104,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
             LinkKind::Ref => scheme.runs.push(planned),
             LinkKind::Space(space) => {
                 scheme.linear = false;
-                planned.kind = Kind::Space(space.stepped(per_step));
+                planned.kind = Kind::Space(space.at_rate(per_step));
                 scheme.runs.push(planned);
             }
             LinkKind::Pairwise(pairs) => {
@@ -119,10 +119,10 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
             LinkKind::Lnl(law) => {
                 scheme.linear = false;
                 // Runs that share a law share its scratch memory.
-                let known = rooms.iter().position(|known| Arc::ptr_eq(known, law));
+                let known = laws.iter().position(|known| Arc::ptr_eq(known, law));
                 let room = known.unwrap_or_else(|| {
-                    rooms.push(law.clone());
-                    rooms.len() - 1
+                    laws.push(law.clone());
+                    laws.len() - 1
                 });
                 planned.kind = Kind::Lnl {
                     law: law.clone(),
@@ -174,8 +174,8 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                         return Err(on_proxy(network, run));
                     }
                     Contact::Magic => {
-                        free(network, run.a, run.first)?;
-                        free(network, run.b, run.first)?;
+                        check_no_other_link(network, run.a, run.first)?;
+                        check_no_other_link(network, run.b, run.first)?;
                         if scheme.w[run.a] + scheme.w[run.b] == 0.0 {
                             return Err(Error::Refused {
                                 module: network.link_name(run.first),
@@ -198,7 +198,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
     scheme.exact_coupled = ends
         .windows(2)
         .any(|pair| pair[0] == pair[1] && scheme.w[pair[0]] > 0.0);
-    scheme.alike = scheme.stretches();
+    scheme.alike = scheme.equal_ranges();
     Ok(scheme)
 }
 
@@ -245,7 +245,7 @@ fn above_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Option<Er
 
 /// κ and ζ of a discrete CEL at another rate: from its poles if they have a pitch and a decay, else by M = m/T², Z =
 /// z/T.
-fn moved(own: Ratios, at: Rate, rate: Rate) -> Ratios {
+fn at_rate(own: Ratios, at: Rate, rate: Rate) -> Ratios {
     if at.hertz() == rate.hertz() {
         return own;
     }
@@ -276,7 +276,7 @@ fn on_proxy(network: &Network, run: &LinkRun) -> Error {
 }
 
 /// A magic contact is exact only if nothing else acts on its two ends.
-fn free(network: &Network, mat: usize, link: usize) -> Result<(), Error> {
+fn check_no_other_link(network: &Network, mat: usize, link: usize) -> Result<(), Error> {
     let tied = network.mats().kind[mat] == MatKind::Cel;
     let held = tied || (network.degree(mat) > 1 && network.mats().kind[mat].moves());
     if held {

@@ -349,5 +349,5 @@ fn every_module_above_half_the_rate_is_told_and_each_once() {
     for (line, module) in lines.iter().zip(["a: ", "c: ", "sky.0: "]) {
         assert!(line.starts_with(module), "{line}");
     }
-    assert_eq!(refused.each().len(), 3);
+    assert_eq!(refused.into_list().len(), 3);
 }

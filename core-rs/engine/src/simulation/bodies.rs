@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use super::side::{At, MatLocation, Side, others};
+use super::side::{MatLocation, Side, UnitIndex, unmatched};
 use super::{RunningUnit, Simulation};
 use crate::island::inside::{self, BodyPlan};
 use crate::network::Network;
@@ -13,7 +13,7 @@ use crate::units::Rate;
 /// Where a body is computed: in a bank of its modes (`None`), or as a body of an island (its index).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
-    pub(super) at: At,
+    pub(super) at: UnitIndex,
     body: Option<usize>,
 }
 
@@ -21,28 +21,28 @@ pub(super) struct Place {
 #[derive(Clone, Debug)]
 pub(super) struct Body {
     pub(super) place: Place,
-    /// Index in [`Room::mats`] of the first of its masses.
+    /// Index in [`Workspace::mats`] of the first of its masses.
     first: usize,
-    how: Source,
+    source: Source,
 }
 
 #[derive(Clone, Debug)]
 enum Source {
     /// The masses follow from the modes of the body.
     Modes(Box<ModeShapes>),
-    /// The body computes its masses by another method: their indices in the body, and room for their motions (x, step).
+    /// The body computes its masses by another method: their indices in the body, and their motions (x, step).
     Masses(Vec<(usize, (f64, f64))>),
 }
 
 /// A body whose masses may be asked for: the names of the masses, and the initial position and step of each [m].
-struct Candidate<'a> {
+struct BodyCandidate<'a> {
     place: Place,
     names: Vec<String>,
     start: Vec<(f64, f64)>,
-    what: Wanted<'a>,
+    source: MassSource<'a>,
 }
 
-enum Wanted<'a> {
+enum MassSource<'a> {
     /// A body by modes: its network, which of its modes are computed, the MATs that modes of one frequency were turned
     /// towards, and the rate of its steps.
     Modes(&'a Network, (&'a [u32], Option<&'a [usize]>), Rate),
@@ -52,22 +52,22 @@ enum Wanted<'a> {
 /// Working memory for masses and modes during a takeover. Of each mass: its position [m] and its step in a frame of the
 /// scene [m].
 #[derive(Clone, Debug, Default)]
-pub(super) struct Room {
+pub(super) struct Workspace {
     pub(super) mats: Vec<(f64, f64)>,
     now: Vec<f64>,
     before: Vec<f64>,
 }
 
-impl<'a> Candidate<'a> {
+impl<'a> BodyCandidate<'a> {
     /// Bodies of all units that are not the same on both sides, except those in `without`.
     fn all(
         side: &'a Side<'a>,
         [islands, banks]: [&[bool]; 2],
-        without: &HashSet<(At, usize)>,
+        without: &HashSet<(UnitIndex, usize)>,
     ) -> Vec<Self> {
         let step = side.rate.step();
         let mut found = Vec::new();
-        for (&(at, _, island_plan), _) in others(&side.islands, islands) {
+        for (&(at, _, island_plan), _) in unmatched(&side.islands, islands) {
             let bodies = island_plan.bodies.iter().enumerate();
             for (index, body) in bodies.filter(|(index, _)| !without.contains(&(at, *index))) {
                 let place = Place {
@@ -89,23 +89,29 @@ impl<'a> Candidate<'a> {
                     BodyPlan::Mesh(_) => own.clone(),
                     BodyPlan::Modal(_) => moving(network),
                 };
-                let what = kept.map_or(Wanted::Masses(own), |(kept, rate)| {
-                    Wanted::Modes(network, kept, rate)
+                let source = kept.map_or(MassSource::Masses(own), |(kept, rate)| {
+                    MassSource::Modes(network, kept, rate)
                 });
-                found.push(Self::new(place, network, &mats, what, step));
+                found.push(Self::new(place, network, &mats, source, step));
             }
         }
-        for (&(at, bank), _) in others(&side.banks, banks) {
+        for (&(at, bank), _) in unmatched(&side.banks, banks) {
             let Some(network) = &bank.of else { continue };
             let place = Place { at, body: None };
             let kept = (&bank.kept[..], bank.turned.as_deref());
-            let what = Wanted::Modes(network, kept, side.rate);
-            found.push(Self::new(place, network, &moving(network), what, step));
+            let source = MassSource::Modes(network, kept, side.rate);
+            found.push(Self::new(place, network, &moving(network), source, step));
         }
         found
     }
 
-    fn new(place: Place, network: &Network, mats: &[usize], what: Wanted<'a>, step: f64) -> Self {
+    fn new(
+        place: Place,
+        network: &Network,
+        mats: &[usize],
+        source: MassSource<'a>,
+        step: f64,
+    ) -> Self {
         let own = network.mats();
         Self {
             place,
@@ -114,30 +120,30 @@ impl<'a> Candidate<'a> {
                 .iter()
                 .map(|&mat| (own.x0[mat], own.v0[mat] * step))
                 .collect(),
-            what,
+            source,
         }
     }
 
-    /// The body, with a place in the room; `None` if its modes cannot be found.
-    fn body(self, transform: ModalTransform, room: &mut Room) -> Option<Body> {
-        let first = room.mats.len();
-        let how = match self.what {
-            Wanted::Modes(network, kept, rate) => {
+    /// The body, with a place in the workspace; `None` if its modes cannot be found.
+    fn body(self, transform: ModalTransform, workspace: &mut Workspace) -> Option<Body> {
+        let first = workspace.mats.len();
+        let source = match self.source {
+            MassSource::Modes(network, kept, rate) => {
                 let seen = ModeShapes::new(network, kept, rate, transform)?;
-                let n = room.now.len().max(seen.n_modes());
-                room.now.resize(n, 0.0);
-                room.before.resize(n, 0.0);
+                let n = workspace.now.len().max(seen.n_modes());
+                workspace.now.resize(n, 0.0);
+                workspace.before.resize(n, 0.0);
                 Source::Modes(Box::new(seen))
             }
-            Wanted::Masses(own) => {
+            MassSource::Masses(own) => {
                 Source::Masses(own.into_iter().map(|own| (own, (0.0, 0.0))).collect())
             }
         };
-        room.mats.extend(self.start);
+        workspace.mats.extend(self.start);
         Some(Body {
             place: self.place,
             first,
-            how,
+            source,
         })
     }
 }
@@ -154,50 +160,50 @@ fn moving(network: &Network) -> Vec<usize> {
 }
 
 /// The bodies of one side that hold at least one wanted mass: the names of all their masses with their places in the
-/// room, and the bodies.
+/// workspace, and the bodies.
 pub(super) fn bodies(
     side: &Side<'_>,
     same: [&[bool]; 2],
-    without: &HashSet<(At, usize)>,
+    without: &HashSet<(UnitIndex, usize)>,
     wanted: impl Fn(&str) -> bool,
     transform: ModalTransform,
-    room: &mut Room,
+    workspace: &mut Workspace,
 ) -> (Vec<(String, MatLocation)>, Vec<Body>) {
-    let (mut spots, mut found) = (Vec::new(), Vec::new());
-    for known in Candidate::all(side, same, without) {
+    let (mut locations, mut found) = (Vec::new(), Vec::new());
+    for known in BodyCandidate::all(side, same, without) {
         if !known.names.iter().any(|name| wanted(name)) {
             continue;
         }
         let names = known.names.clone();
-        let Some(body) = known.body(transform, room) else {
+        let Some(body) = known.body(transform, workspace) else {
             continue;
         };
         let slots = names.into_iter().zip(body.first..);
-        spots.extend(slots.map(|(name, slot)| (name, MatLocation::Room(slot))));
+        locations.extend(slots.map(|(name, slot)| (name, MatLocation::Workspace(slot))));
         found.push(body);
     }
-    (spots, found)
+    (locations, found)
 }
 
 /// Names of the masses of all bodies that `bodies` considers on one side.
 pub(super) fn names(
     side: &Side<'_>,
     same: [&[bool]; 2],
-    without: &HashSet<(At, usize)>,
+    without: &HashSet<(UnitIndex, usize)>,
 ) -> HashSet<String> {
-    let all = Candidate::all(side, same, without).into_iter();
+    let all = BodyCandidate::all(side, same, without).into_iter();
     all.flat_map(|known| known.names).collect()
 }
 
 impl Body {
-    /// Copies the positions and steps of the masses from the simulation into the room.
-    pub(super) fn look(&self, simulation: &mut Simulation, room: &mut Room) {
+    /// Copies the positions and steps of the masses from the simulation into the workspace.
+    pub(super) fn read_masses(&self, simulation: &mut Simulation, workspace: &mut Workspace) {
         let playing = simulation.playing(self.place.at);
         let times = playing.steps_a_frame();
-        match &self.how {
+        match &self.source {
             Source::Modes(seen) => {
                 let n = seen.n_modes();
-                let (now, before) = (&mut room.now[..n], &mut room.before[..n]);
+                let (now, before) = (&mut workspace.now[..n], &mut workspace.before[..n]);
                 match (playing, self.place.body) {
                     (RunningUnit::Bank(bank), _) => {
                         for mode in 0..n {
@@ -212,7 +218,7 @@ impl Body {
                     }
                     (RunningUnit::Island(_), None) => return,
                 }
-                let mats = &mut room.mats[self.first..self.first + seen.mats.len()];
+                let mats = &mut workspace.mats[self.first..self.first + seen.mats.len()];
                 seen.positions(now, before, mats);
                 mats.iter_mut().for_each(|mat| mat.1 *= times);
             }
@@ -220,7 +226,7 @@ impl Body {
                 let (RunningUnit::Island(island), Some(body)) = (playing, self.place.body) else {
                     return;
                 };
-                let mats = room.mats[self.first..].iter_mut().zip(all);
+                let mats = workspace.mats[self.first..].iter_mut().zip(all);
                 match island.body(body) {
                     Some(inside::RunningBody::Mesh(mesh)) => {
                         mats.for_each(|(mat, &(own, _))| *mat = scaled(mesh.motion(own), times));
@@ -234,15 +240,15 @@ impl Body {
         }
     }
 
-    /// Sets the motion of the body from its masses in the room.
-    pub(super) fn put(&mut self, simulation: &mut Simulation, room: &mut Room) {
+    /// Sets the motion of the body from its masses in the workspace.
+    pub(super) fn write_masses(&mut self, simulation: &mut Simulation, workspace: &mut Workspace) {
         let playing = simulation.playing(self.place.at);
         let frames = 1.0 / playing.steps_a_frame();
-        match &mut self.how {
+        match &mut self.source {
             Source::Modes(seen) => {
                 let n = seen.n_modes();
-                let (now, before) = (&mut room.now[..n], &mut room.before[..n]);
-                let mats = &mut room.mats[self.first..self.first + seen.mats.len()];
+                let (now, before) = (&mut workspace.now[..n], &mut workspace.before[..n]);
+                let mats = &mut workspace.mats[self.first..self.first + seen.mats.len()];
                 mats.iter_mut().for_each(|mat| mat.1 *= frames);
                 seen.amplitudes(mats, now, before);
                 match (playing, self.place.body) {
@@ -263,7 +269,7 @@ impl Body {
                 let (RunningUnit::Island(island), Some(body)) = (playing, self.place.body) else {
                     return;
                 };
-                for ((_, motion), mat) in all.iter_mut().zip(&room.mats[self.first..]) {
+                for ((_, motion), mat) in all.iter_mut().zip(&workspace.mats[self.first..]) {
                     *motion = scaled(*mat, frames);
                 }
                 match island.body(body) {

@@ -12,13 +12,13 @@ use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::units::Rate;
 
 /// Frames that a unit advances before its output is added to the sum: few enough for its state to stay in the cache.
-pub(super) const STRETCH: usize = 256;
+pub(super) const UNIT_BLOCK: usize = 256;
 /// Frames that a group advances when threads share the work: enough to make the cost of starting threads small.
-pub(super) const LONG: usize = 4_096;
+pub(super) const THREADED_BLOCK: usize = 4_096;
 /// Largest number of groups, whatever the number of threads; banks of large parts may add some.
-pub(super) const GROUPS: usize = 16;
+pub(super) const GROUPS_MAX: usize = 16;
 /// Share of each additional thread's time that is gained when a team computes one mesh.
-const HELP: f64 = 0.7;
+const TEAM_EFFICIENCY: f64 = 0.7;
 
 /// Units whose sounds are summed together, in the order of the plan.
 #[derive(Clone, Debug)]
@@ -30,9 +30,9 @@ pub(super) struct Group {
     pub(super) sources: Vec<SoundSource>,
     /// Number of threads that compute its large meshes together.
     pub(super) team: usize,
-    /// Sum of the sounds of all units   (STRETCH or LONG · n_out)
+    /// Sum of the sounds of all units   (UNIT_BLOCK or THREADED_BLOCK · n_out)
     pub(super) sum: Vec<f64>,
-    /// Sound of one island   (STRETCH · its n_out)
+    /// Sound of one island   (UNIT_BLOCK · its n_out)
     sound: Vec<f64>,
 }
 
@@ -76,11 +76,11 @@ pub(super) enum RunningUnit {
 }
 
 impl Group {
-    /// The units `range` of a plan, at frame 0; `room`: number of samples of the buffer for their sum.
+    /// The units `range` of a plan, at frame 0; `length`: number of samples of the buffer for their sum.
     pub(super) fn new(
         plan: &Plan,
         range: Range<usize>,
-        room: usize,
+        length: usize,
         options: Options,
     ) -> Result<Self, Error> {
         let mut group = Self {
@@ -88,7 +88,7 @@ impl Group {
             team: 1,
             units: Vec::with_capacity(range.len()),
             sources: vec![SoundSource::Computed; range.len()],
-            sum: vec![0.0; room],
+            sum: vec![0.0; length],
             sound: Vec::new(),
         };
         for unit in &plan.units[range] {
@@ -111,14 +111,14 @@ impl Group {
                 } = &**island_plan;
                 let often = (*contact_substeps, *oversampling, *every);
                 let island = Island::new(network.clone(), timeline, bodies, often, options)?;
-                let room = island.n_out() * STRETCH;
-                self.sound.resize(self.sound.len().max(room), 0.0);
+                let length = island.n_out() * UNIT_BLOCK;
+                self.sound.resize(self.sound.len().max(length), 0.0);
                 RunningUnit::Island(Box::new(island))
             }
             Unit::Bank(bank) => {
                 let strikes = bank.strikes.clone();
                 let (own, is_open) = (&bank.oscillators, bank.is_open);
-                RunningUnit::Bank(Bank::new(own, strikes, rate, STRETCH, is_open))
+                RunningUnit::Bank(Bank::new(own, strikes, rate, UNIT_BLOCK, is_open))
             }
         });
         Ok(())
@@ -144,8 +144,8 @@ impl Group {
         for ((running, source), unit) in units.zip(&plan.units[self.first..]) {
             let team = if running.is_shared() { self.team } else { 1 };
             let found = ThreadTeam::with(team, |team| {
-                (0..n_frames).step_by(STRETCH).find_map(|from| {
-                    let n_frames = STRETCH.min(n_frames - from);
+                (0..n_frames).step_by(UNIT_BLOCK).find_map(|from| {
+                    let n_frames = UNIT_BLOCK.min(n_frames - from);
                     let out = &mut sum[n_out * from..n_out * (from + n_frames)];
                     running.process(
                         (unit, source),
@@ -164,8 +164,8 @@ impl Group {
 }
 
 impl RunningUnit {
-    /// Advances by at most STRETCH frames, after `done` frames of the simulation, and adds the sound to `out` (n_frames
-    /// · n_out); `sound` is a buffer for the unit's own outputs.
+    /// Advances by at most UNIT_BLOCK frames, after `done` frames of the simulation, and adds the sound to `out`
+    /// (n_frames · n_out); `sound` is a buffer for the unit's own outputs.
     fn process(
         &mut self,
         (unit, source): (&Unit, &mut SoundSource),
@@ -219,7 +219,7 @@ pub(super) fn assign_teams(groups: &mut [Group], plan: &Plan, threads: usize) {
         units.iter().map(Unit::cost).sum()
     };
     // Time of groups in parallel: that of the most expensive one, or the sum divided by the threads, if that is longer.
-    let beside = |costs: &[f64]| {
+    let time_in_parallel = |costs: &[f64]| {
         let longest = costs.iter().copied().fold(0.0, f64::max);
         longest.max(costs.iter().sum::<f64>() / team as f64)
     };
@@ -233,8 +233,8 @@ pub(super) fn assign_teams(groups: &mut [Group], plan: &Plan, threads: usize) {
             small.push(cost);
         }
     }
-    let together = large / (1.0 + HELP * (team - 1) as f64) + beside(&small);
-    if team > 1 && together < beside(&all) {
+    let together = large / (1.0 + TEAM_EFFICIENCY * (team - 1) as f64) + time_in_parallel(&small);
+    if team > 1 && together < time_in_parallel(&all) {
         for group in groups {
             if group.has_shared() {
                 group.team = team;

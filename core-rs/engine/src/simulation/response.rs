@@ -10,13 +10,13 @@ use crate::timeline::{HandWay, Timeline};
 use crate::units::Rate;
 
 /// Displacement of the hand [m]. A network with closed contacts is linear: any value far above rounding will do.
-const STEP: f64 = 1e-3;
+const DISPLACEMENT: f64 = 1e-3;
 /// The response is followed until its end is this small, relative to its largest force after the first two ticks.
-const LEFT: f64 = 1e-4;
+const DECAYED: f64 = 1e-4;
 /// Largest amount of work for that [MATs × ticks].
-const WORK: usize = 1 << 17;
+const WORK_MAX: usize = 1 << 17;
 /// Largest number of steps a frame, for a closed network that is too stiff for one.
-const FINEST: u32 = 64;
+const OVERSAMPLING_MAX: u32 = 64;
 
 impl ReachableNetwork {
     /// Force against the hand [N/m] in each tick of `every` frames, after a displacement of 1 m that lasts one tick.
@@ -33,14 +33,14 @@ impl ReachableNetwork {
         every: u32,
         ticks: [usize; 2],
     ) -> Result<Option<Vec<f64>>, Error> {
-        let found = self.answers(rate, every, 1, ticks)?;
+        let found = self.response_in_steps(rate, every, 1, ticks)?;
         if found.is_some() || self.is_discrete() {
             return Ok(found);
         }
         // A performance computes frames that are too stiff in finer steps as well.
         match Scheme::new(&self.network, rate)?.certify(&self.network) {
-            Err(Error::Unstable { oversampling, .. }) if oversampling <= FINEST => {
-                self.answers(rate, every, oversampling, ticks)
+            Err(Error::Unstable { oversampling, .. }) if oversampling <= OVERSAMPLING_MAX => {
+                self.response_in_steps(rate, every, oversampling, ticks)
             }
             _ => Ok(None),
         }
@@ -57,7 +57,7 @@ impl ReachableNetwork {
         })
     }
 
-    fn answers(
+    fn response_in_steps(
         &self,
         rate: Rate,
         every: u32,
@@ -73,7 +73,7 @@ impl ReachableNetwork {
             .map_err(|error| refused(error.to_string()))?;
         let mut timeline = Timeline::new(rate);
         // The path begins at 0: the hand is at rest before its displacement.
-        let path = [0.0, STEP, 0.0];
+        let path = [0.0, DISPLACEMENT, 0.0];
         timeline
             .hand(&network, self.mat, every * steps, HandWay::Line, &path)
             .map_err(|error| refused(error.to_string()))?;
@@ -88,14 +88,14 @@ impl ReachableNetwork {
         let mut simulation = Simulation::planned(Arc::new(plan), options)?;
         let frames = u64::from(every * steps);
         let [least, most] = ticks;
-        let most = most.min(WORK / self.network.n_mat().max(1)).max(least);
+        let most = most.min(WORK_MAX / self.network.n_mat().max(1)).max(least);
         let mut felt = Vec::with_capacity(most);
         // Faults are muted.
         let _ = simulation.skip(frames);
         while felt.len() < least || (felt.len() < most && rings(&felt)) {
             for _ in 0..least.min(most - felt.len()) {
                 let _ = simulation.skip(frames);
-                felt.push(-simulation.felt(0) / STEP);
+                felt.push(-simulation.felt(0) / DISPLACEMENT);
             }
         }
         let is_whole = simulation.n_muted() == 0 && felt.iter().all(|force| force.is_finite());
@@ -103,11 +103,11 @@ impl ReachableNetwork {
     }
 }
 
-/// Whether the last quarter of a response still holds a force above `LEFT` of the largest after the first two ticks.
+/// Whether the last quarter of a response still holds a force above `DECAYED` of the largest after the first two ticks.
 fn rings(felt: &[f64]) -> bool {
     let most = |part: &[f64]| part.iter().fold(0.0, |most, x| f64::max(most, x.abs()));
     let end = felt.len() - felt.len() / 4;
-    felt.len() > 2 && most(&felt[end..]) > LEFT * most(&felt[2..])
+    felt.len() > 2 && most(&felt[end..]) > DECAYED * most(&felt[2..])
 }
 
 #[cfg(test)]

@@ -6,25 +6,25 @@ use crate::network::Network;
 use crate::plan::{IslandPlan, Unit};
 
 /// Index of a group in a simulation, and of a unit in the group.
-pub(super) type At = (usize, usize);
+pub(super) type UnitIndex = (usize, usize);
 
 /// Where a MAT is computed.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum MatLocation {
     /// Index of a MAT in an island.
-    Island(At, usize),
+    Island(UnitIndex, usize),
     /// Index of an oscillator in a bank, and the rest position of its MAT [m].
-    Bank(At, usize, f64),
-    /// Index in the room of a mass of a body.
-    Room(usize),
+    Bank(UnitIndex, usize, f64),
+    /// Index in the workspace of a mass of a body.
+    Workspace(usize),
 }
 
 /// One of the two simulations of a takeover: its islands and banks, with their plans.
 pub(super) struct Side<'a> {
     pub(super) network: &'a Network,
     pub(super) rate: crate::units::Rate,
-    pub(super) islands: Vec<(At, &'a Island, &'a IslandPlan)>,
-    pub(super) banks: Vec<(At, &'a crate::plan::BankPlan)>,
+    pub(super) islands: Vec<(UnitIndex, &'a Island, &'a IslandPlan)>,
+    pub(super) banks: Vec<(UnitIndex, &'a crate::plan::BankPlan)>,
 }
 
 impl<'a> Side<'a> {
@@ -53,7 +53,7 @@ impl<'a> Side<'a> {
 }
 
 /// The items of a list that are not marked as the same, with their indices.
-pub(super) fn others<'a, T>(
+pub(super) fn unmatched<'a, T>(
     all: &'a [T],
     is_same: &'a [bool],
 ) -> impl Iterator<Item = (&'a T, usize)> {
@@ -62,9 +62,12 @@ pub(super) fn others<'a, T>(
 }
 
 /// The moving MATs of units that are not the same on both sides, by name. Ports are left out: their bodies move them.
-pub(super) fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, MatLocation)> {
+pub(super) fn mat_locations(
+    side: &Side<'_>,
+    [islands, banks]: [&[bool]; 2],
+) -> Vec<(String, MatLocation)> {
     let mut found = Vec::new();
-    for (&(at, _, island_plan), _) in others(&side.islands, islands) {
+    for (&(at, _, island_plan), _) in unmatched(&side.islands, islands) {
         let mut ports: Vec<usize> = island_plan
             .bodies
             .iter()
@@ -80,7 +83,7 @@ pub(super) fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(Str
             )
         }));
     }
-    for (&(at, bank), _) in others(&side.banks, banks) {
+    for (&(at, bank), _) in unmatched(&side.banks, banks) {
         let mats = bank.mats.iter().enumerate();
         found.extend(mats.map(|(own, &(mat, rest))| {
             (

@@ -7,7 +7,7 @@
 use std::sync::OnceLock;
 
 use super::Simulation;
-use super::group::{Group, RunningUnit, STRETCH, SoundSource};
+use super::group::{Group, RunningUnit, SoundSource, UNIT_BLOCK};
 use crate::archive::Damaged;
 use crate::interrupt;
 use crate::island::{Fault, Island};
@@ -106,9 +106,9 @@ impl Simulation {
         let mut sound = vec![0.0; n_out * n_frames];
         flushed(|| {
             ThreadTeam::with(team, |team| {
-                (0..n_frames).step_by(STRETCH).try_for_each(|from| {
+                (0..n_frames).step_by(UNIT_BLOCK).try_for_each(|from| {
                     interrupt::poll();
-                    let n_frames = STRETCH.min(n_frames - from);
+                    let n_frames = UNIT_BLOCK.min(n_frames - from);
                     let out = &mut sound[n_out * from..n_out * (from + n_frames)];
                     own.process(out, n_frames, team)
                 })

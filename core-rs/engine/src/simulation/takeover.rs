@@ -11,8 +11,8 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use super::Simulation;
-use super::bodies::{Body, Room, bodies, names};
-use super::side::{At, MatLocation, Side, others, spots};
+use super::bodies::{Body, Workspace, bodies, names};
+use super::side::{MatLocation, Side, UnitIndex, mat_locations, unmatched};
 use crate::bank::are_same;
 use crate::island::ItemTakeover;
 use crate::network::Network;
@@ -25,18 +25,18 @@ pub struct Takeover {
     /// The plans that it was made for, old and new.
     pub(super) plans: Option<[Arc<Plan>; 2]>,
     /// Units that are the same in both: there, here.
-    pub(super) units: Vec<(At, At)>,
+    pub(super) units: Vec<(UnitIndex, UnitIndex)>,
     /// Banks of the same modes with other outputs: there, here, number of modes.
-    pub(super) modes: Vec<(At, At, usize)>,
+    pub(super) modes: Vec<(UnitIndex, UnitIndex, usize)>,
     /// MATs of all other units: there, here.
     pub(super) mats: Vec<(MatLocation, MatLocation)>,
     /// Bodies there whose masses are read, and bodies here whose masses are set.
     pub(super) from: Vec<Body>,
     pub(super) to: Vec<Body>,
-    pub(super) room: Room,
+    pub(super) workspace: Workspace,
     /// Islands whose bodies took over a state: the ports of these islands must then be placed.
-    pub(super) placed: Vec<At>,
-    pub(super) items: Vec<(At, At, ItemTakeover)>,
+    pub(super) placed: Vec<UnitIndex>,
+    pub(super) items: Vec<(UnitIndex, UnitIndex, ItemTakeover)>,
     /// For each output there, its index here; `None` if it is gone.
     pub(super) outputs: Vec<Option<usize>>,
 }
@@ -89,7 +89,7 @@ impl Takeover {
         for (at, &(to, _, island_plan)) in here.islands.iter().enumerate() {
             let mut candidates = by_name.get(&first(island_plan)).into_iter().flatten();
             let is_same = |&&before: &&usize| {
-                !same[0][before] && are_same_isles(island_plan, there.islands[before].2)
+                !same[0][before] && are_same_islands(island_plan, there.islands[before].2)
             };
             let Some(&before) = candidates.find(is_same) else {
                 continue;
@@ -139,7 +139,7 @@ impl Takeover {
             }
             if are_same(&bank.oscillators, &other.oscillators) {
                 self.units.push((from, to));
-            } else if bank.of.is_some() && are_alike(&bank.oscillators, &other.oscillators) {
+            } else if bank.of.is_some() && have_same_poles(&bank.oscillators, &other.oscillators) {
                 self.modes.push((from, to, bank.oscillators.len()));
             } else {
                 continue;
@@ -151,16 +151,17 @@ impl Takeover {
 
     /// Finds bodies that are the same, in islands that are not.
     fn bodies(&mut self, there: &Side<'_>, here: &Side<'_>, same: &[Vec<bool>; 2]) {
-        for (&(to, _, island_plan), _) in others(&here.islands, &same[1]) {
+        for (&(to, _, island_plan), _) in unmatched(&here.islands, &same[1]) {
             let mut found = false;
             for (own, body) in island_plan.bodies.iter().enumerate() {
-                let before = others(&there.islands, &same[0]).find_map(|(&(from, _, other), _)| {
-                    let same = |their: &crate::island::inside::BodyPlan| {
-                        let name = |mat| island_plan.network.mat_name(mat);
-                        body.is_same(their, name, |mat| other.network.mat_name(mat))
-                    };
-                    Some((from, other.bodies.iter().position(same)?))
-                });
+                let before =
+                    unmatched(&there.islands, &same[0]).find_map(|(&(from, _, other), _)| {
+                        let same = |their: &crate::island::inside::BodyPlan| {
+                            let name = |mat| island_plan.network.mat_name(mat);
+                            body.is_same(their, name, |mat| other.network.mat_name(mat))
+                        };
+                        Some((from, other.bodies.iter().position(same)?))
+                    });
                 if let Some((from, their)) = before {
                     self.items.push((from, to, ItemTakeover::Body(their, own)));
                     found = true;
@@ -175,23 +176,24 @@ impl Takeover {
     /// Finds links with memory in islands that are not the same, by link name; links of one name are matched by their
     /// order.
     fn memory(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
-        let found = |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (At, usize))> {
-            let others = side.islands.iter().zip(same).filter(|(_, same)| !**same);
-            let links = others.flat_map(|(&(at, _, island_plan), _)| {
-                let network = &island_plan.network;
-                let runs = network.runs().iter();
-                let own = runs.filter(|run| run.kind.remembers());
-                let links = own.flat_map(|run| run.first..run.first + run.len);
-                links.map(move |link| (network.link_name(link), (at, link)))
-            });
-            let mut known: HashMap<String, usize> = HashMap::new();
-            let numbered = links.map(|(name, place)| {
-                let next = known.entry(name.clone()).or_default();
-                *next += 1;
-                ((name, *next), place)
-            });
-            numbered.collect()
-        };
+        let found =
+            |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (UnitIndex, usize))> {
+                let others = side.islands.iter().zip(same).filter(|(_, same)| !**same);
+                let links = others.flat_map(|(&(at, _, island_plan), _)| {
+                    let network = &island_plan.network;
+                    let runs = network.runs().iter();
+                    let own = runs.filter(|run| run.kind.remembers());
+                    let links = own.flat_map(|run| run.first..run.first + run.len);
+                    links.map(move |link| (network.link_name(link), (at, link)))
+                });
+                let mut known: HashMap<String, usize> = HashMap::new();
+                let numbered = links.map(|(name, place)| {
+                    let next = known.entry(name.clone()).or_default();
+                    *next += 1;
+                    ((name, *next), place)
+                });
+                numbered.collect()
+            };
         let by_name: HashMap<_, _> = found(there, &islands[0]).into_iter().collect();
         for (name, (to, own)) in found(here, &islands[1]) {
             if let Some(&(from, their)) = by_name.get(&name) {
@@ -205,7 +207,7 @@ impl Takeover {
     /// link name and by the numbers of points.
     fn histories(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
         let found =
-            |side: &Side<'_>, same: &[bool]| -> HashMap<(String, [usize; 2]), (At, usize)> {
+            |side: &Side<'_>, same: &[bool]| -> HashMap<(String, [usize; 2]), (UnitIndex, usize)> {
                 let others = side.islands.iter().zip(same).filter(|(_, same)| !**same);
                 let runs = others.flat_map(|(&(at, _, island_plan), _)| {
                     let network = &island_plan.network;
@@ -234,7 +236,7 @@ impl Takeover {
         islands: &[Vec<bool>; 2],
         banks: &[Vec<bool>; 2],
     ) {
-        let taken = |here: bool| -> HashSet<(At, usize)> {
+        let taken = |here: bool| -> HashSet<(UnitIndex, usize)> {
             let bodies = self.items.iter().filter_map(|(from, to, item)| match item {
                 ItemTakeover::Body(_, own) if here => Some((*to, *own)),
                 ItemTakeover::Body(there, _) => Some((*from, *there)),
@@ -245,24 +247,24 @@ impl Takeover {
         let (gone, come) = (taken(false), taken(true));
         let before: [&[bool]; 2] = [&islands[0], &banks[0]];
         let after: [&[bool]; 2] = [&islands[1], &banks[1]];
-        let singles = spots(there, before);
+        let singles = mat_locations(there, before);
         let known: HashSet<String> = {
             let bodies = names(there, before, &gone).into_iter();
             bodies
                 .chain(singles.iter().map(|(name, _)| name.clone()))
                 .collect()
         };
-        let mut here_spots = spots(here, after);
+        let mut here_mats = mat_locations(here, after);
         let (more, to) = bodies(
             here,
             after,
             &come,
             |name| known.contains(name),
             ModalTransform::ToAmplitudes,
-            &mut self.room,
+            &mut self.workspace,
         );
-        here_spots.extend(more);
-        let wanted: HashSet<&str> = here_spots.iter().map(|(name, _)| name.as_str()).collect();
+        here_mats.extend(more);
+        let wanted: HashSet<&str> = here_mats.iter().map(|(name, _)| name.as_str()).collect();
         let is_wanted = |name: &str| wanted.contains(name);
         let (more, from) = bodies(
             there,
@@ -270,10 +272,10 @@ impl Takeover {
             &gone,
             is_wanted,
             ModalTransform::ToPositions,
-            &mut self.room,
+            &mut self.workspace,
         );
         let by_name: HashMap<String, MatLocation> = singles.into_iter().chain(more).collect();
-        for (name, to) in &here_spots {
+        for (name, to) in &here_mats {
             if let Some(&from) = by_name.get(name) {
                 self.mats.push((from, *to));
             }
@@ -284,7 +286,7 @@ impl Takeover {
 }
 
 /// Whether one island can continue from the state of another, to the last bit.
-fn are_same_isles(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
+fn are_same_islands(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
     let imposed = |island_plan: &IslandPlan| -> Vec<usize> {
         let drives = island_plan.timeline.drives.iter();
         let paths = drives.filter(|drive| drive.kind == DriveKind::Position);
@@ -301,7 +303,7 @@ fn are_same_isles(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
 }
 
 /// Whether two banks hold the same modes; their outputs may differ.
-fn are_alike(own: &[crate::bank::Oscillator], other: &[crate::bank::Oscillator]) -> bool {
+fn have_same_poles(own: &[crate::bank::Oscillator], other: &[crate::bank::Oscillator]) -> bool {
     let numbers = |one: &crate::bank::Oscillator| (one.a, one.b);
     own.iter().map(numbers).eq(other.iter().map(numbers))
 }

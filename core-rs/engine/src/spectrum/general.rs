@@ -29,10 +29,10 @@ pub(crate) fn general(mut matrix: Vec<f64>) -> Option<General> {
     if !matrix.iter().all(|x| x.is_finite()) {
         return None;
     }
-    // Row j of `turned` is column j of the product of all reflections.
-    let mut turned = hessenberg::reduce(&mut matrix, n);
-    let values = schur::iterate(&mut matrix, n, &mut turned)?;
-    let vectors = triangular::vectors(&matrix, n, &values, &turned);
+    // Row j of `rotated` is column j of the product of all reflections.
+    let mut rotated = hessenberg::reduce(&mut matrix, n);
+    let values = schur::iterate(&mut matrix, n, &mut rotated)?;
+    let vectors = triangular::vectors(&matrix, n, &values, &rotated);
     let is_finite = vectors.iter().all(|x| x.is_finite());
     is_finite.then_some(General { values, vectors })
 }

@@ -1,17 +1,17 @@
 //! The largest eigenvalue, with bounds: Lanczos with full reorthogonalisation.
 
-use super::vector::{add, dot, normalise, orthogonalise, scattered};
+use super::vector::{add, dot, normalise, orthogonalise, start_vector};
 use super::{Apply, jacobi};
 use crate::interrupt;
 
 /// Largest number of steps; the bounds cover the error that is left then.
-const STEPS: usize = 60;
+const STEPS_MAX: usize = 60;
 /// Largest number of stored values (96 MB): a network of millions of masses gets fewer steps.
-const KEPT: usize = 12_000_000;
+const STORED_MAX: usize = 12_000_000;
 /// Number of steps between two diagonalisations of the tridiagonal matrix.
-const LOOK: usize = 5;
+const CHECK_EVERY: usize = 5;
 /// Relative residual at which the eigenvalue counts as converged.
-const KNOWN: f64 = 1e-10;
+const CONVERGED: f64 = 1e-10;
 
 /// The upper end of a spectrum.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,8 +35,8 @@ pub(crate) fn largest(n: usize, apply: Apply<'_>) -> Largest {
 
 /// As [`largest`], but stops as soon as the largest eigenvalue is known to be at least `beyond`.
 pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest {
-    let most = STEPS.min(n).min((KEPT / n.max(1)).max(8));
-    let mut next = scattered(n, 0);
+    let most = STEPS_MAX.min(n).min((STORED_MAX / n.max(1)).max(8));
+    let mut next = start_vector(n, 0);
     normalise(&mut next);
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let (mut alphas, mut betas): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
@@ -53,11 +53,11 @@ pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest 
         // Only rounding is left: the Krylov space of the start vector is exhausted.
         let exhausted = steps == n || beta <= 1e-14 * (alpha.abs() + betas.last().unwrap_or(&0.0));
         let last = exhausted || steps == most;
-        if last || steps.is_multiple_of(LOOK) {
+        if last || steps.is_multiple_of(CHECK_EVERY) {
             let beta = if exhausted { 0.0 } else { beta };
             let (theta, s) = jacobi::largest(tridiagonal(&alphas, &betas));
             let residual = (beta * s[steps - 1]).abs();
-            if last || residual <= KNOWN * theta.abs() || theta >= beyond {
+            if last || residual <= CONVERGED * theta.abs() || theta >= beyond {
                 let mut vector = vec![0.0; n];
                 for (weight, direction) in s.iter().zip(&basis) {
                     add(*weight, direction, &mut vector);

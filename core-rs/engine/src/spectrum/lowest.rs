@@ -4,18 +4,20 @@
 //! same steps and sums the vector. Orthogonality is lost only along converged pairs (Paige 1971), so it is kept for the
 //! pair that is sought. The error of the Rayleigh quotient is the square of the vector's error.
 
-use super::vector::{add, dot, norm, normalise, orthogonalise, orthonormal, scattered, take_from};
+use super::vector::{
+    add, dot, norm, normalise, orthogonalise, orthonormal, scale_and_subtract, start_vector,
+};
 use super::{Apply, Mode};
 use crate::interrupt;
 
 /// Residual, relative to λ, at which the vector counts as converged: the error of λ is residual² over the gap.
-const KNOWN: f64 = 1e-8;
+const CONVERGED: f64 = 1e-8;
 /// Relative to the largest eigenvalue: rounding keeps residuals from becoming smaller than this.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// Largest number of restarts from the vector found, if rounding has kept it from converging.
 const RESTARTS: usize = 8;
 /// Ratio of the step numbers of two consecutive diagonalisations of the tridiagonal matrix.
-const LOOK: f64 = 1.1;
+const CHECK_RATIO: f64 = 1.1;
 
 /// The smallest eigenvalue of a symmetric positive semi-definite operator outside the span of `nullspace` (the constant
 /// vector for a network without ground), and its vector.
@@ -26,14 +28,14 @@ pub(crate) fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Opti
     if null.len() >= n {
         return None;
     }
-    let mut vector = scattered(n, 1);
+    let mut vector = start_vector(n, 1);
     let mut image = vec![0.0; n];
     let mut best: Option<(f64, Mode)> = None;
     for _ in 0..=RESTARTS {
         orthogonalise(&mut vector, &null);
         normalise(&mut vector);
-        let small = Small::build(&vector, apply, &null);
-        vector = small.vector(vector, apply, &null);
+        let tridiagonal = Tridiagonal::build(&vector, apply, &null);
+        vector = tridiagonal.vector(vector, apply, &null);
         apply(&vector, &mut image);
         let lambda = dot(&vector, &image);
         add(-lambda, &vector, &mut image);
@@ -52,7 +54,7 @@ pub(crate) fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Opti
                 vector: vector.clone(),
             },
         ));
-        if residual <= f64::max(KNOWN * lambda, ROUNDING * small.scale) {
+        if residual <= f64::max(CONVERGED * lambda, ROUNDING * tridiagonal.scale) {
             break;
         }
     }
@@ -60,7 +62,7 @@ pub(crate) fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Opti
 }
 
 /// The tridiagonal matrix of a first pass, and its eigenvector of the lowest eigenvalue.
-struct Small {
+struct Tridiagonal {
     alphas: Vec<f64>,
     betas: Vec<f64>,
     lowest: Vec<f64>,
@@ -83,7 +85,7 @@ fn step(
     interrupt::poll();
     let mut next = std::mem::take(before);
     apply(q, image);
-    take_from(image, beta, &mut next);
+    scale_and_subtract(image, beta, &mut next);
     let alpha = dot(q, &next);
     add(-alpha, q, &mut next);
     // The nullspace has the lowest eigenvalue of all: rounding would bring it back unless it is projected out.
@@ -96,42 +98,42 @@ fn step(
     (alpha, beta)
 }
 
-impl Small {
+impl Tridiagonal {
     fn build(start: &[f64], apply: Apply<'_>, null: &[Vec<f64>]) -> Self {
         let n = start.len();
         // In exact arithmetic n steps span the whole space; loss of orthogonality costs a few times as many.
         let most = 4 * n + 100;
         let (mut q, mut before, mut image) = (start.to_vec(), vec![0.0; n], vec![0.0; n]);
-        let mut small = Self {
+        let mut tridiagonal = Self {
             alphas: Vec::new(),
             betas: Vec::new(),
             lowest: Vec::new(),
             above: f64::INFINITY,
             scale: 0.0,
         };
-        let (mut beta, mut look) = (0.0, 4.0);
+        let (mut beta, mut next_check) = (0.0, 4.0);
         loop {
             let alpha;
             (alpha, beta) = step(&mut q, &mut before, &mut image, beta, apply, null);
-            small.alphas.push(alpha);
-            small.scale = f64::max(small.scale, alpha.abs() + beta);
-            let steps = small.alphas.len();
-            let exhausted = beta <= 1e-13 * small.scale;
-            if exhausted || steps as f64 >= look || steps == most {
-                look *= LOOK;
-                let theta = small.settle();
-                let residual = (beta * small.lowest[steps - 1]).abs();
-                if exhausted || residual <= 0.5 * KNOWN * theta || steps == most {
-                    return small;
+            tridiagonal.alphas.push(alpha);
+            tridiagonal.scale = f64::max(tridiagonal.scale, alpha.abs() + beta);
+            let steps = tridiagonal.alphas.len();
+            let exhausted = beta <= 1e-13 * tridiagonal.scale;
+            if exhausted || steps as f64 >= next_check || steps == most {
+                next_check *= CHECK_RATIO;
+                let theta = tridiagonal.lowest_pair();
+                let residual = (beta * tridiagonal.lowest[steps - 1]).abs();
+                if exhausted || residual <= 0.5 * CONVERGED * theta || steps == most {
+                    return tridiagonal;
                 }
             }
-            small.betas.push(beta);
+            tridiagonal.betas.push(beta);
         }
     }
 
     /// Finds the lowest eigenvalue by bisection, and its vector by inverse iteration from the lower bound: the matrix
     /// shifted by this bound is positive definite, so LDLᵀ needs no pivoting.
-    fn settle(&mut self) -> f64 {
+    fn lowest_pair(&mut self) -> f64 {
         /// Relative distance of the bounds: close enough to separate modes that differ by a millionth.
         const CLOSE: f64 = 1e-9;
         /// Enough halvings to reach the smallest eigenvalue of interest from the largest number; 0 is never reached.
@@ -152,14 +154,14 @@ impl Small {
             if high - low <= CLOSE * high {
                 break;
             }
-            *(if self.is_positive_less(middle) {
+            *(if self.lies_above(middle) {
                 &mut low
             } else {
                 &mut high
             }) = middle;
         }
         self.above = high;
-        let pivots = self.pivots_less(low);
+        let pivots = self.shifted_pivots(low);
         let s = &mut self.lowest;
         let mut distance = 0.0;
         for _ in 0..ITERATIONS {
@@ -176,7 +178,7 @@ impl Small {
     }
 
     /// D of LDLᵀ = T - shift.
-    fn pivots_less(&self, shift: f64) -> Vec<f64> {
+    fn shifted_pivots(&self, shift: f64) -> Vec<f64> {
         let mut pivots: Vec<f64> = Vec::with_capacity(self.alphas.len());
         for (i, alpha) in self.alphas.iter().enumerate() {
             let above = pivots
@@ -189,7 +191,7 @@ impl Small {
     }
 
     /// Whether T - shift is positive definite: no eigenvalue lies at or below the shift.
-    fn is_positive_less(&self, shift: f64) -> bool {
+    fn lies_above(&self, shift: f64) -> bool {
         let mut pivot = self.alphas[0] - shift;
         for (alpha, beta) in self.alphas[1..].iter().zip(&self.betas) {
             if pivot <= 0.0 {

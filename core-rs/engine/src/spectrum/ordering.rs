@@ -76,11 +76,11 @@ impl Graph {
     /// Eliminate a node: it becomes an element; `left` unknowns remain.
     fn eliminate(&mut self, pivot: u32, left: usize) {
         let p = pivot as usize;
-        let mut joined = self.neighbours(pivot);
+        let mut adjacent = self.neighbours(pivot);
         self.weight[p] = 0;
-        let size: u32 = joined.iter().map(|&i| self.weight[i as usize]).sum();
+        let size: u32 = adjacent.iter().map(|&i| self.weight[i as usize]).sum();
         let own = self.stamp;
-        for &i in &joined {
+        for &i in &adjacent {
             for &e in &self.elements[i as usize] {
                 let (outside, when) = &mut self.outside[e as usize];
                 if *when != own {
@@ -91,8 +91,8 @@ impl Graph {
                 }
             }
         }
-        let mut alike: Vec<(u64, u32)> = Vec::with_capacity(joined.len());
-        for &node in &joined {
+        let mut alike: Vec<(u64, u32)> = Vec::with_capacity(adjacent.len());
+        for &node in &adjacent {
             let i = node as usize;
             let (outside, is_alive, members) =
                 (&self.outside, &mut self.is_alive, &mut self.members);
@@ -125,11 +125,11 @@ impl Graph {
             alike.push((sum(&self.elements[i]) * 31 + sum(&self.nodes[i]), node));
         }
         self.merge(&mut alike);
-        joined.retain(|&i| self.weight[i as usize] > 0);
-        for &i in &joined {
+        adjacent.retain(|&i| self.weight[i as usize] > 0);
+        for &i in &adjacent {
             self.buckets.insert(i, self.buckets.degree[i as usize]);
         }
-        self.members[p] = joined;
+        self.members[p] = adjacent;
         self.size[p] = size;
         self.is_alive[p] = size > 0;
     }
@@ -139,21 +139,21 @@ impl Graph {
         self.stamp += 1;
         let (stamp, weight, seen) = (self.stamp, &self.weight, &mut self.seen);
         seen[pivot as usize] = stamp;
-        let mut joined = Vec::new();
-        let mut look = |of: Vec<u32>| {
+        let mut adjacent = Vec::new();
+        let mut add_unseen = |of: Vec<u32>| {
             for j in of {
                 if weight[j as usize] > 0 && seen[j as usize] != stamp {
                     seen[j as usize] = stamp;
-                    joined.push(j);
+                    adjacent.push(j);
                 }
             }
         };
-        look(std::mem::take(&mut self.nodes[pivot as usize]));
+        add_unseen(std::mem::take(&mut self.nodes[pivot as usize]));
         for e in std::mem::take(&mut self.elements[pivot as usize]) {
-            look(std::mem::take(&mut self.members[e as usize]));
+            add_unseen(std::mem::take(&mut self.members[e as usize]));
             self.is_alive[e as usize] = false;
         }
-        joined
+        adjacent
     }
 
     /// Merge nodes that have the same neighbours and elements; `alike` holds a hash of these for each node.

@@ -8,7 +8,7 @@
 use super::sparse::Factor;
 use super::springs::Springs;
 use super::vector::{
-    add, dot, norm, normalise, orthogonalise, orthogonalise_once, scattered, units,
+    add, dot, norm, normalise, orthogonalise, orthogonalise_once, start_vector, units,
 };
 use super::{Mode, whole};
 use crate::interrupt;
@@ -17,18 +17,18 @@ use crate::interrupt;
 const SLICE: usize = 64;
 /// Residual of (A − σ)⁻¹, relative to the eigenvalue, at which a pair counts as converged: the eigenvalue's error is
 /// its square.
-const KNOWN: f64 = 1e-11;
+const CONVERGED: f64 = 1e-11;
 /// A pair this much smaller than the largest of its run is lost in the rounding of that; another run finds it.
 const RANGE: f64 = 1e-6;
 /// Number of steps between two diagonalisations of the small matrix.
-const LOOK: usize = 12;
+const CHECK_EVERY: usize = 12;
 /// Smallest relative gap between two modes in which a border may lie: rounding does not move a mode across it.
 const GAP: f64 = 1e-9;
 /// Largest residual of a mode, relative to the largest element of the diagonal; also the largest scalar product of two
 /// neighbouring modes.
-const SURE: f64 = 1e-9;
+const MODE_TOLERANCE: f64 = 1e-9;
 /// Number of consecutive runs without a new mode after which the search ends, even if modes are missing.
-const FRUITLESS: usize = 3;
+const FRUITLESS_RUNS_MAX: usize = 3;
 
 /// Modes by rising λ, and whether the inertia of the matrix confirms that none is missing among them.
 #[derive(Debug)]
@@ -57,7 +57,7 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> Found {
     }
     let mut modes: Vec<Mode> = Vec::new();
     let (mut known, mut fruitless, mut run) = (0, 0, 0);
-    while known < count && modes.len() < n && fruitless < FRUITLESS {
+    while known < count && modes.len() < n && fruitless < FRUITLESS_RUNS_MAX {
         run += 1;
         let wanted = (count - known).min(SLICE) + 2;
         let fresh = lanczos(springs, &factor, &modes, wanted, run);
@@ -67,10 +67,10 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> Found {
         if modes.len() == n {
             break;
         }
-        let Some(border) = border(&modes, count) else {
+        let Some(separator) = separator(&modes, count) else {
             continue;
         };
-        let mut next = border;
+        let mut next = separator;
         let above = springs.factor(&mut next);
         let below = modes.iter().filter(|mode| mode.lambda < next).count();
         // If the numbers differ, modes of a multiple eigenvalue are missing: the same shift finds them in another run.
@@ -95,14 +95,14 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Foun
     let factor = springs.factor(&mut shift);
     let mut modes: Vec<Mode> = Vec::new();
     let (mut is_counted, mut fruitless, mut run) = (count == 0, 0, 0);
-    let far = |mode: &Mode| (mode.lambda - shift).abs();
-    while !is_counted && fruitless < FRUITLESS {
+    let distance = |mode: &Mode| (mode.lambda - shift).abs();
+    while !is_counted && fruitless < FRUITLESS_RUNS_MAX {
         run += 1;
         let wanted = (count + 2).saturating_sub(modes.len()).max(4);
         let fresh = lanczos(springs, &factor, &modes, wanted, run);
         fruitless = if fresh.is_empty() { fruitless + 1 } else { 0 };
         modes.extend(fresh);
-        modes.sort_by(|a, b| far(a).total_cmp(&far(b)));
+        modes.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
         if modes.len() == n {
             is_counted = true;
             break;
@@ -110,9 +110,10 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Foun
         if modes.len() <= count {
             continue;
         }
-        let at = (count..modes.len()).find(|&i| far(&modes[i]) - far(&modes[i - 1]) > GAP * shift);
+        let at = (count..modes.len())
+            .find(|&i| distance(&modes[i]) - distance(&modes[i - 1]) > GAP * shift);
         let Some(at) = at else { continue };
-        let radius = 0.5 * (far(&modes[at]) + far(&modes[at - 1]));
+        let radius = 0.5 * (distance(&modes[at]) + distance(&modes[at - 1]));
         let inside = n_below(springs, shift + radius) - n_below(springs, shift - radius);
         is_counted = inside == at;
     }
@@ -132,9 +133,9 @@ pub(crate) fn are_modes(springs: &Springs, modes: &[Mode]) -> bool {
     let is_mode = |mode: &Mode| {
         let mut rest = springs.times(&mode.vector);
         add(-mode.lambda, &mode.vector, &mut rest);
-        norm(&rest) <= SURE * stiffest
+        norm(&rest) <= MODE_TOLERANCE * stiffest
     };
-    let is_other = |pair: &[Mode]| dot(&pair[0].vector, &pair[1].vector).abs() <= SURE;
+    let is_other = |pair: &[Mode]| dot(&pair[0].vector, &pair[1].vector).abs() <= MODE_TOLERANCE;
     modes.iter().all(is_mode) && modes.windows(2).all(is_other)
 }
 
@@ -144,7 +145,7 @@ fn sort(modes: &mut [Mode]) {
 
 /// A number in a gap between two modes: above the first `count` modes if there is such a gap, otherwise above as many
 /// as possible.
-fn border(modes: &[Mode], count: usize) -> Option<f64> {
+fn separator(modes: &[Mode], count: usize) -> Option<f64> {
     let gap = |&i: &usize| {
         let (low, high) = (modes[i - 1].lambda, modes[i].lambda);
         high - low > GAP * high.abs()
@@ -170,15 +171,15 @@ fn lanczos(
     let most = (4 * wanted + 80).min(free);
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let (mut alphas, mut betas): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-    let keep_out = |x: &mut [f64]| {
+    let project_out = |x: &mut [f64]| {
         for mode in found {
             let along = dot(&mode.vector, x);
             add(-along, &mode.vector, x);
         }
     };
-    let mut next = scattered(n, run);
-    keep_out(&mut next);
-    keep_out(&mut next);
+    let mut next = start_vector(n, run);
+    project_out(&mut next);
+    project_out(&mut next);
     normalise(&mut next);
     let mut scale = 0.0_f64;
     let pairs = loop {
@@ -190,22 +191,22 @@ fn lanczos(
         let alpha = dot(&next, &image);
         add(-alpha, &next, &mut image);
         // This must come last: the recurrence would amplify any part along the found modes with each step.
-        keep_out(&mut image);
+        project_out(&mut image);
         let left = norm(&image);
         basis.push(next);
         alphas.push(alpha);
         orthogonalise_once(&mut image, &basis);
         if norm(&image) < 0.7 * left {
-            keep_out(&mut image);
+            project_out(&mut image);
             orthogonalise(&mut image, &basis);
         }
         let beta = normalise(&mut image);
         scale = scale.max(alpha.abs() + beta);
         let steps = basis.len();
         let is_whole = steps == free || beta <= 1e-14 * scale;
-        if is_whole || steps == most || (steps >= wanted && steps.is_multiple_of(LOOK)) {
+        if is_whole || steps == most || (steps >= wanted && steps.is_multiple_of(CHECK_EVERY)) {
             let beta = if steps == free { 0.0 } else { beta };
-            let (pairs, is_limited) = known(&alphas, &betas, beta);
+            let (pairs, is_limited) = converged_pairs(&alphas, &betas, beta);
             if is_whole || is_limited || steps == most || pairs.len() >= wanted {
                 break pairs;
             }
@@ -219,7 +220,7 @@ fn lanczos(
         for (weight, direction) in weights.iter().zip(&basis) {
             add(*weight, direction, &mut vector);
         }
-        keep_out(&mut vector);
+        project_out(&mut vector);
         normalise(&mut vector);
         // For slow modes, λ by the energy is exact, whereas σ + 1/θ is not.
         let lambda = springs.energy(&vector);
@@ -230,7 +231,7 @@ fn lanczos(
 
 /// Eigenvectors of the tridiagonal matrix by falling |θ|, up to the first that has not converged; and whether rounding
 /// is what ends the list.
-fn known(alphas: &[f64], betas: &[f64], beta: f64) -> (Vec<Vec<f64>>, bool) {
+fn converged_pairs(alphas: &[f64], betas: &[f64], beta: f64) -> (Vec<Vec<f64>>, bool) {
     let k = alphas.len();
     let mut small = vec![0.0; k * k];
     for i in 0..k {
@@ -251,7 +252,7 @@ fn known(alphas: &[f64], betas: &[f64], beta: f64) -> (Vec<Vec<f64>>, bool) {
         if values[i].abs() <= least {
             return (pairs, true);
         }
-        if (beta * seen[k - 1][i]).abs() > KNOWN * values[i].abs() {
+        if (beta * seen[k - 1][i]).abs() > CONVERGED * values[i].abs() {
             break;
         }
         pairs.push(seen.iter().map(|row| row[i]).collect());

@@ -42,11 +42,11 @@ pub(crate) struct Pattern {
     columns: Vec<u32>,
     /// The elimination order (n), and its inverse
     order: Vec<u32>,
-    place: Vec<u32>,
+    position: Vec<u32>,
     /// Parent of each column in the elimination tree   (n)
     parent: Vec<u32>,
     /// Where each column of L begins   (n + 1)
-    begins: Vec<usize>,
+    column_starts: Vec<usize>,
 }
 
 impl Pattern {
@@ -67,19 +67,19 @@ impl Pattern {
             first.push(columns.len());
         }
         let order = ordering::order(&first, &columns);
-        let mut place = vec![0; n];
+        let mut position = vec![0; n];
         for (k, &i) in order.iter().enumerate() {
-            place[i as usize] = k as u32;
+            position[i as usize] = k as u32;
         }
         let mut own = Self {
             first,
             columns,
             order,
-            place,
+            position,
             parent: vec![NONE; n],
-            begins: Vec::new(),
+            column_starts: Vec::new(),
         };
-        own.grow_tree();
+        own.build_elimination_tree();
         own
     }
 
@@ -89,7 +89,7 @@ impl Pattern {
 
     /// Number of entries of L.
     pub(crate) fn fill(&self) -> usize {
-        self.begins[self.n()]
+        self.column_starts[self.n()]
     }
 
     /// Index of an off-diagonal entry in `columns` and in the values.
@@ -98,14 +98,14 @@ impl Pattern {
         self.first[a] + row.partition_point(|&column| (column as usize) < b)
     }
 
-    fn grow_tree(&mut self) {
+    fn build_elimination_tree(&mut self) {
         let n = self.n();
         let (mut count, mut seen) = (vec![0; n], vec![NONE; n]);
         for k in 0..n {
             seen[k] = k as u32;
             let row = self.order[k] as usize;
             for &j in &self.columns[self.first[row]..self.first[row + 1]] {
-                let mut i = self.place[j as usize] as usize;
+                let mut i = self.position[j as usize] as usize;
                 while i < k && seen[i] != k as u32 {
                     seen[i] = k as u32;
                     count[i] += 1;
@@ -116,10 +116,11 @@ impl Pattern {
                 }
             }
         }
-        self.begins = Vec::with_capacity(n + 1);
-        self.begins.push(0);
+        self.column_starts = Vec::with_capacity(n + 1);
+        self.column_starts.push(0);
         for count in count {
-            self.begins.push(self.begins.last().unwrap_or(&0) + count);
+            self.column_starts
+                .push(self.column_starts.last().unwrap_or(&0) + count);
         }
     }
 }
@@ -129,21 +130,21 @@ impl Pattern {
 pub(crate) struct Values<T> {
     pub(crate) diagonal: Vec<T>,
     /// Off-diagonal values, in the order of the pattern's columns
-    beside: Vec<T>,
+    off_diagonal: Vec<T>,
 }
 
 impl Values<f64> {
     pub(crate) fn new(pattern: &Pattern) -> Self {
         Self {
             diagonal: vec![0.0; pattern.n()],
-            beside: vec![0.0; pattern.columns.len()],
+            off_diagonal: vec![0.0; pattern.columns.len()],
         }
     }
 
     /// Add to the entries (a, b) and (b, a), which lie off the diagonal.
     pub(crate) fn add(&mut self, pattern: &Pattern, a: usize, b: usize, value: f64) {
-        self.beside[pattern.slot(a, b)] += value;
-        self.beside[pattern.slot(b, a)] += value;
+        self.off_diagonal[pattern.slot(a, b)] += value;
+        self.off_diagonal[pattern.slot(b, a)] += value;
     }
 }
 
@@ -161,7 +162,7 @@ impl<T: Scalar> Values<T> {
         diagonal.iter_mut().for_each(|x| *x = *x + more);
         Self {
             diagonal,
-            beside: each(&one.beside, &other.beside),
+            off_diagonal: each(&one.off_diagonal, &other.off_diagonal),
         }
     }
 
@@ -170,7 +171,7 @@ impl<T: Scalar> Values<T> {
         for (i, y) in y.iter_mut().enumerate() {
             let mut sum = self.diagonal[i] * x[i];
             for at in pattern.first[i]..pattern.first[i + 1] {
-                sum = sum + self.beside[at] * x[pattern.columns[at] as usize];
+                sum = sum + self.off_diagonal[at] * x[pattern.columns[at] as usize];
             }
             *y = sum;
         }
@@ -192,7 +193,7 @@ impl<'a, T: Scalar> Factor<'a, T> {
         let n = pattern.n();
         let (mut rows, mut values) = (vec![0; pattern.fill()], vec![zero; pattern.fill()]);
         let mut pivots = vec![zero; n];
-        let mut ends = pattern.begins.clone();
+        let mut ends = pattern.column_starts.clone();
         let (mut row, mut seen) = (vec![zero; n], vec![NONE; n]);
         let (mut path, mut reach) = (Vec::new(), Vec::new());
         for k in 0..n {
@@ -203,11 +204,11 @@ impl<'a, T: Scalar> Factor<'a, T> {
             reach.clear();
             let own = pattern.order[k] as usize;
             for at in pattern.first[own]..pattern.first[own + 1] {
-                let start = pattern.place[pattern.columns[at] as usize] as usize;
+                let start = pattern.position[pattern.columns[at] as usize] as usize;
                 if start >= k {
                     continue;
                 }
-                row[start] = row[start] + matrix.beside[at];
+                row[start] = row[start] + matrix.off_diagonal[at];
                 let mut i = start;
                 while seen[i] != k as u32 {
                     seen[i] = k as u32;
@@ -222,7 +223,7 @@ impl<'a, T: Scalar> Factor<'a, T> {
                 let i = i as usize;
                 let value = row[i];
                 row[i] = zero;
-                let column = pattern.begins[i]..ends[i];
+                let column = pattern.column_starts[i]..ends[i];
                 for (&j, &l) in rows[column.clone()].iter().zip(&values[column]) {
                     row[j as usize] = row[j as usize] - l * value;
                 }
@@ -251,21 +252,21 @@ impl<'a, T: Scalar> Factor<'a, T> {
         let pattern = self.pattern;
         let mut x: Vec<T> = pattern.order.iter().map(|&i| right[i as usize]).collect();
         for k in 0..x.len() {
-            let column = pattern.begins[k]..pattern.begins[k + 1];
+            let column = pattern.column_starts[k]..pattern.column_starts[k + 1];
             let own = x[k];
             for (&row, &l) in self.rows[column.clone()].iter().zip(&self.values[column]) {
                 x[row as usize] = x[row as usize] - l * own;
             }
         }
         for k in (0..x.len()).rev() {
-            let column = pattern.begins[k]..pattern.begins[k + 1];
+            let column = pattern.column_starts[k]..pattern.column_starts[k + 1];
             let mut own = x[k] / self.pivots[k];
             for (&row, &l) in self.rows[column.clone()].iter().zip(&self.values[column]) {
                 own = own - l * x[row as usize];
             }
             x[k] = own;
         }
-        pattern.place.iter().map(|&k| x[k as usize]).collect()
+        pattern.position.iter().map(|&k| x[k as usize]).collect()
     }
 }
 

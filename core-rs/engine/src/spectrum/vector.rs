@@ -34,7 +34,7 @@ wide! {
 
 wide! {
     /// y = x − factor·y.
-    pub(super) fn take_from(x: &[f64], factor: f64, y: &mut [f64]) {
+    pub(super) fn scale_and_subtract(x: &[f64], factor: f64, y: &mut [f64]) {
         for (y, x) in y.iter_mut().zip(x) {
             *y = x - factor * *y;
         }
@@ -96,7 +96,7 @@ pub(super) fn orthonormal(vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 /// A start vector with a part along every eigenvector: SplitMix64 (Steele, Lea, Flood 2014) of the index.
-pub(super) fn scattered(n: usize, which: usize) -> Vec<f64> {
+pub(super) fn start_vector(n: usize, which: usize) -> Vec<f64> {
     let seed = (which as u64 + 1).wrapping_mul(0xd1b5_4a32_d192_ed03);
     (0..n as u64)
         .map(|i| {

@@ -8,7 +8,7 @@ use crate::maths::wide::wide;
 use crate::maths::{copysign, sqrt};
 
 /// Largest number of QL rounds for one eigenvalue; two are usual.
-const ROUNDS: usize = 60;
+const QL_ITERATIONS_MAX: usize = 60;
 
 /// Eigenvalues, rising (n,), and for each of `vectors` (n,) its coordinates along their eigenvectors, in the same order
 /// (n,). `matrix` is (n, n), row after row, and is overwritten.
@@ -20,16 +20,16 @@ pub(crate) fn whole(
 ) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
     let n = matrix.len().isqrt();
     let mut seen = vectors.to_vec();
-    let (mut diagonal, mut beside) = reduce(&mut matrix, n, &mut seen);
+    let (mut diagonal, mut off_diagonal) = reduce(&mut matrix, n, &mut seen);
     drop(matrix);
     // One row for each coordinate, so that a rotation combines two adjacent rows.
     let k = seen.len();
-    let mut turned: Vec<f64> = (0..n * k).map(|at| seen[at % k][at / k]).collect();
-    iterate(&mut diagonal, &mut beside, &mut turned, k)?;
+    let mut rotated: Vec<f64> = (0..n * k).map(|at| seen[at % k][at / k]).collect();
+    iterate(&mut diagonal, &mut off_diagonal, &mut rotated, k)?;
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&i, &j| diagonal[i].total_cmp(&diagonal[j]));
     let values = order.iter().map(|&i| diagonal[i]).collect();
-    let along = |vector: usize| order.iter().map(|&i| turned[i * k + vector]).collect();
+    let along = |vector: usize| order.iter().map(|&i| rotated[i * k + vector]).collect();
     Some((values, (0..k).map(along).collect()))
 }
 
@@ -59,7 +59,7 @@ wide! {
 
 /// Reduces to tridiagonal form: the diagonal and the off-diagonal (n), with the reflections applied to `seen`.
 fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
-    let (mut diagonal, mut beside) = (vec![0.0; n], vec![0.0; n]);
+    let (mut diagonal, mut off_diagonal) = (vec![0.0; n], vec![0.0; n]);
     // Vectors of the last reflection: its update is applied when the next step reads the rows anyway.
     let (mut v, mut w, mut u, mut p) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let zero = vec![0.0; n];
@@ -77,12 +77,12 @@ fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec
         u[k + 1..].copy_from_slice(column);
         let scale = if rest == 0.0 {
             // The column is in tridiagonal form already: no reflection.
-            beside[k + 1] = column[0];
+            off_diagonal[k + 1] = column[0];
             u.fill(0.0);
             0.0
         } else {
             let length = copysign(sqrt(rest + column[0] * column[0]), column[0]);
-            beside[k + 1] = -length;
+            off_diagonal[k + 1] = -length;
             u[k + 1] += length;
             2.0 / dot(&u[k + 1..], &u[k + 1..])
         };
@@ -112,11 +112,11 @@ fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec
             }
         }
     }
-    (diagonal, beside)
+    (diagonal, off_diagonal)
 }
 
-/// QL with implicit shifts: `d` becomes the eigenvalues; the rotations are applied to the rows of `turned` (n · k).
-fn iterate(d: &mut [f64], e: &mut [f64], turned: &mut [f64], k: usize) -> Option<()> {
+/// QL with implicit shifts: `d` becomes the eigenvalues; the rotations are applied to the rows of `rotated` (n · k).
+fn iterate(d: &mut [f64], e: &mut [f64], rotated: &mut [f64], k: usize) -> Option<()> {
     let n = d.len();
     e.rotate_left(1); // e[i] now couples i and i + 1
     for l in 0..n {
@@ -127,7 +127,7 @@ fn iterate(d: &mut [f64], e: &mut [f64], turned: &mut [f64], k: usize) -> Option
             if m == l {
                 break;
             }
-            if round == ROUNDS || !d[l].is_finite() {
+            if round == QL_ITERATIONS_MAX || !d[l].is_finite() {
                 return None;
             }
             // Wilkinson's shift.
@@ -152,7 +152,7 @@ fn iterate(d: &mut [f64], e: &mut [f64], turned: &mut [f64], k: usize) -> Option
                 p = s * r;
                 d[i + 1] = shifted + p;
                 g = c * r - b;
-                let (low, high) = turned[i * k..(i + 2) * k].split_at_mut(k);
+                let (low, high) = rotated[i * k..(i + 2) * k].split_at_mut(k);
                 for (low, high) in low.iter_mut().zip(high) {
                     (*low, *high) = (c * *low - s * *high, s * *low + c * *high);
                 }

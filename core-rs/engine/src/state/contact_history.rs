@@ -26,14 +26,14 @@ pub(crate) struct ContactHistory {
 
 /// Number of touching pairs per point for which memory is reserved: equal spheres touch at most 12 others, and a pair
 /// has two points.
-const ROOM: usize = 8;
+const PAIRS_RESERVED: usize = 8;
 
 impl ContactHistory {
     /// An empty history for contacts between `n_points` points.
     pub(crate) fn new(n_points: usize) -> Self {
         Self {
-            pairs: Vec::with_capacity(ROOM * n_points),
-            next: Vec::with_capacity(ROOM * n_points),
+            pairs: Vec::with_capacity(PAIRS_RESERVED * n_points),
+            next: Vec::with_capacity(PAIRS_RESERVED * n_points),
             cursor: 0,
         }
     }

@@ -2,7 +2,7 @@
 
 use super::super::mesh::{Mesh, force_of};
 use super::super::passes;
-use super::loops::{load, onward, springs};
+use super::loops::{add_at_ends, advance_psi_run, springs};
 use crate::kernel::{self, side};
 use crate::maths::power_law;
 use crate::maths::{copysign, sqrt};
@@ -32,7 +32,7 @@ pub(super) struct State {
 crate::archive::state!(State { psi, g, c });
 
 /// Refuses a link whose energy has no closed form, or falls below its value at rest.
-pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Error> {
+pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Result<(), Error> {
     let refuse = |a: usize, b: usize, message: &str| {
         let run = network.runs().iter().find(|run| (run.a, run.b) == (a, b));
         Err(Error::Refused {
@@ -149,11 +149,16 @@ impl Links {
 
     /// Returns what the links' elastic parts add to the system matrix at the start (n_links), and adds it to
     /// `diagonal`.
-    pub(super) fn stiff(&self, mesh: &Mesh, motion: [&[f64]; 2], diagonal: &mut [f64]) -> Vec<f64> {
+    pub(super) fn elastic_matrix(
+        &self,
+        mesh: &Mesh,
+        motion: [&[f64]; 2],
+        diagonal: &mut [f64],
+    ) -> Vec<f64> {
         let mut state = self.start(mesh, motion[0], motion[1]);
         let (mut forces, mut right) = (vec![0.0; self.longest()], vec![0.0; diagonal.len()]);
-        let mut aside = right.clone();
-        let sums = [&mut right[..], &mut aside[..]];
+        let mut unused = right.clone();
+        let sums = [&mut right[..], &mut unused[..]];
         self.gather(mesh, motion, &mut state, &mut forces, sums);
         let mut first = 0;
         for run in &self.runs {
@@ -161,7 +166,7 @@ impl Links {
             for (c, g) in c.iter_mut().zip(&state.g[first..]) {
                 *c = self.beta * run.k + 0.25 * g * g;
             }
-            load(c, run.a, run.b, diagonal);
+            add_at_ends(c, run.a, run.b, diagonal);
             first += run.len;
         }
         state.c
@@ -189,7 +194,7 @@ impl Links {
                     let other = &mesh.others[other];
                     for i in 0..run.len {
                         let (e, de) = elongation(run, x, d, i);
-                        let (slope, drag, push) = look(other, e, de, psi[i]);
+                        let (slope, drag, push) = slope_and_damping(other, e, de, psi[i]);
                         g[i] = slope;
                         c[i] = 0.25 * slope * slope + 0.5 * drag;
                         f[i] = slope * psi[i] + push;
@@ -197,18 +202,18 @@ impl Links {
                 }
             }
             passes::pull(f, run.a, run.b, right);
-            load(c, run.a, run.b, diagonal);
+            add_at_ends(c, run.a, run.b, diagonal);
             first += run.len;
         }
     }
 
     /// Advances ψ by one step, given the solution `s`.
-    pub(super) fn carry(&self, s: &[f64], state: &mut State) {
+    pub(super) fn advance_psi(&self, s: &[f64], state: &mut State) {
         let mut first = 0;
         for run in &self.runs {
             let span = first..first + run.len;
             let ends = [&s[run.a..][..run.len], &s[run.b..][..run.len]];
-            onward(&state.g[span.clone()], ends, &mut state.psi[span]);
+            advance_psi_run(&state.g[span.clone()], ends, &mut state.psi[span]);
             first += run.len;
         }
     }
@@ -226,7 +231,7 @@ impl Links {
 
     /// Energy of the non-linear parts of all links [J]: once from ψ, once from their laws as the mean of this frame and
     /// the last.
-    pub(super) fn potentials(
+    pub(super) fn nonlinear_energies(
         &self,
         mesh: &Mesh,
         x: &[f64],
@@ -274,7 +279,7 @@ fn psi(run: &Run, e: f64) -> f64 {
 }
 
 /// dψ/de of a contact or a law, the coefficient of damping that acts implicitly, and an explicit force.
-fn look(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
+fn slope_and_damping(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
     match &run.kind {
         Kind::Lnl { law, rate, .. } => {
             let stored = psi(run, e);

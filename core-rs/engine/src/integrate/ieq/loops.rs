@@ -17,19 +17,19 @@ wide! {
         let Spring { a, b, len, k, q, z, rest, .. } = *run;
         let (xa, xb, da, db) = (&x[a..][..len], &x[b..][..len], &d[a..][..len], &d[b..][..len]);
         let (psi, g, c, f) = (&psi[..len], &mut g[..len], &mut c[..len], &mut f[..len]);
-        let (steep, fixed, back) = (sqrt(2.0 * q), 0.5 * z + beta * k, 2.0 * beta);
+        let (slope_per_metre, fixed, twice_beta) = (sqrt(2.0 * q), 0.5 * z + beta * k, 2.0 * beta);
         for i in 0..len {
             let e = xb[i] - xa[i] - rest;
-            g[i] = steep * e;
+            g[i] = slope_per_metre * e;
             c[i] = fixed + 0.25 * (g[i] * g[i]);
-            f[i] = k * (e - back * (db[i] - da[i])) + g[i] * psi[i];
+            f[i] = k * (e - twice_beta * (db[i] - da[i])) + g[i] * psi[i];
         }
     }
 }
 
 wide! {
     /// Add the values of a run's links to both of their ends.
-    pub(super) fn load(c: &[f64], a: usize, b: usize, sums: &mut [f64]) {
+    pub(super) fn add_at_ends(c: &[f64], a: usize, b: usize, sums: &mut [f64]) {
         for (sum, c) in sums[a..][..c.len()].iter_mut().zip(c) {
             *sum += c;
         }
@@ -41,7 +41,7 @@ wide! {
 
 wide! {
     /// ψ += ½g·(s_b − s_a).
-    pub(super) fn onward(g: &[f64], ends: [&[f64]; 2], psi: &mut [f64]) {
+    pub(super) fn advance_psi_run(g: &[f64], ends: [&[f64]; 2], psi: &mut [f64]) {
         let [sa, sb] = ends;
         let n = g.len();
         let (sa, sb, psi) = (&sa[..n], &sb[..n], &mut psi[..n]);

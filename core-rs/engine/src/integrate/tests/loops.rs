@@ -56,7 +56,7 @@ fn plainly(f: impl Fn(&Spring, usize, usize) -> f64) -> Vec<f64> {
 
 #[test]
 fn passes_have_the_bits_of_their_formulas() {
-    let (x, v, mut room) = (numbers(70, 0), numbers(70, 1), vec![0.0; 70]);
+    let (x, v, mut scratch) = (numbers(70, 0), numbers(70, 1), vec![0.0; 70]);
     let spring = |run: &Spring, a: usize, b: usize| {
         let e = black_box(x[b] - x[a]) - run.rest;
         let linear = black_box(run.k * e);
@@ -69,13 +69,13 @@ fn passes_have_the_bits_of_their_formulas() {
     };
     let damper = |run: &Spring, a: usize, b: usize| black_box(run.z * black_box(v[b] - v[a]));
     let mut found = vec![0.0; 70];
-    passes::elastic(&runs(), &x, &mut room, &mut found);
+    passes::elastic(&runs(), &x, &mut scratch, &mut found);
     assert_eq!(found, plainly(spring));
     found.fill(0.0);
-    passes::viscous(&runs(), &v, &mut room, &mut found);
+    passes::viscous(&runs(), &v, &mut scratch, &mut found);
     assert_eq!(found, plainly(damper));
     found.fill(0.0);
-    springs::total(&runs(), &x, &v, &mut room, &mut found);
+    springs::total(&runs(), &x, &v, &mut scratch, &mut found);
     assert_eq!(
         found,
         plainly(|run, a, b| black_box(spring(run, a, b)) + damper(run, a, b))
@@ -86,9 +86,9 @@ fn passes_have_the_bits_of_their_formulas() {
 fn a_body_out_of_bounds_is_unsound() {
     for bad in [f64::NAN, f64::INFINITY, -2e4] {
         let mut x = numbers(70, 2);
-        assert!(passes::within(&x));
+        assert!(passes::are_in_range(&x));
         x[68] = bad;
-        assert!(!passes::within(&x));
+        assert!(!passes::are_in_range(&x));
     }
 }
 
@@ -112,7 +112,7 @@ fn cuthill_and_mckee_find_the_narrow_way() {
         }
     }
     // Two more nodes without neighbours.
-    let order = order::near(&neighbours);
+    let order = order::reverse_cuthill_mckee(&neighbours);
     let mut place = vec![usize::MAX; order.len()];
     for (at, &node) in order.iter().enumerate() {
         place[node] = at;

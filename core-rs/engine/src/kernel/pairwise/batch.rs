@@ -111,7 +111,7 @@ impl Batch {
     /// Store the ends of the pairs that touch, their directions and e; returns their number. NaN counts as a touch, so
     /// that it reaches the positions, where it is detected.
     fn find(&mut self, rest: f64, pairs: &[Pair], x: &[Quad]) -> usize {
-        let n = near(x, pairs, rest * rest, &mut self.ends);
+        let n = select_near(x, pairs, rest * rest, &mut self.ends);
         let ends = &self.ends[..n];
         let [along_x, along_y, along_z] = self.along.each_mut().map(|one| &mut one[..n]);
         apart(x, ends, [&mut *along_x, &mut *along_y, &mut *along_z]);
@@ -160,7 +160,7 @@ wide! {
 wide! {
     /// Copies the pairs whose squared distance is below `square`, or NaN, to `found`, in their order; returns their
     /// number.
-    pub(super) fn near(x: &[Quad], pairs: &[Pair], square: f64, found: &mut [Pair]) -> usize {
+    pub(super) fn select_near(x: &[Quad], pairs: &[Pair], square: f64, found: &mut [Pair]) -> usize {
         let found = &mut found[..pairs.len()];
         let mut n = 0;
         for &[i, j] in pairs {
@@ -232,13 +232,13 @@ wide! {
 }
 
 wide! {
-    /// Components of forces along directions, and `told` times each force.
-    fn parts(f: &[f64], along: [&[f64]; AXES_MAX], told: f64, into: &mut [Quad]) {
+    /// Components of forces along directions, and `sum_share` times each force.
+    fn parts(f: &[f64], along: [&[f64]; AXES_MAX], sum_share: f64, into: &mut [Quad]) {
         let n = f.len();
         let [x, y, z] = along.map(|one| &one[..n]);
         let into = &mut into[..n];
         for i in 0..n {
-            into[i] = [f[i] * x[i], f[i] * y[i], f[i] * z[i], told * f[i]];
+            into[i] = [f[i] * x[i], f[i] * y[i], f[i] * z[i], sum_share * f[i]];
         }
     }
 }

@@ -6,10 +6,10 @@ use super::{Pair, Quad};
 use crate::network::{AXES_MAX, distance};
 
 /// Average number of points in reach of a point for which memory is reserved.
-const ROOM: usize = 24;
+const NEIGHBOURS_RESERVED: usize = 24;
 /// Largest such average: spheres that push each other apart do not come so near. Beyond it forces become NaN, which is
 /// reported as a fault.
-const MOST: usize = 512;
+const NEIGHBOURS_MAX: usize = 512;
 
 /// A set of points sorted into cells.
 #[derive(Clone, Debug, Default)]
@@ -19,14 +19,14 @@ pub(super) struct Cells {
     cells: Vec<[u32; AXES_MAX]>,
     /// Index in `members` at which the points of each cell begin, the points cell by cell, and their positions [m]
     /// (n_cells + 1, n, n)
-    begins: Vec<u32>,
+    first_member: Vec<u32>,
     members: Vec<u32>,
     places: Vec<Quad>,
 }
 
 /// Number of pairs for which memory is reserved, for `n` points.
-pub(super) fn room(n: usize) -> usize {
-    ROOM * n
+pub(super) fn n_reserved_pairs(n: usize) -> usize {
+    NEIGHBOURS_RESERVED * n
 }
 
 impl Cells {
@@ -34,7 +34,7 @@ impl Cells {
         let grid = Grid::new(n, n_axes);
         Self {
             cells: vec![[0; AXES_MAX]; n],
-            begins: vec![0; grid.n_cells() + 1],
+            first_member: vec![0; grid.n_cells() + 1],
             members: vec![0; n],
             places: vec![Quad::default(); n],
             grid,
@@ -52,12 +52,12 @@ impl Cells {
         reach: f64,
         pairs: &mut Vec<Pair>,
     ) -> bool {
-        self.fill(x, reach);
+        self.sort(x, reach);
         pairs.clear();
         let depth = if self.grid.bits[2] > 0 { 1 } else { 0 };
         for i in 0..n_first {
             let begin = pairs.len();
-            if begin > MOST * x.len() {
+            if begin > NEIGHBOURS_MAX * x.len() {
                 return false;
             }
             let least = if n_first < x.len() { n_first } else { i + 1 };
@@ -65,8 +65,8 @@ impl Cells {
             for dz in -depth..=depth {
                 for dy in -1..=1 {
                     let row = [cy.wrapping_add_signed(dy), cz.wrapping_add_signed(dz)];
-                    for cells in self.grid.three(cx, row) {
-                        self.near((i, x[i]), cells, least, reach, pairs);
+                    for cells in self.grid.three_cells(cx, row) {
+                        self.append_near((i, x[i]), cells, least, reach, pairs);
                     }
                 }
             }
@@ -78,7 +78,7 @@ impl Cells {
     /// Append the pairs of point `i` with those points of a range of cells, from point `least` on, that are within
     /// `reach`.
     #[inline(always)]
-    fn near(
+    fn append_near(
         &self,
         (i, here): (usize, Quad),
         cells: Range<usize>,
@@ -86,7 +86,7 @@ impl Cells {
         reach: f64,
         pairs: &mut Vec<Pair>,
     ) {
-        let range = self.begins[cells.start] as usize..self.begins[cells.end] as usize;
+        let range = self.first_member[cells.start] as usize..self.first_member[cells.end] as usize;
         let points = self.members[range.clone()].iter().zip(&self.places[range]);
         for (&member, there) in points {
             let [x, y, z] = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
@@ -97,26 +97,26 @@ impl Cells {
     }
 
     /// Sort the points into cells as wide as `reach` [m].
-    fn fill(&mut self, x: &[Quad], reach: f64) {
+    fn sort(&mut self, x: &[Quad], reach: f64) {
         let wide = 1.0 / reach;
-        self.begins.fill(0);
+        self.first_member.fill(0);
         for (cell, x) in self.cells.iter_mut().zip(x) {
             // `as` saturates: all positions that are far away share a cell, and so do those that are NaN.
             *cell = std::array::from_fn(|axis| (x[axis] * wide).floor() as i32 as u32);
-            self.begins[self.grid.index(*cell) + 1] += 1;
+            self.first_member[self.grid.index(*cell) + 1] += 1;
         }
-        for i in 1..self.begins.len() {
-            self.begins[i] += self.begins[i - 1];
+        for i in 1..self.first_member.len() {
+            self.first_member[i] += self.first_member[i - 1];
         }
         // In reverse order, so that the end of each cell turns into its beginning.
         for (i, &cell) in self.cells.iter().enumerate().rev() {
-            let end = &mut self.begins[self.grid.index(cell) + 1];
+            let end = &mut self.first_member[self.grid.index(cell) + 1];
             *end -= 1;
             self.members[*end as usize] = i as u32;
             self.places[*end as usize] = x[i];
         }
-        self.begins.copy_within(1.., 0);
-        if let Some(last) = self.begins.last_mut() {
+        self.first_member.copy_within(1.., 0);
+        if let Some(last) = self.first_member.last_mut() {
             *last = self.cells.len() as u32;
         }
     }
@@ -131,12 +131,12 @@ struct Grid {
 
 impl Grid {
     /// Smallest value of `bits`: four cells along an axis, so that a cell and its two neighbours are different.
-    const LEAST: u32 = 2;
+    const BITS_MIN: u32 = 2;
 
     /// A grid with at least twice as many cells as points.
     fn new(n: usize, n_axes: usize) -> Self {
         let all = (2 * n.max(1)).next_power_of_two().ilog2();
-        let each = all.div_ceil(n_axes as u32).max(Self::LEAST);
+        let each = all.div_ceil(n_axes as u32).max(Self::BITS_MIN);
         let bits = [each, each, if n_axes == AXES_MAX { each } else { 0 }];
         Self { bits }
     }
@@ -155,7 +155,7 @@ impl Grid {
     /// The cell at `x` and its two neighbours in a row (y, z): one range of cells, or two if the row wraps around
     /// between them.
     #[inline(always)]
-    fn three(self, x: u32, [y, z]: [u32; 2]) -> impl Iterator<Item = Range<usize>> {
+    fn three_cells(self, x: u32, [y, z]: [u32; 2]) -> impl Iterator<Item = Range<usize>> {
         let row = self.index([0, y, z]);
         let n = 1 << self.bits[0];
         let x = x as usize & (n - 1);

@@ -1,8 +1,8 @@
 //! Lists of points that may touch: a long list of all pairs that are near, searched rarely, and a short list of the
 //! closest, which is selected from the long one.
 
-use super::batch::{BATCH, Batch, Forces, near};
-use super::cells::{Cells, room};
+use super::batch::{BATCH, Batch, Forces, select_near};
+use super::cells::{Cells, n_reserved_pairs};
 use super::{Pair, Quad};
 use crate::maths::wide::wide;
 use crate::network::{AXES_MAX, Measure, PairRun, Pairwise};
@@ -59,8 +59,8 @@ impl Neighbours {
             searched_at: quads(),
             narrowed_at: quads(),
             cells: Cells::new(n, pairs.link.n_axes),
-            pairs: Vec::with_capacity(room(n)),
-            close: Vec::with_capacity(room(n)),
+            pairs: Vec::with_capacity(n_reserved_pairs(n)),
+            close: Vec::with_capacity(n_reserved_pairs(n)),
             batch: Batch::new(),
             forces: Forces {
                 first: quads(),
@@ -96,7 +96,7 @@ impl Neighbours {
             }
             return true;
         }
-        self.follow(run, x);
+        self.update(run, x);
         for &[i, j] in &self.close[..self.n_close] {
             let [here, there] = [self.x[i as usize], self.x[j as usize]];
             if let Some((e, along)) = meeting(run.rest, here, there) {
@@ -107,13 +107,14 @@ impl Neighbours {
     }
 
     /// Update the lists for positions `x`.
-    fn follow(&mut self, run: &PairRun, x: impl Fn(usize) -> f64) {
+    fn update(&mut self, run: &PairRun, x: impl Fn(usize) -> f64) {
         gather(run, &mut self.x, x);
         let (skin, margin) = (SKIN * run.rest, MARGIN * run.rest);
-        if self.is_made && stay(&self.x, &self.narrowed_at, square(HALF * margin)) {
+        if self.is_made && are_within(&self.x, &self.narrowed_at, square(HALF * margin)) {
             return;
         }
-        if !self.is_made || !stay(&self.x, &self.searched_at, square(HALF * (skin - margin))) {
+        if !self.is_made || !are_within(&self.x, &self.searched_at, square(HALF * (skin - margin)))
+        {
             let n_first = run.pairs.n_first;
             let reach = run.rest + skin;
             self.searched_at.copy_from_slice(&self.x);
@@ -125,7 +126,7 @@ impl Neighbours {
         }
         self.narrowed_at.copy_from_slice(&self.x);
         let reach = square(run.rest + margin);
-        self.n_close = near(&self.x, &self.pairs, reach, &mut self.close);
+        self.n_close = select_near(&self.x, &self.pairs, reach, &mut self.close);
     }
 
     /// Compute the forces of all pairs by the law of a run with K and Z in `by`, and by its friction.
@@ -136,7 +137,7 @@ impl Neighbours {
         (x, d): (&[f64], &[f64]),
         history: &mut ContactHistory,
     ) {
-        self.follow(run, |mat| x[mat]);
+        self.update(run, |mat| x[mat]);
         gather(run, &mut self.d, |mat| d[mat]);
         self.forces.first.fill(Quad::default());
         self.forces.second.fill(Quad::default());
@@ -149,7 +150,7 @@ impl Neighbours {
 
     /// Add the forces to `force` (n_mat), and set `pushes` to the sum of the pair forces on each point of the second
     /// group [N]   (run.n).
-    pub(super) fn tell(&self, run: &PairRun, force: &mut [f64], pushes: &mut [f64]) {
+    pub(super) fn add_forces(&self, run: &PairRun, force: &mut [f64], pushes: &mut [f64]) {
         let Forces { first, second } = &self.forces;
         for (range, starts) in groups(run) {
             let own = || first[range.clone()].iter().zip(&second[range.clone()]);
@@ -159,8 +160,8 @@ impl Neighbours {
                 }
             }
         }
-        let told = first.len() - pushes.len();
-        let own = first[told..].iter().zip(&second[told..]);
+        let first_told = first.len() - pushes.len();
+        let own = first[first_told..].iter().zip(&second[first_told..]);
         for (push, (first, second)) in pushes.iter_mut().zip(own) {
             *push = second[AXES_MAX] - first[AXES_MAX];
         }
@@ -200,13 +201,13 @@ fn gather(run: &PairRun, into: &mut [Quad], of: impl Fn(usize) -> f64) {
 
 wide! {
     /// Whether no point has moved farther than √`most` [m] and no position is NaN.
-    fn stay(now: &[Quad], then: &[Quad], most: f64) -> bool {
-        let mut stay = true;
+    fn are_within(now: &[Quad], then: &[Quad], most: f64) -> bool {
+        let mut are_within = true;
         for (now, then) in now.iter().zip(then) {
             let [x, y, z] = [now[0] - then[0], now[1] - then[1], now[2] - then[2]];
-            stay &= x * x + y * y + z * z <= most;
+            are_within &= x * x + y * y + z * z <= most;
         }
-        stay
+        are_within
     }
 }
 

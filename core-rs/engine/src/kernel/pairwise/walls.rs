@@ -9,9 +9,9 @@ use crate::network::{AXES_MAX, Measure, PairRun};
 use crate::state::ContactHistory;
 
 /// Number of points that are skipped together if none of them may touch.
-const CHUNK: usize = 8;
+const SKIP_LENGTH: usize = 8;
 /// Allowance for the rounding of a squared length, relative to it.
-const HAIR: f64 = 1e-12;
+const ROUNDING: f64 = 1e-12;
 
 /// Add the forces of all pairs to the coordinates of the points, and set `pushes` to the sum of the pair forces on each
 /// point of the second group [N].
@@ -19,7 +19,7 @@ pub(super) fn push(
     run: &PairRun,
     by: [f64; 2],
     (x, d): (&[f64], &[f64]),
-    (seen, history): (&mut [bool], &mut ContactHistory),
+    (may_touch, history): (&mut [bool], &mut ContactHistory),
     (pair_force, pushes): (&mut [f64], &mut [f64]),
 ) {
     let (pairs, link) = (&run.pairs, &run.pairs.link);
@@ -67,20 +67,24 @@ pub(super) fn push(
                 .for_each(|second| pull(first, second));
             continue;
         }
-        look(run, first, x, seen);
-        for (chunk, seen) in seen.chunks(CHUNK).enumerate() {
-            if !seen.contains(&true) {
+        select(run, first, x, may_touch);
+        for (chunk, may_touch) in may_touch.chunks(SKIP_LENGTH).enumerate() {
+            if !may_touch.contains(&true) {
                 continue;
             }
-            for (i, _) in seen.iter().enumerate().filter(|(_, seen)| **seen) {
-                pull(first, CHUNK * chunk + i);
+            for (i, _) in may_touch
+                .iter()
+                .enumerate()
+                .filter(|(_, may_touch)| **may_touch)
+            {
+                pull(first, SKIP_LENGTH * chunk + i);
             }
         }
     }
 }
 
-/// Set `seen` for the points of the second group that a wall may touch.
-fn look(run: &PairRun, first: usize, x: &[f64], seen: &mut [bool]) {
+/// Set `may_touch` for the points of the second group that a wall may touch.
+fn select(run: &PairRun, first: usize, x: &[f64], may_touch: &mut [bool]) {
     let link = &run.pairs.link;
     let at = |axis: usize| link.pair((run.a + first, run.b), axis.min(link.n_axes - 1));
     let ends: [(usize, usize); AXES_MAX] = std::array::from_fn(at);
@@ -90,77 +94,91 @@ fn look(run: &PairRun, first: usize, x: &[f64], seen: &mut [bool]) {
     let square = run.rest * run.rest;
     match &link.measure {
         Measure::Plane([nx, ny, nz]) => {
-            below([*nx, *ny, nz * is_deep], run.rest, wall, points, seen);
+            select_below([*nx, *ny, nz * is_deep], run.rest, wall, points, may_touch);
         }
         Measure::Distance => {
-            beside(1.0, square * (1.0 + HAIR), is_deep, wall, points, seen);
+            select_near(
+                1.0,
+                square * (1.0 + ROUNDING),
+                is_deep,
+                wall,
+                points,
+                may_touch,
+            );
         }
         // This measure is minus the distance, so that a `rest` of 0 or more closes the contact everywhere.
         Measure::Within if run.rest < 0.0 => {
-            beside(-1.0, square * (1.0 - HAIR), is_deep, wall, points, seen);
+            select_near(
+                -1.0,
+                square * (1.0 - ROUNDING),
+                is_deep,
+                wall,
+                points,
+                may_touch,
+            );
         }
-        Measure::Within => seen.fill(true),
-        Measure::Surface(facets) => inside(facets.bounds(), wall, points, seen),
+        Measure::Within => may_touch.fill(true),
+        Measure::Surface(facets) => select_inside(facets.bounds(), wall, points, may_touch),
     }
 }
 
 wide! {
     /// Which points lie less than `rest` above a plane, or are NaN.
-    fn below(
+    fn select_below(
         normal: [f64; AXES_MAX],
         rest: f64,
         wall: [f64; AXES_MAX],
         points: [&[f64]; AXES_MAX],
-        seen: &mut [bool],
+        may_touch: &mut [bool],
     ) {
-        let n = seen.len();
+        let n = may_touch.len();
         let [x, y, z] = points.map(|one| &one[..n]);
         for i in 0..n {
             let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], z[i] - wall[2]];
             let e = normal[0] * x + normal[1] * y + normal[2] * z - rest;
             let is_above = e >= 0.0;
-            seen[i] = !is_above;
+            may_touch[i] = !is_above;
         }
     }
 }
 
 wide! {
     /// Which points are nearer than √`square`, or farther if `side` is −1 instead of 1; NaN counts as well.
-    fn beside(
+    fn select_near(
         side: f64,
         square: f64,
         is_deep: f64,
         wall: [f64; AXES_MAX],
         points: [&[f64]; AXES_MAX],
-        seen: &mut [bool],
+        may_touch: &mut [bool],
     ) {
-        let n = seen.len();
+        let n = may_touch.len();
         let [x, y, z] = points.map(|one| &one[..n]);
         let limit = side * square;
         for i in 0..n {
             let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], is_deep * (z[i] - wall[2])];
             let is_off = side * (x * x + y * y + z * z) >= limit;
-            seen[i] = !is_off;
+            may_touch[i] = !is_off;
         }
     }
 }
 
 wide! {
     /// Which points are inside a box, or are NaN.
-    fn inside(
+    fn select_inside(
         bounds: [[f64; AXES_MAX]; 2],
         wall: [f64; AXES_MAX],
         points: [&[f64]; AXES_MAX],
-        seen: &mut [bool],
+        may_touch: &mut [bool],
     ) {
-        let n = seen.len();
+        let n = may_touch.len();
         let [low, high] = bounds;
         let [x, y, z] = points.map(|one| &one[..n]);
         for i in 0..n {
             let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], z[i] - wall[2]];
             let is_below = (x < low[0]) | (y < low[1]) | (z < low[2]);
             let is_above = (x > high[0]) | (y > high[1]) | (z > high[2]);
-            seen[i] = !(is_below | is_above);
+            may_touch[i] = !(is_below | is_above);
         }
     }
 }

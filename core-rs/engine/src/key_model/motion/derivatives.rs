@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::super::friction::{Contact, Friction};
 use super::super::parameter::Parameter;
-use super::{Motion, Swing};
+use super::{ModeMotion, Motion};
 use crate::dry::Turned;
 
 /// The quantities of a step that its derivatives need.
@@ -22,12 +22,15 @@ pub(super) struct Step<'a> {
 impl<const N: usize> Motion<N> {
     /// The derivatives of a step: first those that follow from the derivatives of the state, then the direct
     /// contribution of each parameter to its own column.
-    pub(super) fn move_columns(&mut self, of: &Step<'_>) {
+    pub(super) fn advance_columns(&mut self, of: &Step<'_>) {
         let (h, contact, turned) = (self.step, of.contact, of.turned);
-        let (stiffness, presliding) = (self.part * self.key.stiffness, self.key.presliding);
-        let per_force = self.push / self.under;
+        let (stiffness, presliding) = (
+            self.spring_fraction * self.key.stiffness,
+            self.key.presliding,
+        );
+        let per_force = self.h_over_m / self.denominator;
         let by_force = turned.by_gain * per_force;
-        let by_v = turned.by_v - turned.by_gain * 2.0 * self.drag / self.under
+        let by_v = turned.by_v - turned.by_gain * 2.0 * self.half_damping / self.denominator
             + turned.by_bound * of.per_level * of.friction.slope;
         let mut force = [0.0; N];
         for (column, force) in force.iter_mut().enumerate() {
@@ -42,7 +45,7 @@ impl<const N: usize> Motion<N> {
                     mode.dx[column] - self.dx[column],
                     mode.dv[column] - self.dv[column],
                 );
-                let gain = (mode.stiff * dx + mode.damp * dv) / mode.under;
+                let gain = (mode.omega_squared * dx + mode.damping_rate * dv) / mode.denominator;
                 *force += mode.mass * gain;
                 mode.dv[column] -= h * gain;
             }
@@ -51,10 +54,10 @@ impl<const N: usize> Motion<N> {
             *dv = by_v * *dv + by_force * force;
         }
         for column in 0..self.columns.len() {
-            let added = self.added(self.columns[column], column, of);
-            self.dv[column] += by_force * added.force
-                + turned.by_gain * added.gain
-                + turned.by_bound * added.bound;
+            let direct = self.direct(self.columns[column], column, of);
+            self.dv[column] += by_force * direct.force
+                + turned.by_gain * direct.gain
+                + turned.by_bound * direct.bound;
         }
         for column in 0..N {
             self.dx[column] += h * self.dv[column];
@@ -67,48 +70,48 @@ impl<const N: usize> Motion<N> {
     }
 
     /// The direct contribution of a parameter to the derivatives in its own column.
-    fn added(&mut self, parameter: Parameter, column: usize, of: &Step<'_>) -> Added {
+    fn direct(&mut self, parameter: Parameter, column: usize, of: &Step<'_>) -> Direct {
         let key = &self.key;
-        let half = 0.5 * self.push / self.under; // relative derivative of 1 + Z h/2m by Z
-        let none = Added::default();
-        let level = |by: f64| Added {
+        let half = 0.5 * self.h_over_m / self.denominator; // relative derivative of 1 + Z h/2m by Z
+        let none = Direct::default();
+        let level = |by: f64| Direct {
             bound: of.per_level * by,
             level: by,
             ..none
         };
-        let by_mode = |mode: &Swing<N>, gain: f64| Added {
+        let by_mode = |mode: &ModeMotion<N>, gain: f64| Direct {
             force: mode.mass * gain,
-            swing: gain,
+            mode_gain: gain,
             ..none
         };
-        let added = match parameter {
+        let direct = match parameter {
             Parameter::Start => none,
             Parameter::Mass => {
-                let share = -1.0 / (key.mass * self.under);
-                Added {
+                let share = -1.0 / (key.mass * self.denominator);
+                Direct {
                     gain: share * of.gain,
                     bound: share * of.bound,
                     ..none
                 }
             }
-            Parameter::Stiffness => Added {
-                force: -self.part * self.x,
+            Parameter::Stiffness => Direct {
+                force: -self.spring_fraction * self.x,
                 ..none
             },
-            Parameter::Damping => Added {
+            Parameter::Damping => Direct {
                 gain: -half * (2.0 * self.v + of.gain),
                 bound: -half * of.bound,
                 ..none
             },
-            Parameter::Weight => Added {
-                force: -self.part,
+            Parameter::Weight => Direct {
+                force: -self.spring_fraction,
                 ..none
             },
-            Parameter::Delay => Added {
+            Parameter::Delay => Direct {
                 force: of.slope,
                 ..none
             },
-            Parameter::Force(tick) => Added {
+            Parameter::Force(tick) => Direct {
                 force: self.share_of(tick, of.before),
                 ..none
             },
@@ -116,37 +119,37 @@ impl<const N: usize> Motion<N> {
             Parameter::StaticDry => level(of.friction.share),
             Parameter::StaticSpeed if key.static_speed == 0.0 => none,
             Parameter::StaticSpeed => level(-of.friction.slope * self.v / key.static_speed),
-            Parameter::Presliding => Added {
+            Parameter::Presliding => Direct {
                 force: -of.contact.s,
                 contact: of.contact.by_presliding,
                 ..none
             },
-            Parameter::ModeMass(index) => Added {
+            Parameter::ModeMass(index) => Direct {
                 force: self.modes[index].gain,
                 ..none
             },
             Parameter::ModeFrequency(index) => {
                 let mode = &self.modes[index];
-                let (stiff, damp) = (2.0 * mode.stiff, mode.damp);
-                let gain = (stiff * (mode.x - self.x) + damp * (mode.v - self.v)
-                    - 0.5 * self.step * damp * mode.gain)
-                    / (mode.under * mode.omega / TAU);
+                let (twice_squared, damping_rate) = (2.0 * mode.omega_squared, mode.damping_rate);
+                let gain = (twice_squared * (mode.x - self.x) + damping_rate * (mode.v - self.v)
+                    - 0.5 * self.step * damping_rate * mode.gain)
+                    / (mode.denominator * mode.omega / TAU);
                 by_mode(mode, gain)
             }
             Parameter::ModeRatio(index) => {
                 let mode = &self.modes[index];
                 let over = 2.0 * (mode.v - self.v) - self.step * mode.gain;
-                by_mode(mode, mode.omega * over / mode.under)
+                by_mode(mode, mode.omega * over / mode.denominator)
             }
         };
         if let Parameter::ModeFrequency(index) | Parameter::ModeRatio(index) = parameter {
-            self.modes[index].dv[column] -= self.step * added.swing;
+            self.modes[index].dv[column] -= self.step * direct.mode_gain;
         }
-        let ds = added.contact + of.contact.by_level * added.level;
+        let ds = direct.contact + of.contact.by_level * direct.level;
         self.ds[column] += ds;
-        Added {
-            force: added.force - self.key.presliding * ds,
-            ..added
+        Direct {
+            force: direct.force - self.key.presliding * ds,
+            ..direct
         }
     }
 }
@@ -154,11 +157,11 @@ impl<const N: usize> Motion<N> {
 /// Direct derivatives of a step by a parameter: of force, gain, friction's bound and level, the contact, and a mode's
 /// gain.
 #[derive(Clone, Copy, Default)]
-struct Added {
+struct Direct {
     force: f64,
     gain: f64,
     bound: f64,
     level: f64,
     contact: f64,
-    swing: f64,
+    mode_gain: f64,
 }

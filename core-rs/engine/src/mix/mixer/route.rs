@@ -102,7 +102,7 @@ pub(super) struct Route {
     /// A factor that glides since a takeover.
     pub(super) fade: Option<Glide>,
     /// A gain added to its own, which glides to 0 since a takeover; used where a factor cannot lead to the new gain.
-    pub(super) rest: Option<Glide>,
+    pub(super) residual_gain: Option<Glide>,
 }
 
 impl Route {
@@ -137,32 +137,32 @@ impl Route {
             delay: (delay > 0).then(|| Delay::new(delay)),
             curve,
             fade: None,
-            rest: None,
+            residual_gain: None,
         })
     }
 
     /// Whether it continues the route `before` of an old mixer, whose output is now `out`.
-    pub(super) fn is_as(&self, before: &Self, out: Option<usize>) -> bool {
+    pub(super) fn continues(&self, before: &Self, out: Option<usize>) -> bool {
         (out, before.to, before.group) == (Some(self.out), self.to, self.group)
             && before.highpass.is_some() == self.highpass.is_some()
             && before.delay.is_some() == self.delay.is_some()
     }
 
     /// Whether it has faded out.
-    pub(super) fn is_gone(&self, frame: u64) -> bool {
+    pub(super) fn has_faded_out(&self, frame: u64) -> bool {
         self.fade
             .is_some_and(|fade| fade.steady(frame) == Some(0.0))
     }
 
     /// Its gain at a frame of the piece, without fades.
-    pub(super) fn written(&self, frame: u64) -> f64 {
+    pub(super) fn gain_at(&self, frame: u64) -> f64 {
         self.gain * self.curve.as_ref().map_or(1.0, |curve| curve.at(frame))
     }
 
     /// Its gain at a frame of the piece, with fades.
-    pub(super) fn heard(&self, frame: u64) -> f64 {
+    pub(super) fn faded_gain_at(&self, frame: u64) -> f64 {
         let fade = self.fade.map_or(1.0, |fade| fade.at(frame));
-        self.written(frame) * fade + self.rest.map_or(0.0, |rest| rest.at(frame))
+        self.gain_at(frame) * fade + self.residual_gain.map_or(0.0, |glide| glide.at(frame))
     }
 
     /// Glide from one factor of its gain to another.
@@ -179,7 +179,7 @@ impl Route {
         to: impl Iterator<Item = &'a mut f64>,
     ) {
         let is_plain = self.delay.is_none() && self.curve.is_none() && self.fade.is_none();
-        let is_plain = is_plain && self.rest.is_none();
+        let is_plain = is_plain && self.residual_gain.is_none();
         match (group.steady(first), &mut self.highpass) {
             (Some(gain), None) if is_plain => {
                 let gain = self.gain * gain;
@@ -203,8 +203,8 @@ impl Route {
                     let curve = self.curve.as_ref().map_or(1.0, |curve| curve.at(n));
                     let fade = self.fade.map_or(1.0, |fade| fade.at(n));
                     *y += self.gain * group.at(n) * fade * curve * x;
-                    if let Some(rest) = self.rest {
-                        *y += rest.at(n) * group.at(n) * x;
+                    if let Some(residual) = self.residual_gain {
+                        *y += residual.at(n) * group.at(n) * x;
                     }
                 }
             }

@@ -2,7 +2,7 @@
 
 use super::{Mixer, Placed, Route, To};
 use crate::mix::delay::Delay;
-use crate::mix::glide::{Glide, falling};
+use crate::mix::glide::{Glide, glide_to_zero};
 
 impl Mixer {
     /// Take over the state of `old`: gains of groups, filters and delays of routes that both have, and rooms of the
@@ -23,7 +23,7 @@ impl Mixer {
         let in_turn = |next: usize, n: usize| (next..n).chain(0..next.min(n));
         let (mut next, n) = (0, old.routes.len());
         for own in &mut self.routes {
-            let is_same = |&at: &usize| own.is_as(&old.routes[at], out(old.routes[at].out));
+            let is_same = |&at: &usize| own.continues(&old.routes[at], out(old.routes[at].out));
             let Some(at) = in_turn(next, n).find(is_same) else {
                 // A delay that begins empty is silent at first: fade in when its first sample comes out.
                 let lag = own.delay.as_ref().map_or(0, Delay::length);
@@ -41,29 +41,29 @@ impl Mixer {
                 delay.take_over(before);
             }
             own.fade = before.fade;
-            own.rest = before.rest;
-            let (gone, come) = (before.written(old.frame), own.written(old.frame));
-            if come == gone {
+            own.residual_gain = before.residual_gain;
+            let (old_gain, new_gain) = (before.gain_at(old.frame), own.gain_at(old.frame));
+            if new_gain == old_gain {
                 continue;
             }
-            let heard = before.heard(old.frame);
-            (own.fade, own.rest) = (None, None);
-            if come == 0.0 || own.curve.is_some() {
-                own.rest = falling(self.rate, heard - come); // a factor would grow with the curve
+            let heard = before.faded_gain_at(old.frame);
+            (own.fade, own.residual_gain) = (None, None);
+            if new_gain == 0.0 || own.curve.is_some() {
+                own.residual_gain = glide_to_zero(self.rate, heard - new_gain); // a factor would grow with the curve
             } else {
-                own.fade(self.rate, heard / come, 1.0);
+                own.fade(self.rate, heard / new_gain, 1.0);
             }
         }
-        let come = self.fade.as_ref().map_or(1.0, |fade| fade.at(old.frame));
-        let gone = old.fade.as_ref().map_or(1.0, |fade| fade.at(old.frame));
-        self.rest = old.rest;
-        if come != gone {
-            self.rest = falling(self.rate, old.gain_of_all(old.frame) - come);
+        let new_gain = self.fade.as_ref().map_or(1.0, |fade| fade.at(old.frame));
+        let old_gain = old.fade.as_ref().map_or(1.0, |fade| fade.at(old.frame));
+        self.residual_gain = old.residual_gain;
+        if new_gain != old_gain {
+            self.residual_gain = glide_to_zero(self.rate, old.gain_of_all(old.frame) - new_gain);
         }
         for room in &mut self.rooms {
             room.take_over(&old.rooms);
         }
-        self.leave(old, out);
+        self.fade_out_missing(old, out);
         self.take_over_frozen(old, out);
         self.is_fading = true;
     }
@@ -71,7 +71,7 @@ impl Mixer {
     /// Frozen outputs at the same place continue, new ones fade in, and those that are gone fade out.
     fn take_over_frozen(&mut self, old: &Self, out: impl Fn(usize) -> Option<usize>) {
         for own in &mut self.frozen {
-            let is_same = |one: &&Placed| out(one.out).is_some_and(|here| own.is_as(one, here));
+            let is_same = |one: &&Placed| out(one.out).is_some_and(|here| own.continues(one, here));
             own.fade = match old.frozen.iter().find(is_same) {
                 Some(before) => before.fade,
                 None => Glide::between(self.rate, 0.0, 1.0),
@@ -79,32 +79,36 @@ impl Mixer {
         }
         let gone = old.frozen.iter().filter_map(|before| {
             let here = out(before.out)?;
-            let goes_on = self.frozen.iter().any(|own| own.is_as(before, here));
+            let goes_on = self.frozen.iter().any(|own| own.continues(before, here));
             let fade = Glide::between(self.rate, before.fade.at(old.frame), 0.0);
             (!goes_on).then(|| before.fading(here, fade))
         });
-        let leaving = old.frozen_leaving.iter().flatten();
-        let leaving = leaving.filter_map(|one| Some(one.fading(out(one.out)?, one.fade)));
-        for (place, one) in self.frozen_leaving.iter_mut().zip(leaving.chain(gone)) {
+        let fading_out = old.frozen_fading_out.iter().flatten();
+        let fading_out = fading_out.filter_map(|one| Some(one.fading(out(one.out)?, one.fade)));
+        for (place, one) in self
+            .frozen_fading_out
+            .iter_mut()
+            .zip(fading_out.chain(gone))
+        {
             *place = Some(one);
         }
     }
 
     /// Routes of `old` without a successor here fade out; `out` maps their outputs to those here.
-    fn leave(&mut self, old: &mut Self, out: impl Fn(usize) -> Option<usize>) {
+    fn fade_out_missing(&mut self, old: &mut Self, out: impl Fn(usize) -> Option<usize>) {
         let (mut next, n) = (0, self.routes.len());
         let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
-        let mut places = self.leaving.iter_mut();
-        let gone = |route: &&mut Route| !route.is_gone(old.frame);
-        let leaving = old.leaving.iter_mut().flatten().filter(gone);
-        for before in leaving.chain(&mut old.routes) {
+        let mut places = self.fading_out.iter_mut();
+        let sounds = |route: &&mut Route| !route.has_faded_out(old.frame);
+        let fading_out = old.fading_out.iter_mut().flatten().filter(sounds);
+        for before in fading_out.chain(&mut old.routes) {
             let here = out(before.out);
             let (Some(own), true) = (here, before.group < self.groups.len()) else {
                 continue;
             };
             let successor = (next..n)
                 .chain(0..next)
-                .find(|&at| self.routes[at].is_as(before, here));
+                .find(|&at| self.routes[at].continues(before, here));
             if let Some(at) = successor {
                 next = at + 1;
                 continue;

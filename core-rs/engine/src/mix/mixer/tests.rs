@@ -431,7 +431,7 @@ fn routes_with_a_delay_or_a_curve_fade_out_like_others() {
             }
             let mut last = Mixer::new(44_100.0, 1, 2);
             last.take_over(&mut new, None);
-            assert_eq!(last.leaving.iter().flatten().count(), 1, "that of `new`");
+            assert_eq!(last.fading_out.iter().flatten().count(), 1, "that of `new`");
             channels
         };
         let heard = played(4000);

@@ -8,10 +8,10 @@ use super::{AXES_MAX, line};
 type Vector = [f64; AXES_MAX];
 
 /// Most cells of the grid, and most triangles in all cells together.
-const MOST_CELLS: usize = 1 << 18;
-const MOST_MEMBERS: usize = 1 << 22;
+const CELLS_MAX: usize = 1 << 18;
+const MEMBERS_MAX: usize = 1 << 22;
 /// Factor by which cells are widened if there are too many.
-const WIDER: f64 = 1.3;
+const WIDENING: f64 = 1.3;
 
 /// Triangles, sorted into cells by the places from which a point may touch them.
 #[derive(Clone, Debug, PartialEq)]
@@ -150,15 +150,15 @@ impl Facets {
         loop {
             let cells = |axis: usize| ((high[axis] - low[axis]) / self.wide).floor() + 1.0;
             let counts: Vector = std::array::from_fn(cells);
-            if counts.iter().product::<f64>() <= MOST_CELLS as f64 {
+            if counts.iter().product::<f64>() <= CELLS_MAX as f64 {
                 self.counts = counts.map(|count| count as usize);
                 let spans = self.triangles.iter().map(|own| self.span(own));
                 let n_members = spans.map(|span| volume(&span)).sum::<usize>();
-                if n_members <= MOST_MEMBERS.max(self.triangles.len()) {
+                if n_members <= MEMBERS_MAX.max(self.triangles.len()) {
                     break;
                 }
             }
-            self.wide *= WIDER;
+            self.wide *= WIDENING;
         }
         let n_cells = self.counts.iter().product::<usize>();
         let mut begins = vec![0_u32; n_cells + 1];
@@ -359,6 +359,6 @@ mod tests {
         // A very large surface with a very small gap.
         let wide = [[-1e6, -1e6, -1e6], [1e6, 1e6, 1e6], [1e6, -1e6, 1e6]];
         let facets = Facets::new(&wide, &[[0, 1, 2]], 1e-9).unwrap();
-        assert!(facets.begins.len() <= MOST_CELLS + 1);
+        assert!(facets.begins.len() <= CELLS_MAX + 1);
     }
 }

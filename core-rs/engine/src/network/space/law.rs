@@ -72,7 +72,7 @@ impl SpaceLaw {
 
     /// Distance − rest after the rest length has yielded. `e` [m] is relative to the original rest length, which had
     /// grown by `yielded` [m] before; the new growth is `e` minus the result.
-    pub(crate) fn settled(&self, k: f64, e: f64, yielded: f64) -> f64 {
+    pub(crate) fn after_yielding(&self, k: f64, e: f64, yielded: f64) -> f64 {
         let Self::Yielding { yields, breaks } = self else {
             return e;
         };
@@ -103,7 +103,7 @@ impl SpaceLaw {
 
     /// Whether its ends rest deeper than `gap`, their distance when they touch [m]; it is then stiffer across its line
     /// than along it.
-    pub(in crate::network) fn sinks_beyond(&self, gap: f64) -> bool {
+    pub(in crate::network) fn rests_beyond_gap(&self, gap: f64) -> bool {
         matches!(self, Self::Cohesive { exponent: 1.0, sink, .. } if *sink > gap)
     }
 

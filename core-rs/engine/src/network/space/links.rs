@@ -23,7 +23,7 @@ pub struct SpaceLink {
 
 impl SpaceLink {
     /// A link between points with the offsets of `ends`.
-    pub(in crate::network) fn of(
+    pub(in crate::network) fn new(
         law: SpaceLaw,
         measure: Measure,
         n_axes: usize,
@@ -39,7 +39,7 @@ impl SpaceLink {
     }
 
     /// The same link at the frame rate `at` [Hz].
-    pub(crate) fn stepped(&self, at: f64) -> Self {
+    pub(crate) fn at_rate(&self, at: f64) -> Self {
         let mut stepped = self.clone();
         if let SpaceLaw::Lnl { rate, .. } = &mut stepped.law {
             *rate = at;
@@ -113,7 +113,7 @@ impl Network {
         [k, z, rest]: [f64; 3],
     ) -> Result<usize, Error> {
         self.check_space(name, n_axes, &law, [k, z, rest])?;
-        if law.sinks_beyond(rest - law.reach()) {
+        if law.rests_beyond_gap(rest - law.reach()) {
             return Err(self.refused(name, SINKS));
         }
         if n == 0 || !self.has_points(a, n, n_axes) || !self.has_points(b, n, n_axes) {
@@ -122,9 +122,9 @@ impl Network {
         if a.first == b.first {
             return Err(self.refused(name, "a link joins two different points"));
         }
-        self.room(name, n)?;
+        self.check_capacity(name, n)?;
         let first = self.n_lia;
-        let space = SpaceLink::of(law, Measure::Distance, n_axes, [a, b]);
+        let space = SpaceLink::new(law, Measure::Distance, n_axes, [a, b]);
         self.add_run(LinkKind::Space(space), a.first, b.first, n, [k, z, rest]);
         let name = self.full_name(name);
         self.names.add_links(first, n, n > 1, name);

@@ -81,7 +81,7 @@ impl Network {
         for (x, v) in x0.iter().zip(v0) {
             self.check(name, &[("X0", *x, Rule::Finite), ("V0", *v, Rule::Finite)])?;
         }
-        self.room(name, n_axes * n)?;
+        self.check_capacity(name, n_axes * n)?;
         let first = self.n_mat();
         for (i, (&x, &v)) in x0.iter().zip(v0).enumerate() {
             self.push_coordinate(masses[i % n], z, [x, v]);

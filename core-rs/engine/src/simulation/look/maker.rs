@@ -103,7 +103,7 @@ impl<'a> Maker<'a> {
         self.by_name.get(&network.mat_name(mat)).copied()
     }
 
-    fn put(&mut self, mat: Option<usize>, found: Found) {
+    fn record(&mut self, mat: Option<usize>, found: Found) {
         if let Some(mat) = mat {
             self.found[mat] = Some(found);
         }
@@ -117,10 +117,10 @@ impl<'a> Maker<'a> {
         }
     }
 
-    fn sampled(&mut self, mat: Option<usize>, at: usize, from: Origin) {
+    fn record_sampled(&mut self, mat: Option<usize>, at: usize, from: Origin) {
         let rest = mat.map_or(0.0, |mat| self.rest(mat));
         let how = How::Sampled;
-        self.put(
+        self.record(
             mat,
             Found {
                 how,
@@ -137,7 +137,7 @@ impl<'a> Maker<'a> {
             // A held point may be a guest of several islands; the first of them gives its position.
             let global = whole(&island.to_whole.mats, mat);
             if !kind.is_held() || self.found[global].is_none() {
-                self.sampled(Some(global), at, Origin::Mass(mat));
+                self.record_sampled(Some(global), at, Origin::Mass(mat));
             }
         }
         for (body, inside) in island.bodies.iter().enumerate() {
@@ -145,13 +145,13 @@ impl<'a> Maker<'a> {
                 BodyPlan::Mesh(mesh) => {
                     for own in moving(&mesh.network) {
                         let mat = self.whole(&mesh.network, own);
-                        self.sampled(mat, at, Origin::Mesh(body, own));
+                        self.record_sampled(mat, at, Origin::Mesh(body, own));
                     }
                 }
                 BodyPlan::Slow(slow) => {
                     for (own, &mat) in slow.free.iter().enumerate() {
                         let mat = self.whole(&slow.network, mat);
-                        self.sampled(mat, at, Origin::Slow(body, own));
+                        self.record_sampled(mat, at, Origin::Slow(body, own));
                     }
                 }
                 BodyPlan::Modal(modal) => {
@@ -205,7 +205,7 @@ impl<'a> Maker<'a> {
             for (own, (&(mat, rest), &free)) in bank.mats.iter().zip(&all).enumerate() {
                 let from = Origin::Bank(own);
                 let how = How::Free(free);
-                self.put(
+                self.record(
                     Some(mat as usize),
                     Found {
                         how,
@@ -258,7 +258,7 @@ impl<'a> Maker<'a> {
         if known.is_none() {
             for (&mat, &rest) in mats.iter().zip(seen.rest()) {
                 let (how, from) = (How::Modal(at), Origin::Body);
-                self.put(
+                self.record(
                     mat,
                     Found {
                         how,
@@ -291,7 +291,7 @@ impl<'a> Maker<'a> {
     pub(super) fn finish(mut self, plan: Arc<Plan>) -> Look {
         let mats = self.network.mats();
         let mut points: Vec<Point> = Vec::new();
-        for (mat, holds) in holding(self.network).into_iter().enumerate() {
+        for (mat, holds) in held_in_space(self.network).into_iter().enumerate() {
             if mats.kind[mat] == MatKind::Sol && !holds {
                 continue;
             }
@@ -435,7 +435,7 @@ fn may_break(
 }
 
 /// Whether a MAT belongs to a link in space: a fixed point is seen only if a link in space holds on to it   (n_mat)
-fn holding(network: &Network) -> Vec<bool> {
+fn held_in_space(network: &Network) -> Vec<bool> {
     let mut holds = vec![false; network.n_mat()];
     for run in network.runs().iter().filter(|run| run.n_axes() > 1) {
         for (a, b) in (0..run.len).flat_map(|i| run.pairs(i)) {

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::Takeover;
 use crate::plan::Plan;
-use crate::simulation::bodies::Room;
-use crate::simulation::side::{At, MatLocation};
+use crate::simulation::bodies::Workspace;
+use crate::simulation::side::{MatLocation, UnitIndex};
 use crate::simulation::{RunningUnit, Simulation};
 
 impl Simulation {
@@ -40,14 +40,16 @@ impl Simulation {
             mats,
             from,
             to,
-            room,
+            workspace,
             ..
         } = takeover;
-        from.iter().for_each(|body| body.look(old, room));
+        from.iter()
+            .for_each(|body| body.read_masses(old, workspace));
         for &(from, to) in &*mats {
-            self.pass(old, room, from, to);
+            self.pass(old, workspace, from, to);
         }
-        to.iter_mut().for_each(|body| body.put(self, room));
+        to.iter_mut()
+            .for_each(|body| body.write_masses(self, workspace));
         for (from, to, item) in &takeover.items {
             if let (RunningUnit::Island(own), RunningUnit::Island(old)) =
                 (self.playing(*to), old.playing(*from))
@@ -64,14 +66,20 @@ impl Simulation {
         true
     }
 
-    pub(in crate::simulation) fn playing(&mut self, (group, unit): At) -> &mut RunningUnit {
+    pub(in crate::simulation) fn playing(&mut self, (group, unit): UnitIndex) -> &mut RunningUnit {
         &mut self.groups[group].units[unit]
     }
 
     /// Transfers the motion of one MAT.
-    fn pass(&mut self, old: &mut Self, room: &mut Room, from: MatLocation, to: MatLocation) {
+    fn pass(
+        &mut self,
+        old: &mut Self,
+        workspace: &mut Workspace,
+        from: MatLocation,
+        to: MatLocation,
+    ) {
         let motion = match from {
-            MatLocation::Room(slot) => room.mats[slot],
+            MatLocation::Workspace(slot) => workspace.mats[slot],
             MatLocation::Island(at, mat) => match old.playing(at) {
                 RunningUnit::Island(island) => island.motion(mat),
                 RunningUnit::Bank(_) => return,
@@ -92,7 +100,7 @@ impl Simulation {
             },
         };
         match to {
-            MatLocation::Room(slot) => room.mats[slot] = motion,
+            MatLocation::Workspace(slot) => workspace.mats[slot] = motion,
             MatLocation::Island(at, mat) => {
                 if let RunningUnit::Island(island) = self.playing(at) {
                     island.set_motion(mat, motion);

@@ -7,10 +7,10 @@ use super::Takeover;
 use crate::island::written_hand::voice::{VoiceTakeover, shared};
 use crate::island::{Island, ItemTakeover};
 use crate::plan::IslandPlan;
-use crate::simulation::side::{At, Side};
+use crate::simulation::side::{Side, UnitIndex};
 
 /// A voice of an old island: the island's place, the island, its plan, and the index of the voice.
-type Known<'a> = (At, &'a Island, &'a IslandPlan, usize);
+type Known<'a> = (UnitIndex, &'a Island, &'a IslandPlan, usize);
 
 impl Takeover {
     /// Matches voices by the MATs that they strike, and the reports of the gestures that both have.
@@ -93,7 +93,7 @@ impl Takeover {
     /// muted.
     pub(super) fn holds(&mut self, there: &Side<'_>, here: &Side<'_>) {
         let mut gates = HashMap::new();
-        let mut hands: HashMap<String, Vec<(At, usize)>> = HashMap::new();
+        let mut hands: HashMap<String, Vec<(UnitIndex, usize)>> = HashMap::new();
         for &(from, island, island_plan) in &there.islands {
             for (gate, own) in island.script().gates.iter().enumerate() {
                 gates.insert(island_plan.network.link_name(own.link), (from, gate));
@@ -105,7 +105,7 @@ impl Takeover {
             }
         }
         let has_link = |name: &str| {
-            let of = |(at, island_plan): (At, &IslandPlan)| {
+            let of = |(at, island_plan): (UnitIndex, &IslandPlan)| {
                 let runs = island_plan.network.runs().iter();
                 let mut names = runs.map(|run| island_plan.network.link_name(run.first));
                 names.any(|own| own == name).then_some(at)
@@ -116,7 +116,8 @@ impl Takeover {
                 .map(|&(at, _, island_plan)| (at, island_plan));
             all.find_map(of)
         };
-        let same: HashMap<At, At> = self.units.iter().map(|&(from, to)| (to, from)).collect();
+        let same: HashMap<UnitIndex, UnitIndex> =
+            self.units.iter().map(|&(from, to)| (to, from)).collect();
         for &(to, island, island_plan) in &here.islands {
             let script = island.script();
             for (gate, own) in script.gates.iter().enumerate() {
@@ -140,7 +141,7 @@ impl Takeover {
             }
         }
         for &(from, to) in &self.units.clone() {
-            let island = |side: &Side<'_>, at: At| {
+            let island = |side: &Side<'_>, at: UnitIndex| {
                 let mut all = side.islands.iter();
                 all.find(|island| island.0 == at)
                     .map(|island| island.2.network.clone())
