@@ -224,12 +224,12 @@ impl Performance {
     /// The sound input, and what is missing of it.
     fn heard(&self) -> PyResult<SoundInput> {
         self.with(|own| {
-            let heard = own.heard();
-            let shared = heard.input.as_ref().map(audio::Input::shared);
+            let input = own.input();
+            let shared = input.input.as_ref().map(audio::Input::shared);
             let count = |of: fn(&audio::Shared) -> u64| shared.map_or(0, |shared| of(shared));
-            let tap = heard.recorded.as_ref().map(audio::TapHandle::status);
+            let tap = input.recorded.as_ref().map(audio::TapHandle::status);
             SoundInput {
-                sentence: heard.sentence.clone(),
+                sentence: input.sentence.clone(),
                 live: shared.is_some(),
                 gaps: count(audio::Shared::underruns),
                 missing: count(audio::Shared::missing),
@@ -296,7 +296,7 @@ impl Performance {
     /// Let an input of `Timeline.told_in` go to a value, at the next tick; returns a ticket, as `strike`.
     fn tell(&self, number: u64, value: f64) -> PyResult<Option<u64>> {
         let value = told_value(value)?;
-        self.with(|own| own.tell(number, value))
+        self.with(|own| own.set_input(number, value))
     }
 
     /// Let the gain of a group of the mixer's routes glide in 20 ms; False if too many commands wait.
@@ -418,18 +418,18 @@ fn limits(all: Vec<BoundOf>) -> Vec<Bound> {
     all.into_iter().map(bound).collect()
 }
 
-fn open((url, axes, most, known): BoardOf, period: f64) -> PyResult<Keyboard> {
-    let known = DeviceConfig {
+fn open((url, axes, force_limit, calibrated): BoardOf, period: f64) -> PyResult<Keyboard> {
+    let config = DeviceConfig {
         url: Url::parse(&url).map_err(said)?,
-        calibration: known
+        calibration: calibrated
             .into_iter()
             .map(device::axis)
             .collect::<PyResult<_>>()?,
-        most,
+        force_limit,
         period,
         ending: Ending::default(),
     };
-    Keyboard::open(known, axes).map_err(said)
+    Keyboard::open(config, axes).map_err(said)
 }
 
 fn stems(frozen: Vec<StemOf>, n_out: usize) -> PyResult<Vec<Stem>> {

@@ -79,13 +79,13 @@ impl ViewServer {
     /// Show a performance through `window`, as soon as the simulation plays for which the window was made.
     fn show(&self, window: &Window, performance: &Performance) -> PyResult<()> {
         let (physics, pages) = window.ends()?;
-        let ear = performance.with(|own| own.ear())?;
+        let heard_times = performance.with(|own| own.heard_times())?;
         self.with(|open| {
             let showing = match open.showing.take() {
                 Some(showing) => showing,
                 None => Showing::start(open.server.clone()).map_err(said)?,
             };
-            showing.show(pages, ear);
+            showing.show(pages, heard_times);
             open.showing = Some(showing);
             Ok::<_, PyErr>(())
         })??;

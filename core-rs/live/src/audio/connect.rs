@@ -66,13 +66,13 @@ fn first(
 /// For each backend what it would play on, or why it is not available. Starts no server.
 #[must_use]
 pub fn survey() -> Vec<(String, Result<String, String>)> {
-    let told = |found: Result<String, AudioError>| found.map_err(|error| error.to_string());
+    let as_text = |found: Result<String, AudioError>| found.map_err(|error| error.to_string());
     let mut found = vec![
-        ("jack".into(), told(jack::survey())),
-        ("pulse".into(), told(pulse::survey())),
+        ("jack".into(), as_text(jack::survey())),
+        ("pulse".into(), as_text(pulse::survey())),
     ];
     if HAS_SYSTEM {
-        found.push(("system".into(), told(system::survey())));
+        found.push(("system".into(), as_text(system::survey())));
     }
     found.extend([
         ("null".into(), Ok("in real time, without sound".into())),

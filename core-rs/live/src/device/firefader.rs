@@ -134,7 +134,7 @@ impl FireFader {
             self.waiting = self.waiting.saturating_sub(come);
             fresh |= come > 0;
             if come > 0 && self.waiting == 0 {
-                self.stats.timed(self.sent_at.elapsed());
+                self.stats.add_round_trip(self.sent_at.elapsed());
                 return Ok(true);
             }
         }

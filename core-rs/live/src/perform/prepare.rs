@@ -12,7 +12,7 @@ use super::player::{self, Player};
 use super::status::{HANDS_MAX, Status};
 use super::{
     HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, SCALE_MIN, Stage, clock, frozen,
-    hearing,
+    sound_input,
 };
 use crate::audio::{self, AudioError};
 use crate::recording::Recorder;
@@ -80,7 +80,7 @@ impl Performance {
             );
             return Err(AudioError::Broken(why).into());
         }
-        let (hearing, heard) = hearing::open(
+        let (sound_input, input) = sound_input::open(
             &config.input,
             &stage.simulation,
             &info,
@@ -120,7 +120,7 @@ impl Performance {
             feed,
             record: sink,
             frozen,
-            hearing,
+            sound_input,
             shared: output.shared().clone(),
             garbage: to_garbage,
         };
@@ -157,7 +157,7 @@ impl Performance {
             garbage,
             tickets: 0,
             tap: None,
-            heard,
+            input,
             sound_events: SoundEvents::default(),
             tick_frames,
             channels,

@@ -50,7 +50,7 @@ mod tests {
     use nalgebra::DMatrix;
 
     use super::*;
-    use crate::safety::margin::Answer;
+    use crate::safety::margin::FrequencyResponse;
 
     /// Spectral radius of a mass of 50 g with damper b and spring k, whose position is held over T and late by d ticks.
     fn radius(b: f64, k: f64, period: f64, delay: usize) -> f64 {
@@ -131,7 +131,7 @@ mod tests {
                 delay,
             };
             for k in [0.05 * border, 0.5 * border, 2.0 * border, 8.0 * border] {
-                let borne = k * Answer::new(&[k]).gain_margin(key, 0.0, 0.0);
+                let borne = k * FrequencyResponse::new(&[k]).gain_margin(key, 0.0, 0.0);
                 let text = format!("{damping} {delay} {k}: {borne} {border}");
                 assert!((borne / border - 1.0).abs() < 0.05, "{text}");
                 assert_eq!(
@@ -161,7 +161,7 @@ mod tests {
                 delay,
             };
             assert_eq!(
-                safe_scale(Answer::new(&[0.5 * k, 0.5 * k]).gain_margin(key, 0.0, 0.0)),
+                safe_scale(FrequencyResponse::new(&[0.5 * k, 0.5 * k]).gain_margin(key, 0.0, 0.0)),
                 1.0,
                 "{mass} kg, {k} N/m"
             );

@@ -114,8 +114,8 @@ impl Wire {
             return Ok(Some(message));
         }
         let wait = wait.max(Duration::from_millis(1));
-        let told = |error: io::Error| error.to_string();
-        self.socket.set_read_timeout(Some(wait)).map_err(told)?;
+        let text = |error: io::Error| error.to_string();
+        self.socket.set_read_timeout(Some(wait)).map_err(text)?;
         match self.socket.read(&mut self.piece) {
             Ok(0) => Err("the server closed the connection".into()),
             Ok(n) => {
