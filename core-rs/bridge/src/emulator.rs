@@ -80,7 +80,7 @@ pub(crate) fn emulate(
             force_step,
             watchdog: watchdog
                 .map_err(|_| refused("watchdog", "must be a time of at least zero"))?,
-            known: [mass, damping],
+            reported: [mass, damping],
             range: key.range,
         },
         transport: word("transport", transport, TRANSPORTS)?(port),
@@ -102,7 +102,7 @@ fn going(path: &PyReadonlyArray1<'_, f64>, (stiffness, damping): (f64, f64)) -> 
     if path.is_empty() {
         return Hand::Resting;
     }
-    Hand::Going {
+    Hand::OnPath {
         path,
         stiffness,
         damping,

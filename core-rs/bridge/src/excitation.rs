@@ -6,7 +6,7 @@ use ergon_engine::key_model::KeyModel;
 use ergon_live::device::calibrate::{self, Axis, Calibrated};
 use ergon_live::device::{self as live, Device as _, Gone};
 use ergon_live::emulate::{Board, Hand, Key, Options, Protocol};
-use ergon_live::metrology::{self, End, Excitation, Guide, Pull, Row};
+use ergon_live::metrology::{self, End, Excitation, Guide, Row, SpringDamper};
 use ergon_live::recording::{self, Header, Recorder};
 use numpy::{Element, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -42,7 +42,7 @@ pub(crate) fn excite(
     record: Option<RecordOf>,
 ) -> PyResult<Excited> {
     let (centre, half, soft, firm, deceleration) = guide;
-    let pull = |(stiffness, damping)| Pull { stiffness, damping };
+    let spring_damper = |(stiffness, damping)| SpringDamper { stiffness, damping };
     let positive = |x: f64| x.is_finite() && x > 0.0;
     if !(positive(half) && positive(deceleration) && positive(rate) && frames > 0) {
         return Err(refused(
@@ -58,8 +58,8 @@ pub(crate) fn excite(
         guide: Guide {
             centre,
             half,
-            guide: pull(soft),
-            brake: pull(firm),
+            guide: spring_damper(soft),
+            brake: spring_damper(firm),
             deceleration,
         },
         force_step,
@@ -99,7 +99,7 @@ pub(crate) fn excite(
 
 /// The record of a key that `excite` pushed: its ticks as columns, and why they ended.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct Excited(metrology::Excited);
+pub(crate) struct Excited(metrology::ExcitationResult);
 
 #[pymethods]
 impl Excited {
@@ -194,7 +194,7 @@ pub(crate) fn emulated_device(
     };
     let hands = path.map_or(Vec::new(), |path| {
         let (stiffness, damping) = hand;
-        vec![Hand::Going {
+        vec![Hand::OnPath {
             path: path.as_array().to_vec(),
             stiffness,
             damping,
@@ -211,7 +211,7 @@ pub(crate) fn emulated_device(
             seed,
             force_step,
             watchdog: Duration::from_secs(1),
-            known: [key.mass, key.damping],
+            reported: [key.mass, key.damping],
             range: key.range,
         },
         transport: ergon_live::emulate::Transport::Udp(0),

@@ -8,7 +8,7 @@ use ergon_engine::mix::limiter::Limiter;
 use ergon_engine::mix::silence_detector::SilenceDetector;
 use ergon_engine::simulation::Takeover;
 use ergon_live::audio;
-use ergon_live::device::{Ending, Url};
+use ergon_live::device::{Url, WaitCanceller};
 use ergon_live::perform::{
     self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, InputConfig, Keyboard,
     MeasuredKey, PlaybackConfig, Stage, Stem,
@@ -427,7 +427,7 @@ fn open((url, axes, force_limit, calibrated): BoardOf, period: f64) -> PyResult<
             .collect::<PyResult<_>>()?,
         force_limit,
         period,
-        ending: Ending::default(),
+        canceller: WaitCanceller::default(),
     };
     Keyboard::open(config, axes).map_err(said)
 }

@@ -169,7 +169,9 @@ impl Recording {
 
     /// Positions [m] at every tick from the first to the last, (n, n_axes); a gap holds its last value.
     fn held<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let held = py.detach(|| self.0.held()).map_err(from_recording)?;
+        let held = py
+            .detach(|| self.0.positions_filled())
+            .map_err(from_recording)?;
         Ok(self.shaped(py, held))
     }
 

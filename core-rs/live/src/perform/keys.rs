@@ -10,7 +10,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::Command;
 use super::hand_limit::{self, MeasuredKey};
 use crate::device::calibrate::{self, Axis};
-use crate::device::{self, Device, Ending, MAX_AXES, Sample, Unit, Url, ports};
+use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url, WaitCanceller, ports};
 use crate::safety::{Guarded, Limits, Trip, stiffness};
 
 /// Time between two attempts to open a lost device.
@@ -44,7 +44,7 @@ pub struct DeviceConfig {
     /// Length of a tick [s].
     pub period: f64,
     /// Ends the search for the device, and its waits for replies.
-    pub ending: Ending,
+    pub canceller: WaitCanceller,
 }
 
 impl DeviceConfig {
@@ -80,7 +80,7 @@ pub struct Slot {
 /// The thread that is allowed to wait: it opens the device again and frees lost ones.
 pub(super) struct Reconnector {
     thread: Option<JoinHandle<()>>,
-    ending: Ending,
+    canceller: WaitCanceller,
 }
 
 impl Keyboard {
@@ -114,8 +114,8 @@ impl Keyboard {
     }
 
     /// The handle that ends the waits for the device.
-    pub(super) fn ending(&self) -> Ending {
-        self.config.ending.clone()
+    pub(super) fn canceller(&self) -> WaitCanceller {
+        self.config.canceller.clone()
     }
 
     /// The key of the device, without hand or piece.
@@ -138,7 +138,7 @@ impl Keyboard {
         index: usize,
         commands: Arc<Mutex<Producer<Command>>>,
     ) -> (Slot, Reconnector) {
-        let (gone, ending) = (Arc::default(), self.config.ending.clone());
+        let (gone, canceller) = (Arc::default(), self.config.canceller.clone());
         // Room for devices that are lost while an earlier one is still to be freed.
         let (to_drop, dropped) = RingBuffer::new(4);
         let [low, high] = self.guarded.spec().pos_range;
@@ -173,14 +173,14 @@ impl Keyboard {
             .name("ergon keys".into())
             .spawn(move || reconnect.run())
             .ok();
-        (slot, Reconnector { thread, ending })
+        (slot, Reconnector { thread, canceller })
     }
 }
 
 impl DeviceConfig {
     fn open(&self) -> Result<Box<dyn Device>, device::DeviceError> {
         let device = calibrate::applied(
-            device::open_until(&self.url, &self.ending)?,
+            device::open_until(&self.url, &self.canceller)?,
             &self.calibration,
         );
         if device.spec().unit == Unit::Radian {
@@ -338,7 +338,7 @@ impl ReconnectLoop {
     fn run(mut self) {
         let mut next = Instant::now();
         let mut memory = None;
-        while !self.config.ending.is_over() {
+        while !self.config.canceller.is_cancelled() {
             std::thread::park_timeout(POLL);
             let is_gone = self.gone.load(Ordering::Acquire);
             // The lost device is dropped here, before its port is opened again: it sends its last zeros and closes the
@@ -379,7 +379,7 @@ impl ReconnectLoop {
 
 impl Drop for Reconnector {
     fn drop(&mut self) {
-        self.ending.end();
+        self.canceller.cancel();
         if let Some(thread) = self.thread.take() {
             thread.thread().unpark();
             // If the thread panicked, its device has been freed.

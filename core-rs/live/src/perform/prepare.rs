@@ -99,8 +99,8 @@ impl Performance {
         let (to_events, events) = RingBuffer::new(EVENTS);
         let (to_garbage, garbage) = RingBuffer::new(2 * SCHEDULED_MAX);
         let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
-        let endings = boards.iter().map(Keyboard::ending).collect();
-        let flags = Arc::new(SharedFlags::new(endings));
+        let cancellers = boards.iter().map(Keyboard::canceller).collect();
+        let flags = Arc::new(SharedFlags::new(cancellers));
         let commands = Arc::new(Mutex::new(to_commands));
         let mut reconnectors = Vec::new();
         let slots: Vec<Slot> = boards

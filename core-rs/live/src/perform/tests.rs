@@ -12,7 +12,7 @@ use ergon_engine::timeline::{HandWay, Timeline};
 use ergon_engine::units::Rate;
 
 use super::*;
-use crate::device::{Ending, Url};
+use crate::device::{Url, WaitCanceller};
 
 mod changes;
 mod keys;
@@ -66,7 +66,7 @@ fn keyboard(hand: usize, left: u32) -> Keyboard {
         calibration: Vec::new(),
         force_limit: None,
         period: EVERY as f64 / RATE,
-        ending: Ending::default(),
+        canceller: WaitCanceller::default(),
     };
     Keyboard::from_device(brief, config, vec![(0, hand)])
 }

@@ -51,7 +51,7 @@ fn a_pulse_is_small() {
 
 #[test]
 fn an_axis_that_is_held_is_not_guessed() {
-    let held = Hand::Going {
+    let held = Hand::OnPath {
         path: vec![0.0; 100_000],
         stiffness: 5e4,
         damping: 20.0,
@@ -73,7 +73,7 @@ fn an_axis_that_is_held_is_not_guessed() {
 #[test]
 fn ends_give_zero_and_gain() {
     let path = (0..200).map(|i| if i < 100 { 0.01 } else { -0.03 });
-    let hand = Hand::Going {
+    let hand = Hand::OnPath {
         path: path.collect(),
         stiffness: 2000.0,
         damping: 40.0,

@@ -15,7 +15,7 @@ fn board(protocol: Protocol, lockstep: bool) -> Board {
         seed: 0,
         force_step: 0.0,
         watchdog: Duration::from_millis(50),
-        known: [0.05, 1.0],
+        reported: [0.05, 1.0],
         range: Key::default().range,
     }
 }

@@ -13,7 +13,7 @@ fn a_device_that_comes_back_is_still_hot() {
         calibration: Vec::new(),
         force_limit: None,
         period: 1e-3,
-        ending: Ending::default(),
+        canceller: WaitCanceller::default(),
     };
     let brief = Box::new(Unplugged { key, left: 5_000 });
     let keyboard = Keyboard::from_device(brief, config, vec![(0, 0)]);

@@ -16,7 +16,7 @@ struct Board {
     time: Arc<AtomicU64>,
     heard: u64,
     /// Whether it reports its own state, such as heat and letting go.
-    says: bool,
+    reports_let_go: bool,
     /// Time for which the host is stopped right before its next write [ns].
     stop: u64,
     sample: Sample,
@@ -38,7 +38,7 @@ impl Board {
             },
             time: Arc::default(),
             heard: 0,
-            says: true,
+            reports_let_go: true,
             stop: 0,
             sample: Sample::default(),
             answers: true,
@@ -48,7 +48,7 @@ impl Board {
 
     fn hear(&mut self, force: f64) {
         let now = self.time.load(Ordering::Relaxed);
-        self.sample.let_go = self.says && now - self.heard > WATCHDOG;
+        self.sample.let_go = self.reports_let_go && now - self.heard > WATCHDOG;
         self.heard = now;
         self.felt.push(force);
     }

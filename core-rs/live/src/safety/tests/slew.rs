@@ -29,13 +29,13 @@ impl Draw {
 }
 
 /// A board with all kinds of faults at random.
-struct Wild {
+struct FaultyBoard {
     spec: Spec,
     sample: Sample,
     answers: bool,
 }
 
-impl Device for Wild {
+impl Device for FaultyBoard {
     fn spec(&self) -> &Spec {
         &self.spec
     }
@@ -55,7 +55,7 @@ impl Device for Wild {
 /// Number of ticks in which a force rose, or changed its sign, by more than the limit.
 fn too_fast(ticks: u64, seed: u64) -> u64 {
     let mut draw = Draw(seed);
-    let mut board = Wild {
+    let mut board = FaultyBoard {
         spec: Spec {
             force_max_peak: 20.0,
             force_max_continuous: 10.0,

@@ -175,7 +175,7 @@ pub(super) fn board_bytes(dice: &mut Dice) {
         seed: 0,
         force_step: 0.0,
         watchdog: Duration::from_millis(50),
-        known: [0.05, 1.0],
+        reported: [0.05, 1.0],
         range: Key::default().range,
     };
     let keys = Keys::new(3, Key::default(), 1000.0, vec![Hand::Resting; 3]).unwrap();
