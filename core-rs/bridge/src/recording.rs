@@ -8,14 +8,14 @@ use numpy::{Element, IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadon
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::error::said;
+use crate::error::plain_error;
 use crate::frames::rows;
 use crate::named::{RecordedAxis, RecordedEvent};
 
 pub(crate) fn from_recording(error: RecordingError) -> PyErr {
     match error {
         RecordingError::Io(error) => error.into(),
-        error => said(error),
+        error => plain_error(error),
     }
 }
 

@@ -112,8 +112,8 @@ pub(super) fn file(
     let mut piece = vec![0; 64 << 10];
     let mut left = n;
     while left > 0 {
-        let most = piece.len().min(usize::try_from(left).unwrap_or(usize::MAX));
-        let read = file.read(&mut piece[..most])?;
+        let piece_len = piece.len().min(usize::try_from(left).unwrap_or(usize::MAX));
+        let read = file.read(&mut piece[..piece_len])?;
         if read == 0 {
             // The file became shorter meanwhile: the reader notices that bytes are missing.
             return Err(io::ErrorKind::UnexpectedEof.into());

@@ -9,7 +9,7 @@ use std::time::Duration;
 use super::answer::{self, Status};
 use super::pace::Paced;
 use super::request::{self, Bad, Request};
-use super::{Place, Shared, access, assets, viewer};
+use super::{Shared, Slot, access, assets, viewer};
 
 /// Bytes of a refused request that are read after the answer: if a socket is closed with unread bytes, it is reset and
 /// the answer is lost.
@@ -61,15 +61,15 @@ impl From<io::Error> for Failed {
 
 fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<(), Failed> {
     let options = &shared.options;
-    let name = access::enter(&request, options.key.as_ref(), shared.at)?.to_owned();
+    let name = access::check(&request, options.key.as_ref(), shared.at)?.to_owned();
     if let Some(key) = &request.upgrade {
         if name != "live" {
             return Err(Status::NotFound.into());
         }
-        let place = Place::take(&shared.tally.viewers, options.limits.viewers);
-        let place = place.ok_or(Status::Full)?;
+        let slot = Slot::take(&shared.tally.viewers, options.limits.viewers);
+        let slot = slot.ok_or(Status::Full)?;
         answer::switch(&mut Paced::new(stream, options.limits)?, key)?;
-        viewer::follow(stream.try_clone()?, request.rest, shared, place);
+        viewer::follow(stream.try_clone()?, request.rest, shared, slot);
         return Ok(());
     }
     let mut out = Paced::new(stream, options.limits)?;

@@ -16,7 +16,7 @@ use ergon_view::motion::{self, MAGIC};
 use ergon_view::payload::kind;
 use ergon_view::read::MotionFile;
 use ergon_view::record::{Setup, runs};
-use ergon_view::serve::{Cursor, Limits, Server, Taken};
+use ergon_view::serve::{Cursor, Limits, Next, Server};
 use tungstenite::protocol::Role;
 use tungstenite::{Message, WebSocket};
 

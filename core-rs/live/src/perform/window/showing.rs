@@ -134,27 +134,27 @@ impl Relay {
         let picture = scene.pictures.read();
         let seconds = recorder.seconds(picture.glance.frame);
         let heard = heard_times.when(picture.glance.frame, picture.dropped, self.server.now());
-        recorder.hear_squares(&picture.squares, picture.n_heard);
+        recorder.add_squared_levels(&picture.squares, picture.n_heard);
         for strike in &picture.strikes[..picture.n_strikes] {
             let at = recorder.seconds(strike.frame);
-            recorder.struck(at, strike.point, strike.impulse);
+            recorder.add_strike(at, strike.point, strike.impulse);
         }
-        recorder.see(&picture.glance);
+        recorder.record(&picture.glance);
         if !self.is_greeted {
             hub.greet(&recorder.take());
             self.is_greeted = true;
         }
-        let mut told = recorder.tell();
+        let mut chunks = recorder.take_live();
         if let Some(heard) = heard {
             let mut clock = Bytes::default();
             clock.f64(heard);
             clock.f64(1.0);
-            put(&mut told.latest, kind::CLOCK, seconds, &clock.0);
+            put(&mut chunks.latest, kind::CLOCK, seconds, &clock.0);
         }
-        if !told.events.is_empty() {
-            let keep = if told.is_key { Keep::Key } else { Keep::All };
-            hub.publish(&told.events, keep);
+        if !chunks.events.is_empty() {
+            let keep = if chunks.is_key { Keep::Key } else { Keep::All };
+            hub.publish(&chunks.events, keep);
         }
-        hub.publish(&told.latest, Keep::Latest);
+        hub.publish(&chunks.latest, Keep::Latest);
     }
 }

@@ -237,8 +237,8 @@ pub(super) fn messages(server: &Server, cursor: &mut Cursor) -> Vec<Vec<u8>> {
     let mut all = Vec::new();
     loop {
         match server.hub().take(cursor, Duration::ZERO) {
-            Taken::Message(bytes) => all.push(bytes.to_vec()),
-            Taken::Nothing => return all,
+            Next::Message(bytes) => all.push(bytes.to_vec()),
+            Next::Nothing => return all,
             other => panic!("{other:?}"),
         }
     }
