@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use ergon_live::device::calibrate::{self, Axis, Pulse, Unsure};
+use ergon_live::device::calibrate::{self, Axis, DirectionError, Pulse};
 use ergon_live::device::ports;
 use ergon_live::device::{self as live, Device as _, Gone, Stats, Unit, Url};
 use ergon_live::doctor::{self, Checkup as Measured};
@@ -162,7 +162,7 @@ impl Device {
             .map(axis)
             .collect::<PyResult<Vec<_>>>()?;
         let device = py
-            .detach(|| live::open(&url).map(|device| calibrate::applied(device, &known)))
+            .detach(|| live::open(&url).map(|device| calibrate::with_calibration(device, &known)))
             .map_err(plain_error)?;
         Ok(Self::of(device))
     }
@@ -226,7 +226,7 @@ impl Device {
             calibrate::direction(own, axis, pulse, period, stop)
         })?
         .map_err(|unsure| match unsure {
-            Unsure::Gone(gone) => plain_error(gone),
+            DirectionError::Gone(gone) => plain_error(gone),
             unsure => with_attributes(UnsureError::new_err(unsure.to_string()), None, |_| Ok(())),
         })
     }
@@ -240,7 +240,9 @@ impl Device {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         ticks(seconds, period)?;
         let ends = self
-            .with(py, |own, stop| calibrate::ends(own, seconds, period, stop))?
+            .with(py, |own, stop| {
+                calibrate::travel_ends(own, seconds, period, stop)
+            })?
             .map_err(plain_error)?;
         let rows: Vec<_> = ends[..self.spec.dof]
             .iter()

@@ -232,6 +232,7 @@ pub(crate) fn emulated_device(
         .into_iter()
         .map(axis)
         .collect::<PyResult<Vec<_>>>()?;
-    let open = || live::open_board(&options).map(|device| calibrate::applied(device, &known));
+    let open =
+        || live::open_board(&options).map(|device| calibrate::with_calibration(device, &known));
     Ok(Device::of(py.detach(open).map_err(plain_error)?))
 }

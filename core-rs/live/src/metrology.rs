@@ -136,7 +136,7 @@ pub fn excite<D: Device>(
     };
     let in_lockstep = device.in_lockstep();
     if !in_lockstep {
-        realtime::ask(realtime::PHYSICS);
+        realtime::request(realtime::PHYSICS_PRIORITY);
     }
     let mut take = Take {
         guarded: Guarded::new(device, limits, excitation.period)

@@ -104,7 +104,7 @@ fn it_ends_when_it_is_told_to() {
     assert!(found.lateness.is_empty());
     let emulator = udp(true);
     let mut device = emulator.open("frame+udp", "lockstep");
-    let ended = ergon_live::device::calibrate::ends(&mut device, 1.0, PERIOD, &stop);
+    let ended = ergon_live::device::calibrate::travel_ends(&mut device, 1.0, PERIOD, &stop);
     assert_eq!(ended, Err(Gone::Closed));
     emulator.end();
 }

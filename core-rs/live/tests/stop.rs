@@ -121,7 +121,7 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
     stop::release();
     assert!(stop::is_over());
     assert_eq!(ticks(&mut guarded, 300), 0.0);
-    stop::begin_again();
+    stop::reset();
     assert_eq!(ticks(&mut guarded, 300), 1.0);
     // A pending signal is seen by a thread that leaves signals to others.
     watch(libc::SIGTERM, Stop::Forces);
@@ -131,7 +131,7 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
     check_signals();
     assert!(stop::has_let_go());
     assert_eq!(ticks(&mut guarded, 1), 0.0);
-    stop::begin_again();
+    stop::reset();
     // An ignored signal is left alone.
     // SAFETY: the call only ignores the signal.
     unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };

@@ -35,7 +35,7 @@ fn first(
     channels: usize,
     shared: &Arc<Shared>,
 ) -> Result<(Opened, Spec), AudioError> {
-    let mut without = Vec::new();
+    let mut unavailable = Vec::new();
     let mut backends = vec![
         Backend::Jack,
         Backend::Pulse,
@@ -51,15 +51,15 @@ fn first(
         };
         match connect(&found, rate, channels, shared) {
             Ok((mut opened, found)) => {
-                opened.remarks.append(&mut without);
+                opened.remarks.append(&mut unavailable);
                 return Ok((opened, found));
             }
-            Err(error) => without.push(format!("not {found}: {error}")),
+            Err(error) => unavailable.push(format!("not {found}: {error}")),
         }
     }
     Err(AudioError::Unavailable {
         backend: "auto",
-        why: without.join("; "),
+        why: unavailable.join("; "),
     })
 }
 

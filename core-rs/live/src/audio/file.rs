@@ -113,7 +113,7 @@ impl Recording {
     ) -> io::Result<()> {
         drain
             .shared()
-            .set_priority(realtime::scheduled_at(PRIORITY));
+            .set_priority(realtime::set_priority(PRIORITY));
         let rate = self.rate;
         null::by_the_clock(drain, stop, rate, block, |out| {
             self.write(out, block as usize)

@@ -13,7 +13,7 @@ use super::shared::Shared;
 
 /// Most channels of a frame.
 pub const CHANNELS_MAX: usize = 64;
-const NAP: Duration = Duration::from_micros(100);
+const POLL: Duration = Duration::from_micros(100);
 
 /// The physics' side: it takes whole interleaved frames.
 pub struct Feed {
@@ -275,18 +275,18 @@ impl Drain {
         {
             self.phase = Phase::Playing;
         }
-        let came = match self.phase {
+        let n_sound = match self.phase {
             Phase::Playing => waiting.min(out.len() / self.channels),
             _ => 0,
         };
-        let (sounding, silent) = out.split_at_mut(came * self.channels);
+        let (sounding, silent) = out.split_at_mut(n_sound * self.channels);
         if self.samples.pop_entire_slice(sounding).is_err() {
             sounding.fill(0.0);
         }
         self.fades.shape_sound(sounding);
-        self.count_played(came, closed && came == waiting);
+        self.count_played(n_sound, closed && n_sound == waiting);
         if !silent.is_empty() {
-            self.fill_gap(silent, closed && came == waiting, panicked);
+            self.fill_gap(silent, closed && n_sound == waiting, panicked);
         }
         self.fades.apply_hush(out);
     }
@@ -326,7 +326,7 @@ impl Drain {
             && !self.shared.panicked()
             && Instant::now() < until
         {
-            std::thread::sleep(NAP);
+            std::thread::sleep(POLL);
         }
     }
 

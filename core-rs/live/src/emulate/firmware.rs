@@ -168,10 +168,10 @@ impl Firmware {
     }
 
     /// Take bytes from the host; `reply` gets the answers. In a text protocol the bytes are one whole message.
-    pub fn hear(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
+    pub fn receive(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         match self.board.protocol {
-            Protocol::FireFader => self.hear_firefader(bytes, now, reply),
-            Protocol::Frame => self.hear_frame(bytes, now, reply),
+            Protocol::FireFader => self.receive_firefader(bytes, now, reply),
+            Protocol::Frame => self.receive_frame(bytes, now, reply),
             Protocol::Haply => {
                 let text = std::str::from_utf8(bytes).unwrap_or_default();
                 if let Some(force) = haply::parse_command(text, HAPLY_ID) {
@@ -240,7 +240,7 @@ impl Firmware {
         read
     }
 
-    fn hear_firefader(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
+    fn receive_firefader(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         let mut packets = Vec::new();
         self.inbox
             .feed(bytes, firefader::parse_request, |force| packets.push(force));
@@ -261,7 +261,7 @@ impl Firmware {
         }
     }
 
-    fn hear_frame(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
+    fn receive_frame(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         let mut packets = Vec::new();
         let full = self.board.force_max;
         self.inbox.feed(

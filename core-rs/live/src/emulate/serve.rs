@@ -133,7 +133,7 @@ pub fn serve(
             LineEvent::Bytes(n) => {
                 firmware.run_to(start.elapsed());
                 let answer = &mut |bytes: &[u8]| line.write(bytes);
-                firmware.hear(&bytes[..n], start.elapsed(), answer);
+                firmware.receive(&bytes[..n], start.elapsed(), answer);
                 if !firmware.is_held() {
                     line.release_host();
                 }

@@ -80,7 +80,7 @@ impl Device for Defective {
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
         let gain = if self.defect.wrong_way { -1.0 } else { 1.0 };
-        let force = force.turned(&[gain; MAX_AXES]);
+        let force = force.with_gains(&[gain; MAX_AXES]);
         self.device.send(&force)?;
         self.note_force(force.newtons()[0]);
         Ok(())

@@ -195,7 +195,7 @@ impl World {
             return;
         };
         let mut replies: Vec<Vec<u8>> = Vec::new();
-        firmware.hear(packet, now, &mut |bytes| replies.push(bytes.to_vec()));
+        firmware.receive(packet, now, &mut |bytes| replies.push(bytes.to_vec()));
         for reply in replies {
             if self.trouble.replies_lost {
                 continue;

@@ -6,9 +6,9 @@ use super::hand_limit::MeasuredKey;
 /// Largest motion of the key in one tick of a transition [m].
 const MAX_STEP: f64 = 5e-5;
 /// Least and greatest number of ticks of a transition.
-const TICKS: (f64, f64) = (20.0, 4_000.0);
+const TICKS_RANGE: (f64, f64) = (20.0, 4_000.0);
 /// Greatest slope of `smooth`, the transition from 0 to 1 over a length of 1.
-const STEEPEST: f64 = 1.875;
+const MAX_SLOPE: f64 = 1.875;
 
 /// A hand of the piece.
 #[derive(Clone, Debug, Default)]
@@ -56,7 +56,7 @@ impl HandSource {
     pub(super) fn change(&mut self, real: bool, x: f64) {
         self.real = real;
         self.offset = self.x - x;
-        self.ticks = (STEEPEST * self.offset.abs() / MAX_STEP).clamp(TICKS.0, TICKS.1);
+        self.ticks = (MAX_SLOPE * self.offset.abs() / MAX_STEP).clamp(TICKS_RANGE.0, TICKS_RANGE.1);
         self.done = 0.0;
     }
 

@@ -179,7 +179,7 @@ impl Keyboard {
 
 impl DeviceConfig {
     fn open(&self) -> Result<Box<dyn Device>, device::DeviceError> {
-        let device = calibrate::applied(
+        let device = calibrate::with_calibration(
             device::open_until(&self.url, &self.canceller)?,
             &self.calibration,
         );

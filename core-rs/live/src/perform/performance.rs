@@ -79,7 +79,7 @@ impl Performance {
             .spawn(move || {
                 let _mark = MarkDone(flags.clone());
                 safety::block_signals();
-                flags.set_granted(realtime::ask(realtime::PHYSICS));
+                flags.set_granted(realtime::request(realtime::PHYSICS_PRIORITY));
                 player.run();
                 // The player is returned, so that it is freed outside the physics thread.
                 player

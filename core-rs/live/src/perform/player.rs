@@ -1,12 +1,12 @@
 //! What the physics thread does in a tick. Nothing here allocates, locks or fails.
 //!
-//! `exchange` exchanges forces and positions with the keys, `sound` computes and delivers the frames, `telling`
+//! `exchange` exchanges forces and positions with the keys, `sound` computes and delivers the frames, `reports`
 //! reports, `change` puts another version in place.
 
 pub(super) mod change;
 mod exchange;
+mod reports;
 mod sound;
-mod telling;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -200,19 +200,19 @@ impl Player {
         self.wait_for_input();
         let start = self.clock.tick(self.connections.feed.filled(), playing);
         let began = Instant::now();
-        self.count(start.late, start.was_reset);
+        self.count_lateness(start.late, start.was_reset);
         safety::check_signals();
-        self.commands();
-        self.changes();
+        self.run_commands();
+        self.make_changes();
         self.act();
-        self.scale();
+        self.update_scales();
         self.guidance
             .iter_mut()
             .for_each(|guidance| guidance.tick(self.tick));
         let n = (self.stage.tick_frames as u64).min(left) as usize;
         if n > 0 {
-            self.keys();
-            self.hands();
+            self.exchange_forces();
+            self.move_hands();
             self.step(n);
             self.update_hands();
             self.record();
@@ -251,7 +251,7 @@ impl Player {
         }
     }
 
-    fn count(&mut self, late: Duration, was_reset: bool) {
+    fn count_lateness(&mut self, late: Duration, was_reset: bool) {
         let status = &mut self.status;
         status.late += u64::from(late.as_secs_f64() > LATE * self.clock.period());
         status.latest = status.latest.max(late);
@@ -261,7 +261,7 @@ impl Player {
         }
     }
 
-    fn commands(&mut self) {
+    fn run_commands(&mut self) {
         while let Ok(command) = self.connections.commands.pop() {
             match command {
                 Command::Gain(gain) => {
@@ -272,7 +272,7 @@ impl Player {
                     self.stage.mixer.set_gain(part, gain);
                     self.note(format_args!("{{\"part\":{part},\"gain\":{gain}}}"));
                 }
-                Command::Change(due) => self.wait_for(due),
+                Command::Change(due) => self.schedule(due),
                 Command::Tap(tap) => self.tap = tap,
                 Command::Window(window) => {
                     if let Some(old) = self.next_window.replace(window) {

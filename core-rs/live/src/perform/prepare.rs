@@ -18,10 +18,10 @@ use crate::audio::{self, AudioError};
 use crate::recording::Recorder;
 
 /// Default number of frames that the ring holds ahead of the card, enough for a machine without real-time scheduling.
-const AHEAD: usize = 1_024;
+const DEFAULT_AHEAD: usize = 1_024;
 /// Greatest number of events that wait to be read.
-const EVENTS: usize = 4_096;
-const COMMANDS: usize = 256;
+const EVENTS_MAX: usize = 4_096;
+const COMMANDS_MAX: usize = 256;
 
 impl Performance {
     /// Open the output and the recording, and make the player, but not the thread that runs it.
@@ -58,7 +58,7 @@ impl Performance {
         let block = config.audio.block.unwrap_or(0) as usize;
         let ahead = config
             .ahead
-            .unwrap_or(AHEAD)
+            .unwrap_or(DEFAULT_AHEAD)
             .max(2 * stage.tick_frames.max(block));
         let (feed, drain) = audio::ring(channels, 4 * ahead);
         feed.set_prefill(ahead);
@@ -95,8 +95,8 @@ impl Performance {
             }
             None => (None, None),
         };
-        let (to_commands, from_commands) = RingBuffer::new(COMMANDS);
-        let (to_events, events) = RingBuffer::new(EVENTS);
+        let (to_commands, from_commands) = RingBuffer::new(COMMANDS_MAX);
+        let (to_events, events) = RingBuffer::new(EVENTS_MAX);
         let (to_garbage, garbage) = RingBuffer::new(2 * SCHEDULED_MAX);
         let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
         let cancellers = boards.iter().map(Keyboard::canceller).collect();

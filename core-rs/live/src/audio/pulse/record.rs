@@ -78,7 +78,7 @@ fn start(
         .name("ergon pulse in".into())
         .spawn(move || {
             let mut feed = feed;
-            realtime::scheduled_at(PRIORITY);
+            realtime::set_priority(PRIORITY);
             // The error is not reported here: the supervisor sees that the thread has ended.
             let _ = stream.run(&mut feed, &stopping);
             feed

@@ -57,7 +57,7 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, Aud
             let pump = ThreadSink::start("ergon pulse", drain, move |drain, stop| {
                 drain
                     .shared()
-                    .set_priority(realtime::scheduled_at(PRIORITY));
+                    .set_priority(realtime::set_priority(PRIORITY));
                 PlayingStream::begin(wire, &sink, drain.channels(), block)?.run(drain, stop)
             })?;
             Ok(Box::new(pump) as Box<dyn Sink>)

@@ -43,7 +43,7 @@ fn a_pulse_is_small() {
     let mut straight = device(Hand::Resting);
     let pulse = Pulse::of(straight.spec());
     direction(&mut straight, 0, pulse, PERIOD, &GO).unwrap();
-    let range = ends(&mut straight, 0.1, PERIOD, &GO).unwrap()[0];
+    let range = travel_ends(&mut straight, 0.1, PERIOD, &GO).unwrap()[0];
     let travel = straight.spec().pos_range[1] - straight.spec().pos_range[0];
     assert!(range[1] - range[0] < 1e-6, "at rest: {range:?}");
     assert!(range[0].abs() < 0.1 * travel, "{range:?}");
@@ -66,7 +66,7 @@ fn an_axis_that_is_held_is_not_guessed() {
     coarse.spec.pos_lsb = 1e-3;
     assert_eq!(
         direction(&mut coarse, 0, pulse, PERIOD, &GO),
-        Err(Unsure::Still)
+        Err(DirectionError::Still)
     );
 }
 
@@ -79,7 +79,7 @@ fn ends_give_zero_and_gain() {
         damping: 40.0,
     };
     let mut device = device(hand);
-    let ends = ends(&mut device, 0.2, PERIOD, &GO).unwrap()[0];
+    let ends = travel_ends(&mut device, 0.2, PERIOD, &GO).unwrap()[0];
     assert!(
         (ends[0] + 0.03).abs() < 2e-3 && (ends[1] - 0.01).abs() < 2e-3,
         "{ends:?}"

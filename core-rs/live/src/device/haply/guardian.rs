@@ -90,7 +90,7 @@ pub fn serve() -> io::Result<()> {
     put_text(&mut stream, &reply.text())?;
     if let (Reply::Open(_), Some(service)) = (&reply, &mut service) {
         // Above the physics thread, so that a hanging physics thread cannot block its guardian.
-        realtime::ask(realtime::PHYSICS + 1);
+        realtime::request(realtime::PHYSICS_PRIORITY + 1);
         let mut line = Line::new(stream)?;
         run(&mut line, service, lockstep);
     }

@@ -49,7 +49,7 @@ pub(crate) struct ScheduledChange {
 
 impl Player {
     /// Queue a change until its frame, after earlier changes of the same frame.
-    pub(super) fn wait_for(&mut self, due: Box<ScheduledChange>) {
+    pub(super) fn schedule(&mut self, due: Box<ScheduledChange>) {
         if self.waiting.len() == SCHEDULED_MAX {
             self.send_event(EventKind::Late(due.ticket));
             self.give_back(due);
@@ -60,7 +60,7 @@ impl Player {
     }
 
     /// Make the changes that are due at the first frame of this tick. Changes of earlier frames are late, and not made.
-    pub(super) fn changes(&mut self) {
+    pub(super) fn make_changes(&mut self) {
         while self.waiting.first().is_some_and(|due| due.at <= self.frame) {
             let mut due = self.waiting.remove(0);
             let done = due.at == self.frame && self.change(&mut due);
@@ -155,7 +155,7 @@ impl Player {
     }
 
     /// Advance the force scale of each hand, with the bounds of changes that wait.
-    pub(super) fn scale(&mut self) {
+    pub(super) fn update_scales(&mut self) {
         let tick_frames = self.stage.tick_frames as u64;
         for (hand, scale) in self.scales.iter_mut().enumerate() {
             let Some((slot, axis)) = self.axis_of[hand] else {

@@ -10,7 +10,7 @@ impl Player {
     /// Receive the positions of all hands before the first force is sent.
     pub(in crate::perform) fn begin(&mut self) {
         self.has_positions = true;
-        self.positions();
+        self.receive_positions();
         for slot in self.slots.iter().filter(|slot| slot.is_there()) {
             for &(axis, hand) in &slot.axes {
                 let x = slot.sample.position[axis];
@@ -28,7 +28,7 @@ impl Player {
     }
 
     /// Send the forces of the previous tick and receive positions; in the first tick `begin` received them.
-    pub(super) fn keys(&mut self) {
+    pub(super) fn exchange_forces(&mut self) {
         if std::mem::take(&mut self.has_positions) {
             return;
         }
@@ -52,11 +52,11 @@ impl Player {
             let there = self.slots[slot].send();
             self.note_presence(slot, there);
         }
-        self.positions();
+        self.receive_positions();
     }
 
     /// Receive the positions of all keyboards, with one deadline for all.
-    fn positions(&mut self) {
+    fn receive_positions(&mut self) {
         let Some(deadline) = self.slots.first().map(Slot::deadline) else {
             return;
         };
@@ -85,7 +85,7 @@ impl Player {
     }
 
     /// Move every hand to its position in this tick.
-    pub(super) fn hands(&mut self) {
+    pub(super) fn move_hands(&mut self) {
         for slot in 0..self.slots.len() {
             if self.returns_at[slot].is_none_or(|tick| self.tick < tick)
                 || !self.slots[slot].is_there()

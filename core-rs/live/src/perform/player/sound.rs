@@ -8,7 +8,7 @@ use crate::perform::Stage;
 use crate::perform::frozen::Frozen;
 
 /// Time constant of the decay of peaks [s].
-const PEAKS: f64 = 0.3;
+const PEAK_DECAY: f64 = 0.3;
 
 impl Player {
     /// Compute the frames of the tick, mixed and limited.
@@ -80,7 +80,7 @@ impl Player {
         for (single, x) in self.single.iter_mut().zip(&heard[..n * channels]) {
             *single = *x as f32;
         }
-        let falls = (1.0 - self.clock.period() / PEAKS).max(0.0) as f32;
+        let falls = (1.0 - self.clock.period() / PEAK_DECAY).max(0.0) as f32;
         self.status.peaks.iter_mut().for_each(|peak| *peak *= falls);
         if self.panicked {
             // After a panic nothing is heard.

@@ -74,11 +74,11 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
     let step = limits.slew * 1e3 * PERIOD * (1.0 + 1e-12);
     let mut guarded = Guarded::new(&mut board, limits, PERIOD);
     let mut sample = Sample::default();
-    let (mut wish, mut speed, mut last, mut stopped) = (0.0, 0.0, 0.0_f64, false);
+    let (mut asked, mut speed, mut last, mut stopped) = (0.0, 0.0, 0.0_f64, false);
     let mut found = 0;
     for _ in 0..ticks {
         if draw.once_in(50) {
-            wish = match draw.next() % 8 {
+            asked = match draw.next() % 8 {
                 0 => 0.0,
                 1 => f64::NAN,
                 2 => 1e300 * draw.even(),
@@ -106,7 +106,7 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
             _ => {}
         }
         guarded.receive(&mut sample, Instant::now()).unwrap();
-        let force = guarded.send(&[wish]).unwrap().newtons()[0];
+        let force = guarded.send(&[asked]).unwrap().newtons()[0];
         let is_fall = force * last >= 0.0 && force.abs() <= last.abs();
         found += u64::from(!is_fall && (force - last).abs() > step);
         last = force;

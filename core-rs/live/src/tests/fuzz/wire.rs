@@ -191,7 +191,7 @@ pub(super) fn board_bytes(dice: &mut Dice) {
         1 + dice.below(40)
     };
     for (i, piece) in bytes.chunks(piece).enumerate() {
-        firmware.hear(piece, Duration::from_millis(i as u64), &mut |_| ());
+        firmware.receive(piece, Duration::from_millis(i as u64), &mut |_| ());
     }
     assert!(firmware.forces().iter().all(|force| force.abs() <= 10.0));
     assert!(firmware.keys().positions().iter().all(|x| x.is_finite()));

@@ -8,7 +8,7 @@ use crate::perform::status::{Event, EventKind, HANDS_MAX};
 use crate::recording::{self, flag};
 
 /// The load is averaged over this time [s].
-const AVERAGE: f64 = 1.0;
+const LOAD_AVERAGING: f64 = 1.0;
 
 impl Player {
     /// Record a row of all hands, if there is a recording.
@@ -54,7 +54,7 @@ impl Player {
         let period = self.clock.period();
         let load = took.as_secs_f64() / period;
         let status = &mut self.status;
-        status.load += (load - status.load) * (period / AVERAGE).min(1.0);
+        status.load += (load - status.load) * (period / LOAD_AVERAGING).min(1.0);
         status.busiest = status.busiest.max(load);
         (status.frame, status.ticks) = (self.frame, status.ticks + 1);
         let muted = self.stage.simulation.n_muted() as u32;
