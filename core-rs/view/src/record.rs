@@ -13,7 +13,7 @@ use crate::frames::Frames;
 use crate::motion::{MAGIC, PAYLOAD_MAX};
 use crate::payload::{Bytes, kind, put};
 use flights::Flight;
-use parts::{Track, blows, tracks};
+use parts::{Track, strike_times, tracks};
 
 mod flights;
 mod live;
@@ -69,7 +69,7 @@ pub struct Recorder {
     /// (n_tracks)
     flights: Vec<Flight>,
     /// Rising instants of the strikes on each point, and after these on each body.
-    blows: Vec<Vec<f64>>,
+    strike_times: Vec<Vec<f64>>,
     /// Reused by [`Recorder::look`] for every look.
     glance: Glance,
     /// Displacements of the points of modal parts, as of their last evaluation   (n_points)
@@ -119,12 +119,12 @@ impl Recorder {
         let points: HashMap<usize, usize> = (look.points.iter().enumerate())
             .map(|(at, point)| (point.mat, at))
             .collect();
-        let blows = blows(&look, network, &points, &setup.ergons, simulation.rate());
+        let strike_times = strike_times(&look, network, &points, &setup.ergons, simulation.rate());
         let n_tracks = look.n_tracks();
         let mut recorder = Self {
             tracks: tracks(&look, &runs),
             flights: vec![Flight::default(); n_tracks],
-            blows,
+            strike_times,
             glance: Glance::new(simulation, &look),
             shaped: vec![0.0; look.points.len()],
             peaks: vec![0.0; runs.len()],

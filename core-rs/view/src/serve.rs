@@ -163,7 +163,7 @@ impl Server {
         let key = self.shared.options.key.as_ref();
         format!(
             "http://{}/{}",
-            self.shared.near(),
+            self.shared.local_address(),
             key.map_or(String::new(), |key| format!("{key}/"))
         )
     }
@@ -189,8 +189,8 @@ impl Drop for Server {
         self.shared.over.store(true, Ordering::Release);
         self.shared.hub.close();
         // The listener waits in `accept`: a connection from here wakes it.
-        let near = self.shared.near();
-        let woken = TcpStream::connect_timeout(&near, Duration::from_secs(1)).is_ok();
+        let address = self.shared.local_address();
+        let woken = TcpStream::connect_timeout(&address, Duration::from_secs(1)).is_ok();
         if let Some(listener) = self.listener.take()
             && woken
         {
@@ -206,7 +206,7 @@ impl Shared {
 
     /// The address by which this machine reaches the server: that at which it listens, or loopback if it listens at
     /// all.
-    fn near(&self) -> SocketAddr {
+    fn local_address(&self) -> SocketAddr {
         let ip = match self.at.ip() {
             ip if !ip.is_unspecified() => ip,
             _ => IpAddr::V4(Ipv4Addr::LOCALHOST),

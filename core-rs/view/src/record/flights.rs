@@ -49,11 +49,13 @@ impl Recorder {
                 continue;
             }
             // A strike at the instant of a look acts after it.
-            let blows = &self.blows[track.struck];
-            let blow = blows[..blows.partition_point(|blow| *blow < now)].last();
-            let since = match blow {
-                Some(&blow) if blow >= self.last && track.own.sigma * (now - blow) < MAX_DECAY => {
-                    blow
+            let strike_times = &self.strike_times[track.struck];
+            let strike = strike_times[..strike_times.partition_point(|time| *time < now)].last();
+            let since = match strike {
+                Some(&strike)
+                    if strike >= self.last && track.own.sigma * (now - strike) < MAX_DECAY =>
+                {
+                    strike
                 }
                 _ => now,
             };

@@ -27,7 +27,7 @@ enum End {
 }
 
 /// Sends messages to a page until the connection ends.
-pub(super) fn follow(stream: TcpStream, rest: Vec<u8>, shared: &Shared, _slot: Slot<'_>) {
+pub(super) fn send_to_page(stream: TcpStream, rest: Vec<u8>, shared: &Shared, _slot: Slot<'_>) {
     let limits = shared.options.limits;
     let fit = stream.set_write_timeout(Some(limits.stall)).is_ok()
         && stream.set_read_timeout(Some(READ_TIMEOUT)).is_ok()
