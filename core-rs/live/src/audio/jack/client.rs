@@ -314,26 +314,26 @@ unsafe extern "C" fn cycle<P: Process>(frames: u32, arg: *mut c_void) -> c_int {
 
 /// # Safety
 ///
-/// `arg` is the pointer that `listen` passed.
+/// `arg` is the pointer that `register_callbacks` passed.
 unsafe fn events<'a>(arg: *mut c_void) -> &'a ServerEvents {
     // SAFETY: by contract; the client, which lives longer than its callbacks, holds it.
     unsafe { &*arg.cast::<ServerEvents>() }
 }
 
 unsafe extern "C" fn thread(arg: *mut c_void) {
-    // SAFETY: a callback of `listen`.
+    // SAFETY: a callback of `register_callbacks`.
     let events = unsafe { events(arg) };
     events.shared.set_priority(realtime::priority());
 }
 
 unsafe extern "C" fn xrun(arg: *mut c_void) -> c_int {
-    // SAFETY: a callback of `listen`.
+    // SAFETY: a callback of `register_callbacks`.
     unsafe { events(arg) }.shared.add_xruns(1);
     0
 }
 
 unsafe extern "C" fn buffer_size(frames: u32, arg: *mut c_void) -> c_int {
-    // SAFETY: a callback of `listen`.
+    // SAFETY: a callback of `register_callbacks`.
     unsafe { events(arg) }
         .block
         .store(frames, Ordering::Release);
@@ -341,18 +341,18 @@ unsafe extern "C" fn buffer_size(frames: u32, arg: *mut c_void) -> c_int {
 }
 
 unsafe extern "C" fn sample_rate(rate: u32, arg: *mut c_void) -> c_int {
-    // SAFETY: a callback of `listen`.
+    // SAFETY: a callback of `register_callbacks`.
     unsafe { events(arg) }.rate.store(rate, Ordering::Release);
     0
 }
 
 unsafe extern "C" fn freewheel(on: c_int, arg: *mut c_void) {
-    // SAFETY: a callback of `listen`.
+    // SAFETY: a callback of `register_callbacks`.
     unsafe { events(arg) }.shared.set_freewheel(on != 0);
 }
 
 unsafe extern "C" fn shutdown(_: c_uint, _: *const c_char, arg: *mut c_void) {
-    // SAFETY: a callback of `listen`.
+    // SAFETY: a callback of `register_callbacks`.
     unsafe { events(arg) }.gone.store(true, Ordering::Release);
 }
 
