@@ -13,7 +13,7 @@ use super::{null, wave};
 use crate::realtime;
 
 const BLOCK: u32 = 1024;
-const NAP: Duration = Duration::from_micros(200);
+const POLL: Duration = Duration::from_micros(200);
 
 /// A new file; until it is closed it has a temporary name in the same folder.
 ///
@@ -99,7 +99,7 @@ impl Recording {
             let last = stop.load(Ordering::Acquire);
             match drain.take(&mut out) {
                 0 if last => return Ok(()),
-                0 => std::thread::sleep(NAP),
+                0 => std::thread::sleep(POLL),
                 frames => self.write(&out[..frames * self.channels], frames)?,
             }
         }

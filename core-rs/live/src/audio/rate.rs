@@ -15,7 +15,7 @@ use crate::realtime;
 /// Frames that are converted at once. More frames: the filter's cutoff is nearer to half the rate, and the latency is
 /// longer.
 const CHUNK: usize = 512;
-const NAP: Duration = Duration::from_micros(200);
+const POLL: Duration = Duration::from_micros(200);
 
 /// The converter's thread, and its latency [frames at the output rate].
 pub(super) struct Converter {
@@ -112,13 +112,13 @@ impl Filter {
             (held, frames_in) = (held + taken, frames_in + taken as u64);
             let ended = taken == 0 && inner.ended();
             if held < wanted && !ended {
-                std::thread::sleep(NAP);
+                std::thread::sleep(POLL);
                 continue;
             }
             let frames_due = (frames_in * self.ratio.0).div_ceil(self.ratio.1);
             if ended && frames_out >= frames_due {
                 feed.close();
-                std::thread::sleep(NAP);
+                std::thread::sleep(POLL);
                 continue;
             }
             let mut made = self.convert(held)?;
@@ -132,7 +132,7 @@ impl Filter {
             let mut out = &self.output[skip * channels..(skip + made) * channels];
             while !out.is_empty() && !stop.load(Ordering::Acquire) {
                 match feed.push(out) {
-                    0 => std::thread::sleep(NAP),
+                    0 => std::thread::sleep(POLL),
                     frames => out = &out[frames * channels..],
                 }
             }
@@ -185,7 +185,7 @@ mod tests {
                 feed.close();
             }
             match outer.take(&mut out) {
-                0 => std::thread::sleep(NAP),
+                0 => std::thread::sleep(POLL),
                 frames => all.extend_from_slice(&out[..2 * frames]),
             }
         }

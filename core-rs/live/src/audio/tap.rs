@@ -13,7 +13,7 @@ use super::file::Recording;
 
 /// Capacity of the ring [s]: if the disk stalls for longer, frames are lost.
 const ROOM: usize = 8;
-const NAP: Duration = Duration::from_millis(5);
+const POLL: Duration = Duration::from_millis(5);
 const NOT_BEGUN: u64 = u64::MAX;
 
 /// State shared by both ends of a tap.
@@ -104,7 +104,7 @@ pub(crate) fn open(
                     Some(recording.failure_sentence(&error));
                 // Keep the ring alive until the tap is dropped: the physics thread must not free memory.
                 while !own.is_over(&from) {
-                    std::thread::sleep(NAP);
+                    std::thread::sleep(POLL);
                 }
             }
             own.ended.store(true, Ordering::Release);
@@ -131,7 +131,7 @@ fn pump(
             if last {
                 return Ok(());
             }
-            std::thread::sleep(NAP);
+            std::thread::sleep(POLL);
             continue;
         }
         let Ok(chunk) = from.read_chunk(n) else {
@@ -205,7 +205,7 @@ mod tests {
 
     fn ended(handle: &TapHandle) -> TapStatus {
         while !handle.status().ended {
-            std::thread::sleep(NAP);
+            std::thread::sleep(POLL);
         }
         handle.status()
     }

@@ -15,7 +15,7 @@ use crate::safety;
 
 /// Time between two checks for a picture, a quarter of a video frame. The thread polls, because waking it would cost
 /// the physics thread a system call.
-const NAP: Duration = Duration::from_millis(4);
+const POLL: Duration = Duration::from_millis(4);
 
 /// Shows performances to pages, one version after the other, until it is dropped.
 pub struct Showing {
@@ -41,7 +41,7 @@ impl Showing {
                 safety::block_signals();
                 while !asked.load(Ordering::Acquire) {
                     relay.poll();
-                    thread::sleep(NAP);
+                    thread::sleep(POLL);
                 }
             })?;
         Ok(Self {
