@@ -1,4 +1,5 @@
-//! Haptic guidance: a spring and a damper that pull a person's hand along a written part, faded in and out tick by tick.
+//! Haptic guidance: a spring and a damper that pull a person's hand along a written part, faded in and out tick by
+//! tick.
 
 use crate::safety::unit;
 

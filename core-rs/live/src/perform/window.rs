@@ -2,8 +2,8 @@
 //!
 //! Once per video frame the physics thread copies the moving points into a picture (`Window`). An ordinary thread makes
 //! chunks of the picture and gives them to the server of the pages (`Showing`), with the instant at which its frame is
-//! heard (`HeardTimes`). The physics thread never waits: while a picture has not been fetched, the next one is skipped and
-//! counted, and its contacts and levels are added to the one after.
+//! heard (`HeardTimes`). The physics thread never waits: while a picture has not been fetched, the next one is skipped
+//! and counted, and its contacts and levels are added to the one after.
 
 mod heard_times;
 mod showing;

@@ -27,8 +27,8 @@ pub struct FrequencyResponse {
 }
 
 impl FrequencyResponse {
-    /// The frequency response of a piece with this response (n_ticks,) [N/m]: the force against a hand that is displaced
-    /// by 1 m for one tick, in that tick and after it.
+    /// The frequency response of a piece with this response (n_ticks,) [N/m]: the force against a hand that is
+    /// displaced by 1 m for one tick, in that tick and after it.
     pub fn new(response: &[f64]) -> Self {
         let is_nonzero = response.iter().any(|force| *force != 0.0);
         let padded = response.len().next_power_of_two().max(MIN_LENGTH);

@@ -4,9 +4,9 @@
 //! A hand may push against a force at any time, and a hand that holds still looks like a frozen sensor. So watching
 //! alone proves nothing: it raises a suspicion, and a probe decides. For a few milliseconds the force differs from the
 //! one that the piece asks for, and the key answers with the right sign, with the wrong sign, or not at all. After a
-//! wrong answer the probe is repeated; only `WRONG_ANSWERS` wrong answers without a right one between them count as a wrong
-//! motor. Two observations count without a probe, because no hand causes them: a force of newtons that pushes a resting
-//! key further into its stop, and a position that keeps its last bit while the force changes by newtons.
+//! wrong answer the probe is repeated; only `WRONG_ANSWERS` wrong answers without a right one between them count as a
+//! wrong motor. Two observations count without a probe, because no hand causes them: a force of newtons that pushes a
+//! resting key further into its stop, and a position that keeps its last bit while the force changes by newtons.
 //!
 //! Time is counted in steps of about a millisecond, without a clock. Without a suspicion the force is unchanged, to the
 //! last bit.

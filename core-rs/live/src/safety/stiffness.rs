@@ -1,7 +1,7 @@
 //! The stiffest coupling with which a sampled key is stable.
 //!
-//! Each position is held for a tick and each force is late, so a virtual spring adds energy, and only the damping of the
-//! key removes it. The limit is on the stiffness of everything that is coupled to the key.
+//! Each position is held for a tick and each force is late, so a virtual spring adds energy, and only the damping of
+//! the key removes it. The limit is on the stiffness of everything that is coupled to the key.
 
 /// Greatest stable stiffness [N/m] of a key with `damping` [N·s/m], for ticks of `period` [s] and forces that are
 /// `delay` ticks late: 2b/(T(1+2d)), independent of the mass if the key is light.

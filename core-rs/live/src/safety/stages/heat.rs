@@ -10,7 +10,8 @@ pub(in crate::safety) struct Heat {
 }
 
 impl Heat {
-    /// Limit the force to the continuous force if the motor is too hot, by the model or as its board reports (`is_reported_hot`).
+    /// Limit the force to the continuous force if the motor is too hot, by the model or as its board reports
+    /// (`is_reported_hot`).
     pub(in crate::safety) fn pass(
         self,
         force: f64,

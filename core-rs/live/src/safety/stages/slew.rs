@@ -9,9 +9,9 @@ pub(in crate::safety) struct Slew {
 impl Slew {
     /// Go towards `asked` by at most `step` [N], and stay within `allowed`, which contains zero.
     ///
-    /// No tick changes a force by more than the step, with one exception: if the previous force is outside the interval,
-    /// the force falls towards zero at once, and never through it. So every rise, and every change of sign, is within
-    /// the step. An interval without width ends the force now: trip, stale position, panic.
+    /// No tick changes a force by more than the step, with one exception: if the previous force is outside the
+    /// interval, the force falls towards zero at once, and never through it. So every rise, and every change of sign,
+    /// is within the step. An interval without width ends the force now: trip, stale position, panic.
     pub(in crate::safety) fn pass(
         &mut self,
         asked: f64,
