@@ -7,15 +7,15 @@ use ergon_live::audio::{self, AudioError, Feed, Info, Output, Spec};
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::plain_error;
 use crate::frames::rows;
 
 /// Time between two checks for Ctrl-C during a wait.
-const LOOK: Duration = Duration::from_millis(50);
-const NAP: Duration = Duration::from_micros(500);
+const CHECK_INTERVAL: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_micros(500);
 
 fn failed(error: AudioError) -> PyErr {
-    said(error)
+    plain_error(error)
 }
 
 /// A sound output that takes frames of float32.
@@ -40,9 +40,9 @@ impl AudioOut {
     ) -> PyResult<Self> {
         let spec: Spec = spec.parse().map_err(failed)?;
         if !(1..=audio::CHANNELS_MAX).contains(&n_channels) || rate == 0 {
-            let most = audio::CHANNELS_MAX;
-            return Err(said(format!(
-                "an output must have 1 to {most} channels and a rate above 0"
+            let limit = audio::CHANNELS_MAX;
+            return Err(plain_error(format!(
+                "an output must have 1 to {limit} channels and a rate above 0"
             )));
         }
         py.detach(|| {
@@ -91,7 +91,7 @@ impl AudioOut {
         let until = Instant::now() + Duration::from_secs_f64(limit.clamp(0.0, 1e6));
         loop {
             let output = &self.output;
-            if py.detach(|| output.wait(LOOK)) {
+            if py.detach(|| output.wait(CHECK_INTERVAL)) {
                 return Ok(true);
             }
             py.check_signals()?;
@@ -202,12 +202,12 @@ impl AudioOut {
     }
 }
 
-/// Push frames for at most `LOOK`; returns those that are left.
+/// Push frames for at most `CHECK_INTERVAL`; returns those that are left.
 fn pushed<'a>(feed: &mut Feed, mut frames: &'a [f32]) -> &'a [f32] {
-    let until = Instant::now() + LOOK;
+    let until = Instant::now() + CHECK_INTERVAL;
     while !frames.is_empty() && Instant::now() < until {
         match feed.push(frames) {
-            0 => std::thread::sleep(NAP),
+            0 => std::thread::sleep(POLL_INTERVAL),
             taken => frames = &frames[taken * feed.channels()..],
         }
     }
@@ -233,7 +233,7 @@ pub(crate) fn play_frames(
     if heard {
         Ok(sentence)
     } else {
-        Err(said(format!(
+        Err(plain_error(format!(
             "{sentence}: the output did not accept all frames"
         )))
     }
@@ -332,7 +332,7 @@ impl JackCapture {
     /// End the recording; its frames, (n_frames, n_channels).
     fn finish<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let capture = self.capture.take();
-        let capture = capture.ok_or_else(|| said("the recording has ended"))?;
+        let capture = capture.ok_or_else(|| plain_error("the recording has ended"))?;
         let samples = py.detach(|| capture.finish());
         let n_frames = samples.len() / self.n_channels;
         samples
@@ -345,6 +345,6 @@ impl JackCapture {
     fn open(&self) -> PyResult<&audio::Capture> {
         self.capture
             .as_ref()
-            .ok_or_else(|| said("the recording has ended"))
+            .ok_or_else(|| plain_error("the recording has ended"))
     }
 }

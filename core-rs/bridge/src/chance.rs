@@ -3,7 +3,7 @@
 use ergon_engine::chance;
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::plain_error;
 
 /// Random numbers: PCG64 keyed by SHA-256 of (seed, kind, name, member, occurrence), so that no stream depends on
 /// another.
@@ -44,5 +44,9 @@ impl Chance {
 }
 
 fn check(fit: bool, sentence: &'static str) -> PyResult<()> {
-    if fit { Ok(()) } else { Err(said(sentence)) }
+    if fit {
+        Ok(())
+    } else {
+        Err(plain_error(sentence))
+    }
 }

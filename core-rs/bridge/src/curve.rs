@@ -4,7 +4,7 @@ use ergon_engine::gesture::profile::{Point, Profile};
 use ergon_engine::gesture::written::Approach;
 use pyo3::prelude::*;
 
-use crate::error::{refused, word};
+use crate::error::{module_error, word};
 use crate::words;
 
 /// Values of the path through points (t, x, curve) at instants.
@@ -12,7 +12,7 @@ use crate::words;
 pub(crate) fn path_values(points: Vec<(f64, f64, String)>, at: Vec<f64>) -> PyResult<Vec<f64>> {
     let point = |(t, x, curve): &(f64, f64, String)| {
         let Approach::Path(curve) = word("curve", curve, words::WAYS)? else {
-            return Err(refused(
+            return Err(module_error(
                 "path_values",
                 "a throw has no path of its own; choose smooth, line or hold",
             ));
@@ -24,6 +24,6 @@ pub(crate) fn path_values(points: Vec<(f64, f64, String)>, at: Vec<f64>) -> PyRe
         })
     };
     let points = points.iter().map(point).collect::<PyResult<Vec<_>>>()?;
-    let path = Profile::through(&points).map_err(|error| refused("path_values", error))?;
+    let path = Profile::through(&points).map_err(|error| module_error("path_values", error))?;
     Ok(at.into_iter().map(|t| path.at(t).0).collect())
 }

@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use ergon_live::device::calibrate::{self, Axis, Pulse, Unsure};
+use ergon_live::device::calibrate::{self, Axis, DirectionError, Pulse};
 use ergon_live::device::ports;
 use ergon_live::device::{self as live, Device as _, Gone, Stats, Unit, Url};
 use ergon_live::doctor::{self, Checkup as Measured};
@@ -14,21 +14,21 @@ use ergon_live::safety::{Guarded, Limits};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
-use crate::error::{UnsureError, refused, said, with};
+use crate::error::{UnsureError, module_error, plain_error, with_attributes};
 use crate::guardian;
 use crate::named::Range;
 
 /// Longest time between two checks for Ctrl-C during a measurement.
-const LOOK: Duration = Duration::from_millis(20);
+const CHECK_INTERVAL: Duration = Duration::from_millis(20);
 /// Longest measurement [ticks].
 const TICKS_MAX: f64 = 1e8;
 
 /// The fields of an `AxisCalibration`: (number of the axis, sign, zero, gain, range, greatest force).
-pub(crate) type AxisOf = (usize, f64, f64, f64, (f64, f64), f64);
-pub(crate) type Opened = Box<dyn live::Device>;
+pub(crate) type AxisTuple = (usize, f64, f64, f64, (f64, f64), f64);
+pub(crate) type BoxedDevice = Box<dyn live::Device>;
 
 /// The calibration of an axis; EngineError if its values are impossible.
-pub(crate) fn axis(found: AxisOf) -> PyResult<(usize, Axis)> {
+pub(crate) fn axis(found: AxisTuple) -> PyResult<(usize, Axis)> {
     let (number, sign, offset, gain, (low, high), force_max) = found;
     let sound = sign.abs() == 1.0
         && [offset, gain, low, high, force_max]
@@ -38,7 +38,7 @@ pub(crate) fn axis(found: AxisOf) -> PyResult<(usize, Axis)> {
         && low < high
         && force_max >= 0.0;
     if !sound {
-        return Err(refused(
+        return Err(module_error(
             "calibration",
             "the calibration of an axis is impossible",
         ));
@@ -55,21 +55,26 @@ pub(crate) fn axis(found: AxisOf) -> PyResult<(usize, Axis)> {
 }
 
 /// Run `work` in a separate thread, which Ctrl-C tells to stop.
-fn aside<T: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> T + Send) -> PyResult<T> {
+fn run_in_thread<T: Send>(
+    py: Python<'_>,
+    work: impl FnOnce(&AtomicBool) -> T + Send,
+) -> PyResult<T> {
     let stop = AtomicBool::new(false);
     py.detach(|| {
         thread::scope(|scope| {
             let thread = scope.spawn(|| work(&stop));
-            let (mut error, mut wait) = (None, LOOK / 100);
+            let (mut error, mut wait) = (None, CHECK_INTERVAL / 100);
             while !thread.is_finished() {
                 thread::sleep(wait);
-                wait = (2 * wait).min(LOOK);
+                wait = (2 * wait).min(CHECK_INTERVAL);
                 if error.is_none() {
                     error = Python::attach(|py| py.check_signals()).err();
                     stop.store(error.is_some(), Ordering::Relaxed);
                 }
             }
-            let done = thread.join().map_err(|_| said("the measurement failed"));
+            let done = thread
+                .join()
+                .map_err(|_| plain_error("the measurement failed"));
             error.map_or(done, Err)
         })
     })
@@ -80,7 +85,7 @@ fn ticks(seconds: f64, period: f64) -> PyResult<usize> {
     if period > 0.0 && (1.0..=TICKS_MAX).contains(&ticks) {
         Ok(ticks as usize)
     } else {
-        Err(refused(
+        Err(module_error(
             "seconds",
             "seconds and period must be above zero and finite",
         ))
@@ -132,16 +137,16 @@ pub(crate) fn serial_identity(py: Python<'_>, path: &str) -> Option<String> {
 #[pyfunction]
 pub(crate) fn checkup(py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
     let ticks = ticks(seconds, period)?;
-    let found = aside(py, |stop| {
-        doctor::checkup::<Opened>(None, period, ticks, stop)
+    let found = run_in_thread(py, |stop| {
+        doctor::checkup::<BoxedDevice>(None, period, ticks, stop)
     })?;
-    Ok(Checkup::new(found.map_err(said)?, Stats::default()))
+    Ok(Checkup::new(found.map_err(plain_error)?, Stats::default()))
 }
 
 /// An open device, for tests and calibration.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Device {
-    device: Mutex<Option<Opened>>,
+    device: Mutex<Option<BoxedDevice>>,
     spec: live::Spec,
 }
 
@@ -149,16 +154,16 @@ pub(crate) struct Device {
 impl Device {
     #[new]
     #[pyo3(signature = (url, calibration = Vec::new()))]
-    fn new(py: Python<'_>, url: &str, calibration: Vec<AxisOf>) -> PyResult<Self> {
-        let url = Url::parse(url).map_err(said)?;
-        guardian::ready(py);
+    fn new(py: Python<'_>, url: &str, calibration: Vec<AxisTuple>) -> PyResult<Self> {
+        let url = Url::parse(url).map_err(plain_error)?;
+        guardian::register_guardian(py);
         let known = calibration
             .into_iter()
             .map(axis)
             .collect::<PyResult<Vec<_>>>()?;
         let device = py
-            .detach(|| live::open(&url).map(|device| calibrate::applied(device, &known)))
-            .map_err(said)?;
+            .detach(|| live::open(&url).map(|device| calibrate::with_calibration(device, &known)))
+            .map_err(plain_error)?;
         Ok(Self::of(device))
     }
 
@@ -215,14 +220,14 @@ impl Device {
 
     /// The sign of an axis, found by a small force, in ticks of `period` [s]: 1 or -1.
     fn direction(&self, py: Python<'_>, axis: usize, period: f64) -> PyResult<f64> {
-        self.has(axis)?;
+        self.check_axis(axis)?;
         let pulse = Pulse::of(&self.spec);
         self.with(py, |own, stop| {
             calibrate::direction(own, axis, pulse, period, stop)
         })?
         .map_err(|unsure| match unsure {
-            Unsure::Gone(gone) => said(gone),
-            unsure => with(UnsureError::new_err(unsure.to_string()), None, |_| Ok(())),
+            DirectionError::Gone(gone) => plain_error(gone),
+            unsure => with_attributes(UnsureError::new_err(unsure.to_string()), None, |_| Ok(())),
         })
     }
 
@@ -235,13 +240,15 @@ impl Device {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         ticks(seconds, period)?;
         let ends = self
-            .with(py, |own, stop| calibrate::ends(own, seconds, period, stop))?
-            .map_err(said)?;
+            .with(py, |own, stop| {
+                calibrate::travel_ends(own, seconds, period, stop)
+            })?
+            .map_err(plain_error)?;
         let rows: Vec<_> = ends[..self.spec.dof]
             .iter()
             .map(|row| row.to_vec())
             .collect();
-        PyArray2::from_vec2(py, &rows).map_err(said)
+        PyArray2::from_vec2(py, &rows).map_err(plain_error)
     }
 
     /// Send zero forces every `period` [s] for `seconds` [s], and time the replies.
@@ -253,7 +260,7 @@ impl Device {
             let found = doctor::checkup(Some(&mut guarded), period, ticks, stop);
             (found, guarded.device().stats())
         })?;
-        Ok(Checkup::new(found.map_err(said)?, stats))
+        Ok(Checkup::new(found.map_err(plain_error)?, stats))
     }
 
     /// Close the device; forces are zero.
@@ -264,23 +271,23 @@ impl Device {
 }
 
 impl Device {
-    pub(crate) fn of(device: Opened) -> Self {
+    pub(crate) fn of(device: BoxedDevice) -> Self {
         Self {
             spec: device.spec().clone(),
             device: Mutex::new(Some(device)),
         }
     }
 
-    fn open(&self) -> std::sync::MutexGuard<'_, Option<Opened>> {
+    fn open(&self) -> std::sync::MutexGuard<'_, Option<BoxedDevice>> {
         self.device.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn has(&self, axis: usize) -> PyResult<()> {
+    pub(crate) fn check_axis(&self, axis: usize) -> PyResult<()> {
         let n = self.spec.dof;
         if axis < n {
             Ok(())
         } else {
-            Err(said(format!(
+            Err(plain_error(format!(
                 "axis {axis} does not exist: the device has {n}, counted from 0"
             )))
         }
@@ -289,12 +296,12 @@ impl Device {
     pub(crate) fn with<T: Send>(
         &self,
         py: Python<'_>,
-        work: impl FnOnce(&mut Opened, &AtomicBool) -> T + Send,
+        work: impl FnOnce(&mut BoxedDevice, &AtomicBool) -> T + Send,
     ) -> PyResult<T> {
         // The lock is not held during the work: other callers meanwhile get the error that the device is closed.
         let device = self.open().take();
-        let mut device = device.ok_or_else(|| said("the device is closed"))?;
-        let done = aside(py, |stop| (work(&mut device, stop), device));
+        let mut device = device.ok_or_else(|| plain_error("the device is closed"))?;
+        let done = run_in_thread(py, |stop| (work(&mut device, stop), device));
         let (done, device) = done?;
         *self.open() = Some(device);
         Ok(done)

@@ -8,7 +8,7 @@ use ergon_live::emulate::{Board, Event, Hand, Key, Options, Outcome, Protocol, T
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::error::{refused, word};
+use crate::error::{module_error, word};
 use crate::network::Network;
 use crate::words::Words;
 
@@ -60,7 +60,7 @@ pub(crate) fn emulate(
     let model = model.map(|row| KeyModel::of_row(&row.as_array().to_vec()));
     let model = model
         .transpose()
-        .map_err(|error| refused("emulate", error))?;
+        .map_err(|error| module_error("emulate", error))?;
     let watchdog = Duration::try_from_secs_f64(watchdog);
     let key = Key {
         mass,
@@ -79,8 +79,8 @@ pub(crate) fn emulate(
             seed,
             force_step,
             watchdog: watchdog
-                .map_err(|_| refused("watchdog", "must be a time of at least zero"))?,
-            known: [mass, damping],
+                .map_err(|_| module_error("watchdog", "must be a time of at least zero"))?,
+            reported: [mass, damping],
             range: key.range,
         },
         transport: word("transport", transport, TRANSPORTS)?(port),
@@ -89,7 +89,7 @@ pub(crate) fn emulate(
         model,
         network: network.map(|(network, struck)| (network.0.clone(), struck)),
         rate,
-        hands: paths.iter().map(|path| going(path, hand)).collect(),
+        hands: paths.iter().map(|path| hand_on_path(path, hand)).collect(),
         seconds,
         once,
     };
@@ -97,12 +97,12 @@ pub(crate) fn emulate(
 }
 
 /// The hand that follows `path`; an empty path is a resting finger.
-fn going(path: &PyReadonlyArray1<'_, f64>, (stiffness, damping): (f64, f64)) -> Hand {
+fn hand_on_path(path: &PyReadonlyArray1<'_, f64>, (stiffness, damping): (f64, f64)) -> Hand {
     let path = path.as_array().to_vec();
     if path.is_empty() {
         return Hand::Resting;
     }
-    Hand::Going {
+    Hand::OnPath {
         path,
         stiffness,
         damping,
@@ -120,22 +120,24 @@ fn run(py: Python<'_>, options: Options, tell: &Py<PyAny>) -> PyResult<()> {
             }
             error.borrow().is_none()
         };
-        let mut say = |event: Event| {
-            let told = match event {
+        let mut report = |event: Event| {
+            let words = match event {
                 Event::Ready(address) => ("ready", address),
                 Event::LetGo => ("let-go", String::new()),
                 Event::HostGone => ("host-gone", String::new()),
             };
-            python(&|py| tell.call1(py, told.clone()).map(drop));
+            python(&|py| tell.call1(py, words.clone()).map(drop));
         };
-        let outcome = serve(options, &mut say, &mut || python(&|py| py.check_signals()));
+        let outcome = serve(options, &mut report, &mut || {
+            python(&|py| py.check_signals())
+        });
         (outcome, error.into_inner())
     });
     let Outcome {
         periods,
         packets,
         hash,
-    } = outcome.map_err(|error| refused("emulate", error))?;
+    } = outcome.map_err(|error| module_error("emulate", error))?;
     // The summary is also sent after Ctrl-C.
     let over = format!("{periods} {packets} {hash:016x}");
     tell.call1(py, ("over", over))?;

@@ -31,7 +31,7 @@ create_exception!(
 );
 
 /// `error` with `module`, an empty `refusals`, and whatever `attributes` sets: the attributes that the stub declares.
-pub(crate) fn with(
+pub(crate) fn with_attributes(
     error: PyErr,
     module: Option<&str>,
     attributes: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<()>,
@@ -49,7 +49,7 @@ pub(crate) fn with(
 /// LawError(message, which), with `offset`, `length` and `suggestion`.
 pub(crate) fn from_law(error: law::LawError) -> PyErr {
     let raised = LawError::new_err((error.message, error.which.as_str()));
-    with(raised, None, |raised| {
+    with_attributes(raised, None, |raised| {
         raised.setattr("offset", error.offset)?;
         raised.setattr("length", error.length)?;
         raised.setattr("suggestion", error.suggestion)
@@ -70,8 +70,8 @@ create_exception!(
 );
 
 /// EngineError about a module or an argument.
-pub(crate) fn refused(module: &str, message: impl Display) -> PyErr {
-    with(
+pub(crate) fn module_error(module: &str, message: impl Display) -> PyErr {
+    with_attributes(
         EngineError::new_err(format!("{module}: {message}")),
         Some(module),
         |_| Ok(()),
@@ -84,14 +84,14 @@ pub(crate) fn from_engine(error: network::Error) -> PyErr {
     let message = error.to_string();
     match error {
         network::Error::Refused { module, .. } => {
-            with(EngineError::new_err(message), Some(&module), |_| Ok(()))
+            with_attributes(EngineError::new_err(message), Some(&module), |_| Ok(()))
         }
         network::Error::Unstable { module, .. } => {
-            with(UnstableError::new_err(message), Some(&module), |_| Ok(()))
+            with_attributes(UnstableError::new_err(message), Some(&module), |_| Ok(()))
         }
         network::Error::Several(each) => {
             let refusals: Vec<PyErr> = each.into_iter().map(from_engine).collect();
-            with(EngineError::new_err(message), None, |raised| {
+            with_attributes(EngineError::new_err(message), None, |raised| {
                 raised.setattr("refusals", refusals)
             })
         }
@@ -101,7 +101,7 @@ pub(crate) fn from_engine(error: network::Error) -> PyErr {
 /// DivergedError that names the module and the frame.
 pub(crate) fn from_fault(fault: Fault) -> PyErr {
     let raised = DivergedError::new_err(fault.to_string());
-    with(raised, Some(&fault.module), |raised| {
+    with_attributes(raised, Some(&fault.module), |raised| {
         raised.setattr("frame", fault.frame)
     })
 }
@@ -109,7 +109,7 @@ pub(crate) fn from_fault(fault: Fault) -> PyErr {
 /// EngineError for a file that cannot be written; its `module` is "record".
 pub(crate) fn unrecorded(sentence: impl Display) -> PyErr {
     let raised = EngineError::new_err(sentence.to_string());
-    with(raised, Some("record"), |_| Ok(()))
+    with_attributes(raised, Some("record"), |_| Ok(()))
 }
 
 /// The value of a word in the table `words`; EngineError that lists the known words.
@@ -120,16 +120,16 @@ pub(crate) fn word<T: Copy>(what: &str, given: &str, words: &[(&str, T)]) -> PyR
         .map(|(_, value)| *value);
     found.ok_or_else(|| {
         let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
-        refused(what, format!("'{given}' is none of {}", known.join(", ")))
+        module_error(what, format!("'{given}' is none of {}", known.join(", ")))
     })
 }
 
 /// A rate; EngineError if `rate` is not a possible rate [Hz].
 pub(crate) fn hertz(rate: f64) -> PyResult<Rate> {
-    Rate::new(rate).map_err(|error| refused("rate", error))
+    Rate::new(rate).map_err(|error| module_error("rate", error))
 }
 
 /// EngineError with a sentence and without a module.
-pub(crate) fn said(sentence: impl Display) -> PyErr {
-    with(EngineError::new_err(sentence.to_string()), None, |_| Ok(()))
+pub(crate) fn plain_error(sentence: impl Display) -> PyErr {
+    with_attributes(EngineError::new_err(sentence.to_string()), None, |_| Ok(()))
 }

@@ -6,20 +6,20 @@ use ergon_engine::key_model::KeyModel;
 use ergon_live::device::calibrate::{self, Axis, Calibrated};
 use ergon_live::device::{self as live, Device as _, Gone};
 use ergon_live::emulate::{Board, Hand, Key, Options, Protocol};
-use ergon_live::metrology::{self, End, Excitation, Guide, Pull, Row};
+use ergon_live::metrology::{self, End, Excitation, Guide, Row, SpringDamper};
 use ergon_live::recording::{self, Header, Recorder};
 use numpy::{Element, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-use crate::device::{AxisOf, Device, axis};
+use crate::device::{AxisTuple, Device, axis};
 use crate::emulator::PROTOCOLS;
-use crate::error::{refused, said, word};
-use crate::perform::RecordOf;
+use crate::error::{module_error, plain_error, word};
+use crate::perform::RecordTuple;
 use crate::status::tripped;
 
 /// The guide: (centre, where the key is kept [m]; distance from there to the nearer end [m]; (stiffness, damping) of
 /// the guide; the same of the brake; deceleration by the brake [m/s²]).
-type GuideOf = (f64, f64, (f64, f64), (f64, f64), f64);
+type GuideTuple = (f64, f64, (f64, f64), (f64, f64), f64);
 
 /// Push an axis of a device by forces (n_ticks,) [N], then let go of it.
 #[pyfunction]
@@ -33,19 +33,19 @@ pub(crate) fn excite(
     force: PyReadonlyArray1<'_, f64>,
     rate: f64,
     frames: u32,
-    guide: GuideOf,
+    guide: GuideTuple,
     sign: i32,
     still: usize,
     force_step: f64,
     tells_touch: bool,
     is_gated: bool,
-    record: Option<RecordOf>,
+    record: Option<RecordTuple>,
 ) -> PyResult<Excited> {
     let (centre, half, soft, firm, deceleration) = guide;
-    let pull = |(stiffness, damping)| Pull { stiffness, damping };
+    let spring_damper = |(stiffness, damping)| SpringDamper { stiffness, damping };
     let positive = |x: f64| x.is_finite() && x > 0.0;
     if !(positive(half) && positive(deceleration) && positive(rate) && frames > 0) {
-        return Err(refused(
+        return Err(module_error(
             "excite",
             "rate, frames, half the travel and the deceleration must be above zero",
         ));
@@ -58,15 +58,15 @@ pub(crate) fn excite(
         guide: Guide {
             centre,
             half,
-            guide: pull(soft),
-            brake: pull(firm),
+            guide: spring_damper(soft),
+            brake: spring_damper(firm),
             deceleration,
         },
         force_step,
         tells_touch,
         is_gated,
     };
-    device.has(axis)?;
+    device.check_axis(axis)?;
     let recorder = record.map(|(path, axes, about)| {
         let axis = |(player, key)| recording::Axis { player, key };
         let header = Header {
@@ -99,7 +99,7 @@ pub(crate) fn excite(
 
 /// The record of a key that `excite` pushed: its ticks as columns, and why they ended.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct Excited(metrology::Excited);
+pub(crate) struct Excited(metrology::ExcitationResult);
 
 #[pymethods]
 impl Excited {
@@ -180,10 +180,10 @@ pub(crate) fn emulated_device(
     hand: (f64, f64),
     touch_gate: bool,
     seconds: Option<f64>,
-    calibration: Vec<AxisOf>,
+    calibration: Vec<AxisTuple>,
 ) -> PyResult<Device> {
     let model = KeyModel::of_row(model.as_slice()?);
-    let model = model.map_err(|error| refused("emulated_device", error))?;
+    let model = model.map_err(|error| module_error("emulated_device", error))?;
     let protocol = word("protocol", protocol, PROTOCOLS)?;
     let half = 0.5 * travel;
     let key = Key {
@@ -194,7 +194,7 @@ pub(crate) fn emulated_device(
     };
     let hands = path.map_or(Vec::new(), |path| {
         let (stiffness, damping) = hand;
-        vec![Hand::Going {
+        vec![Hand::OnPath {
             path: path.as_array().to_vec(),
             stiffness,
             damping,
@@ -211,7 +211,7 @@ pub(crate) fn emulated_device(
             seed,
             force_step,
             watchdog: Duration::from_secs(1),
-            known: [key.mass, key.damping],
+            reported: [key.mass, key.damping],
             range: key.range,
         },
         transport: ergon_live::emulate::Transport::Udp(0),
@@ -232,6 +232,7 @@ pub(crate) fn emulated_device(
         .into_iter()
         .map(axis)
         .collect::<PyResult<Vec<_>>>()?;
-    let open = || live::open_board(&options).map(|device| calibrate::applied(device, &known));
-    Ok(Device::of(py.detach(open).map_err(said)?))
+    let open =
+        || live::open_board(&options).map(|device| calibrate::with_calibration(device, &known));
+    Ok(Device::of(py.detach(open).map_err(plain_error)?))
 }

@@ -3,13 +3,13 @@
 use ergon_live::faults::{self, Measurement, Outcome};
 use pyo3::prelude::*;
 
-use crate::error::refused;
+use crate::error::module_error;
 
 /// Make every fault on every emulated device, in virtual time.
 #[pyfunction]
 pub(crate) fn measure_faults(py: Python<'_>) -> PyResult<Vec<FaultMeasurement>> {
     let found = py.detach(faults::measure);
-    let found = found.map_err(|error| refused("measure_faults", error))?;
+    let found = found.map_err(|error| module_error("measure_faults", error))?;
     Ok(found.into_iter().map(FaultMeasurement).collect())
 }
 

@@ -4,7 +4,7 @@ use ergon_engine::mix::fold;
 use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::plain_error;
 use crate::frames::{rows, rows_mut};
 
 /// Filters from each input channel to each output channel.
@@ -18,7 +18,9 @@ impl Fold {
         let shape = filters.shape();
         let (n_in, n_out) = (shape[0], shape[1]);
         let all: Vec<f64> = filters.as_array().iter().copied().collect();
-        fold::Fold::new(n_in, n_out, &all).map(Self).map_err(said)
+        fold::Fold::new(n_in, n_out, &all)
+            .map(Self)
+            .map_err(plain_error)
     }
 
     /// Frames that sound on after the last input frame.
@@ -35,7 +37,7 @@ impl Fold {
         mut output: PyReadwriteArray2<'_, f64>,
     ) -> PyResult<()> {
         if frames.shape()[0] != output.shape()[0] {
-            return Err(said("as many frames go out as come in"));
+            return Err(plain_error("as many frames go out as come in"));
         }
         let frames = rows(&frames, "frames", self.0.n_in())?;
         let output = rows_mut(&mut output, "output", self.0.n_out())?;

@@ -3,7 +3,7 @@
 use numpy::{Element, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::plain_error;
 
 /// The samples of a C-contiguous (n_frames, `columns`) array, read-only.
 pub(crate) fn rows<'a, T: Element>(
@@ -28,9 +28,9 @@ pub(crate) fn rows_mut<'a, T: Element>(
 fn check(shape: &[usize], contiguous: bool, name: &str, columns: usize) -> PyResult<()> {
     if shape[1] != columns {
         let message = format!("{name} must be (n_frames, {columns}); it is {shape:?}");
-        Err(said(message))
+        Err(plain_error(message))
     } else if !contiguous {
-        Err(said(format!("{name} must be C-contiguous")))
+        Err(plain_error(format!("{name} must be C-contiguous")))
     } else {
         Ok(())
     }

@@ -7,7 +7,7 @@ use std::sync::Once;
 use ergon_live::device::guardian::{self, Program};
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::plain_error;
 
 /// Loads only the library file that the host process uses, without `site` and without the package.
 const LOAD: &str = "\
@@ -21,12 +21,12 @@ core.guard_haply()";
 /// Run as the guardian process of a Haply, until the host at the standard input is gone.
 #[pyfunction]
 pub(crate) fn guard_haply(py: Python<'_>) -> PyResult<()> {
-    py.detach(guardian::serve).map_err(said)
+    py.detach(guardian::serve).map_err(plain_error)
 }
 
 /// Register the command that starts a guardian, before a device is opened. If Python is embedded in another program, no
 /// guardian can be started, and a Haply is refused.
-pub(crate) fn ready(py: Python<'_>) {
+pub(crate) fn register_guardian(py: Python<'_>) {
     static ONCE: Once = Once::new();
     if ONCE.is_completed() {
         return;

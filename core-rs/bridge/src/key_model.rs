@@ -5,7 +5,7 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-use crate::error::refused;
+use crate::error::module_error;
 use crate::work::computing;
 
 type PathAndJacobian<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
@@ -30,7 +30,7 @@ pub(crate) fn key_path<'py>(
         }
         key.path_and_jacobian(force, rate, steps, &columns)
     })?
-    .map_err(|error: ergon_engine::key_model::KeyError| refused("key_path", error))?;
+    .map_err(|error: ergon_engine::key_model::KeyError| module_error("key_path", error))?;
     let jacobian = Array2::from_shape_vec((force.len(), columns.len()), jacobian)
         .expect("a derivative for each tick and column");
     Ok((path.into_pyarray(py), jacobian.into_pyarray(py)))
@@ -51,7 +51,7 @@ pub(crate) fn key_force_derivatives<'py>(
     let derivatives = computing(py, || {
         KeyModel::of_row(row)?.force_derivatives(force, rate, steps, &ticks)
     })?
-    .map_err(|error| refused("key_force_derivatives", error))?;
+    .map_err(|error| module_error("key_force_derivatives", error))?;
     let derivatives = Array2::from_shape_vec((force.len(), ticks.len()), derivatives)
         .expect("a derivative for each tick and force");
     Ok(derivatives.into_pyarray(py))

@@ -4,7 +4,7 @@ use ergon_engine::mix::limiter;
 use numpy::PyReadwriteArray2;
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::plain_error;
 use crate::frames::rows_mut;
 
 /// Look-ahead limiter of sample peaks: 5 ms ahead, 50 ms release, one gain for all channels.
@@ -17,7 +17,7 @@ impl Limiter {
     fn new(rate: f64, n_channels: usize, ceiling: f64) -> PyResult<Self> {
         limiter::Limiter::new(rate, n_channels, ceiling)
             .map(Self)
-            .map_err(said)
+            .map_err(plain_error)
     }
 
     /// Delay of the output [frames].

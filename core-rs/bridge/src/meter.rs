@@ -4,7 +4,7 @@ use ergon_engine::mix::meter;
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::plain_error;
 use crate::frames::rows;
 
 /// Peak and integrated loudness (ITU-R BS.1770) of all frames so far.
@@ -15,7 +15,9 @@ pub(crate) struct Meter(meter::Meter);
 impl Meter {
     #[new]
     fn new(rate: f64, n_channels: usize) -> PyResult<Self> {
-        meter::Meter::new(rate, n_channels).map(Self).map_err(said)
+        meter::Meter::new(rate, n_channels)
+            .map(Self)
+            .map_err(plain_error)
     }
 
     /// Measure frames (n_frames, n_channels).

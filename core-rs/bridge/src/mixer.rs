@@ -9,7 +9,7 @@ use ergon_engine::mix::room::RoomSpec;
 use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::plain_error;
 use crate::frames::{rows, rows_mut};
 
 /// Samples of outputs that were computed before; mixers share them.
@@ -65,11 +65,11 @@ impl Mixer {
         let treatment = mixer::Treatment {
             highpass,
             delay,
-            curve: curve.map(through),
+            curve: curve.map(curve_of),
         };
         self.0
             .treated(group, out, to, gain, treatment)
-            .map_err(said)
+            .map_err(plain_error)
     }
 
     /// Add a room that some channels (from 0) hear: `size` [m], `t60` as two pairs (frequency [Hz], decay time [s]);
@@ -90,17 +90,19 @@ impl Mixer {
             channels,
             gain,
         };
-        self.0.room(spec).map_err(said)
+        self.0.room(spec).map_err(plain_error)
     }
 
     /// Add frozen outputs to `outputs`, one each; their first frame is heard at frame `begins`.
     fn freeze(&mut self, frozen: &FrozenOutputs, outputs: Vec<usize>, begins: i64) -> PyResult<()> {
-        self.0.freeze(&frozen.0, &outputs, begins).map_err(said)
+        self.0
+            .freeze(&frozen.0, &outputs, begins)
+            .map_err(plain_error)
     }
 
     /// Set a gain of all channels over the frames of the piece, as the `curve` of a route.
     fn fade(&mut self, curve: Vec<(i64, f64, bool)>) {
-        self.0.fade(through(curve));
+        self.0.fade(curve_of(curve));
     }
 
     /// Let the gain of a group glide to `gain` in 20 ms, from the next multiple of 64 frames on.
@@ -124,7 +126,7 @@ impl Mixer {
         let (n_in, n_mixed) = (frames.shape()[0], mixed.shape()[0]);
         if n_in != n_mixed {
             let message = format!("`frames` has {n_in} frames and `mixed` has {n_mixed}");
-            return Err(said(message));
+            return Err(plain_error(message));
         }
         let frames = rows(&frames, "frames", self.0.n_out())?;
         let mixed = rows_mut(&mut mixed, "mixed", self.0.n_channels())?;
@@ -133,7 +135,7 @@ impl Mixer {
     }
 }
 
-fn through(points: Vec<(i64, f64, bool)>) -> Curve {
+fn curve_of(points: Vec<(i64, f64, bool)>) -> Curve {
     let point = |(frame, gain, is_smooth): (i64, f64, bool)| Point {
         frame,
         gain,

@@ -12,7 +12,7 @@ use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::error::said;
+use crate::error::plain_error;
 use crate::frames::rows;
 use crate::named::{LookContact, LookRun, MotionChunk};
 use crate::simulation::Simulation;
@@ -96,7 +96,7 @@ impl MotionRecorder {
         let own = &mut simulation.0;
         let setup = setup(own, timeline, manifest, &places, keys, n_speakers, fps)?;
         own.watch();
-        let recorder = Recorder::new(own, look.0.clone(), setup).map_err(said)?;
+        let recorder = Recorder::new(own, look.0.clone(), setup).map_err(plain_error)?;
         Ok(Self {
             recorder,
             n_speakers,
@@ -117,7 +117,8 @@ impl MotionRecorder {
 
     /// Measure the sound of the loudspeakers since the last look, (n_frames, n_speakers).
     fn hear(&mut self, mixed: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
-        self.recorder.hear(rows(&mixed, "mixed", self.n_speakers)?);
+        self.recorder
+            .add_levels(rows(&mixed, "mixed", self.n_speakers)?);
         Ok(())
     }
 
@@ -142,7 +143,9 @@ fn setup(
     fps: f64,
 ) -> PyResult<Setup> {
     if !(fps >= 1.0 && fps <= simulation.rate()) {
-        return Err(said(format!("fps is {fps}: it must be from 1 to the rate")));
+        return Err(plain_error(format!(
+            "fps is {fps}: it must be from 1 to the rate"
+        )));
     }
     let places = rows(places, "places", 3)?;
     Ok(Setup {
@@ -180,7 +183,7 @@ impl Window {
         let own = &simulation.0;
         let setup = setup(own, timeline, manifest, &places, keys, n_speakers, fps)?;
         let ends = py.detach(|| perform::window(own, look.0.clone(), setup));
-        Ok(Self(Mutex::new(Some(ends.map_err(said)?))))
+        Ok(Self(Mutex::new(Some(ends.map_err(plain_error)?))))
     }
 }
 
@@ -189,7 +192,7 @@ impl Window {
     pub(crate) fn ends(&self) -> PyResult<(perform::Window, perform::Scene)> {
         let mut ends = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         ends.take()
-            .ok_or_else(|| said("this window is in use already"))
+            .ok_or_else(|| plain_error("this window is in use already"))
     }
 }
 
@@ -207,7 +210,7 @@ pub(crate) fn read_motion(py: Python<'_>, path: PathBuf) -> PyResult<Motion> {
 }
 
 fn from_read(error: ReadError) -> PyErr {
-    said(error)
+    plain_error(error)
 }
 
 #[pymethods]
@@ -240,7 +243,7 @@ impl Motion {
     /// x, y, z and rest position of each point [m], (n_points, 4).
     fn places<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let all = self.0.places.concat();
-        let array = Array2::from_shape_vec((self.0.n_points, 4), all).map_err(said)?;
+        let array = Array2::from_shape_vec((self.0.n_points, 4), all).map_err(plain_error)?;
         Ok(array.into_pyarray(py))
     }
 
@@ -259,7 +262,7 @@ impl Motion {
     /// The payload of a chunk.
     fn payload<'py>(&self, py: Python<'py>, chunk: usize) -> PyResult<Bound<'py, PyBytes>> {
         let place = self.0.chunks.get(chunk);
-        let place = place.ok_or_else(|| said(format!("there is no chunk {chunk}")))?;
+        let place = place.ok_or_else(|| plain_error(format!("there is no chunk {chunk}")))?;
         Ok(PyBytes::new(py, self.0.payload(place)))
     }
 
@@ -270,14 +273,14 @@ impl Motion {
         instants: Vec<f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         if !instants.is_sorted() {
-            return Err(said("instants must rise"));
+            return Err(plain_error("instants must rise"));
         }
         let all = py
             .detach(|| self.0.displacements(&instants))
             .map_err(from_read)?;
         let shape = (instants.len(), self.0.n_points);
         Ok(Array2::from_shape_vec(shape, all)
-            .map_err(said)?
+            .map_err(plain_error)?
             .into_pyarray(py))
     }
 }

@@ -14,7 +14,7 @@ use ergon_engine::units::Rate;
 use pyo3::prelude::*;
 
 use crate::arrays::{Complexes, Numbers, load_numpy};
-use crate::error::{from_engine, hertz, refused};
+use crate::error::{from_engine, hertz, module_error};
 use crate::named::{Elements, Mode, PartModes, Place};
 use crate::work::computing;
 
@@ -64,7 +64,7 @@ impl Network {
         factors: Vec<(usize, f64)>,
         depth: f64,
     ) -> PyResult<ReachableNetwork> {
-        self.there(mat)?;
+        self.check_mat(mat)?;
         let moment = network::NetworkMoment {
             held,
             without,
@@ -94,7 +94,7 @@ impl Network {
 
     /// Place of the MAT on the bench [m].
     fn position_of(&self, index: usize) -> PyResult<Place> {
-        self.there(index)?;
+        self.check_mat(index)?;
         let [x, y] = self.0.mats().place[index];
         Ok(Place { x, y })
     }
@@ -146,7 +146,7 @@ impl Network {
     fn modes(&self, py: Python<'_>, part: &str, n_modes: usize) -> PyResult<Vec<Mode>> {
         let index = self.part_index(part)?;
         let tones = computing(py, || self.0.tones(index, n_modes))?;
-        let tones = tones.map_err(|error| refused(part, error))?;
+        let tones = tones.map_err(|error| module_error(part, error))?;
         let mode = |tone: &network::Tone| Mode {
             f: tone.f,
             t60: tone.t60,
@@ -168,7 +168,7 @@ impl Network {
         let index = self.part_index(part)?;
         let frequency = |f: f64| {
             let is_one = f > 0.0 && f.is_finite();
-            let refusal = || refused(part, "modes are asked for at frequencies above 0 Hz");
+            let refusal = || module_error(part, "modes are asked for at frequencies above 0 Hz");
             if is_one { Ok(f) } else { Err(refusal()) }
         };
         let range = match (count, to, around) {
@@ -177,11 +177,11 @@ impl Network {
             (Some(count), None, Some(f)) => ModeRange::Around(frequency(f)?, count),
             _ => {
                 let why = "modes are asked for by `count`, by `to`, or by `count` and `around`";
-                return Err(refused(part, why));
+                return Err(module_error(part, why));
             }
         };
         let found = computing(py, || self.0.part_modes(index, range))?;
-        let found = found.map_err(|error| refused(part, error))?;
+        let found = found.map_err(|error| module_error(part, error))?;
         let (n_modes, n_masses) = (found.poles.len(), found.mats.len());
         Ok(PartModes {
             poles: Complexes {
@@ -245,7 +245,7 @@ impl Network {
         let indices = self.part_indices(&parts)?;
         if !frequencies.iter().all(|f| *f > 0.0 && f.is_finite()) {
             let why = "an admittance is asked for at frequencies above 0 Hz";
-            return Err(refused(&parts.join(" + "), why));
+            return Err(module_error(&parts.join(" + "), why));
         }
         let shape = vec![heard.len(), frequencies.len()];
         let values = computing(py, || {
@@ -284,18 +284,18 @@ impl Network {
 impl Network {
     fn part_index(&self, part: &str) -> PyResult<usize> {
         let index = self.0.parts().iter().position(|known| known.name == part);
-        index.ok_or_else(|| refused(part, "no part has this name"))
+        index.ok_or_else(|| module_error(part, "no part has this name"))
     }
 
     fn part_indices(&self, parts: &[String]) -> PyResult<Vec<usize>> {
         parts.iter().map(|part| self.part_index(part)).collect()
     }
 
-    fn there(&self, index: usize) -> PyResult<()> {
+    fn check_mat(&self, index: usize) -> PyResult<()> {
         if index < self.0.n_mat() {
             return Ok(());
         }
-        Err(refused(
+        Err(module_error(
             &format!("#{index}"),
             format!("there are {} MATs", self.0.n_mat()),
         ))

@@ -6,7 +6,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::plain_error;
 
 /// frames · gain as integers in the top bits of an int32, rounded half to even, clipped.
 #[pyfunction]
@@ -16,8 +16,8 @@ pub(crate) fn pcm<'py>(
     gain: f64,
     bits: u32,
 ) -> PyResult<Bound<'py, PyArrayDyn<i32>>> {
-    let bits =
-        Bits::try_from(bits).map_err(|bits| said(format!("bits must be 16 or 24, not {bits}")))?;
+    let bits = Bits::try_from(bits)
+        .map_err(|bits| plain_error(format!("bits must be 16 or 24, not {bits}")))?;
     converted(py, &frames, |samples, codes| {
         engine::pcm(samples, gain, bits, codes)
     })
@@ -42,7 +42,7 @@ fn converted<'py, T: Element + Default>(
     convert: impl FnOnce(&[f64], &mut [T]) + Send,
 ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
     if !frames.is_c_contiguous() {
-        return Err(said("frames must be C-contiguous"));
+        return Err(plain_error("frames must be C-contiguous"));
     }
     let samples = frames.as_slice()?;
     let array = PyArrayDyn::<T>::zeros(py, IxDyn(frames.shape()), false);

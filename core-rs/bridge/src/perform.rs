@@ -8,7 +8,7 @@ use ergon_engine::mix::limiter::Limiter;
 use ergon_engine::mix::silence_detector::SilenceDetector;
 use ergon_engine::simulation::Takeover;
 use ergon_live::audio;
-use ergon_live::device::{Ending, Url};
+use ergon_live::device::{Url, WaitCanceller};
 use ergon_live::perform::{
     self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, InputConfig, Keyboard,
     MeasuredKey, PlaybackConfig, Stage, Stem,
@@ -17,8 +17,8 @@ use ergon_live::recording::{Axis, Header};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::device::{self, AxisOf};
-use crate::error::{refused, said, unrecorded};
+use crate::device::{self, AxisTuple};
+use crate::error::{module_error, plain_error, unrecorded};
 use crate::fold::Fold;
 use crate::guardian;
 use crate::mixer::Mixer;
@@ -27,12 +27,12 @@ use crate::simulation::{Simulation, damping, strike_impulse, told_value};
 use crate::status::{HandLimit, Status, named_event};
 
 /// Time between two checks for Ctrl-C during a wait.
-const LOOK: Duration = Duration::from_millis(2);
+const CHECK_INTERVAL: Duration = Duration::from_millis(2);
 /// Longest wait [s], longer than any piece.
-const LONGEST: f64 = 1e6;
+const SECONDS_MAX: f64 = 1e6;
 
 /// The fields of a `LiveHand`.
-type HandOf<'py> = (
+type HandTuple<'py> = (
     PyReadonlyArray1<'py, f64>,
     f64,
     Option<(f64, f64, bool)>,
@@ -40,16 +40,16 @@ type HandOf<'py> = (
     Option<(f64, f64, Option<f64>)>,
 );
 /// (ticks after the change, factor of the stiffness, factor of the viscosity)
-type StepOf = (u64, f64, f64);
+type StepTuple = (u64, f64, f64);
 /// (ticks after the change, greatest factor of the piece's force)
-type BoundOf = (u64, f64);
+type BoundTuple = (u64, f64);
 /// The fields of a `LiveBoard`.
-type BoardOf = (String, Vec<(usize, usize)>, Option<f64>, Vec<AxisOf>);
+type BoardTuple = (String, Vec<(usize, usize)>, Option<f64>, Vec<AxisTuple>);
 /// The fields of a `RecordTarget`.
-pub(crate) type RecordOf = (PathBuf, Vec<(String, String)>, String);
+pub(crate) type RecordTuple = (PathBuf, Vec<(String, String)>, String);
 
 /// The fields of a `FrozenStem`.
-type StemOf = (PathBuf, u64, u64, Vec<usize>);
+type StemTuple = (PathBuf, u64, u64, Vec<usize>);
 
 /// A piece that is being played.
 #[pyclass(frozen, module = "ergon._core")]
@@ -74,19 +74,19 @@ impl Performance {
         limit: f64,
         n_frames: Option<u64>,
         fades_from: Option<u64>,
-        hands: Vec<HandOf<'_>>,
-        boards: Vec<BoardOf>,
+        hands: Vec<HandTuple<'_>>,
+        boards: Vec<BoardTuple>,
         bars: Vec<u64>,
         ahead: Option<usize>,
-        record: Option<RecordOf>,
-        frozen: Vec<StemOf>,
+        record: Option<RecordTuple>,
+        frozen: Vec<StemTuple>,
         fold: Option<&Fold>,
         seen: bool,
         audio_in: &str,
         record_in: Option<PathBuf>,
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
-        let hand = |(standin, reach, guidance, response, measured): &HandOf<'_>| {
+        let hand = |(standin, reach, guidance, response, measured): &HandTuple<'_>| {
             Ok(Hand {
                 standin: standin.as_slice()?.to_vec(),
                 reach: *reach,
@@ -105,7 +105,7 @@ impl Performance {
             && fold.0.n_in() != n_channels
         {
             let n_in = fold.0.n_in();
-            return Err(said(format!(
+            return Err(plain_error(format!(
                 "the fold takes {n_in} channels, and the mixer gives {n_channels}"
             )));
         }
@@ -115,7 +115,7 @@ impl Performance {
             mixer: mixer.0.clone(),
             gain,
             fold: fold.map(|fold| fold.0.clone()),
-            limiter: Limiter::new(rate, n_heard, limit).map_err(said)?,
+            limiter: Limiter::new(rate, n_heard, limit).map_err(plain_error)?,
             n_frames,
             fades: fades_from.map(|from| SilenceDetector::new(rate, n_channels, from)),
             tick_frames: tick_frames.max(1),
@@ -125,11 +125,11 @@ impl Performance {
             is_seen: seen,
         };
         let config = PlaybackConfig {
-            audio: audio.parse().map_err(said)?,
+            audio: audio.parse().map_err(plain_error)?,
             input: InputConfig {
                 from: match audio_in {
                     "none" => None,
-                    other => Some(other.parse().map_err(said)?),
+                    other => Some(other.parse().map_err(plain_error)?),
                 },
                 record: record_in,
             },
@@ -145,7 +145,7 @@ impl Performance {
                 (path, header)
             }),
         };
-        guardian::ready(py);
+        guardian::register_guardian(py);
         py.detach(|| {
             let period = tick_frames as f64 / rate;
             let boards = boards
@@ -154,7 +154,7 @@ impl Performance {
                 .collect::<PyResult<_>>()?;
             perform::Performance::start(stage, boards, config).map_err(|error| match error {
                 perform::PlayError::Recording(_) => unrecorded(error),
-                error => said(error),
+                error => plain_error(error),
             })
         })
         .map(|own| Self {
@@ -224,12 +224,12 @@ impl Performance {
     /// The sound input, and what is missing of it.
     fn heard(&self) -> PyResult<SoundInput> {
         self.with(|own| {
-            let heard = own.heard();
-            let shared = heard.input.as_ref().map(audio::Input::shared);
+            let input = own.input();
+            let shared = input.input.as_ref().map(audio::Input::shared);
             let count = |of: fn(&audio::Shared) -> u64| shared.map_or(0, |shared| of(shared));
-            let tap = heard.recorded.as_ref().map(audio::TapHandle::status);
+            let tap = input.recorded.as_ref().map(audio::TapHandle::status);
             SoundInput {
-                sentence: heard.sentence.clone(),
+                sentence: input.sentence.clone(),
                 live: shared.is_some(),
                 gaps: count(audio::Shared::underruns),
                 missing: count(audio::Shared::missing),
@@ -264,7 +264,7 @@ impl Performance {
     /// Write what is computed for the loudspeakers to a new WAV file, from the next tick on.
     fn record_audio(&self, path: PathBuf) -> PyResult<()> {
         self.with(|own| own.record_audio(&path))?
-            .map_err(|error| refused("audio", error))
+            .map_err(|error| module_error("audio", error))
     }
 
     /// End the file of `record_audio`; False if too many commands wait.
@@ -296,7 +296,7 @@ impl Performance {
     /// Let an input of `Timeline.told_in` go to a value, at the next tick; returns a ticket, as `strike`.
     fn tell(&self, number: u64, value: f64) -> PyResult<Option<u64>> {
         let value = told_value(value)?;
-        self.with(|own| own.tell(number, value))
+        self.with(|own| own.set_input(number, value))
     }
 
     /// Let the gain of a group of the mixer's routes glide in 20 ms; False if too many commands wait.
@@ -320,12 +320,12 @@ impl Performance {
         gain: Option<f64>,
         bars: Option<Vec<u64>>,
         standins: Option<Vec<PyReadonlyArray1<'_, f64>>>,
-        guidance: Option<Vec<Vec<StepOf>>>,
-        bounds: Option<Vec<Vec<BoundOf>>>,
+        guidance: Option<Vec<Vec<StepTuple>>>,
+        bounds: Option<Vec<Vec<BoundTuple>>>,
         damp: Option<f64>,
     ) -> PyResult<u64> {
         if simulation.is_none() && old.is_some() {
-            return Err(refused("change", "`old` requires `simulation`"));
+            return Err(module_error("change", "`old` requires `simulation`"));
         }
         let new = simulation.map(|new| &new.0);
         let old = old.map(|old| &old.0);
@@ -353,7 +353,7 @@ impl Performance {
                 let takeover = old.map_or_else(Takeover::default, |old| Takeover::new(old, new));
                 (new.fork(), takeover)
             });
-            self.with(|own| own.change(at, change).map_err(said))?
+            self.with(|own| own.change(at, change).map_err(plain_error))?
         })
     }
 
@@ -364,13 +364,13 @@ impl Performance {
 
     /// Wait until the last frame is computed; False when `seconds` have passed first.
     fn wait(&self, py: Python<'_>, seconds: f64) -> PyResult<bool> {
-        let until = Instant::now() + Duration::from_secs_f64(seconds.clamp(0.0, LONGEST));
+        let until = Instant::now() + Duration::from_secs_f64(seconds.clamp(0.0, SECONDS_MAX));
         while !self.with(|own| own.is_done())? {
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 return Ok(false);
             }
-            py.detach(|| std::thread::sleep(left.min(LOOK)));
+            py.detach(|| std::thread::sleep(left.min(CHECK_INTERVAL)));
             py.check_signals()?;
         }
         Ok(true)
@@ -386,8 +386,8 @@ impl Performance {
         let Some(own) = self.own().take() else {
             return Ok(Vec::new());
         };
-        let patience = Duration::from_secs_f64(patience.clamp(0.0, LONGEST));
-        let events = py.detach(|| own.close(patience)).map_err(said)?;
+        let patience = Duration::from_secs_f64(patience.clamp(0.0, SECONDS_MAX));
+        let events = py.detach(|| own.close(patience)).map_err(plain_error)?;
         Ok(events.into_iter().map(named_event).collect())
     }
 }
@@ -401,11 +401,11 @@ impl Performance {
         let mut own = self.own();
         let own = own.as_mut();
         own.map(ask)
-            .ok_or_else(|| said("the performance is closed"))
+            .ok_or_else(|| plain_error("the performance is closed"))
     }
 }
 
-fn steps(all: Vec<StepOf>) -> Vec<GuidanceStep> {
+fn steps(all: Vec<StepTuple>) -> Vec<GuidanceStep> {
     let step = |(at, k, z)| GuidanceStep {
         at,
         share: GuidanceShare { k, z },
@@ -413,29 +413,29 @@ fn steps(all: Vec<StepOf>) -> Vec<GuidanceStep> {
     all.into_iter().map(step).collect()
 }
 
-fn limits(all: Vec<BoundOf>) -> Vec<Bound> {
+fn limits(all: Vec<BoundTuple>) -> Vec<Bound> {
     let bound = |(at, scale)| Bound { at, scale };
     all.into_iter().map(bound).collect()
 }
 
-fn open((url, axes, most, known): BoardOf, period: f64) -> PyResult<Keyboard> {
-    let known = DeviceConfig {
-        url: Url::parse(&url).map_err(said)?,
-        calibration: known
+fn open((url, axes, force_limit, calibrated): BoardTuple, period: f64) -> PyResult<Keyboard> {
+    let config = DeviceConfig {
+        url: Url::parse(&url).map_err(plain_error)?,
+        calibration: calibrated
             .into_iter()
             .map(device::axis)
             .collect::<PyResult<_>>()?,
-        most,
+        force_limit,
         period,
-        ending: Ending::default(),
+        canceller: WaitCanceller::default(),
     };
-    Keyboard::open(known, axes).map_err(said)
+    Keyboard::open(config, axes).map_err(plain_error)
 }
 
-fn stems(frozen: Vec<StemOf>, n_out: usize) -> PyResult<Vec<Stem>> {
-    let stem = |(path, offset, n_frames, outputs): StemOf| {
+fn stems(frozen: Vec<StemTuple>, n_out: usize) -> PyResult<Vec<Stem>> {
+    let stem = |(path, offset, n_frames, outputs): StemTuple| {
         if outputs.is_empty() || outputs.iter().any(|&output| output >= n_out) {
-            return Err(refused(
+            return Err(module_error(
                 "frozen",
                 "a frozen part names no output, or one that does not exist",
             ));

@@ -7,7 +7,7 @@ use ergon_engine::plan::{self, Budget, Computed, Known, ModeKind, Reason, TrialS
 use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
-use crate::error::{from_engine, refused, word};
+use crate::error::{from_engine, module_error, word};
 use crate::named::{AudibleError, FullRatePart, IslandChoice, ModeCount, TrialRecord, TrialWork};
 use crate::network::Network;
 use crate::timeline::Timeline;
@@ -80,7 +80,7 @@ impl Plan {
         seen: Vec<String>,
         seen_every: u32,
     ) -> PyResult<Self> {
-        timeline.fits(network)?;
+        timeline.check_network(network)?;
         let budget = budget(method, error_db, cents, upto)?;
         let network = Arc::new(network.0.clone());
         let pins = pins.map(|pins| pins.into_iter().map(choice).collect());
@@ -116,7 +116,7 @@ impl Plan {
         network: &Network,
         timeline: &Timeline,
     ) -> PyResult<Self> {
-        timeline.fits(network)?;
+        timeline.check_network(network)?;
         let network = Arc::new(network.0.clone());
         computing(py, || {
             plan::Plan::with_fine_contacts(network, &timeline.inner)
@@ -185,7 +185,10 @@ fn budget(
         if value.is_finite() && good {
             Ok(value)
         } else {
-            Err(refused("accuracy", format!("{name} cannot be {value}")))
+            Err(module_error(
+                "accuracy",
+                format!("{name} cannot be {value}"),
+            ))
         }
     };
     match (method, error, cents, upto) {
@@ -200,7 +203,7 @@ fn budget(
             let upto = finite("upto", upto, upto > 0.0)?;
             Ok(Budget::Cents { cents, upto })
         }
-        _ => Err(refused(
+        _ => Err(module_error(
             "accuracy",
             "only one of method, error_db and cents (with upto) may be given",
         )),

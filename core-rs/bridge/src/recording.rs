@@ -8,14 +8,14 @@ use numpy::{Element, IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadon
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::error::said;
+use crate::error::plain_error;
 use crate::frames::rows;
 use crate::named::{RecordedAxis, RecordedEvent};
 
 pub(crate) fn from_recording(error: RecordingError) -> PyErr {
     match error {
         RecordingError::Io(error) => error.into(),
-        error => said(error),
+        error => plain_error(error),
     }
 }
 
@@ -169,7 +169,9 @@ impl Recording {
 
     /// Positions [m] at every tick from the first to the last, (n, n_axes); a gap holds its last value.
     fn held<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let held = py.detach(|| self.0.held()).map_err(from_recording)?;
+        let held = py
+            .detach(|| self.0.positions_filled())
+            .map_err(from_recording)?;
         Ok(self.shaped(py, held))
     }
 

@@ -8,7 +8,7 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use crate::error::{from_engine, from_fault, refused, word};
+use crate::error::{from_engine, from_fault, module_error, word};
 use crate::frames::rows_mut;
 use crate::named::{EnergyGain, FinerPart, MutedPart};
 use crate::network::Network;
@@ -46,7 +46,7 @@ impl Simulation {
         unchecked: bool,
         start: u64,
     ) -> PyResult<Self> {
-        timeline.fits(network)?;
+        timeline.check_network(network)?;
         let on_fault = word("on_fault", on_fault, words::ON_FAULT)?;
         let options = simulation::Options {
             ledger,
@@ -57,12 +57,15 @@ impl Simulation {
         };
         if let Some(plan) = plan {
             if ledger {
-                return Err(refused("plan", "`ledger` is not available with a plan"));
+                return Err(module_error(
+                    "plan",
+                    "`ledger` is not available with a plan",
+                ));
             }
             if record && !plan.0.records(&timeline.inner) {
                 let message =
                     "`record` is not available with this plan: ergons strike inside bodies";
-                return Err(refused("plan", message));
+                return Err(module_error("plan", message));
             }
             let plan = plan.0.clone();
             return computing(py, || {
@@ -103,7 +106,7 @@ impl Simulation {
         let samples = rows_mut(&mut out, "out", n_out)?;
         let Self(own, is_stopped) = self;
         if std::mem::replace(is_stopped, true) {
-            return Err(refused(
+            return Err(module_error(
                 "process",
                 "the simulation was stopped in the middle of a frame and cannot go on",
             ));
@@ -199,7 +202,7 @@ impl Simulation {
         let message = format!(
             "both simulations must be at one frame: this one is at {own}, the other at {old}"
         );
-        Err(refused("take_over", message))
+        Err(module_error("take_over", message))
     }
 
     fn snapshot(&self) -> Snapshot {
@@ -215,7 +218,7 @@ impl Simulation {
         let energy = self
             .0
             .energy()
-            .ok_or_else(|| refused("energy", "the simulation was made without ledger=True"))?;
+            .ok_or_else(|| module_error("energy", "the simulation was made without ledger=True"))?;
         Ok(Energy {
             start: energy.start,
             stored: energy.stored,
@@ -320,7 +323,7 @@ impl Simulation {
     ) -> PyResult<()> {
         let sound = sound
             .as_slice()
-            .map_err(|error| refused("recall", error.to_string()))?;
+            .map_err(|error| module_error("recall", error.to_string()))?;
         self.0.recall(&island.0, sound.to_vec());
         Ok(())
     }
@@ -354,7 +357,7 @@ impl Simulation {
     /// Put an island into the state that an equal island had at this frame, and compute it from here on.
     fn set_state(&mut self, island: &StorableIsland, state: &[u8]) -> PyResult<()> {
         let done = self.0.set_state(&island.0, state);
-        done.map_err(|error| refused("set_state", error.to_string()))
+        done.map_err(|error| module_error("set_state", error.to_string()))
     }
 
     /// The parts with frames of more than one step.
@@ -399,7 +402,7 @@ pub(crate) fn strike_impulse(impulse: f64) -> PyResult<f64> {
     if impulse.is_finite() {
         Ok(impulse)
     } else {
-        Err(refused("strike", "an impulse is a finite number"))
+        Err(module_error("strike", "an impulse is a finite number"))
     }
 }
 
@@ -408,16 +411,17 @@ pub(crate) fn told_value(value: f64) -> PyResult<f64> {
     if value.is_finite() {
         Ok(value)
     } else {
-        Err(refused("tell", "a value is a finite number"))
+        Err(module_error("tell", "a value is a finite number"))
     }
 }
 
 /// A decay time [s] or None; EngineError if it is not above zero.
 pub(crate) fn damping(t60: Option<f64>) -> PyResult<Option<f64>> {
     match t60 {
-        Some(t60) if !(t60.is_finite() && t60 > 0.0) => {
-            Err(refused("damp", format!("t60 must be above 0 s, not {t60}")))
-        }
+        Some(t60) if !(t60.is_finite() && t60 > 0.0) => Err(module_error(
+            "damp",
+            format!("t60 must be above 0 s, not {t60}"),
+        )),
         t60 => Ok(t60),
     }
 }

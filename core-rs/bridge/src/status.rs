@@ -72,7 +72,7 @@ impl Status {
         let info = own.output().info();
         let (_, latency) = sound.timing();
         let input = own
-            .heard()
+            .input()
             .input
             .as_ref()
             .map(ergon_live::audio::Input::shared);

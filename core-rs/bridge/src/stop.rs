@@ -36,5 +36,5 @@ pub(crate) fn has_let_go() -> bool {
 /// Allow forces and sound again, in a process that continues after a signal.
 #[pyfunction]
 pub(crate) fn begin_again() {
-    stop::begin_again();
+    stop::reset();
 }

@@ -4,7 +4,7 @@ use ergon_engine::gesture::take::{self, Preparation, TakeError};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-use crate::error::{EngineError, with};
+use crate::error::{EngineError, with_attributes};
 use crate::named::PathPoint;
 use crate::work::computing;
 
@@ -26,7 +26,7 @@ impl Take {
         let (t, x) = (t.as_slice()?, x.as_slice()?);
         computing(py, || take::Take::new(t, x, Preparation { trim, smooth }))?
             .map(Self)
-            .map_err(refused)
+            .map_err(take_error)
     }
 
     /// Duration [s], from the first instant to the last.
@@ -37,7 +37,7 @@ impl Take {
 
     /// The part between two instants [s], which begins at zero.
     fn part(&self, first: f64, last: f64) -> PyResult<Self> {
-        self.0.part(first, last).map(Self).map_err(refused)
+        self.0.part(first, last).map(Self).map_err(take_error)
     }
 
     /// Position, velocity, acceleration at t [s].
@@ -61,12 +61,12 @@ impl Take {
 }
 
 /// EngineError whose `module` is the argument at fault; None if the samples are at fault.
-fn refused(error: TakeError) -> PyErr {
+fn take_error(error: TakeError) -> PyErr {
     let argument = match error {
         TakeError::Trim { .. } => Some("trim"),
         TakeError::Smooth { .. } => Some("smooth"),
         _ => None,
     };
     let raised = EngineError::new_err(error.to_string());
-    with(raised, argument, |_| Ok(()))
+    with_attributes(raised, argument, |_| Ok(()))
 }

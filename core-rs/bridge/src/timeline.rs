@@ -10,7 +10,7 @@ use ergon_engine::timeline::{self, InputSource, Rain, SoundInSettings, Source};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::error::{from_engine, hertz, refused, word};
+use crate::error::{from_engine, hertz, module_error, word};
 use crate::named::{Impulse, Range};
 use crate::network::Network;
 use crate::take::Take;
@@ -47,7 +47,7 @@ impl Timeline {
 
     /// Declare the part `name`, whose MAT `struck` gestures move, as a key; its index.
     fn key(&mut self, name: &str, struck: usize) -> PyResult<usize> {
-        self.there(name, struck)?;
+        self.check_mat(name, struck)?;
         Ok(self.inner.key(name, struck))
     }
 
@@ -82,7 +82,7 @@ impl Timeline {
         };
         Gesture::written(key, &written, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
-            .map_err(|error| refused("gesture", error))
+            .map_err(|error| module_error("gesture", error))
     }
 
     /// Lowest and highest position [m] of each gesture's written points and paths, by index.
@@ -124,10 +124,10 @@ impl Timeline {
         let path = take
             .0
             .placed(at, scale, stretch, reverse)
-            .map_err(|error| refused("take", error))?;
+            .map_err(|error| module_error("take", error))?;
         Gesture::from_take(key, path, until, source, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
-            .map_err(|error| refused("take", error))
+            .map_err(|error| module_error("take", error))
     }
 
     /// A strike on a MAT at `at` [s]: an impulse [N·s], or a mass [kg] that arrives at a speed [m/s].
@@ -143,7 +143,7 @@ impl Timeline {
         source: u32,
     ) -> PyResult<()> {
         work::poll()?;
-        self.there("strike", mat)?;
+        self.check_mat("strike", mat)?;
         match (impulse, mass, speed) {
             (Some(impulse), None, None) => {
                 self.inner.strike(&self.network, mat, at, impulse, source)
@@ -153,13 +153,13 @@ impl Timeline {
                     .ergon(&self.network, mat, at, mass, speed, source)
             }
             _ => {
-                return Err(refused(
+                return Err(module_error(
                     "strike",
                     "a strike takes either an impulse or a mass and a speed",
                 ));
             }
         }
-        .map_err(|error| refused("strike", error))
+        .map_err(|error| module_error("strike", error))
     }
 
     /// Strikes on each MAT by a Poisson process of its own; their number.
@@ -178,7 +178,7 @@ impl Timeline {
         source: u32,
         within: (f64, f64),
     ) -> PyResult<u64> {
-        mats.iter().try_for_each(|&mat| self.there(name, mat))?;
+        mats.iter().try_for_each(|&mat| self.check_mat(name, mat))?;
         computing(py, || {
             let chance = |member| Chance::new(seed, "strikes", name, member, 0);
             let rain = Rain {
@@ -191,7 +191,7 @@ impl Timeline {
             };
             self.inner.rain(&self.network, &mats, &rain, chance)
         })?
-        .map_err(|error| refused(name, error))
+        .map_err(|error| module_error(name, error))
     }
 
     /// Let the LIA act only from `start` to `stop` [s], with fades of `fade` [s].
@@ -222,7 +222,7 @@ impl Timeline {
     /// Give a MAT K, Z and M until `start` [s], and the network's own from `stop` [s] on, linearly between.
     #[pyo3(name = "glide", signature = (mat, k, z, m, start, stop))]
     fn glide(&mut self, mat: usize, k: f64, z: f64, m: f64, start: f64, stop: f64) -> PyResult<()> {
-        self.there("glide", mat)?;
+        self.check_mat("glide", mat)?;
         self.inner
             .glide(&self.network, mat, [k, z, m], (start, stop))
             .map_err(from_engine)
@@ -230,7 +230,7 @@ impl Timeline {
 
     /// Let K, Z and M of a MAT go through points (t [s], K, Z, M).
     fn path(&mut self, mat: usize, points: Vec<(f64, f64, f64, f64)>) -> PyResult<()> {
-        self.there("path", mat)?;
+        self.check_mat("path", mat)?;
         let points: Vec<_> = points
             .into_iter()
             .map(|(at, k, z, m)| (at, [k, z, m]))
@@ -244,7 +244,7 @@ impl Timeline {
     /// decay rates).
     #[pyo3(signature = (mat, points, *, n=1))]
     fn retune(&mut self, mat: usize, points: Vec<(f64, f64, f64)>, n: usize) -> PyResult<()> {
-        self.there("retune", mat.saturating_add(n).saturating_sub(1))?;
+        self.check_mat("retune", mat.saturating_add(n).saturating_sub(1))?;
         let points: Vec<_> = points.into_iter().map(|(at, f, s)| (at, [f, s])).collect();
         self.inner
             .retune(&self.network, (mat, n), &points)
@@ -316,20 +316,20 @@ impl Timeline {
         scale: f64,
         own: bool,
     ) -> PyResult<()> {
-        self.there("drive", mat)?;
+        self.check_mat("drive", mat)?;
         let kind = word("kind", kind, words::DRIVES)?;
         let source = match (constant, take, sound) {
             (None, None, Some(sound)) => {
                 let driven = self.inner.drive_by_sound(mat, kind, sound, scale);
-                return driven.map_err(|error| refused("drive", error));
+                return driven.map_err(|error| module_error("drive", error));
             }
             (Some(constant), None, None) => Source::Constant(constant),
             (None, Some(take), None) => {
                 let path = take.0.placed(at, scale, 1.0, false);
-                Source::Take(path.map_err(|error| refused("drive", error))?)
+                Source::Take(path.map_err(|error| module_error("drive", error))?)
             }
             _ => {
-                return Err(refused(
+                return Err(module_error(
                     "drive",
                     "a drive takes one of a constant, a take and an input",
                 ));
@@ -337,15 +337,15 @@ impl Timeline {
         };
         self.inner
             .drive(mat, kind, source, own)
-            .map_err(|error| refused("drive", error))
+            .map_err(|error| module_error("drive", error))
     }
 
     /// Let `Simulation.strike` strike a MAT, which it calls by the number `point`.
     fn strike_point(&mut self, mat: usize, point: u32) -> PyResult<()> {
-        self.there("strike_point", mat)?;
+        self.check_mat("strike_point", mat)?;
         self.inner
             .strike_point(&self.network, mat, point)
-            .map_err(|error| refused("strike_point", error))
+            .map_err(|error| module_error("strike_point", error))
     }
 
     /// A real hand that moves a MAT, in ticks of `tick_frames` frames; `positions` (n_ticks,) [m]: a stand-in or a
@@ -358,7 +358,7 @@ impl Timeline {
         way: &str,
         positions: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<usize> {
-        self.there("hand", mat)?;
+        self.check_mat("hand", mat)?;
         let way = word("way", way, words::HAND_WAYS)?;
         let positions = positions.as_ref().map(|x| x.as_slice()).transpose()?;
         self.inner
@@ -369,29 +369,29 @@ impl Timeline {
                 way,
                 positions.unwrap_or_default(),
             )
-            .map_err(|error| refused("hand", error))
+            .map_err(|error| module_error("hand", error))
     }
 }
 
 impl Timeline {
     /// EngineError if MATs or LIAs were added to the network after the timeline was made.
-    pub(crate) fn fits(&self, network: &Network) -> PyResult<()> {
+    pub(crate) fn check_network(&self, network: &Network) -> PyResult<()> {
         let same =
             network.0.n_mat() == self.network.n_mat() && network.0.n_lia() == self.network.n_lia();
         if same {
             return Ok(());
         }
-        Err(refused(
+        Err(module_error(
             "timeline",
             "the network was changed after the timeline was made",
         ))
     }
 
-    fn there(&self, name: &str, mat: usize) -> PyResult<()> {
+    fn check_mat(&self, name: &str, mat: usize) -> PyResult<()> {
         if mat < self.network.n_mat() {
             return Ok(());
         }
-        Err(refused(
+        Err(module_error(
             name,
             format!(
                 "MAT #{mat} does not exist: the network has {}",
@@ -408,7 +408,7 @@ impl Timeline {
     ) -> PyResult<usize> {
         let samples = samples.as_slice()?;
         computing(py, || self.inner.sound_in(settings, samples))?
-            .map_err(|error| refused("sound_in", error))
+            .map_err(|error| module_error("sound_in", error))
     }
 }
 

@@ -10,7 +10,7 @@ use ergon_live::perform::Showing;
 use ergon_view::serve::{Key, Limits, Options, Server};
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::plain_error;
 use crate::motion::Window;
 use crate::perform::Performance;
 
@@ -34,7 +34,7 @@ impl ViewServer {
         let mut open = self.open();
         open.as_mut()
             .map(look)
-            .ok_or_else(|| said("the server is closed"))
+            .ok_or_else(|| plain_error("the server is closed"))
     }
 }
 
@@ -50,14 +50,15 @@ impl ViewServer {
         key: Option<&str>,
     ) -> PyResult<Self> {
         let no_place = || {
-            said(format!(
+            plain_error(format!(
                 "{at} is not an address of this machine; write HOST:PORT"
             ))
         };
         let place = py.detach(|| at.to_socket_addrs());
         let at = place.ok().and_then(|mut all| all.next());
-        let key = key
-            .map(|digits| Key::new(digits).ok_or_else(|| said("a key has 32 hexadecimal digits")));
+        let key = key.map(|digits| {
+            Key::new(digits).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))
+        });
         let options = Options {
             at: at.ok_or_else(no_place)?,
             key: key.transpose()?,
@@ -65,7 +66,7 @@ impl ViewServer {
             sound,
             limits: Limits::default(),
         };
-        let server = Server::start(options).map_err(said)?;
+        let server = Server::start(options).map_err(plain_error)?;
         let server = Arc::new(server);
         let showing = None;
         Ok(Self(Mutex::new(Some(Open { showing, server }))))
@@ -79,13 +80,13 @@ impl ViewServer {
     /// Show a performance through `window`, as soon as the simulation plays for which the window was made.
     fn show(&self, window: &Window, performance: &Performance) -> PyResult<()> {
         let (physics, pages) = window.ends()?;
-        let ear = performance.with(|own| own.ear())?;
+        let heard_times = performance.with(|own| own.heard_times())?;
         self.with(|open| {
             let showing = match open.showing.take() {
                 Some(showing) => showing,
-                None => Showing::start(open.server.clone()).map_err(said)?,
+                None => Showing::start(open.server.clone()).map_err(plain_error)?,
             };
-            showing.show(pages, ear);
+            showing.show(pages, heard_times);
             open.showing = Some(showing);
             Ok::<_, PyErr>(())
         })??;
@@ -93,7 +94,7 @@ impl ViewServer {
         let is_asked = performance.with(|own| own.open(physics))?;
         is_asked
             .then_some(())
-            .ok_or_else(|| said("too many requests at once; try again"))
+            .ok_or_else(|| plain_error("too many requests at once; try again"))
     }
 
     #[getter]

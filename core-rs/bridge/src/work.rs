@@ -18,9 +18,9 @@ create_exception!(
 );
 
 /// Time between two checks of limits and signals; a check of signals takes the GIL.
-const LOOK: Duration = Duration::from_millis(20);
+const CHECK_INTERVAL: Duration = Duration::from_millis(20);
 /// Longest time limit [s]; a longer one is shortened.
-const LONGEST: f64 = 1e6;
+const SECONDS_MAX: f64 = 1e6;
 
 /// A limit on the work of a thread: a time limit, or a cancellation.
 #[derive(Debug)]
@@ -47,7 +47,7 @@ thread_local! {
 }
 
 /// Why the work of this thread must end; None if it may go on.
-fn over(limits: &[Arc<Limit>]) -> Option<&'static str> {
+fn stop_reason(limits: &[Arc<Limit>]) -> Option<&'static str> {
     limits.iter().find_map(|limit| limit.why())
 }
 
@@ -90,7 +90,7 @@ impl Work {
         let until = own.seconds.map(|seconds| {
             // 0 for NaN too.
             let seconds = if seconds > 0.0 {
-                seconds.min(LONGEST)
+                seconds.min(SECONDS_MAX)
             } else {
                 0.0
             };
@@ -119,7 +119,7 @@ impl Work {
 /// itself.
 #[pyfunction]
 pub(crate) fn poll() -> PyResult<()> {
-    match LIMITS.with_borrow(|limits| over(limits)) {
+    match LIMITS.with_borrow(|limits| stop_reason(limits)) {
         Some(why) => Err(stopped(why)),
         None => Ok(()),
     }
@@ -133,26 +133,26 @@ pub(crate) fn computing<T: Send>(
     py: Python<'_>,
     compute: impl FnOnce() -> T + Send,
 ) -> PyResult<T> {
-    poll()?; // a computation shorter than LOOK never checks by itself
+    poll()?; // a computation shorter than CHECK_INTERVAL never checks by itself
     let raised = Arc::new(Mutex::new(None));
     let limits = LIMITS.with_borrow(Clone::clone);
-    let told = raised.clone();
-    py.detach(move || interrupt::until(ask(limits, told), compute))
+    let to_raise = raised.clone();
+    py.detach(move || interrupt::until(stop_check(limits, to_raise), compute))
         .map_err(|interrupt::Stopped| {
             let mut raised = raised.lock().unwrap_or_else(PoisonError::into_inner);
             raised.take().unwrap_or_else(|| stopped("cancelled"))
         })
 }
 
-fn ask(limits: Vec<Arc<Limit>>, raised: Arc<Mutex<Option<PyErr>>>) -> Ask {
-    let mut next = Instant::now() + LOOK;
+fn stop_check(limits: Vec<Arc<Limit>>, raised: Arc<Mutex<Option<PyErr>>>) -> Ask {
+    let mut next = Instant::now() + CHECK_INTERVAL;
     Box::new(move || {
         let now = Instant::now();
         if now < next {
             return false;
         }
-        next = now + LOOK;
-        let why = match over(&limits) {
+        next = now + CHECK_INTERVAL;
+        let why = match stop_reason(&limits) {
             Some(why) => Some(stopped(why)),
             // Signal handlers run only in the main thread; in other threads this does nothing.
             None => Python::attach(|py| py.check_signals()).err(),

@@ -28,9 +28,9 @@ mod wave;
 use std::path::PathBuf;
 
 pub use connect::survey;
-pub use input::{Input, InputInfo, Intake, listen};
+pub use input::{Input, InputInfo, InputReader, open_input};
 pub use jack::Capture;
-pub use output::{Event, Info, News, Output, Sounding, open};
+pub use output::{Event, Info, Output, SoundClock, Sounding, open};
 pub use ring::{CHANNELS_MAX, Drain, Feed, ring};
 pub use shared::{Edge, Shared};
 pub use spec::{Backend, Spec, USAGE};

@@ -5,7 +5,6 @@
 
 pub mod calibrate;
 mod emulated;
-mod ending;
 mod firefader;
 mod frame;
 pub(crate) mod haply;
@@ -14,14 +13,15 @@ mod lock;
 mod port;
 pub mod ports;
 mod url;
+mod wait_canceller;
 
 pub use crate::safety::contract::{Device, Gone, Histogram, LastResort, Sample, Spec, Stats, Unit};
 pub use crate::wire::MAX_AXES;
 pub use emulated::{Emulated, open_board};
-pub use ending::Ending;
 pub use haply::guardian;
 pub(crate) use port::InProcess;
 pub use url::{Kind, Url, UrlError};
+pub use wait_canceller::WaitCanceller;
 
 use std::time::Duration;
 
@@ -56,7 +56,7 @@ pub enum DeviceError {
     },
     /// The device answers but cannot do this.
     #[error("{url}: {what}")]
-    Cannot {
+    Unsupported {
         /// The URL.
         url: String,
         /// What it cannot do.
@@ -69,18 +69,18 @@ pub enum DeviceError {
 /// # Errors
 /// [`DeviceError`] says what is missing, or what the device cannot do.
 pub fn open(url: &Url) -> Result<Box<dyn Device>, DeviceError> {
-    open_until(url, &Ending::default())
+    open_until(url, &WaitCanceller::default())
 }
 
-/// As [`open`], but `ending` ends the wait, and later ends the waits of the device for replies.
+/// As [`open`], but `canceller` ends the wait, and later ends the waits of the device for replies.
 ///
 /// # Errors
 /// As for [`open`].
-pub fn open_until(url: &Url, ending: &Ending) -> Result<Box<dyn Device>, DeviceError> {
+pub fn open_until(url: &Url, canceller: &WaitCanceller) -> Result<Box<dyn Device>, DeviceError> {
     let device: Box<dyn Device> = match url.kind {
-        Kind::FireFader => Box::new(firefader::FireFader::open(url, ending)?),
-        Kind::Frame | Kind::FrameUdp => Box::new(frame::Frame::open(url, ending)?),
-        Kind::Haply => Box::new(haply::Haply::open(url, ending)?),
+        Kind::FireFader => Box::new(firefader::FireFader::open(url, canceller)?),
+        Kind::Frame | Kind::FrameUdp => Box::new(frame::Frame::open(url, canceller)?),
+        Kind::Haply => Box::new(haply::Haply::open(url, canceller)?),
         Kind::Emul => Box::new(Emulated::open(url)?),
     };
     if url.axis.is_some_and(|axis| axis >= device.spec().dof) {
@@ -100,10 +100,10 @@ pub(crate) fn open_in_process(
 ) -> Result<Box<dyn Device>, DeviceError> {
     let mut url = Url::in_process(kind);
     url.lockstep = lockstep;
-    let (port, ending) = (port::Port::InProcess(board), Ending::default());
+    let (port, canceller) = (port::Port::InProcess(board), WaitCanceller::default());
     Ok(match kind {
-        Kind::Frame => Box::new(frame::Frame::over(port, &url, &ending)?),
-        Kind::FireFader => Box::new(firefader::FireFader::over(port, &url, &ending)?),
+        Kind::Frame => Box::new(frame::Frame::on_port(port, &url, &canceller)?),
+        Kind::FireFader => Box::new(firefader::FireFader::on_port(port, &url, &canceller)?),
         _ => return Err(url.cannot("this kind of device cannot be emulated inside the process")),
     })
 }

@@ -30,7 +30,7 @@ pub struct Checkup {
 impl Checkup {
     fn new(ticks: usize) -> Self {
         Self {
-            granted: realtime::ask(realtime::PHYSICS),
+            granted: realtime::request(realtime::PHYSICS_PRIORITY),
             lateness: Vec::with_capacity(ticks),
             round_trips: Vec::with_capacity(ticks),
             unanswered: 0,

@@ -241,7 +241,7 @@ impl Measurement {
 /// [`DeviceError`] if an emulator does not answer its own driver.
 pub fn measure() -> Result<Vec<Measurement>, DeviceError> {
     let of =
-        |&fault| (Emulator::ALL.iter()).map(move |&emulator| experiment::measured(fault, emulator));
+        |&fault| (Emulator::ALL.iter()).map(move |&emulator| experiment::measure(fault, emulator));
     Fault::ALL.iter().flat_map(of).collect()
 }
 

@@ -23,7 +23,7 @@ const RELEASE_AT: f64 = 0.3;
 /// Replies that come more than this many ticks after their forces count as lost.
 const LATE: usize = 8;
 /// Time without a new position after which a device counts as gone [s].
-const SILENT: f64 = 0.25;
+const GONE_AFTER: f64 = 0.25;
 /// Longest wait for a reply, as a part of a tick.
 const WAIT: f64 = 0.6;
 /// Time between two checks for room in the recording of a device in lockstep.
@@ -31,7 +31,7 @@ const ROOM: Duration = Duration::from_millis(1);
 
 /// A spring and a damper.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Pull {
+pub struct SpringDamper {
     /// Stiffness [N/m].
     pub stiffness: f64,
     /// Damping [N·s/m].
@@ -46,9 +46,9 @@ pub struct Guide {
     /// Distance from there to the nearer end [m].
     pub half: f64,
     /// Pulls the key to the centre all the time.
-    pub guide: Pull,
+    pub guide: SpringDamper,
     /// Pulls the key back from an end.
-    pub brake: Pull,
+    pub brake: SpringDamper,
     /// Deceleration that the brake surely achieves [m/s²].
     pub deceleration: f64,
 }
@@ -112,7 +112,7 @@ pub struct Row {
 
 /// A take: the response of a key to an excitation.
 #[derive(Clone, Debug)]
-pub struct Excited {
+pub struct ExcitationResult {
     /// Its ticks.
     pub rows: Vec<Row>,
     /// Why it ended.
@@ -126,7 +126,7 @@ pub fn excite<D: Device>(
     excitation: &Excitation<'_>,
     sink: Option<&mut RowSink>,
     stop: &AtomicBool,
-) -> Excited {
+) -> ExcitationResult {
     // The written forces may jump, from the first tick on; all other limits hold.
     let limits = Limits {
         slew: f64::INFINITY,
@@ -136,13 +136,13 @@ pub fn excite<D: Device>(
     };
     let in_lockstep = device.in_lockstep();
     if !in_lockstep {
-        realtime::ask(realtime::PHYSICS);
+        realtime::request(realtime::PHYSICS_PRIORITY);
     }
     let mut take = Take {
         guarded: Guarded::new(device, limits, excitation.period)
             .watched()
             .without_probes(),
-        of: excitation,
+        excitation,
         sample: Sample::default(),
         rows: Vec::with_capacity(excitation.forces.len()),
         motion: Motion::default(),
@@ -154,7 +154,7 @@ pub fn excite<D: Device>(
     let end = take.run(stop).err().unwrap_or(End::Done);
     take.guarded.zero();
     take.write(0);
-    Excited {
+    ExcitationResult {
         rows: take.rows,
         end,
     }
@@ -171,7 +171,7 @@ struct Motion {
 
 struct Take<'a, 'b, D: Device> {
     guarded: Guarded<D>,
-    of: &'a Excitation<'a>,
+    excitation: &'a Excitation<'a>,
     sample: Sample,
     rows: Vec<Row>,
     motion: Motion,
@@ -185,25 +185,25 @@ struct Take<'a, 'b, D: Device> {
 
 impl<D: Device> Take<'_, '_, D> {
     fn run(&mut self, stop: &AtomicBool) -> Result<(), End> {
-        let of = self.of;
-        let axis = of.axis;
+        let excitation = self.excitation;
+        let axis = excitation.axis;
         self.receive(Instant::now())?;
         self.motion.x = self.sample.position[axis];
         if !self.motion.x.is_finite() {
             return Err(End::NotFinite);
         }
         let mut next = Instant::now();
-        for (tick, &force) in of.forces.iter().enumerate() {
+        for (tick, &force) in excitation.forces.iter().enumerate() {
             if stop.load(Ordering::Relaxed) || crate::stop::has_let_go() {
                 return Err(End::Stopped);
             }
-            let asked = self.guided(force, tick < of.still);
+            let asked = self.guided(force, tick < excitation.still);
             let mut forces = [0.0; MAX_AXES];
             forces[axis] = asked;
             let safe = self.guarded.send(&forces).map_err(End::Gone)?;
             let mut sent = self.guarded.device().on_wire(&safe)[axis];
-            if of.force_step > 0.0 {
-                sent = (sent / of.force_step).round() * of.force_step;
+            if excitation.force_step > 0.0 {
+                sent = (sent / excitation.force_step).round() * excitation.force_step;
             }
             self.rows.push(Row {
                 asked,
@@ -212,14 +212,14 @@ impl<D: Device> Take<'_, '_, D> {
                 braked: self.braking,
                 ..Row::default()
             });
-            next += Duration::from_secs_f64(of.period);
-            let wait = Duration::from_secs_f64(WAIT * of.period);
+            next += Duration::from_secs_f64(excitation.period);
+            let wait = Duration::from_secs_f64(WAIT * excitation.period);
             self.receive(Instant::now() + wait)?;
-            self.note(force != 0.0)?;
+            self.take_reply(force != 0.0)?;
             self.write(LATE);
             if !self.guarded.in_lockstep() {
                 let late = realtime::sleep_until(next);
-                if late.as_secs_f64() > 10.0 * of.period {
+                if late.as_secs_f64() > 10.0 * excitation.period {
                     next = Instant::now();
                 }
             }
@@ -235,7 +235,7 @@ impl<D: Device> Take<'_, '_, D> {
             guide,
             brake,
             deceleration,
-        } = self.of.guide;
+        } = self.excitation.guide;
         let (away, v) = (self.motion.x - centre, self.motion.v);
         let outwards = (v * away.signum()).max(0.0);
         let ahead = away.abs() + 0.5 * outwards * outwards / deceleration;
@@ -261,16 +261,16 @@ impl<D: Device> Take<'_, '_, D> {
     }
 
     /// Take the reply of this tick: enter it in its row, update the motion, and check whether the take must end.
-    fn note(&mut self, pushes: bool) -> Result<(), End> {
-        let (axis, sample) = (self.of.axis, &self.sample);
-        let (x, period) = (sample.position[axis], self.of.period);
+    fn take_reply(&mut self, pushes: bool) -> Result<(), End> {
+        let (axis, sample) = (self.excitation.axis, &self.sample);
+        let (x, period) = (sample.position[axis], self.excitation.period);
         self.motion.age += period;
         if let Some(trip) = self.guarded.tripped(axis) {
             return Err(End::Tripped(trip));
         }
         if !sample.fresh {
             self.silent += period;
-            return if self.silent > SILENT {
+            return if self.silent > GONE_AFTER {
                 Err(End::Gone(Gone::Silent))
             } else {
                 Ok(())
@@ -291,10 +291,10 @@ impl<D: Device> Take<'_, '_, D> {
             (row.position, row.fresh) = (x, true);
             row.clock = sample.t_dev_us.unwrap_or(0);
         }
-        if self.of.tells_touch && sample.touch[axis] {
+        if self.excitation.tells_touch && sample.touch[axis] {
             return Err(End::Touched);
         }
-        if self.of.is_gated && pushes && sample.behind == 0 && !sample.force_enabled[axis] {
+        if self.excitation.is_gated && pushes && sample.behind == 0 && !sample.force_enabled[axis] {
             return Err(End::GateClosed);
         }
         Ok(())

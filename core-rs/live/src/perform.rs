@@ -13,12 +13,12 @@ mod frozen;
 mod guidance;
 mod hand;
 mod hand_limit;
-mod hearing;
 mod keys;
 mod performance;
 mod player;
 mod prepare;
 mod scale;
+mod sound_input;
 mod status;
 mod window;
 
@@ -28,13 +28,13 @@ pub use frozen::Stem;
 pub use guidance::{Guidance, GuidanceShare, GuidanceStep};
 pub use hand::Hand;
 pub use hand_limit::{HandKey, HandLimit, MeasuredKey, SCALE_MIN};
-pub use hearing::{Heard, InputConfig};
 pub use keys::{DeviceConfig, Keyboard, Slot};
 pub use performance::Performance;
 pub use player::change::Change;
 pub use scale::{Bound, FALL_TIME};
+pub use sound_input::{InputConfig, InputStatus};
 pub use status::{Event, EventKind, HandStatus, Status};
-pub use window::{Ear, Scene, Showing, Window, window};
+pub use window::{HeardTimes, Scene, Showing, Window, window};
 
 use std::path::PathBuf;
 
@@ -87,7 +87,7 @@ impl Stage {
     }
 
     /// Number of frames that sound after the last frame of the piece: the fold and the limiter still hold them.
-    pub(crate) fn n_after(&self) -> usize {
+    pub(crate) fn n_tail(&self) -> usize {
         self.limiter.latency() + self.fold.as_ref().map_or(0, Fold::tail)
     }
 }
@@ -129,7 +129,7 @@ pub(crate) enum Act {
     /// A strike: the point, the impulse [N·s].
     Strike(u32, f64),
     /// A value of an input: its number, the value, full scale 1.
-    Tell(u64, f64),
+    SetInput(u64, f64),
 }
 
 /// Boxes that the physics thread no longer needs; another thread frees them.

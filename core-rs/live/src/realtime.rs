@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 /// Priority of the physics thread among real-time threads: above JACK's clients (65), below the watchdogs of JACK's
 /// server and the kernel's threads.
-pub const PHYSICS: i32 = 78;
+pub const PHYSICS_PRIORITY: i32 = 78;
 /// Size of the stack that is touched in advance [bytes], because a page fault while playing makes a tick late.
-const PREFAULTED: usize = 256 * 1024;
+const PREFAULT_BYTES: usize = 256 * 1024;
 
 /// What the system granted a thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +31,7 @@ impl fmt::Display for Granted {
 
 /// Ask for real-time scheduling of this thread and for locked memory; returns what was really granted. The policy is
 /// read back from the kernel, because a successful request does not yet mean that it holds.
-pub fn ask(priority: i32) -> Granted {
+pub fn request(priority: i32) -> Granted {
     let locked = lock_memory();
     prefault();
     Granted {
@@ -41,7 +41,7 @@ pub fn ask(priority: i32) -> Granted {
 }
 
 /// Ask for real-time scheduling of this thread only; returns the priority really granted.
-pub fn scheduled_at(priority: i32) -> Option<i32> {
+pub fn set_priority(priority: i32) -> Option<i32> {
     fifo(priority)
 }
 
@@ -92,7 +92,7 @@ fn lock_memory() -> bool {
 
 #[inline(never)]
 fn prefault() {
-    let stack = [0_u8; PREFAULTED];
+    let stack = [0_u8; PREFAULT_BYTES];
     std::hint::black_box(&stack);
 }
 
@@ -111,9 +111,9 @@ mod tests {
 
     #[test]
     fn tells_what_was_granted() {
-        let told = std::thread::spawn(|| ask(PHYSICS).to_string());
-        let told = told.join().expect("the thread ends");
-        assert!(told.contains("memory"), "{told}");
+        let text = std::thread::spawn(|| request(PHYSICS_PRIORITY).to_string());
+        let text = text.join().expect("the thread ends");
+        assert!(text.contains("memory"), "{text}");
     }
 
     #[test]

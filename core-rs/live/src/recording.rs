@@ -39,7 +39,7 @@ pub enum RecordingError {
     Io(#[from] io::Error),
     /// The file is of another kind.
     #[error("this file is not a recording of hands")]
-    NotOne,
+    NotARecording,
     /// The file is of a later version of ergon.
     #[error("this recording is of version {0}; this ergon reads version {VERSION}")]
     Version(u32),

@@ -31,9 +31,9 @@ use crate::stop;
 use crate::wire::MAX_AXES;
 use clock::Clock;
 use last_resort::Armed;
-pub use last_resort::{leave_signals, look_for_signals, watch, watch_ends};
+pub use last_resort::{block_signals, check_signals, watch, watch_termination};
 use pipeline::Pipeline;
-use plausibility::{AxisSpec, Watched};
+use plausibility::{AxisSpec, PlausibilityChecks};
 
 /// A factor from 0 to 1: NaN and negative numbers are 0, greater ones are 1.
 pub(crate) fn unit(factor: f64) -> f64 {
@@ -41,7 +41,7 @@ pub(crate) fn unit(factor: f64) -> f64 {
 }
 
 /// How often zero forces are sent at the end: one packet may be lost.
-const FAREWELLS: usize = 3;
+const ZERO_REPEATS: usize = 3;
 
 /// A device and the stages that every force passes. It sends zero forces when it is dropped, and also after a panic or
 /// a signal.
@@ -50,7 +50,7 @@ pub struct Guarded<D: Device = Box<dyn Device>> {
     _armed: Option<Armed>,
     pipeline: Pipeline,
     /// Checks whether force and motion agree, if the device is watched.
-    watched: Option<Watched>,
+    watched: Option<PlausibilityChecks>,
     /// Why each axis tripped, if it did.
     trips: [Option<Trip>; MAX_AXES],
     /// Whether [`Guarded::stop`] stopped the forces; and whether the pipeline is stopped, by that call or by the stop
@@ -114,7 +114,7 @@ impl<D: Device> Guarded<D> {
                 force: self.pipeline.force_max(),
             })
             .collect();
-        self.watched = Some(Watched::new(&built, self.pipeline.period()));
+        self.watched = Some(PlausibilityChecks::new(&built, self.pipeline.period()));
         self
     }
 
@@ -123,7 +123,7 @@ impl<D: Device> Guarded<D> {
     #[must_use]
     pub(crate) fn without_probes(mut self) -> Self {
         if let Some(watched) = &mut self.watched {
-            watched.probe_nothing();
+            watched.disable_probes();
         }
         self
     }
@@ -283,7 +283,7 @@ impl<D: Device> Guarded<D> {
 
 impl<D: Device> Drop for Guarded<D> {
     fn drop(&mut self) {
-        for _ in 0..FAREWELLS {
+        for _ in 0..ZERO_REPEATS {
             self.device.zero();
         }
     }

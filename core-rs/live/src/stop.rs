@@ -43,7 +43,7 @@ pub fn release() {
 }
 
 /// Take every stop back: for a process that survives a signal.
-pub fn begin_again() {
+pub fn reset() {
     STOPPED.store(0, Ordering::SeqCst);
 }
 

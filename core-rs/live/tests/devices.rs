@@ -15,7 +15,7 @@ use ergon_live::safety::{Guarded, Limits};
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn going(periods: usize, metres: f64) -> Hand {
-    Hand::Going {
+    Hand::OnPath {
         path: gesture(periods, metres),
         stiffness: 400.0,
         damping: 4.0,
@@ -365,7 +365,7 @@ fn what_is_not_there_is_named() {
     let error = fails("haply:127.0.0.1:1");
     assert!(error.to_string().contains("ws://"), "{error}");
     let error = fails("frame+udp://224.0.0.1:9999");
-    assert!(matches!(error, DeviceError::Cannot { .. }), "{error}");
+    assert!(matches!(error, DeviceError::Unsupported { .. }), "{error}");
     let error = fails("emul:?axes=2#2");
     assert!(error.to_string().contains("axis"), "{error}");
     let error = fails("emul:?mass=0");

@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 use emulator::{Emulator, options};
-use ergon_live::device::calibrate::{Axis, applied};
+use ergon_live::device::calibrate::{Axis, with_calibration};
 use ergon_live::device::{Device, Gone, Sample};
 use ergon_live::doctor::checkup;
 use ergon_live::emulate::{Hand, Protocol, Transport};
@@ -87,7 +87,7 @@ fn a_device_is_opened_with_what_is_known_of_its_axes() {
         force_max: 3.0,
         ..plain
     };
-    let mut device = applied(device, &[(0, known), (7, plain)]);
+    let mut device = with_calibration(device, &[(0, known), (7, plain)]);
     assert_eq!(device.spec().force_max_peak, 3.0);
     let mut sample = Sample::default();
     device
@@ -104,7 +104,7 @@ fn it_ends_when_it_is_told_to() {
     assert!(found.lateness.is_empty());
     let emulator = udp(true);
     let mut device = emulator.open("frame+udp", "lockstep");
-    let ended = ergon_live::device::calibrate::ends(&mut device, 1.0, PERIOD, &stop);
+    let ended = ergon_live::device::calibrate::travel_ends(&mut device, 1.0, PERIOD, &stop);
     assert_eq!(ended, Err(Gone::Closed));
     emulator.end();
 }

@@ -7,7 +7,7 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use ergon_live::device::calibrate::{Pulse, Unsure, direction};
+use ergon_live::device::calibrate::{DirectionError, Pulse, direction};
 use ergon_live::device::{self, Sample, Url};
 use ergon_live::safety::{Guarded, Limits};
 
@@ -82,7 +82,8 @@ fn the_sketch_is_a_device() {
     let go = AtomicBool::new(false);
     let mut tries = (0..TRIES).map(|_| direction(&mut device, 0, Pulse::of(&spec), 1e-3, &go));
     // A pulse that was held up moves the key too little, or to one side only.
-    let found = tries.find(|found| !matches!(found, Err(Unsure::Still | Unsure::OneWay)));
+    let found =
+        tries.find(|found| !matches!(found, Err(DirectionError::Still | DirectionError::OneWay)));
     assert_eq!(found, Some(Ok(1.0)));
     let limits = Limits {
         ramp: 0.0,

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
 use ergon_live::device::{Device, Gone, Sample, Spec, Unit};
-use ergon_live::safety::{Guarded, Limits, SafeForce, leave_signals, look_for_signals, watch};
+use ergon_live::safety::{Guarded, Limits, SafeForce, block_signals, check_signals, watch};
 use ergon_live::stop::{self, Stop};
 
 struct Still(Spec);
@@ -121,17 +121,17 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
     stop::release();
     assert!(stop::is_over());
     assert_eq!(ticks(&mut guarded, 300), 0.0);
-    stop::begin_again();
+    stop::reset();
     assert_eq!(ticks(&mut guarded, 300), 1.0);
     // A pending signal is seen by a thread that leaves signals to others.
     watch(libc::SIGTERM, Stop::Forces);
-    leave_signals();
+    block_signals();
     raise(libc::SIGTERM);
     assert!(!stop::has_let_go());
-    look_for_signals();
+    check_signals();
     assert!(stop::has_let_go());
     assert_eq!(ticks(&mut guarded, 1), 0.0);
-    stop::begin_again();
+    stop::reset();
     // An ignored signal is left alone.
     // SAFETY: the call only ignores the signal.
     unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };

@@ -3,7 +3,7 @@
 // all ports of a machine, unlike other storage of a browser.
 
 export const STEP = 0.005; // [s] of a key
-const MOST = 1; // [s] either way
+const SECONDS_MAX = 1; // [s] either way
 const NAME = "ergon-picture-ahead";
 const YEAR = 365 * 86400; // [s]
 
@@ -27,5 +27,5 @@ export class Alignment {
 }
 
 function bounded(seconds) {
-  return Math.max(-MOST, Math.min(MOST, seconds));
+  return Math.max(-SECONDS_MAX, Math.min(SECONDS_MAX, seconds));
 }

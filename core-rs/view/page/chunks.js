@@ -9,7 +9,7 @@ export const MAGIC = [0x45, 0x52, 0x47, 0x4d, 1, 0, 0, 0];
 const VERSION = 1;
 const HEAD = 16;
 const CRC = 4;
-const MOST = 64 << 20;
+const PAYLOAD_MAX = 64 << 20;
 
 const TABLE = new Uint32Array(256).map((_, n) => {
   for (let bit = 0; bit < 8; bit++) n = n & 1 ? 0xedb88320 ^ (n >>> 1) : n >>> 1;
@@ -57,7 +57,7 @@ export class Chunks {
       this.need = HEAD + CRC;
       if (bytes.length - at < HEAD) return at;
       const length = view.getUint32(at + 4, true);
-      if (length > MOST) throw new Error(`a chunk of ${length} bytes is longer than any may be`);
+      if (length > PAYLOAD_MAX) throw new Error(`a chunk of ${length} bytes is longer than any may be`);
       this.need += length;
       if (bytes.length - at < this.need) return at;
       const end = at + HEAD + length;

@@ -10,7 +10,7 @@ export class Clock {
     this.slow = 0; // index in SLOWER
     this.loop = null; // [from, to]
     this.from = null;
-    this.told = null;
+    this.lastTime = null;
     this.jumped = false; // whether it was set since the sound last followed it
   }
 
@@ -20,8 +20,8 @@ export class Clock {
 
   /** Time of the page since the last call [s], at most 0.5 s. */
   since(now) {
-    const step = this.told === null ? 0 : Math.min(Math.max(0, now - this.told), 0.5);
-    this.told = now;
+    const step = this.lastTime === null ? 0 : Math.min(Math.max(0, now - this.lastTime), 0.5);
+    this.lastTime = now;
     return step;
   }
 

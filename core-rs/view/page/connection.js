@@ -1,9 +1,9 @@
 // The connection to the server: whether it is open, the offset of the server's clock, and the messages. It is opened
 // again whenever it is lost.
 
-const AGAIN = 1000; // [ms] from a lost connection to the next attempt
-const ASK = 200; // [ms] between two pings
-const KEPT = 100; // pongs that are compared: those of 20 s, because the clocks drift
+const RETRY_MS = 1000; // [ms] from a lost connection to the next attempt
+const PING_MS = 200; // [ms] between two pings
+const PONGS_KEPT = 100; // pongs that are compared: those of 20 s, because the clocks drift
 
 export class Connection {
   /** `takes(bytes)`, `isLost()`, and `isBack(another)`; `another`: whether another server has answered. */
@@ -23,14 +23,14 @@ export class Connection {
     let asking = 0;
     this.socket.onopen = () => {
       this.ask();
-      asking = setInterval(() => this.ask(), ASK);
+      asking = setInterval(() => this.ask(), PING_MS);
       this.fresh = true;
     };
-    this.socket.onmessage = ({ data }) => (typeof data === "string" ? this.hear(data) : this.does.takes(new Uint8Array(data)));
+    this.socket.onmessage = ({ data }) => (typeof data === "string" ? this.receiveText(data) : this.does.takes(new Uint8Array(data)));
     this.socket.onclose = () => {
       clearInterval(asking);
       this.does.isLost();
-      setTimeout(() => this.open(), AGAIN);
+      setTimeout(() => this.open(), RETRY_MS);
     };
   }
 
@@ -38,7 +38,7 @@ export class Connection {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(`ping ${performance.now() / 1000}`);
   }
 
-  hear(text) {
+  receiveText(text) {
     const [what, sent, at] = text.split(" ");
     if (what !== "pong") return;
     const now = performance.now() / 1000;
@@ -50,7 +50,7 @@ export class Connection {
       this.fresh = false;
     }
     this.answers.push({ trip, offset });
-    if (this.answers.length > KEPT) this.answers.shift();
+    if (this.answers.length > PONGS_KEPT) this.answers.shift();
     this.offset = this.answers.reduce((best, one) => (one.trip <= best.trip ? one : best)).offset;
   }
 }

@@ -2,8 +2,8 @@
 
 import { after } from "./events.js";
 
-const KEPT = 8; // unpacked chunks of a part
-const MOST = 256 << 20; // bytes of one that is unpacked
+const UNPACKED_MAX = 8; // unpacked chunks of a part
+const UNPACKED_BYTES_MAX = 256 << 20; // bytes of one that is unpacked
 
 export class Frames {
   constructor(count) {
@@ -34,7 +34,7 @@ export class Frames {
   }
 
   /** Reads frames that are not compressed at once: a live piece is drawn without delay. */
-  near(chunk) {
+  readPlain(chunk) {
     if (!chunk || chunk.rows || chunk.coding !== 0) return;
     chunk.rows = chunk.frames * (4 + 2 * this.count) <= chunk.packed.length ? plain(chunk, this.count) : [];
     this.keep(chunk);
@@ -42,7 +42,7 @@ export class Frames {
 
   keep(chunk) {
     this.unpacked.push(chunk);
-    if (this.unpacked.length > KEPT) this.unpacked.shift().rows = null;
+    if (this.unpacked.length > UNPACKED_MAX) this.unpacked.shift().rows = null;
   }
 
   unpack(chunk) {
@@ -58,8 +58,8 @@ export class Frames {
   at(t, out, first) {
     const i = after(this.times, t + 1e-9) - 1;
     const chunk = this.chunks[i];
-    this.near(chunk);
-    this.near(this.chunks[i + 1]);
+    this.readPlain(chunk);
+    this.readPlain(this.chunks[i + 1]);
     if (!chunk?.rows?.length) return false; // not unpacked yet, or damaged
     const at = Math.min(Math.max(0, (t - chunk.seconds) / chunk.hop), chunk.frames);
     const k = Math.min(Math.floor(at + 1e-6), chunk.frames - 1);
@@ -79,7 +79,7 @@ export class Frames {
 
 async function rows(chunk, n) {
   const length = chunk.frames * (4 + 2 * n);
-  if (length > MOST) throw new Error(`${chunk.frames} frames of ${n} points are more than a chunk holds`);
+  if (length > UNPACKED_BYTES_MAX) throw new Error(`${chunk.frames} frames of ${n} points are more than a chunk holds`);
   if (chunk.coding === 1) return unzigzag(chunk, n, await inflate(chunk.packed, length));
   throw new Error(`frames have the coding ${chunk.coding}, which this page does not know`);
 }

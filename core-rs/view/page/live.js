@@ -1,8 +1,8 @@
 // Live playback: which instant of the piece is heard now, from the server's clock and the `clock` chunks.
 
 export const BACK = 5; // [s] how far back a live piece can be scrubbed
-const FAR = 0.1; // [s] beyond which the picture jumps to what is heard
-const PULL = 0.1; // share of the difference that is corrected in a picture: the times of a sound card jitter
+const JUMP_BEYOND = 0.1; // [s] beyond which the picture jumps to what is heard
+const CORRECTION = 0.1; // share of the difference that is corrected in a picture: the times of a sound card jitter
 
 export class Live {
   /** `offset()`: the server's clock minus this page's [s]; null if it is not known yet. */
@@ -30,6 +30,6 @@ export class Live {
   follow(t, step, now, end) {
     const there = this.at(now, end);
     const away = there - (t + step);
-    return Math.abs(away) > FAR ? there : t + step + PULL * away;
+    return Math.abs(away) > JUMP_BEYOND ? there : t + step + CORRECTION * away;
   }
 }

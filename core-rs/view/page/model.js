@@ -1,7 +1,7 @@
 // The model: points, links, names, parts, loudspeakers, and mode shapes.
 
 const NONE = 0xffffffff;
-const MOST = 1 << 22; // points and modes that a page takes
+const COUNT_MAX = 1 << 22; // points and modes that a page takes
 
 /** Axis of the picture for each axis of a space with 2 or 3 axes: the last is up. */
 export const ALONG = { 2: [0, 2], 3: [0, 1, 2] };
@@ -11,7 +11,7 @@ export class Model {
   constructor(bytes) {
     Object.assign(this, JSON.parse(new TextDecoder().decode(bytes)));
     const n = this.points;
-    if (![n, this.modes].every((many) => Number.isInteger(many) && many >= 0 && many <= MOST)) {
+    if (![n, this.modes].every((many) => Number.isInteger(many) && many >= 0 && many <= COUNT_MAX)) {
       throw new Error(`a model of ${n} points and ${this.modes} modes is none that can be drawn`);
     }
     if (this.parts.some((part) => !(part.first >= 0 && part.count >= 0 && part.first + part.count <= n))) {

@@ -5,9 +5,9 @@ import { flight } from "./flights.js";
 import { ALONG } from "./model.js";
 
 export const STROBE = 25; // [Hz] above which a point is drawn as its sweep
-const SPAN = 12; // octaves of speed from dark to bright
-const IN_SPACE = 0.5; // least light of a point in space: its position already shows its motion
-const SHOWN = 0.12; // share of a part's size that its largest displacement is drawn at
+const LIGHT_OCTAVES = 12; // octaves of speed from dark to bright
+const SPACE_LIGHT = 0.5; // least light of a point in space: its position already shows its motion
+const DRAWN_SHARE = 0.12; // share of a part's size that its largest displacement is drawn at
 
 export class Motion {
   constructor(story) {
@@ -51,7 +51,7 @@ export class Motion {
     for (const p of axes) {
       [this.aside[0][p], this.aside[1][p], this.z[p]] = moved;
       if (isOfBody) continue; // a body looks as it does by itself
-      this.light[p] = Math.max(IN_SPACE, light);
+      this.light[p] = Math.max(SPACE_LIGHT, light);
       this.sign[p] = 0;
     }
   }
@@ -80,7 +80,7 @@ export class Motion {
       this.z[p] = fast ? 0 : one.z;
       if (fast) this.sweep[p] = one.amplitude;
       const share = (one.amplitude * omega) / (loudest[i] || 1);
-      this.light[p] = Math.max(0, 1 + Math.log2(share + 1e-12) / SPAN);
+      this.light[p] = Math.max(0, 1 + Math.log2(share + 1e-12) / LIGHT_OCTAVES);
     }
   }
 
@@ -133,7 +133,7 @@ export class Motion {
     const peak = Math.max(this.story.peaks[i], this.story.largest[i]);
     if (!(peak > 0)) return 1;
     const size = Math.max(this.sizes[i], 0.15 * this.whole);
-    return Math.max(1, rounded((SHOWN * size) / peak));
+    return Math.max(1, rounded((DRAWN_SHARE * size) / peak));
   }
 
   lock(i, factor) {

@@ -1,8 +1,8 @@
 // The sound to the picture. While it plays, the picture follows it, because the clock of a sound card is not that of
 // the computer.
 
-const FAR = 0.1; // [s] beyond which the picture jumps to the sound
-const PULL = 0.1; // share of the difference that is corrected in a picture: smooths the jitter of the browser's clock
+const JUMP_BEYOND = 0.1; // [s] beyond which the picture jumps to the sound
+const CORRECTION = 0.1; // share of the difference that is corrected in a picture: smooths the jitter of the browser's clock
 
 export class Sound {
   /** `tells(words)`: shows why there is no sound, such as a browser that waits for a key or click. */
@@ -53,7 +53,7 @@ export class Sound {
     } else if (clock.jumped) {
       audio.currentTime = Math.max(0, clock.t - ahead);
     } else if (!audio.seeking) {
-      clock.t += Math.abs(away) > FAR ? away : PULL * away;
+      clock.t += Math.abs(away) > JUMP_BEYOND ? away : CORRECTION * away;
     }
     clock.jumped = false;
   }

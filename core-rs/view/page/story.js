@@ -37,10 +37,10 @@ export class Story {
     const { kind, seconds, view, bytes } = chunk;
     if (kind === KIND.manifest) return this.begin(bytes);
     if (!this.model) throw new Error("a motion begins with its manifest; this one does not");
-    const does = DO[kind];
+    const does = HANDLERS[kind];
     if (does) does(this, seconds, view, bytes);
     if (kind !== KIND.index) this.end = Math.max(this.end, seconds);
-    if (kind === KIND.state && this.live) this.keepUp(seconds);
+    if (kind === KIND.state && this.live) this.dropPast(seconds);
   }
 
   get duration() {
@@ -54,7 +54,7 @@ export class Story {
   }
 
   /** Updates the largest speed and displacement of the free points of each part. */
-  hear(view) {
+  updateLargest(view) {
     const { model } = this;
     for (let at = 0; at + 12 <= view.byteLength; at += 12) {
       const i = view.getUint32(at, true);
@@ -68,7 +68,7 @@ export class Story {
   }
 
   /** Drops the distant past of a live piece, which has no end. */
-  keepUp(seconds) {
+  dropPast(seconds) {
     if (!this.isBegun) this.begins = seconds;
     this.isBegun = true;
     if (seconds - BACK <= this.begins) return;
@@ -93,17 +93,17 @@ function hands(view) {
   return found;
 }
 
-const DO = {
+const HANDLERS = {
   [KIND.points]: (s, _, view) => s.model.takePoints(view),
   [KIND.links]: (s, _, view) => s.model.takeLinks(view),
   [KIND.names]: (s, _, view, bytes) => s.model.takeNames(bytes),
   [KIND.shapes]: (s, _, view) => s.model.takeShapes(view),
   [KIND.state]: (s, t, view) => {
-    s.hear(view);
+    s.updateLargest(view);
     s.flights.takeState(t, view);
   },
   [KIND.flights]: (s, t, view) => {
-    s.hear(view);
+    s.updateLargest(view);
     s.flights.take(t, view);
   },
   [KIND.frames]: (s, t, view) => s.frames[view.getUint16(0, true)]?.take(t, view),

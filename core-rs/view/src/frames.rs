@@ -8,10 +8,10 @@ use crate::payload::{Bytes, Reading};
 /// Largest number of values in one chunk.
 const NUMBERS_MAX: usize = 1 << 24;
 /// Number of steps up to the largest displacement: in a file, and live.
-const FINE: f64 = 511.0;
-const WIDE: f64 = 32_767.0;
+const STEPS_IN_FILE: f64 = 511.0;
+const STEPS_LIVE: f64 = 32_767.0;
 /// Compression level, 0 to 10.
-const EFFORT: u8 = 6;
+const COMPRESSION_LEVEL: u8 = 6;
 
 /// Frames of one part.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,12 +28,16 @@ pub struct Frames {
 
 impl Frames {
     /// The payload: ten bits a value and compressed, or 16 bits a value and not compressed.
-    pub fn bytes(&self, is_squeezed: bool) -> Vec<u8> {
+    pub fn bytes(&self, is_compressed: bool) -> Vec<u8> {
         let n = self.rows.len() / self.count.max(1);
-        let steps = if is_squeezed { FINE } else { WIDE };
+        let steps = if is_compressed {
+            STEPS_IN_FILE
+        } else {
+            STEPS_LIVE
+        };
         let mut out = Bytes::default();
         out.u16(self.part);
-        out.0.extend([u8::from(is_squeezed), 0]);
+        out.0.extend([u8::from(is_compressed), 0]);
         out.u32(self.count as u32);
         out.f64(self.hop);
         let (mut scales, mut planes) = (Bytes::default(), Vec::new());
@@ -47,7 +51,7 @@ impl Frames {
                 let q = (x / scale).round_ties_even().clamp(-steps, steps);
                 if is_known { q as i32 } else { 0 }
             };
-            if !is_squeezed {
+            if !is_compressed {
                 out.f32(told);
                 for x in row {
                     out.0.extend((steps_of(x) as i16).to_le_bytes());
@@ -67,9 +71,10 @@ impl Frames {
             planes.extend(zigzags.iter().map(|z| *z as u8));
             planes.extend(zigzags.iter().map(|z| (z >> 8) as u8));
         }
-        if is_squeezed {
+        if is_compressed {
             scales.0.extend(planes);
-            out.0.extend(compress_to_vec_zlib(&scales.0, EFFORT));
+            out.0
+                .extend(compress_to_vec_zlib(&scales.0, COMPRESSION_LEVEL));
         }
         out.0
     }
@@ -98,9 +103,9 @@ impl Frames {
                 }
             }
             1 => {
-                let most = 4 * count + 2 * numbers;
-                let plain = decompress_to_vec_zlib_with_limit(from.0, most).ok()?;
-                if plain.len() != most {
+                let size = 4 * count + 2 * numbers;
+                let plain = decompress_to_vec_zlib_with_limit(from.0, size).ok()?;
+                if plain.len() != size {
                     return None;
                 }
                 let (scales, planes) = plain.split_at(4 * count);
@@ -137,13 +142,13 @@ mod tests {
     proptest! {
         #[test]
         fn frames_come_back_within_half_a_step(
-            rows in prop::collection::vec(prop::collection::vec(-1e-3..1e-3_f64, 7), 1..9), is_squeezed: bool,
+            rows in prop::collection::vec(prop::collection::vec(-1e-3..1e-3_f64, 7), 1..9), is_compressed: bool,
         ) {
             let frames = Frames { part: 3, hop: 1.0 / 60.0, count: rows.len(), rows: rows.concat() };
-            let bytes = frames.bytes(is_squeezed);
+            let bytes = frames.bytes(is_compressed);
             let found = Frames::read(&bytes, |part| (part == 3).then_some(7)).expect("frames");
             prop_assert_eq!((found.part, found.count, found.hop), (3, rows.len(), frames.hop));
-            let steps = if is_squeezed { 511.0 } else { 32_767.0 };
+            let steps = if is_compressed { 511.0 } else { 32_767.0 };
             for (row, own) in rows.iter().zip(found.rows.chunks(7)) {
                 let most = row.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
                 for (x, y) in row.iter().zip(own) {
@@ -163,7 +168,7 @@ mod tests {
 
     #[test]
     fn what_is_not_known_is_told() {
-        for is_squeezed in [false, true] {
+        for is_compressed in [false, true] {
             let rows = vec![1.0, f64::NAN, 2.0, 1.0];
             let frames = Frames {
                 part: 0,
@@ -171,7 +176,7 @@ mod tests {
                 count: 2,
                 rows,
             };
-            let found = Frames::read(&frames.bytes(is_squeezed), |_| Some(2)).expect("frames");
+            let found = Frames::read(&frames.bytes(is_compressed), |_| Some(2)).expect("frames");
             assert!(found.rows[0].is_nan() && found.rows[1].is_nan());
             assert!((found.rows[2] - 2.0).abs() < 1e-3);
         }

@@ -13,7 +13,7 @@ const HEAD: usize = 16;
 const CRC: usize = 4;
 
 /// Largest length of a payload [bytes]: a frame of 10⁶ points in f64 is an eighth of it.
-pub const MOST: usize = 64 << 20;
+pub const PAYLOAD_MAX: usize = 64 << 20;
 
 /// One chunk, as it is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,8 +34,8 @@ pub enum ChunkError {
     /// The bytes end before the chunk does: more may follow.
     #[error("the bytes end within a chunk")]
     Cut,
-    /// A length above [`MOST`].
-    #[error("a payload has {0} bytes; {MOST} is the most")]
+    /// A length above [`PAYLOAD_MAX`].
+    #[error("a payload has {0} bytes; {PAYLOAD_MAX} is the most")]
     Long(usize),
     /// The checksum does not match.
     #[error("the CRC-32 of a chunk is wrong")]
@@ -46,10 +46,10 @@ pub enum ChunkError {
 ///
 /// # Panics
 ///
-/// If the payload is longer than [`MOST`].
+/// If the payload is longer than [`PAYLOAD_MAX`].
 pub fn write(out: &mut Vec<u8>, chunk: &Chunk) {
     assert!(
-        chunk.payload.len() <= MOST,
+        chunk.payload.len() <= PAYLOAD_MAX,
         "a payload of {} bytes",
         chunk.payload.len()
     );
@@ -72,7 +72,7 @@ pub fn read(bytes: &[u8]) -> Result<(Chunk<'_>, usize), ChunkError> {
     let head = bytes.get(..HEAD).ok_or(ChunkError::Cut)?;
     let number = |at: usize| u16::from_le_bytes([head[at], head[at + 1]]);
     let length = u32::from_le_bytes([head[4], head[5], head[6], head[7]]) as usize;
-    if length > MOST {
+    if length > PAYLOAD_MAX {
         return Err(ChunkError::Long(length));
     }
     let end = HEAD + length;

@@ -131,7 +131,7 @@ pub fn put(out: &mut Vec<u8>, kind: u16, seconds: f64, payload: &[u8]) {
 
 /// A number in half precision (IEEE 754), rounded to nearest, ties to even; a value that is too large becomes the
 /// largest finite one.
-pub fn half(value: f64) -> u16 {
+pub fn to_half(value: f64) -> u16 {
     let sign = if value.is_sign_negative() { 0x8000 } else { 0 };
     let size = value.abs();
     if size.is_nan() {
@@ -153,7 +153,7 @@ pub fn half(value: f64) -> u16 {
 }
 
 /// The value of a half-precision number.
-pub fn whole(bits: u16) -> f64 {
+pub fn from_half(bits: u16) -> f64 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
     let unit = |exponent: i32| f64::from_bits(((exponent + 1023) as u64) << 52);
     let size = match exponent {
@@ -182,14 +182,14 @@ mod tests {
             (0.333_251_953_125, 0x3555),
             (2047.5, 0x6800), // a tie, to even: 2048
         ] {
-            assert_eq!(half(value), bits, "{value}");
+            assert_eq!(to_half(value), bits, "{value}");
         }
         for bits in 0..0x7c00_u16 {
-            assert_eq!(half(whole(bits)), bits);
-            assert_eq!(half(-whole(bits)), bits | 0x8000);
-            let between = 0.5 * (whole(bits) + whole((bits + 1).min(0x7bff)));
+            assert_eq!(to_half(from_half(bits)), bits);
+            assert_eq!(to_half(-from_half(bits)), bits | 0x8000);
+            let between = 0.5 * (from_half(bits) + from_half((bits + 1).min(0x7bff)));
             assert_eq!(
-                half(between) & 1,
+                to_half(between) & 1,
                 if bits == 0x7bff { 1 } else { 0 },
                 "{bits}"
             );

@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::frames::Frames;
 use crate::motion::{self, ChunkError, MAGIC};
-use crate::payload::{Reading, VERSION, kind, whole};
+use crate::payload::{Reading, VERSION, from_half, kind};
 
 /// Why a file cannot be read.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub enum ReadError {
 
 /// One chunk, and where it is in the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct ChunkRef {
     /// Its kind.
     pub kind: u16,
     /// Its instant [s].
@@ -43,7 +43,7 @@ pub struct Place {
 pub struct MotionFile {
     bytes: Vec<u8>,
     /// All complete chunks.
-    pub chunks: Vec<Place>,
+    pub chunks: Vec<ChunkRef>,
     /// The manifest, as JSON.
     pub manifest: String,
     /// Whether the last chunk is the index: the recording was finished.
@@ -79,7 +79,7 @@ enum Kind {
 }
 
 /// Largest number of points or modes: a larger one means damage.
-const MOST: usize = 1 << 24;
+const NUMBERS_MAX: usize = 1 << 24;
 
 impl MotionFile {
     /// Read the complete chunks of a file.
@@ -97,7 +97,7 @@ impl MotionFile {
             if known && chunk.version != VERSION {
                 return Err(ReadError::Version(chunk.kind, chunk.version));
             }
-            chunks.push(Place {
+            chunks.push(ChunkRef {
                 kind: chunk.kind,
                 seconds: chunk.seconds,
                 at: at + n - 4 - chunk.payload.len(),
@@ -136,26 +136,26 @@ impl MotionFile {
     }
 
     /// The payload of a chunk.
-    pub fn payload(&self, place: &Place) -> &[u8] {
-        &self.bytes[place.at..place.at + place.len]
+    pub fn payload(&self, chunk: &ChunkRef) -> &[u8] {
+        &self.bytes[chunk.at..chunk.at + chunk.len]
     }
 
     /// Duration [s]: up to the last frame or event.
     pub fn duration(&self) -> f64 {
-        let end = |place: &Place| match place.kind {
+        let end = |chunk: &ChunkRef| match chunk.kind {
             kind::FRAMES => {
-                let mut head = Reading(&self.payload(place)[4..]);
+                let mut head = Reading(&self.payload(chunk)[4..]);
                 let count = head.u32().unwrap_or(1).max(1);
-                place.seconds + f64::from(count - 1) * head.f64().unwrap_or(0.0)
+                chunk.seconds + f64::from(count - 1) * head.f64().unwrap_or(0.0)
             }
-            _ => place.seconds,
+            _ => chunk.seconds,
         };
         self.chunks.iter().map(end).fold(0.0, f64::max)
     }
 
     fn first(&self, kind: u16) -> Option<&[u8]> {
-        let place = self.chunks.iter().find(|place| place.kind == kind)?;
-        Some(self.payload(place))
+        let chunk = self.chunks.iter().find(|chunk| chunk.kind == kind)?;
+        Some(self.payload(chunk))
     }
 
     fn manifest(&mut self) -> Option<()> {
@@ -166,7 +166,7 @@ impl MotionFile {
         let count = |value: &Value, name: &str| -> Option<usize> {
             usize::try_from(value.get(name)?.as_u64()?)
                 .ok()
-                .filter(|n| *n <= MOST)
+                .filter(|n| *n <= NUMBERS_MAX)
         };
         (self.n_points, self.n_modes) = (count(&manifest, "points")?, count(&manifest, "modes")?);
         let mut until = 0;
@@ -182,7 +182,7 @@ impl MotionFile {
                 "modal" => {
                     let modes = part.get("modes")?;
                     let (first, m) = (count(modes, "first")?, count(modes, "count")?);
-                    if first + m > self.n_modes || m * count_here > 8 * MOST {
+                    if first + m > self.n_modes || m * count_here > 8 * NUMBERS_MAX {
                         return None;
                     }
                     Kind::Modal(first, m, vec![0.0; m * count_here])
@@ -239,8 +239,8 @@ impl MotionFile {
 
     fn shapes(&mut self) -> Option<()> {
         let places = self.chunks.to_vec();
-        for place in places.iter().filter(|place| place.kind == kind::SHAPES) {
-            let mut from = Reading(&self.bytes[place.at..place.at + place.len]);
+        for chunk in places.iter().filter(|chunk| chunk.kind == kind::SHAPES) {
+            let mut from = Reading(&self.bytes[chunk.at..chunk.at + chunk.len]);
             let (part, _) = (from.u16()? as usize, from.u16()?);
             let (first, m, n) = (
                 from.u32()? as usize,
@@ -264,7 +264,7 @@ impl MotionFile {
             }
             for row in shapes.chunks_mut((*all).max(1)) {
                 for share in &mut row[at..at + m] {
-                    *share = whole(from.u16()?);
+                    *share = from_half(from.u16()?);
                 }
             }
         }
@@ -273,9 +273,9 @@ impl MotionFile {
 
     /// Checks that every chunk that a player reads matches its kind.
     fn check(&self) -> Result<(), ReadError> {
-        for place in &self.chunks {
-            let payload = self.payload(place);
-            let is_right = match place.kind {
+        for chunk in &self.chunks {
+            let payload = self.payload(chunk);
+            let is_right = match chunk.kind {
                 kind::FLIGHTS | kind::STATE => self.flights(payload).is_some(),
                 kind::FRAMES => payload.len() >= 16,
                 kind::BROKEN => payload.len().is_multiple_of(8),
@@ -283,8 +283,8 @@ impl MotionFile {
                 kind::CONTACTS | kind::HANDS => payload.len().is_multiple_of(12),
                 _ => true,
             };
-            if !is_right || !place.seconds.is_finite() {
-                return Err(ReadError::Payload(place.kind, place.at));
+            if !is_right || !chunk.seconds.is_finite() {
+                return Err(ReadError::Payload(chunk.kind, chunk.at));
             }
         }
         Ok(())
@@ -303,9 +303,9 @@ impl MotionFile {
         Some(all)
     }
 
-    fn frames(&self, place: &Place) -> Option<Frames> {
+    fn frames(&self, chunk: &ChunkRef) -> Option<Frames> {
         let points = |part: u16| self.parts.get(usize::from(part)).map(|part| part.count);
-        Frames::read(self.payload(place), points)
+        Frames::read(self.payload(chunk), points)
     }
 
     /// Displacements of all points [m] at rising instants [s]   (n_instants · n_points); NaN if unknown.
@@ -315,26 +315,26 @@ impl MotionFile {
     pub fn displacements(&self, instants: &[f64]) -> Result<Vec<f64>, ReadError> {
         let n = self.n_points;
         let mut out = vec![f64::NAN; instants.len() * n];
-        self.swing(instants, &mut out);
+        self.evaluate_flights(instants, &mut out);
         self.interpolate(instants, &mut out)?;
         Ok(out)
     }
 
     /// Points and modes that follow flights.
-    fn swing(&self, instants: &[f64], out: &mut [f64]) {
+    fn evaluate_flights(&self, instants: &[f64], out: &mut [f64]) {
         let n = self.n_points;
         let mut now = vec![(0.0, 0.0, 0.0); self.oscillations.len()];
-        let told = self.chunks.iter();
-        let mut told = told
-            .filter(|place| matches!(place.kind, kind::FLIGHTS | kind::STATE))
+        let flight_chunks = self.chunks.iter();
+        let mut flight_chunks = flight_chunks
+            .filter(|chunk| matches!(chunk.kind, kind::FLIGHTS | kind::STATE))
             .peekable();
         for (&instant, row) in instants.iter().zip(out.chunks_mut(n.max(1))) {
-            while let Some(place) = told.next_if(|place| place.seconds <= instant) {
-                if place.kind == kind::STATE {
+            while let Some(chunk) = flight_chunks.next_if(|chunk| chunk.seconds <= instant) {
+                if chunk.kind == kind::STATE {
                     now.fill((0.0, 0.0, 0.0));
                 }
-                for (number, a, b) in self.flights(self.payload(place)).unwrap_or_default() {
-                    now[number] = (a, b, place.seconds);
+                for (number, a, b) in self.flights(self.payload(chunk)).unwrap_or_default() {
+                    now[number] = (a, b, chunk.seconds);
                 }
             }
             let at = |number: usize| {
@@ -368,22 +368,22 @@ impl MotionFile {
             if !matches!(part.kind, Kind::Sampled) {
                 continue;
             }
-            let is_own = |place: &&Place| {
-                let own = Reading(self.payload(place)).u16();
-                place.kind == kind::FRAMES && own == Some(number as u16)
+            let is_own = |chunk: &&ChunkRef| {
+                let own = Reading(self.payload(chunk)).u16();
+                chunk.kind == kind::FRAMES && own == Some(number as u16)
             };
             let (mut known, mut at): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
             let mut blocks = self.chunks.iter().filter(is_own);
             for (&instant, row) in instants.iter().zip(out.chunks_mut(n.max(1))) {
                 while known.last().is_none_or(|last| last.0 <= instant) {
-                    let Some(place) = blocks.next() else { break };
-                    let damaged = ReadError::Payload(place.kind, place.at);
-                    let frames = self.frames(place).ok_or(damaged)?;
+                    let Some(chunk) = blocks.next() else { break };
+                    let damaged = ReadError::Payload(chunk.kind, chunk.at);
+                    let frames = self.frames(chunk).ok_or(damaged)?;
                     // Of the past frames, only the last one is needed.
                     known.drain(..known.len().saturating_sub(1));
                     at = 0;
                     for (i, x) in frames.rows.chunks(part.count.max(1)).enumerate() {
-                        known.push((place.seconds + i as f64 * frames.hop, x.to_vec()));
+                        known.push((chunk.seconds + i as f64 * frames.hop, x.to_vec()));
                     }
                 }
                 while at + 1 < known.len() && known[at + 1].0 <= instant {

@@ -10,24 +10,24 @@ use std::ops::Range;
 use ergon_engine::simulation::{Glance, How, Look, Push, Record, Simulation};
 
 use crate::frames::Frames;
-use crate::motion::{MAGIC, MOST};
+use crate::motion::{MAGIC, PAYLOAD_MAX};
 use crate::payload::{Bytes, kind, put};
 use flights::Flight;
-use parts::{Track, blows, tracks};
+use parts::{Track, strike_times, tracks};
 
 mod flights;
 mod live;
 mod parts;
 mod tables;
 
-pub use live::Told;
+pub use live::LiveChunks;
 pub use parts::{Run, runs};
 
 /// Written ergons are reported this long before they strike [s].
-const AHEAD: f64 = 1.0;
+const REPORT_AHEAD: f64 = 1.0;
 /// Ergons that struck at most this long before the first look are reported as well [s]: a live page goes back no
 /// further.
-const BACK: f64 = 5.0;
+const REPORT_BACK: f64 = 5.0;
 
 /// Settings of a recording: everything besides the motion itself.
 #[derive(Clone, Debug)]
@@ -69,7 +69,7 @@ pub struct Recorder {
     /// (n_tracks)
     flights: Vec<Flight>,
     /// Rising instants of the strikes on each point, and after these on each body.
-    blows: Vec<Vec<f64>>,
+    strike_times: Vec<Vec<f64>>,
     /// Reused by [`Recorder::look`] for every look.
     glance: Glance,
     /// Displacements of the points of modal parts, as of their last evaluation   (n_points)
@@ -82,15 +82,15 @@ pub struct Recorder {
     /// simulation.
     since: f64,
     last: f64,
-    told: usize,
+    n_reported: usize,
     /// Index in the table of links of each breakable link; `None` unless both its ends are seen.
     links: Vec<Option<u32>>,
     /// Instant at which each was first seen broken [s].
     broken: Vec<Option<f64>>,
     /// Live strikes that are not reported yet: instant [s], point of the file, impulse [N·s].
-    struck: Vec<(f64, u32, f64)>,
+    live_strikes: Vec<(f64, u32, f64)>,
     squares: Vec<f64>,
-    heard: u64,
+    n_heard: u64,
     segment: Segment,
     index: Vec<(f64, u64)>,
     out: Vec<u8>,
@@ -113,18 +113,18 @@ impl Recorder {
                 look.points.len()
             ));
         }
-        if runs.len() >= usize::from(u16::MAX) || 48 * look.points.len() > MOST {
+        if runs.len() >= usize::from(u16::MAX) || 48 * look.points.len() > PAYLOAD_MAX {
             return Err("a motion file holds a million masses at most".into());
         }
         let points: HashMap<usize, usize> = (look.points.iter().enumerate())
             .map(|(at, point)| (point.mat, at))
             .collect();
-        let blows = blows(&look, network, &points, &setup.ergons, simulation.rate());
+        let strike_times = strike_times(&look, network, &points, &setup.ergons, simulation.rate());
         let n_tracks = look.n_tracks();
-        let mut own = Self {
+        let mut recorder = Self {
             tracks: tracks(&look, &runs),
             flights: vec![Flight::default(); n_tracks],
-            blows,
+            strike_times,
             glance: Glance::new(simulation, &look),
             shaped: vec![0.0; look.points.len()],
             peaks: vec![0.0; runs.len()],
@@ -133,12 +133,12 @@ impl Recorder {
             frame: 0,
             since: simulation.frame() as f64 / simulation.rate(),
             last: 0.0,
-            told: 0,
+            n_reported: 0,
             links: tables::breakable(&look, network),
             broken: vec![None; look.breakable.len()],
-            struck: Vec::new(),
+            live_strikes: Vec::new(),
             squares: vec![0.0; setup.n_speakers],
-            heard: 0,
+            n_heard: 0,
             segment: Segment::default(),
             index: Vec::new(),
             out: MAGIC.to_vec(),
@@ -147,11 +147,16 @@ impl Recorder {
             look,
             setup,
         };
-        tables::put_all(&mut own.out, network, (&own.look, &own.setup), &own.runs);
-        if own.out.len() > MOST {
+        tables::put_all(
+            &mut recorder.out,
+            network,
+            (&recorder.look, &recorder.setup),
+            &recorder.runs,
+        );
+        if recorder.out.len() > PAYLOAD_MAX {
             return Err("the tables of this piece are too long for a motion file".into());
         }
-        Ok(own)
+        Ok(recorder)
     }
 
     /// The instant of a frame [s].
@@ -168,34 +173,34 @@ impl Recorder {
     pub fn look(&mut self, simulation: &mut Simulation) {
         let mut glance = std::mem::take(&mut self.glance);
         simulation.glance(&self.look, &mut glance);
-        self.see(&glance);
+        self.record(&glance);
         self.glance = glance;
     }
 
     /// Record the next glance.
-    pub fn see(&mut self, glance: &Glance) {
+    pub fn record(&mut self, glance: &Glance) {
         let now = self.seconds(glance.frame);
         let is_first = self.frame.is_multiple_of(self.per_segment());
         if self.frame == 0 {
             // If the recording begins later than the simulation, there was a frame before the first look.
             self.last = (now - 1.0 / self.setup.fps).max(0.0);
             // The instant of a strike may be up to half a frame before the frame in which it acts.
-            let since = (self.since - 0.5 / self.rate).max(now - BACK);
-            self.told = (self.setup.ergons).partition_point(|ergon| ergon.time < since);
+            let since = (self.since - 0.5 / self.rate).max(now - REPORT_BACK);
+            self.n_reported = (self.setup.ergons).partition_point(|ergon| ergon.time < since);
         }
-        self.fly(&glance.tracks, now, is_first);
-        self.touch(&glance.pushes);
-        self.spark(glance.sparks());
+        self.write_flights(&glance.tracks, now, is_first);
+        self.write_contacts(&glance.pushes);
+        self.write_sparks(glance.sparks());
         if is_first {
             self.end_segment();
             self.begin_segment(now);
         }
         self.sample(&glance.tracks);
-        self.part(&glance.broken, now, is_first);
-        self.foretell(now);
-        self.tell_struck(now);
-        self.hands(glance, now);
-        self.levels(now);
+        self.write_breaks(&glance.broken, now, is_first);
+        self.write_upcoming(now);
+        self.write_live_strikes(now);
+        self.write_hands(glance, now);
+        self.write_levels(now);
         self.last = now;
         self.frame += 1;
     }
@@ -205,16 +210,16 @@ impl Recorder {
     }
 
     /// Take the signals of the loudspeakers since the last look   (n_frames · n_speakers)
-    pub fn hear(&mut self, mixed: &[f64]) {
-        self.heard += add_squares(&mut self.squares, mixed);
+    pub fn add_levels(&mut self, mixed: &[f64]) {
+        self.n_heard += add_squares(&mut self.squares, mixed);
     }
 
     /// Take the sums of the squares of `n` frames   (n_speakers)
-    pub fn hear_squares(&mut self, squares: &[f64], n: u64) {
+    pub fn add_squared_levels(&mut self, squares: &[f64], n: u64) {
         for (square, more) in self.squares.iter_mut().zip(squares) {
             *square += more;
         }
-        self.heard += n;
+        self.n_heard += n;
     }
 
     /// The bytes completed since the last call.
@@ -252,7 +257,7 @@ impl Recorder {
     }
 
     /// Pushes of contacts since the last look.
-    fn touch(&mut self, pushes: &[Push]) {
+    fn write_contacts(&mut self, pushes: &[Push]) {
         let (last, rate) = (self.last, self.rate);
         let all = pushes.iter().enumerate();
         for (contact, push) in all.filter(|(_, push)| push.force != 0.0) {
@@ -264,7 +269,7 @@ impl Recorder {
     }
 
     /// Strikes of written hands since the last look; at the first look, since the recording began.
-    fn spark(&mut self, sparks: &[Record]) {
+    fn write_sparks(&mut self, sparks: &[Record]) {
         let (last, since) = (self.last, self.since - 0.5 / self.rate);
         for spark in sparks.iter().filter(|spark| spark.time >= since) {
             if let Some(&point) = self.points.get(&(spark.mat as usize)) {
@@ -279,7 +284,7 @@ impl Recorder {
     }
 
     /// Links that broke since the last look; together with a key state, all that are broken.
-    fn part(&mut self, broken: &[bool], now: f64, is_first: bool) {
+    fn write_breaks(&mut self, broken: &[bool], now: f64, is_first: bool) {
         for (at, _) in broken.iter().enumerate().filter(|(_, is)| **is) {
             let is_new = self.broken[at].is_none();
             let since = *self.broken[at].get_or_insert(now);
@@ -310,12 +315,12 @@ impl Recorder {
     }
 
     /// Ergons that will strike within the next second; at the first look, also those that have struck before it.
-    fn foretell(&mut self, now: f64) {
-        while let Some(ergon) = self.setup.ergons.get(self.told).copied() {
-            if ergon.time >= now + AHEAD {
+    fn write_upcoming(&mut self, now: f64) {
+        while let Some(ergon) = self.setup.ergons.get(self.n_reported).copied() {
+            if ergon.time >= now + REPORT_AHEAD {
                 break;
             }
-            self.told += 1;
+            self.n_reported += 1;
             let Some(&point) = self.points.get(&(ergon.mat as usize)) else {
                 continue;
             };
@@ -329,16 +334,16 @@ impl Recorder {
     }
 
     /// Take a live strike that happened at `seconds`. It is reported with the next look; its speed is unknown.
-    pub fn struck(&mut self, seconds: f64, point: u32, impulse: f64) {
+    pub fn add_strike(&mut self, seconds: f64, point: u32, impulse: f64) {
         let mat = self.setup.strike_points.get(&point);
         if let Some(&at) = mat.and_then(|mat| self.points.get(mat)) {
-            self.struck.push((seconds, at as u32, impulse));
+            self.live_strikes.push((seconds, at as u32, impulse));
         }
     }
 
-    fn tell_struck(&mut self, now: f64) {
-        for (seconds, point, impulse) in std::mem::take(&mut self.struck) {
-            if seconds < now - BACK {
+    fn write_live_strikes(&mut self, now: f64) {
+        for (seconds, point, impulse) in std::mem::take(&mut self.live_strikes) {
+            if seconds < now - REPORT_BACK {
                 continue;
             }
             let to = self.event(now, kind::ERGONS);
@@ -350,7 +355,7 @@ impl Recorder {
         }
     }
 
-    fn hands(&mut self, glance: &Glance, now: f64) {
+    fn write_hands(&mut self, glance: &Glance, now: f64) {
         if self.setup.keys.is_empty() {
             return;
         }
@@ -376,13 +381,13 @@ impl Recorder {
         }
     }
 
-    fn levels(&mut self, now: f64) {
-        if self.heard == 0 {
+    fn write_levels(&mut self, now: f64) {
+        if self.n_heard == 0 {
             return;
         }
-        let n = self.heard as f64;
+        let n = self.n_heard as f64;
         let squares = std::mem::replace(&mut self.squares, vec![0.0; self.setup.n_speakers]);
-        self.heard = 0;
+        self.n_heard = 0;
         let to = self.event(now, kind::LEVELS);
         squares
             .iter()
@@ -405,7 +410,7 @@ impl Recorder {
         put(&mut self.out, kind::PEAKS, segment.start, &peaks.0);
         for (part, (run, rows)) in self.runs.iter().zip(&mut segment.rows).enumerate() {
             // Split into chunks of the largest possible number of frames.
-            for some in chunks(segment.count, (MOST / 16) / run.points.len().max(1)) {
+            for some in chunks(segment.count, (PAYLOAD_MAX / 16) / run.points.len().max(1)) {
                 if run.kind != "sampled" {
                     break;
                 }
@@ -449,10 +454,10 @@ pub fn add_squares(squares: &mut [f64], mixed: &[f64]) -> u64 {
     n
 }
 
-/// The range 0 to `n` in pieces of at most `most`.
-fn chunks(n: usize, most: usize) -> impl Iterator<Item = Range<usize>> {
-    let most = most.max(1);
+/// The range 0 to `n` in pieces of at most `limit`.
+fn chunks(n: usize, limit: usize) -> impl Iterator<Item = Range<usize>> {
+    let limit = limit.max(1);
     (0..n)
-        .step_by(most)
-        .map(move |from| from..n.min(from + most))
+        .step_by(limit)
+        .map(move |from| from..n.min(from + limit))
 }

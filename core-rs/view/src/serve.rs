@@ -23,7 +23,7 @@ mod request;
 mod viewer;
 
 pub use access::Key;
-pub use hub::{Cursor, Hub, Keep, Taken};
+pub use hub::{Cursor, Hub, Keep, Next};
 
 /// Limits of connections; the defaults suit people, tests use shorter times.
 #[derive(Clone, Copy, Debug)]
@@ -142,10 +142,10 @@ impl Server {
             over: AtomicBool::new(false),
             begin: Instant::now(),
         });
-        let of_thread = shared.clone();
+        let listener_shared = shared.clone();
         let listener = thread::Builder::new()
             .name("view".into())
-            .spawn(move || listen(&listener, &of_thread))
+            .spawn(move || listen(&listener, &listener_shared))
             .map_err(|error| ServeError::Bind(at, error))?;
         Ok(Self {
             shared,
@@ -163,7 +163,7 @@ impl Server {
         let key = self.shared.options.key.as_ref();
         format!(
             "http://{}/{}",
-            self.shared.near(),
+            self.shared.local_address(),
             key.map_or(String::new(), |key| format!("{key}/"))
         )
     }
@@ -189,8 +189,8 @@ impl Drop for Server {
         self.shared.over.store(true, Ordering::Release);
         self.shared.hub.close();
         // The listener waits in `accept`: a connection from here wakes it.
-        let near = self.shared.near();
-        let woken = TcpStream::connect_timeout(&near, Duration::from_secs(1)).is_ok();
+        let address = self.shared.local_address();
+        let woken = TcpStream::connect_timeout(&address, Duration::from_secs(1)).is_ok();
         if let Some(listener) = self.listener.take()
             && woken
         {
@@ -206,7 +206,7 @@ impl Shared {
 
     /// The address by which this machine reaches the server: that at which it listens, or loopback if it listens at
     /// all.
-    fn near(&self) -> SocketAddr {
+    fn local_address(&self) -> SocketAddr {
         let ip = match self.at.ip() {
             ip if !ip.is_unspecified() => ip,
             _ => IpAddr::V4(Ipv4Addr::LOCALHOST),
@@ -220,20 +220,20 @@ impl Shared {
 }
 
 /// A place among the connections or viewers; dropping it frees the place.
-struct Place<'a>(&'a AtomicUsize);
+struct Slot<'a>(&'a AtomicUsize);
 
-impl<'a> Place<'a> {
-    fn take(places: &'a AtomicUsize, most: usize) -> Option<Self> {
-        places
+impl<'a> Slot<'a> {
+    fn take(slots: &'a AtomicUsize, limit: usize) -> Option<Self> {
+        slots
             .fetch_update(Ordering::AcqRel, Ordering::Acquire, |n| {
-                (n < most).then_some(n + 1)
+                (n < limit).then_some(n + 1)
             })
             .ok()
-            .map(|_| Self(places))
+            .map(|_| Self(slots))
     }
 }
 
-impl Drop for Place<'_> {
+impl Drop for Slot<'_> {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::AcqRel);
     }
@@ -259,9 +259,9 @@ fn listen(listener: &TcpListener, shared: &Arc<Shared>) {
             .stack_size(STACK)
             .spawn(move || {
                 let tally = &shared.tally;
-                let most = shared.options.limits.connections;
-                match Place::take(&tally.connections, most) {
-                    Some(_place) => connection::serve(stream, &shared),
+                let limit = shared.options.limits.connections;
+                match Slot::take(&tally.connections, limit) {
+                    Some(_slot) => connection::serve(stream, &shared),
                     None => drop(tally.refused.fetch_add(1, Ordering::Relaxed)),
                 }
             });

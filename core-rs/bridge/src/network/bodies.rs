@@ -6,7 +6,7 @@ use ergon_engine::generator::{
 use pyo3::prelude::*;
 
 use super::Network;
-use crate::error::{from_engine, refused, word};
+use crate::error::{from_engine, module_error, word};
 use crate::words;
 use crate::work::computing;
 
@@ -34,7 +34,7 @@ impl Links {
         match (f, t60, k, z) {
             (Some(f), t60, None, None) => Ok(Self::Tuned(f, t60)),
             (None, None, Some(k), z) => Ok(Self::Given([k, z.unwrap_or(0.0)])),
-            _ => Err(refused(
+            _ => Err(module_error(
                 name,
                 "a body takes either f and t60 or K and Z of its links",
             )),
@@ -163,7 +163,7 @@ impl Network {
         let masses: Vec<f64> = cells.iter().map(|(_, _, mass)| *mass).collect();
         let tunings: Vec<(f64, f64)> = cells.iter().map(|(f, t60, _)| (*f, *t60)).collect();
         let cells = generator::cells_at(&tunings, place)
-            .map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
+            .map_err(|error| from_engine(self.0.module_error(name, &error.to_string())))?;
         computing(py, || self.0.cells(name, &masses, &cells))?.map_err(from_engine)
     }
 
@@ -181,14 +181,14 @@ impl Network {
     ) -> PyResult<usize> {
         let places = levels.first().map_or(0, Vec::len);
         if levels.len() != modes.len() || levels.iter().any(|row| row.len() != places) {
-            return Err(refused(name, "each mode has one level for each place"));
+            return Err(module_error(name, "each mode has one level for each place"));
         }
         computing(py, || self.0.modal(name, M, &modes, &levels))?.map_err(from_engine)
     }
 
     /// Frequency [Hz] of the highest mode of the STRING or PLATE that begins at index `first`.
     fn highest_mode(&self, py: Python<'_>, first: usize) -> PyResult<f64> {
-        self.there(first)?;
+        self.check_mat(first)?;
         computing(py, || self.0.highest_mode(first))
     }
 
@@ -214,7 +214,7 @@ impl Network {
         laws: [f64; 2],
     ) -> PyResult<usize> {
         let topology =
-            topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
+            topology.map_err(|error| from_engine(self.0.module_error(name, &error.to_string())))?;
         computing(py, || match links {
             Links::Given(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
             Links::Tuned(f, decays) => {

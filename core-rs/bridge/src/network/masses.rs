@@ -4,7 +4,7 @@ use ergon_engine::network::{Along, Following, Shares, SpacePoints, Tie};
 use pyo3::prelude::*;
 
 use super::Network;
-use crate::error::{from_engine, refused};
+use crate::error::{from_engine, module_error};
 
 /// How a value follows a MAT: the MAT, an offset and a span [m], and the values at both ends of the span.
 pub(super) type FollowingValue = (usize, f64, f64, f64, f64);
@@ -55,7 +55,10 @@ impl Network {
             },
             (None, None, Some(f), t60) => Tie::Tuned { f, t60 },
             _ => {
-                return Err(refused(name, "a CEL takes either K and Z or f and t60"));
+                return Err(module_error(
+                    name,
+                    "a CEL takes either K and Z or f and t60",
+                ));
             }
         };
         self.0.cel(name, M, tie, rest, X0, V0).map_err(from_engine)
@@ -89,8 +92,8 @@ impl Network {
         if count == 0 {
             return Ok(());
         }
-        self.there(first)?;
-        self.there(first + count - 1)?;
+        self.check_mat(first)?;
+        self.check_mat(first + count - 1)?;
         self.0.weigh(first..first + count, g).map_err(from_engine)
     }
 
@@ -109,7 +112,7 @@ impl Network {
 
     /// The masses of a proxy, each (index, share), with all MATs at their initial positions; empty for another MAT.
     fn shares(&self, index: usize) -> PyResult<Vec<(usize, f64)>> {
-        self.there(index)?;
+        self.check_mat(index)?;
         Ok(self.0.shares(index))
     }
 
@@ -140,13 +143,13 @@ impl Network {
     /// Set the initial position and velocity of one MAT.
     #[allow(non_snake_case)]
     fn start(&mut self, index: usize, X0: f64, V0: f64) -> PyResult<()> {
-        self.there(index)?;
+        self.check_mat(index)?;
         self.0.start(index, X0, V0).map_err(from_engine)
     }
 
     /// Impose the MAT's position (ENX).
     fn impose(&mut self, index: usize) -> PyResult<()> {
-        self.there(index)?;
+        self.check_mat(index)?;
         self.0.impose(index);
         Ok(())
     }

@@ -6,7 +6,7 @@ use ergon_engine::network::{Facets, Measure, PairLaw, PointGroup, SpaceLaw, Spac
 use pyo3::prelude::*;
 
 use super::Network;
-use crate::error::{from_engine, refused};
+use crate::error::{from_engine, module_error};
 use crate::law::Law;
 
 /// Checks two points in space, each given by the MATs of its axes; returns them and the number of axes.
@@ -14,7 +14,7 @@ fn points(name: &str, ends: [&[usize]; 2]) -> PyResult<([SpacePoint; 2], usize)>
     let axes = ends[0].len();
     if !(2..=3).contains(&axes) || ends[1].len() != axes {
         let message = "a link in space joins points with two or three coordinates each";
-        return Err(refused(name, message));
+        return Err(module_error(name, message));
     }
     let behind = |end: &[usize], axis: usize| {
         let mat = end.get(axis).unwrap_or(&end[0]);
@@ -49,7 +49,7 @@ impl Network {
     /// Distance [m] of two points in space at the beginning; each is the MATs of its axes.
     fn distance(&self, a: Vec<usize>, b: Vec<usize>) -> PyResult<f64> {
         for &mat in a.iter().chain(&b) {
-            self.there(mat)?;
+            self.check_mat(mat)?;
         }
         let (ends, axes) = points("distance", [&a, &b])?;
         Ok(self.0.distance((ends[0], ends[1]), axes))
@@ -78,7 +78,10 @@ impl Network {
         let law = match (core, yields, breaks) {
             (Some(core), None, None) => SpaceLaw::Attraction { core },
             (Some(_), ..) => {
-                return Err(refused(name, "an attraction neither yields nor breaks"));
+                return Err(module_error(
+                    name,
+                    "an attraction neither yields nor breaks",
+                ));
             }
             (None, None, None) => SpaceLaw::Spring,
             _ => SpaceLaw::Yielding {
@@ -169,7 +172,7 @@ impl Network {
         let measure = match (normal, surface) {
             (_, Some((corners, triangles))) => {
                 let facets = Facets::new(&corners, &triangles, gap + law.reach())
-                    .map_err(|message| refused(name, message))?;
+                    .map_err(|message| module_error(name, message))?;
                 Measure::Surface(Arc::new(facets))
             }
             (Some(normal), None) => Measure::Plane(normal),

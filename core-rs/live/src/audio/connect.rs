@@ -35,7 +35,7 @@ fn first(
     channels: usize,
     shared: &Arc<Shared>,
 ) -> Result<(Opened, Spec), AudioError> {
-    let mut without = Vec::new();
+    let mut unavailable = Vec::new();
     let mut backends = vec![
         Backend::Jack,
         Backend::Pulse,
@@ -51,28 +51,28 @@ fn first(
         };
         match connect(&found, rate, channels, shared) {
             Ok((mut opened, found)) => {
-                opened.remarks.append(&mut without);
+                opened.remarks.append(&mut unavailable);
                 return Ok((opened, found));
             }
-            Err(error) => without.push(format!("not {found}: {error}")),
+            Err(error) => unavailable.push(format!("not {found}: {error}")),
         }
     }
     Err(AudioError::Unavailable {
         backend: "auto",
-        why: without.join("; "),
+        why: unavailable.join("; "),
     })
 }
 
 /// For each backend what it would play on, or why it is not available. Starts no server.
 #[must_use]
 pub fn survey() -> Vec<(String, Result<String, String>)> {
-    let told = |found: Result<String, AudioError>| found.map_err(|error| error.to_string());
+    let as_text = |found: Result<String, AudioError>| found.map_err(|error| error.to_string());
     let mut found = vec![
-        ("jack".into(), told(jack::survey())),
-        ("pulse".into(), told(pulse::survey())),
+        ("jack".into(), as_text(jack::survey())),
+        ("pulse".into(), as_text(pulse::survey())),
     ];
     if HAS_SYSTEM {
-        found.push(("system".into(), told(system::survey())));
+        found.push(("system".into(), as_text(system::survey())));
     }
     found.extend([
         ("null".into(), Ok("in real time, without sound".into())),

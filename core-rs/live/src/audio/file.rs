@@ -13,7 +13,7 @@ use super::{null, wave};
 use crate::realtime;
 
 const BLOCK: u32 = 1024;
-const NAP: Duration = Duration::from_micros(200);
+const POLL: Duration = Duration::from_micros(200);
 
 /// A new file; until it is closed it has a temporary name in the same folder.
 ///
@@ -42,7 +42,7 @@ pub(super) fn open(
                     None => recording.run(drain, stop),
                 };
                 run.and_then(|()| recording.end())
-                    .map_err(|error| recording.told(&error))
+                    .map_err(|error| recording.failure_sentence(&error))
             })?;
             Ok(Box::new(pump) as Box<dyn Sink>)
         }),
@@ -58,7 +58,7 @@ pub(super) struct Recording {
     channels: usize,
     frames: u64,
     /// Frames that the header in the file declares.
-    told: u64,
+    frames_in_header: u64,
 }
 
 impl Recording {
@@ -88,7 +88,7 @@ impl Recording {
             rate,
             channels,
             frames: 0,
-            told: 0,
+            frames_in_header: 0,
         })
     }
 
@@ -99,7 +99,7 @@ impl Recording {
             let last = stop.load(Ordering::Acquire);
             match drain.take(&mut out) {
                 0 if last => return Ok(()),
-                0 => std::thread::sleep(NAP),
+                0 => std::thread::sleep(POLL),
                 frames => self.write(&out[..frames * self.channels], frames)?,
             }
         }
@@ -113,7 +113,7 @@ impl Recording {
     ) -> io::Result<()> {
         drain
             .shared()
-            .set_priority(realtime::scheduled_at(PRIORITY));
+            .set_priority(realtime::set_priority(PRIORITY));
         let rate = self.rate;
         null::by_the_clock(drain, stop, rate, block, |out| {
             self.write(out, block as usize)
@@ -127,30 +127,30 @@ impl Recording {
         self.frames += frames as u64;
         // Update the header from time to time, so that the file of a killed performance can be read up to its last
         // seconds.
-        if self.frames - self.told > 5 * u64::from(self.rate) {
-            self.tell()?;
+        if self.frames - self.frames_in_header > 5 * u64::from(self.rate) {
+            self.write_header()?;
         }
         Ok(())
     }
 
-    fn tell(&mut self) -> io::Result<()> {
+    fn write_header(&mut self) -> io::Result<()> {
         let header = wave::header(self.rate, self.channels, self.frames);
         self.to.seek(SeekFrom::Start(0))?;
         self.to.write_all(&header)?;
         self.to.seek(SeekFrom::End(0))?;
-        self.told = self.frames;
+        self.frames_in_header = self.frames;
         Ok(())
     }
 
     /// Finish the file and give it its final name.
     pub(super) fn end(&mut self) -> io::Result<()> {
-        self.tell()?;
+        self.write_header()?;
         self.to.get_ref().sync_all()?;
         std::fs::rename(&self.unfinished, &self.path)
     }
 
     /// A sentence on why the file could not be written.
-    pub(super) fn told(&self, error: &io::Error) -> String {
+    pub(super) fn failure_sentence(&self, error: &io::Error) -> String {
         let (path, unfinished) = (self.path.display(), self.unfinished.display());
         format!("{path} could not be written ({error}); the unfinished file is {unfinished}")
     }

@@ -15,12 +15,12 @@ use super::spec::{Backend, Spec};
 use super::{AudioError, jack, pulse, rate, ring};
 
 /// Time between two checks by the supervisor.
-const LOOK: Duration = Duration::from_millis(50);
+const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 /// Time between two attempts to find a server that died.
 const RETRY: Duration = Duration::from_secs(1);
 /// If more than this many times the wanted frames wait in the ring, the excess is thrown away: otherwise the input
 /// would be heard later and later.
-const MOST: usize = 4;
+const EXCESS_FACTOR: usize = 4;
 
 /// Properties of an input.
 #[derive(Clone, Debug)]
@@ -58,15 +58,15 @@ struct InputState {
 }
 
 /// The end of an input on the physics thread; it neither allocates nor waits.
-pub struct Intake {
+pub struct InputReader {
     drain: Drain,
     /// Frames that wait in the ring before sound begins, and begins again after an underrun.
     target: usize,
-    /// Whether `hear` was called. Frames that came before are old: they are dropped and not counted.
+    /// Whether `read` was called. Frames that came before are old: they are dropped and not counted.
     has_begun: bool,
 }
 
-impl Intake {
+impl InputReader {
     /// The end of a ring that holds `target` frames before sound begins, at `rate` [Hz].
     #[must_use]
     pub fn new(mut drain: Drain, target: usize, rate: u32) -> Self {
@@ -81,14 +81,14 @@ impl Intake {
     }
 
     /// Fill interleaved frames. Missing frames become silence, with ramps of 2 ms before and after it, and are counted.
-    pub fn hear(&mut self, out: &mut [f32]) {
+    pub fn read(&mut self, out: &mut [f32]) {
         if !std::mem::replace(&mut self.has_begun, true) {
             self.drain.catch_up(0);
             self.drain.set_outermost(true);
         }
         let frames = out.len() / self.drain.channels();
         let wanted = self.target + frames;
-        if self.drain.waiting() > MOST * wanted {
+        if self.drain.waiting() > EXCESS_FACTOR * wanted {
             self.drain.catch_up(wanted);
         }
         self.drain.fill(out);
@@ -105,12 +105,12 @@ impl Intake {
 ///
 /// # Errors
 /// A sentence on why the input cannot be opened; nothing was started then.
-pub fn listen(
+pub fn open_input(
     spec: &Spec,
     rate: u32,
     channels: usize,
     wanted: usize,
-) -> Result<(Input, Intake), AudioError> {
+) -> Result<(Input, InputReader), AudioError> {
     if !(1..=CHANNELS_MAX).contains(&channels) {
         let why = format!("an input has 1 to {CHANNELS_MAX}");
         return Err(AudioError::Channels { channels, why });
@@ -119,7 +119,7 @@ pub fn listen(
     let opened = connect(spec, channels, &shared)?;
     let block = opened.block as usize;
     let mut target = block + wanted;
-    let capacity = (2 * MOST * (target + block)).max(opened.rate as usize / 4);
+    let capacity = (2 * EXCESS_FACTOR * (target + block)).max(opened.rate as usize / 4);
     let (feed, inner) = ring::joined(channels, capacity, shared.clone());
     feed.set_prefill(target);
     let mut info = InputInfo {
@@ -161,7 +161,7 @@ pub fn listen(
         state,
         supervisor: Some(supervisor),
     };
-    Ok((input, Intake::new(drain, target, rate)))
+    Ok((input, InputReader::new(drain, target, rate)))
 }
 
 fn connect(spec: &Spec, channels: usize, shared: &Arc<Shared>) -> Result<OpenedInput, AudioError> {
@@ -229,7 +229,7 @@ impl InputState {
         self.report.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn tell(&self, sentence: String) {
+    fn add_event(&self, sentence: String) {
         let event = Event {
             at: self.began.elapsed().as_secs_f64(),
             frame: self.shared.played(),
@@ -244,14 +244,14 @@ impl InputState {
         let mut feed = None;
         let mut next = Instant::now();
         while !self.stop.load(Ordering::Acquire) {
-            std::thread::park_timeout(LOOK);
+            std::thread::park_timeout(CHECK_INTERVAL);
             match &mut source {
                 Some(own) => {
                     if own.alive() {
                         continue;
                     }
                     self.shared.set_alive(false);
-                    self.tell(format!(
+                    self.add_event(format!(
                         "the input {} is lost; it is silent until it is found again",
                         self.spec
                     ));
@@ -262,11 +262,11 @@ impl InputState {
                 None => {
                     next = Instant::now() + RETRY;
                     let Some(own) = feed.take() else { break };
-                    match self.again(own) {
+                    match self.reopen(own) {
                         Ok(back) => {
                             source = Some(back);
                             self.shared.set_alive(true);
-                            self.tell(format!("the input {} is back", self.spec));
+                            self.add_event(format!("the input {} is back", self.spec));
                         }
                         Err(own) => feed = own.map(|own| *own),
                     }
@@ -278,7 +278,7 @@ impl InputState {
     }
 
     /// Open the input again, at the rate that it had; otherwise return the feed.
-    fn again(&self, feed: Feed) -> Result<Box<dyn Source>, Option<Box<Feed>>> {
+    fn reopen(&self, feed: Feed) -> Result<Box<dyn Source>, Option<Box<Feed>>> {
         let rate = self.report().0.rate;
         match connect(&self.spec, self.channels, &self.shared) {
             Ok(opened) if opened.rate == rate => (opened.start)(feed).map_err(|(feed, _)| feed),
@@ -291,9 +291,9 @@ impl InputState {
 mod tests {
     use super::*;
 
-    fn heard(intake: &mut Intake, frames: usize) -> Vec<f32> {
-        let mut out = vec![f32::NAN; frames * intake.channels()];
-        intake.hear(&mut out);
+    fn heard(reader: &mut InputReader, frames: usize) -> Vec<f32> {
+        let mut out = vec![f32::NAN; frames * reader.channels()];
+        reader.read(&mut out);
         out
     }
 
@@ -301,9 +301,9 @@ mod tests {
     fn what_comes_in_time_is_what_is_heard() {
         let (mut feed, drain) = ring::ring(1, 4096);
         feed.set_prefill(300);
-        let mut intake = Intake::new(drain, 300, 48_000);
+        let mut reader = InputReader::new(drain, 300, 48_000);
         assert_eq!(
-            heard(&mut intake, 64),
+            heard(&mut reader, 64),
             [0.0; 64],
             "silence before the first"
         );
@@ -311,7 +311,7 @@ mod tests {
         let mut all = Vec::new();
         for block in sound.chunks(256) {
             assert_eq!(feed.push(block), 256);
-            (0..4).for_each(|_| all.extend(heard(&mut intake, 64)));
+            (0..4).for_each(|_| all.extend(heard(&mut reader, 64)));
         }
         let first = all.iter().position(|&x| x != 0.0).expect("sound") - 1;
         // It rises within 2 ms, then every sample is as it came.
@@ -323,12 +323,12 @@ mod tests {
     fn what_is_missing_is_silence_and_counted() {
         let (mut feed, drain) = ring::ring(2, 4096);
         feed.set_prefill(1);
-        let mut intake = Intake::new(drain, 1, 48_000);
-        heard(&mut intake, 1);
+        let mut reader = InputReader::new(drain, 1, 48_000);
+        heard(&mut reader, 1);
         feed.push(&[1.0; 400]);
-        heard(&mut intake, 100);
-        assert_eq!(heard(&mut intake, 100), [1.0; 200]);
-        let fall = heard(&mut intake, 200);
+        heard(&mut reader, 100);
+        assert_eq!(heard(&mut reader, 100), [1.0; 200]);
+        let fall = heard(&mut reader, 200);
         assert!(
             fall.windows(4)
                 .all(|w| (w[0] - w[2]).abs() <= 1.0 / 96.0 + 1e-6)
@@ -342,16 +342,16 @@ mod tests {
     fn what_comes_too_fast_is_caught_up_with() {
         let (mut feed, drain) = ring::ring(1, 4096);
         feed.set_prefill(100);
-        let mut intake = Intake::new(drain, 100, 48_000);
+        let mut reader = InputReader::new(drain, 100, 48_000);
         let sound: Vec<f32> = (0..2000).map(|n| n as f32).collect();
         feed.push(&sound);
-        assert_eq!(heard(&mut intake, 50), [0.0; 50]);
+        assert_eq!(heard(&mut reader, 50), [0.0; 50]);
         assert_eq!(feed.filled(), 0, "what came before it begins is old");
         assert_eq!(feed.shared().discarded(), 0);
         feed.push(&sound);
-        heard(&mut intake, 50);
+        heard(&mut reader, 50);
         assert_eq!(feed.shared().discarded(), 2000 - 150);
         assert_eq!(feed.filled(), 100);
-        assert_eq!(heard(&mut intake, 100)[99], 1999.0);
+        assert_eq!(heard(&mut reader, 100)[99], 1999.0);
     }
 }

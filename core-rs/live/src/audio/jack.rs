@@ -79,7 +79,7 @@ fn start(
         .activate(playing)
         .map_err(|(playing, error)| (Some(Box::new(playing.drain)), error))?;
     let mut playing = Playback { active, ports };
-    playing.plug_in(device);
+    playing.connect_ports(device);
     playing.alive();
     Ok(Box::new(playing))
 }
@@ -137,7 +137,7 @@ struct Playback {
 }
 
 impl Playback {
-    fn plug_in(&self, device: Option<&str>) {
+    fn connect_ports(&self, device: Option<&str>) {
         let client = self.active.client();
         let targets = targets(client, device, PORT_IS_INPUT);
         for (port, target) in self.ports.iter().zip(&targets) {

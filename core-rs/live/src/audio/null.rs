@@ -9,8 +9,8 @@ use crate::realtime;
 
 pub(super) const BLOCK: u32 = 256;
 /// If the clock is later than this, it is reset: after a suspend the machine must not catch up by playing faster.
-const LOST: Duration = Duration::from_millis(200);
-const NAP: Duration = Duration::from_micros(200);
+const RESET_AFTER: Duration = Duration::from_millis(200);
+const POLL: Duration = Duration::from_micros(200);
 
 /// A clock that takes frames at `rate`.
 pub(super) fn open(rate: u32, block: Option<u32>) -> Opened {
@@ -27,7 +27,7 @@ pub(super) fn open(rate: u32, block: Option<u32>) -> Opened {
             let pump = ThreadSink::start("ergon null", drain, move |drain, stop| {
                 drain
                     .shared()
-                    .set_priority(realtime::scheduled_at(PRIORITY));
+                    .set_priority(realtime::set_priority(PRIORITY));
                 by_the_clock(drain, stop, rate, block, |_| Ok(()))
             })?;
             Ok(Box::new(pump) as Box<dyn Sink>)
@@ -51,7 +51,7 @@ pub(super) fn fast(rate: u32, block: Option<u32>) -> Opened {
                 let mut out = vec![0.0; block as usize * drain.channels()];
                 while !stop.load(Ordering::Acquire) {
                     if drain.take(&mut out) == 0 {
-                        std::thread::sleep(NAP);
+                        std::thread::sleep(POLL);
                     }
                 }
                 Ok(())
@@ -75,7 +75,7 @@ pub(super) fn by_the_clock<E>(
     while !stop.load(Ordering::Acquire) {
         frames += u64::from(block);
         let late = realtime::sleep_until(began + lasting(frames, rate));
-        if late > LOST {
+        if late > RESET_AFTER {
             drain.shared().add_xruns(1);
             (began, frames) = (Instant::now(), 0);
         }

@@ -12,7 +12,7 @@ use super::spec::{Backend, Spec};
 use super::{AudioError, connect, null, rate};
 
 /// Time between two checks by the supervisor.
-const LOOK: Duration = Duration::from_millis(50);
+const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 /// Waits before the first attempt to find a server that died, and longest wait between two attempts.
 const RETRY: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(2));
 
@@ -55,9 +55,9 @@ pub struct Sounding {
 }
 
 /// Reports the timing of the sound to any thread.
-pub struct News(Arc<OutputState>);
+pub struct SoundClock(Arc<OutputState>);
 
-impl News {
+impl SoundClock {
     /// Timing of the frames; `None` before the first block, and for outputs without a clock.
     #[must_use]
     pub fn sounding(&self) -> Option<Sounding> {
@@ -138,13 +138,13 @@ pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Out
             events: Vec::new(),
         }),
     };
-    let line = Line::start(opened, rate, drain).map_err(|(_, error)| error)?;
-    state.playing(&line);
+    let playback = Playback::start(opened, rate, drain).map_err(|(_, error)| error)?;
+    state.note_start(&playback);
     let state = Arc::new(state);
     let here = state.clone();
     let supervisor = std::thread::Builder::new()
         .name("ergon supervisor".into())
-        .spawn(move || here.supervise(line))
+        .spawn(move || here.supervise(playback))
         .map_err(AudioError::Thread)?;
     Ok(Output {
         state,
@@ -165,8 +165,8 @@ impl Output {
 
     /// A handle that reports the timing of the sound to another thread.
     #[must_use]
-    pub fn news(&self) -> News {
-        News(self.state.clone())
+    pub fn sound_clock(&self) -> SoundClock {
+        SoundClock(self.state.clone())
     }
 
     /// Events since the output was opened.
@@ -272,7 +272,7 @@ impl OutputState {
         self.report.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn tell(&self, sentence: String) {
+    fn add_event(&self, sentence: String) {
         let event = Event {
             at: self.began.elapsed().as_secs_f64(),
             frame: self.shared.played(),
@@ -281,38 +281,38 @@ impl OutputState {
         self.report().events.push(event);
     }
 
-    fn playing(&self, line: &Line) {
+    fn note_start(&self, playback: &Playback) {
         self.shared.set_alive(true);
-        self.look(line);
+        self.update_latency(playback);
     }
 
-    fn look(&self, line: &Line) {
+    fn update_latency(&self, playback: &Playback) {
         let (block, latency) = self.shared.timing();
         let mut report = self.report();
-        let latency = f64::from(latency) + line.converting() as f64;
+        let latency = f64::from(latency) + playback.converter_latency() as f64;
         report.info.latency_s = latency / f64::from(report.info.rate.max(1));
         report.info.block = block;
     }
 
     /// Keep the output playing until it is stopped; returns the last error, if any.
-    fn supervise(&self, mut line: Line) -> Option<String> {
+    fn supervise(&self, mut playback: Playback) -> Option<String> {
         while !self.stop.load(Ordering::Acquire) {
-            std::thread::park_timeout(LOOK);
-            if line.alive() {
-                self.look(&line);
+            std::thread::park_timeout(CHECK_INTERVAL);
+            if playback.alive() {
+                self.update_latency(&playback);
                 continue;
             }
             self.shared.set_alive(false);
             self.shared.set_freewheel(false);
-            let (drain, trouble) = line.stop();
-            let comes_back = matches!(
+            let (drain, trouble) = playback.stop();
+            let is_retried = matches!(
                 self.spec.backend,
                 Backend::Jack | Backend::Pulse | Backend::System
             );
             let why = trouble
                 .clone()
                 .unwrap_or_else(|| "the device disappeared".into());
-            self.tell(if comes_back {
+            self.add_event(if is_retried {
                 format!(
                     "{} is lost ({why}); the piece plays on in silence until the output is found again",
                     self.spec
@@ -320,26 +320,26 @@ impl OutputState {
             } else {
                 format!("{} is lost ({why}); the piece plays on in silence", self.spec)
             });
-            let Some(next) = self.in_silence(drain?, comes_back) else {
-                return trouble.filter(|_| !comes_back);
+            let Some(next) = self.play_silently(drain?, is_retried) else {
+                return trouble.filter(|_| !is_retried);
             };
-            line = next;
-            self.playing(&line);
-            self.tell(format!("{} is back", self.spec));
+            playback = next;
+            self.note_start(&playback);
+            self.add_event(format!("{} is back", self.spec));
         }
         self.shared.set_alive(false);
-        line.stop().1
+        playback.stop().1
     }
 
     /// Take the frames by the silent clock until the server is back; `None` if the output was stopped first.
-    fn in_silence(&self, drain: Drain, comes_back: bool) -> Option<Line> {
-        let mut line =
-            Line::start(null::open(self.score_rate, None), self.score_rate, drain).ok()?;
+    fn play_silently(&self, drain: Drain, is_retried: bool) -> Option<Playback> {
+        let mut playback =
+            Playback::start(null::open(self.score_rate, None), self.score_rate, drain).ok()?;
         let mut wait = RETRY.0;
         let mut next = Instant::now() + wait;
         while !self.stop.load(Ordering::Acquire) {
-            std::thread::park_timeout(LOOK);
-            if !comes_back || Instant::now() < next {
+            std::thread::park_timeout(CHECK_INTERVAL);
+            if !is_retried || Instant::now() < next {
                 continue;
             }
             wait = (wait * 3 / 2).min(RETRY.1);
@@ -352,9 +352,9 @@ impl OutputState {
                 Info::of(&opened, self.score_rate, self.channels),
                 opened.remarks.clone(),
             );
-            let mut drain = line.stop().0?;
+            let mut drain = playback.stop().0?;
             drain.changed_card();
-            match Line::start(opened, self.score_rate, drain) {
+            match Playback::start(opened, self.score_rate, drain) {
                 Ok(back) => {
                     let mut report = self.report();
                     (report.info, report.remarks) = (info, remarks);
@@ -362,22 +362,22 @@ impl OutputState {
                 }
                 Err((drain, _)) => {
                     let silence = null::open(self.score_rate, None);
-                    line = Line::start(silence, self.score_rate, *drain?).ok()?;
+                    playback = Playback::start(silence, self.score_rate, *drain?).ok()?;
                 }
             }
         }
-        line.stop();
+        playback.stop();
         None
     }
 }
 
 /// The path from the ring to the card.
-struct Line {
+struct Playback {
     sink: Box<dyn Sink>,
     converter: Option<rate::Converter>,
 }
 
-impl Line {
+impl Playback {
     fn start(opened: Opened, score_rate: u32, mut drain: Drain) -> Result<Self, StartFailure> {
         drain.set_rate(score_rate);
         if opened.rate == score_rate {
@@ -402,7 +402,7 @@ impl Line {
         self.sink.alive() && converts
     }
 
-    fn converting(&self) -> usize {
+    fn converter_latency(&self) -> usize {
         self.converter.as_ref().map_or(0, |one| one.latency)
     }
 

@@ -42,19 +42,19 @@ impl OutputFades {
     }
 
     /// Begin a gap: the sound falls from its last value, and the next frames will rise.
-    pub(super) fn break_off(&mut self) {
+    pub(super) fn begin_gap(&mut self) {
         self.held.copy_from_slice(&self.last);
         (self.rise, self.fall) = (0, self.fade);
     }
 
     /// Let the next frames rise from silence.
-    pub(super) fn begin_anew(&mut self) {
+    pub(super) fn restart(&mut self) {
         (self.rise, self.fall) = (0, 0);
         self.last.fill(0.0);
     }
 
     /// Shape frames of sound.
-    pub(super) fn sounding(&mut self, frames: &mut [f32]) {
+    pub(super) fn shape_sound(&mut self, frames: &mut [f32]) {
         for frame in frames.chunks_exact_mut(self.channels) {
             if self.rise == self.fade && self.fall == 0 {
                 break;
@@ -72,7 +72,7 @@ impl OutputFades {
     }
 
     /// Fill frames of a gap: what is left of the fall, then silence.
-    pub(super) fn silent(&mut self, frames: &mut [f32]) {
+    pub(super) fn fill_gap(&mut self, frames: &mut [f32]) {
         for frame in frames.chunks_exact_mut(self.channels) {
             self.fall = self.fall.saturating_sub(1);
             let down = self.part(self.fall);
@@ -90,7 +90,7 @@ impl OutputFades {
     }
 
     /// Request silence; returns whether it is reached.
-    pub(super) fn ask_hush(&mut self) -> bool {
+    pub(super) fn request_hush(&mut self) -> bool {
         *self.hushing.get_or_insert(self.hush) == 0
     }
 
@@ -110,7 +110,7 @@ impl OutputFades {
     }
 
     /// Apply the fall to silence to frames that the other ramps have shaped.
-    pub(super) fn hushed(&mut self, frames: &mut [f32]) {
+    pub(super) fn apply_hush(&mut self, frames: &mut [f32]) {
         let Some(left) = &mut self.hushing else {
             return;
         };

@@ -15,7 +15,7 @@ use crate::realtime;
 /// Frames that are converted at once. More frames: the filter's cutoff is nearer to half the rate, and the latency is
 /// longer.
 const CHUNK: usize = 512;
-const NAP: Duration = Duration::from_micros(200);
+const POLL: Duration = Duration::from_micros(200);
 
 /// The converter's thread, and its latency [frames at the output rate].
 pub(super) struct Converter {
@@ -45,7 +45,7 @@ pub(super) fn between(
     inner.set_outermost(false);
     let latency = ahead + filter.delay;
     let pump = ThreadSink::start("ergon rate", inner, move |inner, stop| {
-        realtime::scheduled_at(PRIORITY);
+        realtime::set_priority(PRIORITY);
         filter.run(inner, feed, stop)
     })?;
     Ok((Converter { pump, latency }, outer))
@@ -103,22 +103,22 @@ impl Filter {
 
     fn run(mut self, inner: &mut Drain, mut feed: Feed, stop: &AtomicBool) -> Result<(), String> {
         let channels = self.channels;
-        let (mut came, mut went) = (0_u64, 0_u64);
+        let (mut frames_in, mut frames_out) = (0_u64, 0_u64);
         let mut skipped = 0; // frames of the filter's own delay, which come before the first frame of the input
         let mut held = 0;
         while !stop.load(Ordering::Acquire) {
             let wanted = self.fft.input_frames_next();
             let taken = inner.take(&mut self.input[held * channels..wanted * channels]);
-            (held, came) = (held + taken, came + taken as u64);
+            (held, frames_in) = (held + taken, frames_in + taken as u64);
             let ended = taken == 0 && inner.ended();
             if held < wanted && !ended {
-                std::thread::sleep(NAP);
+                std::thread::sleep(POLL);
                 continue;
             }
-            let whole = (came * self.ratio.0).div_ceil(self.ratio.1);
-            if ended && went >= whole {
+            let frames_due = (frames_in * self.ratio.0).div_ceil(self.ratio.1);
+            if ended && frames_out >= frames_due {
                 feed.close();
-                std::thread::sleep(NAP);
+                std::thread::sleep(POLL);
                 continue;
             }
             let mut made = self.convert(held)?;
@@ -127,16 +127,16 @@ impl Filter {
             skipped += skip;
             made -= skip;
             if ended {
-                made = made.min(usize::try_from(whole - went).unwrap_or(usize::MAX));
+                made = made.min(usize::try_from(frames_due - frames_out).unwrap_or(usize::MAX));
             }
             let mut out = &self.output[skip * channels..(skip + made) * channels];
             while !out.is_empty() && !stop.load(Ordering::Acquire) {
                 match feed.push(out) {
-                    0 => std::thread::sleep(NAP),
+                    0 => std::thread::sleep(POLL),
                     frames => out = &out[frames * channels..],
                 }
             }
-            went += made as u64;
+            frames_out += made as u64;
         }
         Ok(())
     }
@@ -185,7 +185,7 @@ mod tests {
                 feed.close();
             }
             match outer.take(&mut out) {
-                0 => std::thread::sleep(NAP),
+                0 => std::thread::sleep(POLL),
                 frames => all.extend_from_slice(&out[..2 * frames]),
             }
         }

@@ -13,7 +13,7 @@ use super::shared::Shared;
 
 /// Most channels of a frame.
 pub const CHANNELS_MAX: usize = 64;
-const NAP: Duration = Duration::from_micros(100);
+const POLL: Duration = Duration::from_micros(100);
 
 /// The physics' side: it takes whole interleaved frames.
 pub struct Feed {
@@ -33,9 +33,9 @@ pub struct Drain {
     phase: Phase,
     fades: OutputFades,
     /// The edge that begins the silence of a panic was reported, and the edge that ends it was not yet.
-    hushed: bool,
+    silence_reported: bool,
     /// Frames that waited when a panic ended: they are dropped.
-    stale: usize,
+    outdated_frames: usize,
     /// Whether this drain feeds the loudspeakers; the inner drain of a rate converter reports nothing.
     outermost: bool,
     given: FrameCounts,
@@ -103,8 +103,8 @@ pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (
         gate,
         shared,
         phase: Phase::Waiting,
-        hushed: false,
-        stale: 0,
+        silence_reported: false,
+        outdated_frames: 0,
         fades: OutputFades::new(channels, 48_000),
         outermost: true,
         given: FrameCounts {
@@ -230,7 +230,7 @@ impl Drain {
     pub(super) fn changed_card(&mut self) {
         if self.phase != Phase::Waiting {
             self.phase = Phase::Starved;
-            self.fades.begin_anew();
+            self.fades.restart();
         }
     }
 
@@ -253,16 +253,16 @@ impl Drain {
         let whole = out.len() - out.len() % self.channels;
         let (out, rest) = out.split_at_mut(whole);
         rest.fill(0.0);
-        let panicked = self.panicked();
-        if panicked && self.fades.ask_hush() {
+        let panicked = self.update_panic();
+        if panicked && self.fades.request_hush() {
             // Frames are dropped at the pace at which they would be heard, so that the sound before and after keeps its
             // time.
-            self.throw_away(out.len() / self.channels);
+            self.discard(out.len() / self.channels);
             out.fill(0.0);
             return;
         }
-        let stale = self.pass_stale(out.len() / self.channels);
-        let (unheard, out) = out.split_at_mut(stale * self.channels);
+        let outdated = self.drop_outdated(out.len() / self.channels);
+        let (unheard, out) = out.split_at_mut(outdated * self.channels);
         unheard.fill(0.0);
         if out.is_empty() {
             return;
@@ -275,40 +275,40 @@ impl Drain {
         {
             self.phase = Phase::Playing;
         }
-        let came = match self.phase {
+        let n_sound = match self.phase {
             Phase::Playing => waiting.min(out.len() / self.channels),
             _ => 0,
         };
-        let (sounding, silent) = out.split_at_mut(came * self.channels);
+        let (sounding, silent) = out.split_at_mut(n_sound * self.channels);
         if self.samples.pop_entire_slice(sounding).is_err() {
             sounding.fill(0.0);
         }
-        self.fades.sounding(sounding);
-        self.told(came, closed && came == waiting);
+        self.fades.shape_sound(sounding);
+        self.count_played(n_sound, closed && n_sound == waiting);
         if !silent.is_empty() {
-            self.without(silent, closed && came == waiting, panicked);
+            self.fill_gap(silent, closed && n_sound == waiting, panicked);
         }
-        self.fades.hushed(out);
+        self.fades.apply_hush(out);
     }
 
     /// Drop what waits except for the last `keep` frames; the next frames rise from silence.
     pub(super) fn catch_up(&mut self, keep: usize) {
         let waiting = self.waiting();
-        self.throw_away(waiting.saturating_sub(keep));
-        self.fades.begin_anew();
+        self.discard(waiting.saturating_sub(keep));
+        self.fades.restart();
     }
 
     /// Hand out the frames that wait, at most `out`, to a reader without a clock; returns their number.
     pub fn take(&mut self, out: &mut [f32]) -> usize {
-        if self.panicked() && self.fades.ask_hush() {
-            let thrown = self.throw_away(out.len() / self.channels);
+        if self.update_panic() && self.fades.request_hush() {
+            let thrown = self.discard(out.len() / self.channels);
             out[..thrown * self.channels].fill(0.0);
             return thrown;
         }
         let ended = self.ended();
         let frames = self.waiting().min(out.len() / self.channels);
         if frames == 0 {
-            self.told(0, ended);
+            self.count_played(0, ended);
             return 0;
         }
         self.phase = Phase::Playing;
@@ -326,80 +326,80 @@ impl Drain {
             && !self.shared.panicked()
             && Instant::now() < until
         {
-            std::thread::sleep(NAP);
+            std::thread::sleep(POLL);
         }
     }
 
     /// Whether silence is requested, or a fall to silence is not finished.
-    fn panicked(&mut self) -> bool {
+    fn update_panic(&mut self) -> bool {
         if self.shared.panicked() || self.fades.is_falling_silent() {
-            if std::mem::take(&mut self.stale) > 0 {
+            if std::mem::take(&mut self.outdated_frames) > 0 {
                 self.fades.hush_now();
             }
-            if !std::mem::replace(&mut self.hushed, true) {
-                self.tell_edge(true);
+            if !std::mem::replace(&mut self.silence_reported, true) {
+                self.report_edge(true);
             }
             return true;
         }
         if self.fades.end_hush() {
             // Frames that were computed during the panic are out of date.
-            self.stale = self.waiting();
-            self.fades.begin_anew();
+            self.outdated_frames = self.waiting();
+            self.fades.restart();
         }
         self.end_silence();
         false
     }
 
-    /// Drop at most `most` of the frames that a panic left out of date; returns how many.
-    fn pass_stale(&mut self, most: usize) -> usize {
-        if self.stale == 0 {
+    /// Drop at most `limit` of the frames that a panic left out of date; returns how many.
+    fn drop_outdated(&mut self, limit: usize) -> usize {
+        if self.outdated_frames == 0 {
             return 0;
         }
-        let passed = self.throw_away(most.min(self.stale));
-        self.stale -= passed;
+        let passed = self.discard(limit.min(self.outdated_frames));
+        self.outdated_frames -= passed;
         self.end_silence();
         passed
     }
 
     fn end_silence(&mut self) {
-        if self.stale == 0 && std::mem::take(&mut self.hushed) {
-            self.tell_edge(false);
+        if self.outdated_frames == 0 && std::mem::take(&mut self.silence_reported) {
+            self.report_edge(false);
             if self.waiting() == 0 {
                 self.phase = Phase::Waiting;
             }
         }
     }
 
-    fn tell_edge(&self, silent: bool) {
+    fn report_edge(&self, silent: bool) {
         if self.outermost {
             let frame = self.given.score() + self.shared.skipped();
             self.shared.add_edge(frame, silent);
         }
     }
 
-    fn without(&mut self, silent: &mut [f32], ended: bool, panicked: bool) {
+    fn fill_gap(&mut self, silent: &mut [f32], ended: bool, panicked: bool) {
         if self.phase == Phase::Playing && !ended {
             self.phase = Phase::Starved;
-            self.fades.break_off();
+            self.fades.begin_gap();
             if self.outermost && !panicked {
                 self.shared.add_underruns(1);
             }
         }
-        self.fades.silent(silent);
+        self.fades.fill_gap(silent);
         if self.phase == Phase::Starved && !ended && !panicked && self.outermost {
             let frames = silent.len() / self.channels;
             self.shared.add_missing(frames as u64);
         }
     }
 
-    fn told(&mut self, frames: usize, ended: bool) {
+    fn count_played(&mut self, frames: usize, ended: bool) {
         if !self.outermost {
             return;
         }
         let given = &mut self.given;
         if frames > 0 {
             let rate = f64::from(self.rate) * given.score_rate as f64 / given.card_rate as f64;
-            self.shared.begins(given.score(), rate);
+            self.shared.set_block_start(given.score(), rate);
         }
         given.frames += frames as u64;
         self.shared.set_played(given.score());
@@ -408,11 +408,11 @@ impl Drain {
         }
     }
 
-    /// Drop at most `most` frames, or all if the ring is closed; returns how many, at most `most`.
-    fn throw_away(&mut self, most: usize) -> usize {
+    /// Drop at most `limit` frames, or all if the ring is closed; returns how many, at most `limit`.
+    fn discard(&mut self, limit: usize) -> usize {
         let closed = self.gate.closed.load(Ordering::Acquire);
         let waiting = self.waiting();
-        let frames = if closed { waiting } else { waiting.min(most) };
+        let frames = if closed { waiting } else { waiting.min(limit) };
         if let Ok(chunk) = self.samples.read_chunk(frames * self.channels) {
             chunk.commit_all();
         }
@@ -425,6 +425,6 @@ impl Drain {
                 self.shared.set_finished();
             }
         }
-        frames.min(most)
+        frames.min(limit)
     }
 }

@@ -168,7 +168,7 @@ impl Shared {
     }
 
     /// Report that a block that begins with frame `n`, at `rate` [Hz], goes to the card now.
-    pub(super) fn begins(&self, n: u64, rate: f64) {
+    pub(super) fn set_block_start(&self, n: u64, rate: f64) {
         let n = n + self.skipped.load(Ordering::Relaxed);
         let before = (n as f64 / rate * 1e9) as i64;
         let now = i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX);

@@ -55,11 +55,11 @@ impl ThreadSink {
     ) -> Result<Self, StartFailure> {
         let stop = Arc::new(AtomicBool::new(false));
         let (to, from) = mpsc::sync_channel::<Drain>(1);
-        let told = stop.clone();
+        let stopping = stop.clone();
         let main = move || {
             // The sender is dropped only after it has sent the drain; if the spawn fails, this closure does not run.
             let mut drain = from.recv().expect("the drain was sent");
-            let trouble = body(&mut drain, &told).err();
+            let trouble = body(&mut drain, &stopping).err();
             (drain, trouble)
         };
         match std::thread::Builder::new()

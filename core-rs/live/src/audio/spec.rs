@@ -80,7 +80,7 @@ impl FromStr for Spec {
             };
             let number = || match value.trim().parse() {
                 Ok(number @ 1..=1_048_576) => Ok(number),
-                _ => Err(refused(
+                _ => Err(spec_error(
                     text,
                     format!("{name}={value} is not a number of frames or channels"),
                 )),
@@ -106,8 +106,10 @@ impl FromStr for Spec {
             ("null", Some("fast")) => Backend::Fast,
             ("file", Some(path)) => Backend::File(path.into()),
             ("clock", Some(path)) => Backend::Clock(path.into()),
-            ("file", None) => return Err(refused(text, "a file needs a path: file:PATH".into())),
-            _ => return Err(refused(text, "no such output".into())),
+            ("file", None) => {
+                return Err(spec_error(text, "a file needs a path: file:PATH".into()));
+            }
+            _ => return Err(spec_error(text, "no such output".into())),
         };
         if matches!(
             spec.backend,
@@ -119,7 +121,7 @@ impl FromStr for Spec {
     }
 }
 
-fn refused(text: &str, why: String) -> AudioError {
+fn spec_error(text: &str, why: String) -> AudioError {
     AudioError::Spec {
         text: text.to_owned(),
         why,

@@ -13,7 +13,7 @@ use super::file::Recording;
 
 /// Capacity of the ring [s]: if the disk stalls for longer, frames are lost.
 const ROOM: usize = 8;
-const NAP: Duration = Duration::from_millis(5);
+const POLL: Duration = Duration::from_millis(5);
 const NOT_BEGUN: u64 = u64::MAX;
 
 /// State shared by both ends of a tap.
@@ -44,7 +44,7 @@ pub(crate) struct Tap {
     shared: Arc<Shared>,
     channels: usize,
     /// Samples of silence still to be written in place of frames that found no room.
-    owed: usize,
+    silence_samples: usize,
 }
 
 /// The end of a tap for other threads.
@@ -92,7 +92,7 @@ pub(crate) fn open(
         to,
         shared: shared.clone(),
         channels,
-        owed: 0,
+        silence_samples: 0,
     };
     let own = shared.clone();
     let thread = std::thread::Builder::new()
@@ -101,10 +101,10 @@ pub(crate) fn open(
             let run = pump(&mut recording, &mut from, channels, &own);
             if let Err(error) = run.and_then(|()| recording.end()) {
                 *own.error.lock().unwrap_or_else(PoisonError::into_inner) =
-                    Some(recording.told(&error));
+                    Some(recording.failure_sentence(&error));
                 // Keep the ring alive until the tap is dropped: the physics thread must not free memory.
                 while !own.is_over(&from) {
-                    std::thread::sleep(NAP);
+                    std::thread::sleep(POLL);
                 }
             }
             own.ended.store(true, Ordering::Release);
@@ -131,7 +131,7 @@ fn pump(
             if last {
                 return Ok(());
             }
-            std::thread::sleep(NAP);
+            std::thread::sleep(POLL);
             continue;
         }
         let Ok(chunk) = from.read_chunk(n) else {
@@ -156,17 +156,17 @@ impl Tap {
         if self.shared.first.load(Ordering::Relaxed) == NOT_BEGUN {
             self.shared.first.store(at, Ordering::Release);
         }
-        let n = self.owed + samples.len();
+        let n = self.silence_samples + samples.len();
         let Ok(chunk) = self.to.write_chunk_uninit(n) else {
-            self.owed = n;
+            self.silence_samples = n;
             let frames = (samples.len() / self.channels) as u64;
             self.shared.missing.fetch_add(frames, Ordering::Relaxed);
             return;
         };
-        let silence = std::iter::repeat_n(0.0, self.owed);
+        let silence = std::iter::repeat_n(0.0, self.silence_samples);
         let factor = if is_silent { 0.0 } else { 1.0 };
         chunk.fill_from_iter(silence.chain(samples.iter().map(|x| x * factor)));
-        self.owed = 0;
+        self.silence_samples = 0;
     }
 }
 
@@ -205,7 +205,7 @@ mod tests {
 
     fn ended(handle: &TapHandle) -> TapStatus {
         while !handle.status().ended {
-            std::thread::sleep(NAP);
+            std::thread::sleep(POLL);
         }
         handle.status()
     }

@@ -59,7 +59,7 @@ pub struct Calibrated<D> {
     device: D,
     axes: Vec<Axis>,
     spec: Spec,
-    gains: [f64; MAX_AXES],
+    signs: [f64; MAX_AXES],
 }
 
 impl<D: Device> Calibrated<D> {
@@ -67,9 +67,9 @@ impl<D: Device> Calibrated<D> {
     pub fn new(device: D, mut axes: Vec<Axis>) -> Self {
         let mut spec = device.spec().clone();
         axes.resize(spec.dof.min(MAX_AXES), Axis::plain(&spec));
-        let mut gains = [1.0; MAX_AXES];
-        for (gain, axis) in gains.iter_mut().zip(&axes) {
-            *gain = axis.sign.signum() * axis.gain.signum();
+        let mut signs = [1.0; MAX_AXES];
+        for (sign, axis) in signs.iter_mut().zip(&axes) {
+            *sign = axis.sign.signum() * axis.gain.signum();
         }
         let least = |of: fn(&Axis) -> f64| axes.iter().map(of).fold(f64::INFINITY, f64::min);
         spec.force_max_peak = spec.force_max_peak.min(least(|axis| axis.force_max.abs()));
@@ -79,13 +79,13 @@ impl<D: Device> Calibrated<D> {
             device,
             axes,
             spec,
-            gains,
+            signs,
         }
     }
 }
 
 /// The device, with the calibrations of some of its axes, each with the number of the axis.
-pub fn applied(device: Box<dyn Device>, known: &[(usize, Axis)]) -> Box<dyn Device> {
+pub fn with_calibration(device: Box<dyn Device>, known: &[(usize, Axis)]) -> Box<dyn Device> {
     if known.is_empty() {
         return device;
     }
@@ -110,13 +110,13 @@ impl<D: Device> Device for Calibrated<D> {
     }
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        self.device.send(&force.turned(&self.gains))
+        self.device.send(&force.with_gains(&self.signs))
     }
 
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
-        let mut carried = self.device.on_wire(&force.turned(&self.gains));
-        for (force, gain) in carried.iter_mut().zip(&self.gains) {
-            *force *= gain;
+        let mut carried = self.device.on_wire(&force.with_gains(&self.signs));
+        for (force, sign) in carried.iter_mut().zip(&self.signs) {
+            *force *= sign;
         }
         carried
     }
@@ -154,7 +154,7 @@ pub struct Pulse {
     /// Greatest length of the push, and least length of the rest after it [s].
     pub length: f64,
     /// The push ends as soon as the axis has moved this far [m or rad].
-    pub enough: f64,
+    pub stop_distance: f64,
 }
 
 impl Pulse {
@@ -165,14 +165,14 @@ impl Pulse {
         Self {
             force: 0.2 * spec.force_max_peak,
             length: 0.125,
-            enough: (10.0 * spec.pos_lsb).max(0.01 * range),
+            stop_distance: (10.0 * spec.pos_lsb).max(0.01 * range),
         }
     }
 }
 
 /// Why a direction could not be found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Unsure {
+pub enum DirectionError {
     /// The axis did not move.
     #[error(
         "the axis did not move: check the power of its motor, and touch the key without holding it"
@@ -190,41 +190,41 @@ pub enum Unsure {
 /// once `stop` is set, the device counts as closed.
 ///
 /// # Errors
-/// [`Unsure`] if the axis does not move both ways.
+/// [`DirectionError`] if the axis does not move both ways.
 pub fn direction<D: Device>(
     device: &mut D,
     axis: usize,
     pulse: Pulse,
     period: f64,
     stop: &AtomicBool,
-) -> Result<f64, Unsure> {
+) -> Result<f64, DirectionError> {
     let limits = Limits {
         force: pulse.force,
         ramp: 0.0,
         ..Limits::of(device.spec())
     };
     let step = 3.0 * device.spec().pos_lsb;
-    let mut pace = Pace::new(Guarded::new(device, limits, period), period, stop);
-    pace.at_rest(axis, pulse.length)?;
+    let mut tick_loop = TickLoop::new(Guarded::new(device, limits, period), period, stop);
+    tick_loop.wait_for_rest(axis, pulse.length)?;
     let mut moved = [0.0; 2];
     for (moved, side) in moved.iter_mut().zip([1.0, -1.0]) {
-        let start = pace.sample.position[axis];
-        let ticks = pace.ticks(pulse.length);
+        let start = tick_loop.sample.position[axis];
+        let ticks = tick_loop.ticks(pulse.length);
         for tick in 1..=ticks {
-            pace.tick(axis, side * pulse.force * (tick as f64 / ticks as f64))?;
-            *moved = pace.sample.position[axis] - start;
-            if moved.abs() >= pulse.enough {
+            tick_loop.tick(axis, side * pulse.force * (tick as f64 / ticks as f64))?;
+            *moved = tick_loop.sample.position[axis] - start;
+            if moved.abs() >= pulse.stop_distance {
                 break;
             }
         }
-        pace.at_rest(axis, pulse.length)?;
+        tick_loop.wait_for_rest(axis, pulse.length)?;
     }
     let [there, back] = moved;
     if there.abs() <= step || back.abs() <= step {
-        return Err(Unsure::Still);
+        return Err(DirectionError::Still);
     }
     if there * back > 0.0 {
-        return Err(Unsure::OneWay);
+        return Err(DirectionError::OneWay);
     }
     Ok(there.signum())
 }
@@ -233,18 +233,18 @@ pub fn direction<D: Device>(
 ///
 /// # Errors
 /// [`Gone`] when the device goes away.
-pub fn ends<D: Device>(
+pub fn travel_ends<D: Device>(
     device: &mut D,
     length: f64,
     period: f64,
     stop: &AtomicBool,
 ) -> Result<[[f64; 2]; MAX_AXES], Gone> {
     let limits = Limits::of(device.spec());
-    let mut pace = Pace::new(Guarded::new(device, limits, period), period, stop);
+    let mut tick_loop = TickLoop::new(Guarded::new(device, limits, period), period, stop);
     let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; MAX_AXES];
-    for _ in 0..pace.ticks(length).max(1) {
-        pace.tick(0, 0.0)?;
-        for (ends, x) in ends.iter_mut().zip(pace.sample.position) {
+    for _ in 0..tick_loop.ticks(length).max(1) {
+        tick_loop.tick(0, 0.0)?;
+        for (ends, x) in ends.iter_mut().zip(tick_loop.sample.position) {
             *ends = [ends[0].min(x), ends[1].max(x)];
         }
     }
@@ -252,7 +252,7 @@ pub fn ends<D: Device>(
 }
 
 /// Exchanges with the device at regular times.
-struct Pace<'a, D: Device> {
+struct TickLoop<'a, D: Device> {
     guarded: Guarded<D>,
     period: f64,
     next: Instant,
@@ -260,7 +260,7 @@ struct Pace<'a, D: Device> {
     stop: &'a AtomicBool,
 }
 
-impl<'a, D: Device> Pace<'a, D> {
+impl<'a, D: Device> TickLoop<'a, D> {
     fn new(guarded: Guarded<D>, period: f64, stop: &'a AtomicBool) -> Self {
         Self {
             guarded,
@@ -292,7 +292,7 @@ impl<'a, D: Device> Pace<'a, D> {
     }
 
     /// Send no force until the axis stands still, for at least `length` [s] and at most eight times that.
-    fn at_rest(&mut self, axis: usize, length: f64) -> Result<(), Gone> {
+    fn wait_for_rest(&mut self, axis: usize, length: f64) -> Result<(), Gone> {
         let still = self.guarded.spec().pos_lsb.max(1e-6);
         for _ in 0..8 {
             let start = self.sample.position[axis];

@@ -104,7 +104,7 @@ impl InProcess for BoardHere {
         let Self {
             firmware, replies, ..
         } = self;
-        firmware.hear(packet, Duration::ZERO, &mut |reply| replies.extend(reply));
+        firmware.receive(packet, Duration::ZERO, &mut |reply| replies.extend(reply));
         Ok(())
     }
 

@@ -2,11 +2,11 @@
 
 use std::time::Instant;
 
-use super::ending::next_look;
 use super::port::Port;
+use super::wait_canceller::next_check;
 use super::{
-    ASK_AGAIN, Device, DeviceError, Ending, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort,
-    MAX_AXES, Sample, Spec, Stats, Unit, Url,
+    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES,
+    Sample, Spec, Stats, Unit, Url, WaitCanceller,
 };
 use crate::safety::SafeForce;
 use crate::wire::{Inbox, firefader as wire};
@@ -18,7 +18,7 @@ pub(super) struct FireFader {
     port: Port,
     spec: Spec,
     lockstep: bool,
-    ending: Ending,
+    canceller: WaitCanceller,
     inbox: Inbox<64>,
     last: Option<wire::Reply>,
     /// Number of replies still to come, and when the latest request was sent.
@@ -54,21 +54,25 @@ fn spec() -> Spec {
 }
 
 impl FireFader {
-    pub(super) fn open(url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
+    pub(super) fn open(url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         if url.wide {
             return Err(url.cannot("the option wide is only for the open frame"));
         }
         let baud = url.number("baud", f64::from(BAUD))? as u32;
-        Self::over(Port::serial(url, baud)?, url, ending)
+        Self::on_port(Port::serial(url, baud)?, url, canceller)
     }
 
     /// The driver on an open port.
-    pub(super) fn over(port: Port, url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
+    pub(super) fn on_port(
+        port: Port,
+        url: &Url,
+        canceller: &WaitCanceller,
+    ) -> Result<Self, DeviceError> {
         let mut this = Self {
             port,
             spec: spec(),
             lockstep: url.lockstep,
-            ending: ending.clone(),
+            canceller: canceller.clone(),
             inbox: Inbox::new(),
             last: None,
             waiting: 0,
@@ -90,14 +94,14 @@ impl FireFader {
         let patience = Instant::now() + FIRST_REPLY;
         // In lockstep every packet advances the device by one period, so it is sent only once, even if the reply is
         // late.
-        let again = if self.lockstep {
+        let retry_after = if self.lockstep {
             FIRST_REPLY
         } else {
             ASK_AGAIN
         };
-        while self.last.is_none() && self.ending.still_waits(patience) {
+        while self.last.is_none() && self.canceller.may_wait(patience) {
             self.put([0.0; 2])?;
-            self.take(Instant::now() + again)?;
+            self.take(Instant::now() + retry_after)?;
         }
         let quiet = Instant::now() + ASK_AGAIN;
         while self.waiting > 0 && Instant::now() < quiet {
@@ -134,7 +138,7 @@ impl FireFader {
             self.waiting = self.waiting.saturating_sub(come);
             fresh |= come > 0;
             if come > 0 && self.waiting == 0 {
-                self.stats.timed(self.sent_at.elapsed());
+                self.stats.add_round_trip(self.sent_at.elapsed());
                 return Ok(true);
             }
         }
@@ -167,7 +171,7 @@ impl Device for FireFader {
         into.fresh = if self.lockstep && self.waiting > 0 {
             let patience = Instant::now() + LOCKSTEP_PATIENCE;
             while self.waiting > 0 {
-                if !self.take(next_look(patience))? && !self.ending.still_waits(patience) {
+                if !self.take(next_check(patience))? && !self.canceller.may_wait(patience) {
                     return Err(Gone::Silent);
                 }
             }

@@ -2,11 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use super::ending::next_look;
 use super::port::Port;
+use super::wait_canceller::next_check;
 use super::{
-    ASK_AGAIN, Device, DeviceError, Ending, FIRST_REPLY, Gone, Kind, LOCKSTEP_PATIENCE, LastResort,
-    MAX_AXES, Sample, Spec, Stats, Unit, Url,
+    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, Kind, LOCKSTEP_PATIENCE, LastResort,
+    MAX_AXES, Sample, Spec, Stats, Unit, Url, WaitCanceller,
 };
 use crate::safety::SafeForce;
 use crate::safety::contract::{Drift, Sent};
@@ -24,7 +24,7 @@ pub(super) struct Frame {
     lockstep: bool,
     /// Longest wait for a reply in lockstep.
     patience: Duration,
-    ending: Ending,
+    canceller: WaitCanceller,
     wide: bool,
     inbox: Inbox<512>,
     sent: Sent,
@@ -40,13 +40,14 @@ pub(super) struct Frame {
 }
 
 /// The specification that a device reports; `None` if its numbers are impossible.
-fn spec(who: &wire::DeviceInfo) -> Option<Spec> {
-    let [continuous, peak, pos_lsb, low, high, rate, inertia, damping] = who.numbers.map(f64::from);
+fn spec(info: &wire::DeviceInfo) -> Option<Spec> {
+    let [continuous, peak, pos_lsb, low, high, rate, inertia, damping] =
+        info.numbers.map(f64::from);
     let known = |number: f64| (number.is_finite() && number > 0.0).then_some(number);
     let sound = known(peak).is_some() && low < high && low.is_finite() && high.is_finite();
     sound.then(|| Spec {
-        dof: who.n,
-        unit: if who.traits & 1 == 0 {
+        dof: info.n,
+        unit: if info.traits & 1 == 0 {
             Unit::Metre
         } else {
             Unit::Radian
@@ -60,26 +61,30 @@ fn spec(who: &wire::DeviceInfo) -> Option<Spec> {
         loop_delay_s: None,
         inertia: known(inertia),
         damping: known(damping),
-        touch_gated: who.traits & 2 != 0,
-        can_lockstep: who.traits & 4 != 0,
-        can_wide: who.traits & 8 != 0,
+        touch_gated: info.traits & 2 != 0,
+        can_lockstep: info.traits & 4 != 0,
+        can_wide: info.traits & 8 != 0,
     })
 }
 
 impl Frame {
-    pub(super) fn open(url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
+    pub(super) fn open(url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         let port = match url.kind {
             Kind::FrameUdp => Port::udp(url)?,
             _ => Port::serial(url, url.number("baud", f64::from(BAUD))? as u32)?,
         };
-        Self::over(port, url, ending)
+        Self::on_port(port, url, canceller)
     }
 
     /// The driver on an open port.
-    pub(super) fn over(mut port: Port, url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
-        let who = ask(&mut port, first_reply(url)?, ending).map_err(|gone| url.closed(gone))?;
-        let who = who.ok_or_else(|| url.no_answer("device of the open frame"))?;
-        let spec = spec(&who).ok_or_else(|| {
+    pub(super) fn on_port(
+        mut port: Port,
+        url: &Url,
+        canceller: &WaitCanceller,
+    ) -> Result<Self, DeviceError> {
+        let info = ask(&mut port, first_reply(url)?, canceller).map_err(|gone| url.closed(gone))?;
+        let info = info.ok_or_else(|| url.no_answer("device of the open frame"))?;
+        let spec = spec(&info).ok_or_else(|| {
             url.cannot("the numbers that the device reports about itself are impossible")
         })?;
         if url.lockstep && !spec.can_lockstep {
@@ -98,7 +103,7 @@ impl Frame {
             spec,
             lockstep: url.lockstep,
             patience,
-            ending: ending.clone(),
+            canceller: canceller.clone(),
             wide: url.wide,
             inbox: Inbox::new(),
             sent: Sent::default(),
@@ -111,7 +116,7 @@ impl Frame {
         };
         // Read the position before the first force is sent: X(0).
         let patience = Instant::now() + first_reply(url)?;
-        while this.last.is_none() && ending.still_waits(patience) {
+        while this.last.is_none() && canceller.may_wait(patience) {
             this.put([0.0; MAX_AXES], flag::ASK)
                 .and_then(|()| this.take(Instant::now() + ASK_AGAIN))
                 .map_err(|gone| url.closed(gone))?;
@@ -213,13 +218,13 @@ fn first_reply(url: &Url) -> Result<Duration, DeviceError> {
 fn ask(
     port: &mut Port,
     patience: Duration,
-    ending: &Ending,
+    canceller: &WaitCanceller,
 ) -> Result<Option<wire::DeviceInfo>, Gone> {
     let patience = Instant::now() + patience;
     let mut inbox = Inbox::<512>::new();
-    let (mut bytes, mut packet, mut who) = ([0; 512], [0; wire::LONGEST], None);
+    let (mut bytes, mut packet, mut info) = ([0; 512], [0; wire::LONGEST], None);
     let mut seq = 0;
-    while who.is_none() && ending.still_waits(patience) {
+    while info.is_none() && canceller.may_wait(patience) {
         let request = wire::Request {
             seq,
             ..wire::Request::default()
@@ -228,14 +233,14 @@ fn ask(
         port.write(&packet[..len])?;
         seq = seq.wrapping_add(1);
         let until = Instant::now() + ASK_AGAIN;
-        while who.is_none() && Instant::now() < until {
+        while info.is_none() && Instant::now() < until {
             let n = port.read(&mut bytes, until)?;
             inbox.feed(&bytes[..n], wire::DeviceInfo::parse, |found| {
-                who = Some(found)
+                info = Some(found)
             });
         }
     }
-    Ok(who)
+    Ok(info)
 }
 
 impl Device for Frame {
@@ -268,7 +273,7 @@ impl Device for Frame {
             let patience = Instant::now() + self.patience;
             into.fresh = self.new || !latest(&self.last, self.latest);
             while !latest(&self.last, self.latest) {
-                if !self.take(next_look(patience))? && !self.ending.still_waits(patience) {
+                if !self.take(next_check(patience))? && !self.canceller.may_wait(patience) {
                     return Err(Gone::Silent);
                 }
             }

@@ -12,10 +12,10 @@ mod start;
 
 use std::time::{Duration, Instant};
 
-use super::ending::next_look;
+use super::wait_canceller::next_check;
 use super::{
-    Device, DeviceError, Ending, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES,
-    Sample, Spec, Stats, Unit, Url,
+    Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec,
+    Stats, Unit, Url, WaitCanceller,
 };
 use crate::safety::SafeForce;
 use crate::safety::contract::Sent;
@@ -30,7 +30,7 @@ const START: Duration = Duration::from_secs(10);
 pub(super) struct Haply {
     spec: Spec,
     lockstep: bool,
-    ending: Ending,
+    canceller: WaitCanceller,
     // Declared before the guardian, so that it is closed before the wait for the guardian's end.
     line: Line,
     _guardian: start::Started,
@@ -67,7 +67,7 @@ pub(crate) fn spec() -> Spec {
 }
 
 impl Haply {
-    pub(super) fn open(url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
+    pub(super) fn open(url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         if url.wide {
             return Err(url.cannot("the option wide is only for the open frame"));
         }
@@ -76,18 +76,18 @@ impl Haply {
         }
         let closed = |error: std::io::Error| url.closed(error);
         let (mut stream, guardian) = start::start().map_err(closed)?;
-        let wish = HostRequest {
+        let request = HostRequest {
             target: &url.target,
             id: url.text("id"),
             lockstep: url.lockstep,
         };
-        let reply = put_text(&mut stream, &wish.text())
+        let reply = put_text(&mut stream, &request.text())
             .and_then(|()| take_text(&mut stream, START + 2 * FIRST_REPLY))
             .map_err(|error| url.closed(format!("its guardian process did not start ({error})")))?;
         let position = match Reply::parse(&reply) {
             Some(Reply::Open(position)) => position,
             Some(Reply::OpenError(why)) => return Err(url.closed(why)),
-            Some(Reply::OwnTime) => {
+            Some(Reply::OwnClock) => {
                 return Err(url.cannot(
                     "a real device runs by its own clock; lockstep is only for emulators",
                 ));
@@ -97,7 +97,7 @@ impl Haply {
         Ok(Self {
             spec: spec(),
             lockstep: url.lockstep,
-            ending: ending.clone(),
+            canceller: canceller.clone(),
             line: Line::new(stream).map_err(closed)?,
             _guardian: guardian,
             sent: Sent::default(),
@@ -180,7 +180,7 @@ impl Device for Haply {
             let patience = Instant::now() + LOCKSTEP_PATIENCE;
             into.fresh = self.answered != self.latest;
             while self.answered != self.latest {
-                if !self.take(next_look(patience))? && !self.ending.still_waits(patience) {
+                if !self.take(next_check(patience))? && !self.canceller.may_wait(patience) {
                     return Err(Gone::Silent);
                 }
             }

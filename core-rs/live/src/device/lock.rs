@@ -47,7 +47,7 @@ impl DeviceLock {
         };
         match file.try_lock() {
             Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(lock(&file)),
+            Err(TryLockError::WouldBlock) => return Err(holder_sentence(&file)),
             Err(TryLockError::Error(_)) => return Ok(Self { _locked: None }),
         }
         let _ = file.set_len(0);
@@ -59,10 +59,10 @@ impl DeviceLock {
 }
 
 /// Why a board cannot be locked: the holder of the lock writes its process number into the file.
-fn lock(file: &File) -> String {
-    let mut who = String::new();
-    let _ = file.take(64).read_to_string(&mut who);
-    match who.trim().parse::<u32>() {
+fn holder_sentence(file: &File) -> String {
+    let mut holder = String::new();
+    let _ = file.take(64).read_to_string(&mut holder);
+    match holder.trim().parse::<u32>() {
         Ok(process) if process == std::process::id() => {
             "this program has the device open already".into()
         }

@@ -97,7 +97,7 @@ impl Port {
         socket.connect(peer).map_err(closed)?;
         socket.set_nonblocking(true).map_err(closed)?;
         #[cfg(unix)]
-        let owned = super::lock::DeviceLock::take(peer).map_err(|who| url.closed(who))?;
+        let owned = super::lock::DeviceLock::take(peer).map_err(|holder| url.closed(holder))?;
         #[cfg(not(unix))]
         let owned = ();
         Ok(Self::Udp(socket, owned, Refused::default()))

@@ -103,7 +103,7 @@ pub enum UrlError {
     #[error(
         "'{0}' is not supported yet: the host would have to compute its kinematics, and no such device was there to test"
     )]
-    NotSpoken(String),
+    Unsupported(String),
     /// Something is missing or not understood.
     #[error("'{text}': {what}")]
     Bad {
@@ -137,7 +137,7 @@ impl Url {
             .split_once(':')
             .ok_or_else(|| bad("an address begins with a kind of device and a colon".to_owned()))?;
         if name == "hapi" {
-            return Err(UrlError::NotSpoken(name.to_owned()));
+            return Err(UrlError::Unsupported(name.to_owned()));
         }
         let kind = Kind::NAMED.iter().find(|known| known.0 == name);
         let kind = kind.ok_or_else(|| UrlError::Kind(name.to_owned()))?.1;
@@ -230,7 +230,7 @@ impl Url {
     }
 
     pub(crate) fn cannot(&self, what: &'static str) -> DeviceError {
-        DeviceError::Cannot {
+        DeviceError::Unsupported {
             url: self.text.clone(),
             what,
         }

@@ -55,7 +55,7 @@ pub struct Board {
     /// Silence of the host after which the board lets go (wall time only).
     pub watchdog: Duration,
     /// Mass [kg] and damping [N·s/m] that the board reports for its keys.
-    pub known: [f64; 2],
+    pub reported: [f64; 2],
     /// Ends of the keys [m].
     pub range: [f64; 2],
 }
@@ -71,12 +71,12 @@ pub struct Firmware {
     chance: Chance,
     /// FireFader's gate: a low-pass filter of the presence of a finger, over packets.
     gate: [f64; MAX_AXES],
-    heard: Option<Duration>,
+    last_packet: Option<Duration>,
     let_go: bool,
     held: bool,
     packets: u64,
     /// Periods of wall time that have passed.
-    wall: u64,
+    wall_periods: u64,
 }
 
 impl Firmware {
@@ -90,11 +90,11 @@ impl Firmware {
             noise: [0.0; MAX_AXES],
             chance: Chance::new(i128::from(board.seed), "emulate", "noise", 0, 0),
             gate: [0.0; MAX_AXES],
-            heard: None,
+            last_packet: None,
             let_go: false,
             held: false,
             packets: 0,
-            wall: 0,
+            wall_periods: 0,
         };
         firmware.draw_noise();
         firmware
@@ -136,14 +136,14 @@ impl Firmware {
         let rate = self.keys.rate().hertz();
         let due = (now.as_secs_f64() * rate) as u64;
         // At most one second is caught up, so that a machine that slept does not.
-        let missed = due.saturating_sub(self.wall).min(rate as u64);
+        let missed = due.saturating_sub(self.wall_periods).min(rate as u64);
         for _ in 0..missed {
             self.step();
         }
-        self.wall = due;
+        self.wall_periods = due;
         let silent = self
-            .heard
-            .is_some_and(|heard| now.saturating_sub(heard) > self.board.watchdog);
+            .last_packet
+            .is_some_and(|last| now.saturating_sub(last) > self.board.watchdog);
         let lets_go = silent && !self.let_go;
         if lets_go {
             self.force = [0.0; MAX_AXES];
@@ -154,7 +154,7 @@ impl Firmware {
 
     /// Time at which the next period of wall time begins [s].
     pub(super) fn next(&self) -> f64 {
-        (self.wall + 1) as f64 * self.keys.rate().step()
+        (self.wall_periods + 1) as f64 * self.keys.rate().step()
     }
 
     /// Whether the forces of a host act: true until the host lets go or is silent for too long.
@@ -168,10 +168,10 @@ impl Firmware {
     }
 
     /// Take bytes from the host; `reply` gets the answers. In a text protocol the bytes are one whole message.
-    pub fn hear(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
+    pub fn receive(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         match self.board.protocol {
-            Protocol::FireFader => self.hear_firefader(bytes, now, reply),
-            Protocol::Frame => self.hear_frame(bytes, now, reply),
+            Protocol::FireFader => self.receive_firefader(bytes, now, reply),
+            Protocol::Frame => self.receive_frame(bytes, now, reply),
             Protocol::Haply => {
                 let text = std::str::from_utf8(bytes).unwrap_or_default();
                 if let Some(force) = haply::parse_command(text, HAPLY_ID) {
@@ -197,18 +197,18 @@ impl Firmware {
     /// motors.
     fn push(&mut self, force: impl Iterator<Item = f64>, enabled: bool, now: Duration) {
         self.packets += 1;
-        self.heard = Some(now);
+        self.last_packet = Some(now);
         (self.let_go, self.held) = (false, enabled);
         for (axis, force) in force.take(self.keys.n()).enumerate() {
-            let open = !self.board.touch_gate || self.finger(axis);
+            let open = !self.board.touch_gate || self.gate_is_open(axis);
             let step = self.board.force_step;
             let force = if step > 0.0 {
                 (force / step).round() * step
             } else {
                 force
             };
-            let most = force.clamp(-self.board.force_max, self.board.force_max);
-            self.force[axis] = if enabled && open { most } else { 0.0 };
+            let limited = force.clamp(-self.board.force_max, self.board.force_max);
+            self.force[axis] = if enabled && open { limited } else { 0.0 };
         }
         if self.board.lockstep {
             self.step();
@@ -216,7 +216,7 @@ impl Firmware {
     }
 
     /// Whether the gate detects a finger: at once, or by FireFader's filter over packets.
-    fn finger(&mut self, axis: usize) -> bool {
+    fn gate_is_open(&mut self, axis: usize) -> bool {
         let touched = self.keys.touched(axis);
         if self.board.protocol != Protocol::FireFader {
             return touched;
@@ -240,7 +240,7 @@ impl Firmware {
         read
     }
 
-    fn hear_firefader(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
+    fn receive_firefader(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         let mut packets = Vec::new();
         self.inbox
             .feed(bytes, firefader::parse_request, |force| packets.push(force));
@@ -261,7 +261,7 @@ impl Firmware {
         }
     }
 
-    fn hear_frame(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
+    fn receive_frame(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         let mut packets = Vec::new();
         let full = self.board.force_max;
         self.inbox.feed(
@@ -272,7 +272,7 @@ impl Firmware {
         for packet in packets {
             let mut bytes = [0; frame::LONGEST];
             let len = if packet.n == 0 {
-                self.who(packet.seq).write(&mut bytes)
+                self.device_info(packet.seq).write(&mut bytes)
             } else if packet.n == self.keys.n() {
                 let had_let_go = self.let_go;
                 if packet.flags & flag::ASK == 0 {
@@ -300,7 +300,7 @@ impl Firmware {
             self.keys.t_us()
         } else {
             // The time at which the positions were read; forces act from then on.
-            (self.wall as f64 * self.keys.rate().step() * 1e6) as u64 as u32
+            (self.wall_periods as f64 * self.keys.rate().step() * 1e6) as u64 as u32
         };
         frame::Reply {
             seq: packet.seq,
@@ -312,8 +312,8 @@ impl Firmware {
         }
     }
 
-    fn who(&self, seq: u16) -> frame::DeviceInfo {
-        let [inertia, damping] = self.board.known;
+    fn device_info(&self, seq: u16) -> frame::DeviceInfo {
+        let [inertia, damping] = self.board.reported;
         let [low, high] = self.board.range;
         let full = self.board.force_max;
         let step = self.board.resolution.max(frame::POS_LSB);

@@ -11,7 +11,7 @@ pub enum Hand {
     /// A finger rests on it and exerts no force.
     Resting,
     /// A hand follows a written path and pulls the key along by its own spring and damper.
-    Going {
+    OnPath {
         /// Position of the hand at every period [m]; after the last one it lets go.
         path: Vec<f64>,
         /// Spring of the hand [N/m].
@@ -27,14 +27,14 @@ impl Hand {
         match self {
             Self::Free => false,
             Self::Resting => true,
-            Self::Going { path, .. } => period < path.len() as u64,
+            Self::OnPath { path, .. } => period < path.len() as u64,
         }
     }
 
     /// The force on a key at `x` that moved by `d` in the last period [N]; `None` if no hand pulls, which is not a
     /// force of zero.
     pub(super) fn pull(&self, period: u64, x: f64, d: f64, rate: Rate) -> Option<f64> {
-        let Self::Going {
+        let Self::OnPath {
             path,
             stiffness,
             damping,

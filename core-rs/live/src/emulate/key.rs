@@ -61,21 +61,21 @@ pub struct Keys {
     d: [f64; MAX_AXES],
     hands: Vec<Hand>,
     /// The motion of each key, if the keys are not CELs.
-    movers: Vec<Mover>,
+    motions: Vec<KeyMotion>,
     periods: u64,
     hash: u64,
 }
 
 /// The motion of a key that is not a CEL.
 #[derive(Clone, Debug)]
-enum Mover {
+enum KeyMotion {
     /// By a key model.
     Model(Box<Motion>),
     /// By the network of a score.
     Network(Box<EmulatedKey>),
 }
 
-impl Mover {
+impl KeyMotion {
     /// Advance by one period under the motor's force and a hand's pull; returns the new position [m].
     fn step(&mut self, force: f64, pull: f64, range: RangeInclusive<f64>) -> f64 {
         let to = match self {
@@ -136,7 +136,7 @@ impl Keys {
             x: [0.0; MAX_AXES],
             d: [0.0; MAX_AXES],
             hands,
-            movers: Vec::new(),
+            motions: Vec::new(),
             periods: 0,
             hash: 0xcbf2_9ce4_8422_2325,
         })
@@ -149,14 +149,14 @@ impl Keys {
     pub fn with_model(mut self, model: &KeyModel) -> Result<Self, EmulateError> {
         let motion = Motion::new(model, self.rate.hertz(), None)?;
         self.x[..self.n].fill(motion.position());
-        self.movers = vec![Mover::Model(Box::new(motion)); self.n];
+        self.motions = vec![KeyMotion::Model(Box::new(motion)); self.n];
         Ok(self)
     }
 
     /// The same keys, each moving like a key of a score, at the rate of the periods.
     pub fn with_network(mut self, key: EmulatedKey) -> Self {
         self.x[..self.n].fill(key.position());
-        self.movers = vec![Mover::Network(Box::new(key)); self.n];
+        self.motions = vec![KeyMotion::Network(Box::new(key)); self.n];
         self
     }
 
@@ -165,10 +165,10 @@ impl Keys {
     /// The operations and their order are those of a MAT in the engine: without a hand, a model and a network, a key
     /// moves like that CEL, to the last bit.
     pub fn step(&mut self, force: &[f64; MAX_AXES]) {
-        if self.movers.is_empty() {
+        if self.motions.is_empty() {
             self.step_cells(force);
         } else {
-            self.step_movers(force);
+            self.step_motions(force);
         }
         self.periods += 1;
         for x in &self.x[..self.n] {
@@ -178,12 +178,12 @@ impl Keys {
         }
     }
 
-    fn step_movers(&mut self, force: &[f64; MAX_AXES]) {
+    fn step_motions(&mut self, force: &[f64; MAX_AXES]) {
         let [low, high] = self.range;
-        for (axis, mover) in self.movers.iter_mut().enumerate() {
+        for (axis, motion) in self.motions.iter_mut().enumerate() {
             let (x, d) = (self.x[axis], self.d[axis]);
             let pull = self.hands[axis].pull(self.periods, x, d, self.rate);
-            let to = mover.step(force[axis], pull.unwrap_or(0.0), low..=high);
+            let to = motion.step(force[axis], pull.unwrap_or(0.0), low..=high);
             (self.x[axis], self.d[axis]) = (to, to - x);
         }
     }

@@ -86,7 +86,7 @@ impl Line {
     }
 
     /// The host has let go: the next sender becomes the host.
-    pub(super) fn free(&mut self) {
+    pub(super) fn release_host(&mut self) {
         if let Self::Udp(line) = self {
             line.host = None;
         }

@@ -102,7 +102,7 @@ pub fn serve(
         let now = start.elapsed();
         if firmware.run_to(now) {
             tell(Event::LetGo);
-            line.free();
+            line.release_host();
         }
         let past = if lockstep {
             firmware.keys().periods() as f64 / rate
@@ -133,9 +133,9 @@ pub fn serve(
             LineEvent::Bytes(n) => {
                 firmware.run_to(start.elapsed());
                 let answer = &mut |bytes: &[u8]| line.write(bytes);
-                firmware.hear(&bytes[..n], start.elapsed(), answer);
+                firmware.receive(&bytes[..n], start.elapsed(), answer);
                 if !firmware.is_held() {
-                    line.free();
+                    line.release_host();
                 }
             }
             LineEvent::Disconnected => {

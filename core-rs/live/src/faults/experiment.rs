@@ -17,7 +17,7 @@ const RATE: f64 = 8000.0;
 /// Beginning of the fault: forces have risen, and the piece pulls hardest.
 const ONSET: Duration = Duration::from_millis(3250);
 /// How long the motor is watched from then on.
-const LOOK: Duration = Duration::from_secs(2);
+const WATCH_TIME: Duration = Duration::from_secs(2);
 /// How long the piece asks for 1e300 N.
 const HUGE_LASTS: Duration = Duration::from_millis(500);
 /// Time of the board's own watchdog.
@@ -100,7 +100,7 @@ fn wave(seconds: f64) -> f64 {
 }
 
 /// Make a fault on a device, and measure its effect.
-pub(super) fn measured(fault: Fault, emulator: Emulator) -> Result<Measurement, DeviceError> {
+pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, DeviceError> {
     let found = |outcome, greatest, rise| Measurement {
         fault,
         emulator,
@@ -112,7 +112,7 @@ pub(super) fn measured(fault: Fault, emulator: Emulator) -> Result<Measurement, 
     if let Some(why) = fault.excluded(emulator) {
         return Ok(found(Outcome::Excluded(why), [0.0; 2], [0.0; 2]));
     }
-    let (device, shared) = opened(emulator)?;
+    let (device, shared) = open_device(emulator)?;
     let spec = device.spec().clone();
     let most = spec.force_max_peak;
     let allowed = |spec: &Spec| Limits::of(spec).slew + 2.0 * spec.force_lsb;
@@ -125,9 +125,9 @@ pub(super) fn measured(fault: Fault, emulator: Emulator) -> Result<Measurement, 
         return Ok(found(outcome, [0.0, most], [0.0, allowed(&spec)]));
     }
     let since = if fault == Fault::Uncalibrated {
-        tried_out(device, &shared)
+        test_direction(device, &shared)
     } else {
-        performed(fault, device, &shared)
+        run_fault(fault, device, &shared)
     };
     let motor = shared.world().motor;
     let ended = if fault.persists() {
@@ -135,9 +135,9 @@ pub(super) fn measured(fault: Fault, emulator: Emulator) -> Result<Measurement, 
     } else {
         motor.first_zero
     };
-    let over = shared.world().now();
+    let end_time = shared.world().now();
     let outcome = match ended {
-        Some(end) if end < over || fault == Fault::HostResumed => {
+        Some(end) if end < end_time || fault == Fault::HostResumed => {
             Outcome::Zero(end.saturating_sub(since).as_secs_f64())
         }
         _ => Outcome::Persists,
@@ -158,7 +158,7 @@ pub(super) fn measured(fault: Fault, emulator: Emulator) -> Result<Measurement, 
 }
 
 /// Play until the fault begins, then watch; returns when it began.
-fn performed(fault: Fault, device: Defective, shared: &Shared) -> Duration {
+fn run_fault(fault: Fault, device: Defective, shared: &Shared) -> Duration {
     let mut host = Host::new(device, shared.clone());
     let _ = host.run(ONSET);
     let since = {
@@ -202,10 +202,10 @@ fn performed(fault: Fault, device: Defective, shared: &Shared) -> Duration {
         Fault::GarbageRequests => line(&host, |trouble| trouble.requests_random = true),
         Fault::Uncalibrated | Fault::OpenedTwice => unreachable!("made without a performance"),
     }
-    if host.run(LOOK).is_err() {
+    if host.run(WATCH_TIME).is_err() {
         // The device is lost and dropped, as in a performance.
         drop(host);
-        shared.world().advance(LOOK);
+        shared.world().advance(WATCH_TIME);
     }
     since
 }
@@ -216,12 +216,12 @@ fn let_go_of_a_huge_force(mut host: Host) -> Duration {
     let _ = host.run(HUGE_LASTS);
     host.ask = Ask::Force(0.0);
     let since = host.shared.world().now();
-    let _ = host.run(LOOK);
+    let _ = host.run(WATCH_TIME);
     since
 }
 
 /// Test the direction of the motor before the first note, under a hand on the key; returns the beginning of the test.
-fn tried_out(mut device: Defective, shared: &Shared) -> Duration {
+fn test_direction(mut device: Defective, shared: &Shared) -> Duration {
     device.defect.wrong_way = true;
     device.ticks = Some(shared.clone());
     let pulse = Pulse::of(device.spec());
@@ -235,12 +235,12 @@ fn tried_out(mut device: Defective, shared: &Shared) -> Duration {
 }
 
 /// A device with a hand on its first axis, opened by its own driver.
-fn opened(emulator: Emulator) -> Result<(Defective, Shared), DeviceError> {
-    held(emulator, hands)
+fn open_device(emulator: Emulator) -> Result<(Defective, Shared), DeviceError> {
+    held_device(emulator, hands)
 }
 
 /// A device with these hands on its axes, opened by its own driver.
-pub(super) fn held(
+pub(super) fn held_device(
     emulator: Emulator,
     hands: impl Fn(usize) -> Vec<Hand>,
 ) -> Result<(Defective, Shared), DeviceError> {
@@ -275,7 +275,7 @@ pub(super) fn held(
         seed: 0,
         force_step: 0.0,
         watchdog: if is_haply { NEVER } else { WATCHDOG },
-        known: [key.mass, key.damping],
+        reported: [key.mass, key.damping],
         range: key.range,
     };
     let shared = Shared::new(World::new(Some(Firmware::new(board, keys)), is_haply));
@@ -291,7 +291,7 @@ pub(super) fn held(
 fn hands(axes: usize) -> Vec<Hand> {
     let [stiffness, damping] = HAND;
     let mut hands = vec![Hand::Resting; axes];
-    hands[0] = Hand::Going {
+    hands[0] = Hand::OnPath {
         path: vec![0.0; 10 * RATE as usize],
         stiffness,
         damping,

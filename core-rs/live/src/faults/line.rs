@@ -63,7 +63,7 @@ impl Defective {
         }
     }
 
-    fn noted(&mut self, force: f64) {
+    fn note_force(&mut self, force: f64) {
         if let Some(shared) = &self.direct {
             shared.world().motor.force = force;
         }
@@ -80,9 +80,9 @@ impl Device for Defective {
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
         let gain = if self.defect.wrong_way { -1.0 } else { 1.0 };
-        let force = force.turned(&[gain; MAX_AXES]);
+        let force = force.with_gains(&[gain; MAX_AXES]);
         self.device.send(&force)?;
-        self.noted(force.newtons()[0]);
+        self.note_force(force.newtons()[0]);
         Ok(())
     }
 
@@ -104,7 +104,7 @@ impl Device for Defective {
 
     fn zero(&mut self) {
         self.device.zero();
-        self.noted(0.0);
+        self.note_force(0.0);
     }
 }
 

@@ -1,4 +1,4 @@
-use super::experiment::{Ask, Host, held};
+use super::experiment::{Ask, Host, held_device};
 use super::world::Trouble;
 use super::*;
 use crate::emulate::Hand;
@@ -27,13 +27,13 @@ fn work(stiffness: f64, hand: [f64; 2], seconds: u64) -> f64 {
     let path: Vec<f64> = (0..(seconds + 1) * RATE as u64).map(swing).collect();
     let [stiff, damping] = hand;
     let hands = move |_: usize| {
-        vec![Hand::Going {
+        vec![Hand::OnPath {
             path: path.clone(),
             stiffness: stiff,
             damping,
         }]
     };
-    let (device, shared) = held(Emulator::Board(Protocol::Frame), hands).unwrap();
+    let (device, shared) = held_device(Emulator::Board(Protocol::Frame), hands).unwrap();
     let mut host = Host::new(device, shared.clone());
     shared.world().trouble = Trouble {
         jitter: 40,

@@ -12,7 +12,7 @@ use crate::wire::{frame, haply};
 /// Step of the board's time.
 const STEP: Duration = Duration::from_micros(125);
 /// A request number far from those of the host.
-const STRANGE: u16 = 40_000;
+const FOREIGN_REQUEST: u16 = 40_000;
 
 /// Faults of the line or the board.
 #[derive(Clone, Copy, Debug, Default)]
@@ -73,7 +73,7 @@ pub(super) struct World {
     /// The force at the previous tick [N].
     before: f64,
     random: u64,
-    strangers: u16,
+    n_foreign: u16,
 }
 
 impl World {
@@ -97,7 +97,7 @@ impl World {
             motor: Motor::default(),
             before: 0.0,
             random: 0x9e37_79b9_7f4a_7c15,
-            strangers: 0,
+            n_foreign: 0,
         }
     }
 
@@ -112,7 +112,7 @@ impl World {
     /// Advance the time, while the host does nothing.
     pub(super) fn advance(&mut self, time: Duration) {
         if self.trouble.another_program {
-            self.stranger();
+            self.send_foreign_request();
         }
         let end = self.now() + time;
         while self.now() < end {
@@ -121,11 +121,11 @@ impl World {
                 .fetch_add(STEP.as_nanos() as u64, Ordering::Relaxed);
             if !self.trouble.board_stalled {
                 for packet in std::mem::take(&mut self.unread) {
-                    self.hear(&packet);
+                    self.deliver(&packet);
                 }
                 let now = self.now();
                 for (_, packet) in arrived(&mut self.requests, now) {
-                    self.hear(&packet);
+                    self.deliver(&packet);
                 }
                 if let Some(firmware) = &mut self.firmware {
                     let (before, force) = (firmware.keys().positions()[0], firmware.forces()[0]);
@@ -184,18 +184,18 @@ impl World {
                 self.requests.push((at, packet));
             }
         } else {
-            self.hear(&packet);
+            self.deliver(&packet);
         }
         Ok(())
     }
 
-    fn hear(&mut self, packet: &[u8]) {
+    fn deliver(&mut self, packet: &[u8]) {
         let now = self.now();
         let Some(firmware) = &mut self.firmware else {
             return;
         };
         let mut replies: Vec<Vec<u8>> = Vec::new();
-        firmware.hear(packet, now, &mut |bytes| replies.push(bytes.to_vec()));
+        firmware.receive(packet, now, &mut |bytes| replies.push(bytes.to_vec()));
         for reply in replies {
             if self.trouble.replies_lost {
                 continue;
@@ -273,17 +273,17 @@ impl World {
     }
 
     /// Send the request of another program.
-    fn stranger(&mut self) {
-        self.strangers = self.strangers.wrapping_add(1);
+    fn send_foreign_request(&mut self) {
+        self.n_foreign = self.n_foreign.wrapping_add(1);
         let request = frame::Request {
-            seq: STRANGE.wrapping_add(self.strangers),
+            seq: FOREIGN_REQUEST.wrapping_add(self.n_foreign),
             n: 1,
             flags: frame::flag::ASK,
             ..frame::Request::default()
         };
         let mut bytes = [0; frame::LONGEST];
         let len = request.write(1.0, &mut bytes);
-        self.hear(&bytes[..len]);
+        self.deliver(&bytes[..len]);
     }
 
     /// The time at which a packet that is sent now arrives; `None` if it is lost.

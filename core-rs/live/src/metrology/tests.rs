@@ -99,11 +99,11 @@ fn pushed(forces: &[f64]) -> Excitation<'_> {
         guide: Guide {
             centre: 0.0,
             half: HALF,
-            guide: Pull {
+            guide: SpringDamper {
                 stiffness: 50.0,
                 damping: 7.0,
             },
-            brake: Pull {
+            brake: SpringDamper {
                 stiffness: 150.0,
                 damping: 18.0,
             },

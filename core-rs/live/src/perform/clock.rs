@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 use crate::realtime::sleep_until;
 
 /// Largest relative change of the length of a tick; neither hand nor ear notices it.
-const MOST: f64 = 5e-3;
+const MAX_STRETCH: f64 = 5e-3;
 /// Proportional and integral gain for the relative error of the ring's level; the loop settles within seconds.
 const GAINS: (f64, f64) = (4e-3, 4e-4);
 /// Lateness in ticks from which on the clock is reset: missed ticks are not caught up.
-const LOST: u32 = 10;
+const RESET_AFTER: u32 = 10;
 /// Time between two checks for room in the ring, as a part of a tick.
-const LOOK: f64 = 0.25;
+const POLL: f64 = 0.25;
 
 /// The clock of the ticks.
 #[derive(Debug)]
@@ -30,11 +30,11 @@ pub(super) struct Clock {
 
 /// How a tick began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Beat {
+pub(super) struct TickStart {
     /// Lateness of the tick.
     pub(super) late: Duration,
     /// Whether the clock was reset.
-    pub(super) lost: bool,
+    pub(super) was_reset: bool,
 }
 
 impl Clock {
@@ -60,9 +60,9 @@ impl Clock {
     }
 
     /// Wait for the next tick; `filled`: frames in the ring; `playing`: whether the card is taking them.
-    pub(super) fn tick(&mut self, filled: usize, playing: bool) -> Beat {
+    pub(super) fn tick(&mut self, filled: usize, playing: bool) -> TickStart {
         if !self.keys {
-            return Beat::default();
+            return TickStart::default();
         }
         let stretched = self.period * (1.0 + self.steer(filled, playing));
         let due = match self.due {
@@ -70,9 +70,9 @@ impl Clock {
             None => Instant::now(),
         };
         let late = sleep_until(due);
-        let lost = late.as_secs_f64() > f64::from(LOST) * self.period;
-        self.due = Some(if lost { Instant::now() } else { due });
-        Beat { late, lost }
+        let was_reset = late.as_secs_f64() > f64::from(RESET_AFTER) * self.period;
+        self.due = Some(if was_reset { Instant::now() } else { due });
+        TickStart { late, was_reset }
     }
 
     /// Relative change of the next tick's length: longer if the ring is above its wanted level.
@@ -82,17 +82,17 @@ impl Clock {
         }
         if !playing {
             // Until the card takes frames the ring only fills: ticks are as short as allowed.
-            return -MOST;
+            return -MAX_STRETCH;
         }
         let error = ((filled as f64 - self.target) / self.target).clamp(-1.0, 1.0);
-        let most = MOST / GAINS.1;
-        self.integral = (self.integral + error * self.period).clamp(-most, most);
-        (GAINS.0 * error + GAINS.1 * self.integral).clamp(-MOST, MOST)
+        let integral_max = MAX_STRETCH / GAINS.1;
+        self.integral = (self.integral + error * self.period).clamp(-integral_max, integral_max);
+        (GAINS.0 * error + GAINS.1 * self.integral).clamp(-MAX_STRETCH, MAX_STRETCH)
     }
 
     /// Sleep a little while the ring is full.
     pub(super) fn nap(&self) {
-        std::thread::sleep(Duration::from_secs_f64(LOOK * self.period));
+        std::thread::sleep(Duration::from_secs_f64(POLL * self.period));
     }
 }
 
@@ -129,13 +129,13 @@ mod tests {
             clock.due = clock.due.and_then(|due| due.checked_sub(ago));
             assert!(clock.due.is_some());
         };
-        assert!(!clock.tick(0, false).lost);
+        assert!(!clock.tick(0, false).was_reset);
         passed(&mut clock, 2.0);
-        let beat = clock.tick(64, true);
-        assert!(beat.late.as_secs_f64() > 0.9 * PERIOD, "{beat:?}");
-        assert!(!beat.lost, "{beat:?}");
-        passed(&mut clock, 2.0 + 2.0 * f64::from(LOST));
-        assert!(clock.tick(64, true).lost);
+        let start = clock.tick(64, true);
+        assert!(start.late.as_secs_f64() > 0.9 * PERIOD, "{start:?}");
+        assert!(!start.was_reset, "{start:?}");
+        passed(&mut clock, 2.0 + 2.0 * f64::from(RESET_AFTER));
+        assert!(clock.tick(64, true).was_reset);
         assert!(clock.tick(64, true).late.as_secs_f64() < 0.9 * PERIOD);
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use crate::device::Ending;
+use crate::device::WaitCanceller;
 use crate::realtime::Granted;
 use crate::{audio, stop};
 
@@ -19,16 +19,16 @@ pub(super) struct SharedFlags {
     /// Whether the last frame was computed.
     pub(super) done: AtomicBool,
     /// Ends the waits for each device.
-    endings: Vec<Ending>,
+    cancellers: Vec<WaitCanceller>,
     /// What the system granted the physics thread: bit 0: memory is locked; bit 2: the value is set; from bit 8 on:
     /// priority + 1. 0: not known.
     granted: AtomicU64,
 }
 
 impl SharedFlags {
-    pub(super) fn new(endings: Vec<Ending>) -> Self {
+    pub(super) fn new(cancellers: Vec<WaitCanceller>) -> Self {
         Self {
-            endings,
+            cancellers,
             ..Self::default()
         }
     }
@@ -78,7 +78,7 @@ impl Control {
     pub fn stop(&self) {
         self.flags.stop.store(true, Ordering::Release);
         // Otherwise a lockstep device that does not answer would be waited for as long as its address allows.
-        self.flags.endings.iter().for_each(Ending::end);
+        self.flags.cancellers.iter().for_each(WaitCanceller::cancel);
         self.sound.panic();
     }
 }

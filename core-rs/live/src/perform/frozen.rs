@@ -19,7 +19,7 @@ const BLOCK: u64 = 4_096;
 const AHEAD: usize = 1 << 16;
 const RING_MAX: usize = (64 << 20) / size_of::<f64>();
 /// Time between two checks of the reader for room.
-const NAP: Duration = Duration::from_millis(10);
+const POLL: Duration = Duration::from_millis(10);
 
 /// A file of outputs that were computed before, beginning with the first frame of the piece.
 #[derive(Clone, Debug)]
@@ -81,7 +81,7 @@ pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (Pa
         .spawn(move || {
             // Frames that cannot be read are silent when they are due, and counted as missed.
             while !asked.load(Ordering::Acquire) && matches!(files.fill(), Ok(true)) {
-                std::thread::sleep(NAP);
+                std::thread::sleep(POLL);
             }
         })
         .map_err(|error| (PathBuf::new(), error))?;

@@ -1,4 +1,5 @@
-//! Haptic guidance: a spring and a damper that pull a person's hand along a written part, faded in and out tick by tick.
+//! Haptic guidance: a spring and a damper that pull a person's hand along a written part, faded in and out tick by
+//! tick.
 
 use crate::safety::unit;
 
@@ -219,8 +220,11 @@ mod tests {
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
         for tick in [0, 9] {
             guidance.tick(tick);
-            assert_eq!(guidance.force(hand.stands_at(9), 2e-3, 0.0), 100.0 * 3e-3);
-            assert_eq!(guidance.force(hand.stands_at(0), 0.0, 0.5), -1.0);
+            assert_eq!(
+                guidance.force(hand.standin_position(9), 2e-3, 0.0),
+                100.0 * 3e-3
+            );
+            assert_eq!(guidance.force(hand.standin_position(0), 0.0, 0.5), -1.0);
         }
     }
 
@@ -234,16 +238,19 @@ mod tests {
         let (mut last, mut full) = (0.0, 0);
         for tick in 50..2_000 {
             guidance.tick(tick);
-            let force = guidance.force(hand.stands_at(tick), 0.0, 0.0);
+            let force = guidance.force(hand.standin_position(tick), 0.0, 0.0);
             // The steepest slope of a smooth fade over 200 ticks.
             assert!(f64::abs(force - last) < 0.25 * 1.9 / 200.0, "tick {tick}");
             if !(150..1_250).contains(&tick) {
                 assert_eq!(force, 0.0, "tick {tick}");
-                assert_eq!(guidance.force(hand.stands_at(tick), 0.0, 1.0), 0.0);
+                assert_eq!(guidance.force(hand.standin_position(tick), 0.0, 1.0), 0.0);
             }
             if (350..1_050).contains(&tick) {
                 assert_eq!(force, 0.5 * 100.0 * 5e-3);
-                assert_eq!(guidance.force(hand.stands_at(tick), 5e-3, 1.0), -0.25 * 2.0);
+                assert_eq!(
+                    guidance.force(hand.standin_position(tick), 5e-3, 1.0),
+                    -0.25 * 2.0
+                );
                 full += 1;
             }
             last = force;
@@ -260,12 +267,12 @@ mod tests {
         let mut last = 0.0;
         for tick in 0..1_000 {
             if tick == 500 {
-                let before = hand.stands_at(tick);
+                let before = hand.standin_position(tick);
                 hand.standin = vec![-10e-3];
-                guidance.change(before, hand.stands_at(tick));
+                guidance.change(before, hand.standin_position(tick));
             }
             guidance.tick(tick);
-            let force = guidance.force(hand.stands_at(tick), 0.0, 0.0);
+            let force = guidance.force(hand.standin_position(tick), 0.0, 0.0);
             assert!(f64::abs(force - last) < 0.75 * 1.9 / 200.0, "tick {tick}");
             last = force;
         }
@@ -283,13 +290,13 @@ mod tests {
         guidance.steps = vec![GuidanceStep { at: 0, share }];
         guidance.begin(0);
         (0..500).for_each(|tick| guidance.tick(tick));
-        assert_eq!(guidance.force(hand.stands_at(500), 0.0, 1.0), 0.0);
+        assert_eq!(guidance.force(hand.standin_position(500), 0.0, 1.0), 0.0);
         let share = GuidanceShare { k: 7.0, z: 9.0 };
         guidance.steps = vec![GuidanceStep { at: 0, share }];
         guidance.begin(500);
         (500..1_000).for_each(|tick| guidance.tick(tick));
         assert_eq!(
-            guidance.force(hand.stands_at(1_000), 0.0, 0.0),
+            guidance.force(hand.standin_position(1_000), 0.0, 0.0),
             100.0 * 5e-3
         );
     }

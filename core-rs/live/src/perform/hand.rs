@@ -4,11 +4,11 @@ use super::guidance::{Guidance, smooth};
 use super::hand_limit::MeasuredKey;
 
 /// Largest motion of the key in one tick of a transition [m].
-const STEP: f64 = 5e-5;
+const MAX_STEP: f64 = 5e-5;
 /// Least and greatest number of ticks of a transition.
-const TICKS: (f64, f64) = (20.0, 4_000.0);
+const TICKS_RANGE: (f64, f64) = (20.0, 4_000.0);
 /// Greatest slope of `smooth`, the transition from 0 to 1 over a length of 1.
-const STEEPEST: f64 = 1.875;
+const MAX_SLOPE: f64 = 1.875;
 
 /// A hand of the piece.
 #[derive(Clone, Debug, Default)]
@@ -28,14 +28,14 @@ pub struct Hand {
     pub measured: Option<MeasuredKey>,
 }
 
-/// Who moves a key, and the state of the transition from the mover before.
+/// Who moves a key, and the state of the transition from the source before.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Mover {
+pub(super) struct HandSource {
     /// Whether a person moves the key; otherwise its stand-in does.
     pub(super) real: bool,
     /// Position of the key [m].
     pub(super) x: f64,
-    /// Distance between both movers at the beginning of a transition [m]; the ticks that the transition takes, and
+    /// Distance between both sources at the beginning of a transition [m]; the ticks that the transition takes, and
     /// those done.
     offset: f64,
     ticks: f64,
@@ -44,27 +44,27 @@ pub(super) struct Mover {
 
 impl Hand {
     /// Position of the stand-in at a tick [m].
-    pub(super) fn stands_at(&self, tick: u64) -> f64 {
+    pub(super) fn standin_position(&self, tick: u64) -> f64 {
         let at = usize::try_from(tick.saturating_sub(self.since)).unwrap_or(usize::MAX);
         let last = self.standin.len().saturating_sub(1);
         self.standin.get(at.min(last)).copied().unwrap_or(0.0)
     }
 }
 
-impl Mover {
-    /// Begin a transition to another mover of the key, who is at `x`.
+impl HandSource {
+    /// Begin a transition to another source of the key, who is at `x`.
     pub(super) fn change(&mut self, real: bool, x: f64) {
         self.real = real;
         self.offset = self.x - x;
-        self.ticks = (STEEPEST * self.offset.abs() / STEP).clamp(TICKS.0, TICKS.1);
+        self.ticks = (MAX_SLOPE * self.offset.abs() / MAX_STEP).clamp(TICKS_RANGE.0, TICKS_RANGE.1);
         self.done = 0.0;
     }
 
-    /// Position of the key in this tick, if its mover is at `x`.
+    /// Position of the key in this tick, if its source is at `x`.
     pub(super) fn follow(&mut self, x: f64) -> f64 {
         self.x = if self.done < self.ticks {
             self.done += 1.0;
-            x + self.offset * (1.0 - self.share())
+            x + self.offset * (1.0 - self.progress())
         } else {
             x
         };
@@ -72,7 +72,7 @@ impl Mover {
     }
 
     /// Progress of the transition, 0 to 1; a person feels this share of the force.
-    pub(super) fn share(&self) -> f64 {
+    pub(super) fn progress(&self) -> f64 {
         if self.done < self.ticks {
             smooth(self.done / self.ticks)
         } else {
@@ -88,13 +88,13 @@ mod tests {
     #[test]
     fn a_change_of_hands_never_jumps() {
         for apart in [1e-5, 3e-3, -12e-3, 60e-3] {
-            let mut mover = Mover::default();
-            mover.follow(0.0);
-            mover.change(true, apart);
+            let mut source = HandSource::default();
+            source.follow(0.0);
+            source.change(true, apart);
             let mut last = 0.0;
             let mut n = 0;
-            while mover.share() < 1.0 {
-                let x = mover.follow(apart);
+            while source.progress() < 1.0 {
+                let x = source.follow(apart);
                 assert!((x - last).abs() < 1e-4, "{} mm", 1e3 * (x - last));
                 last = x;
                 n += 1;

@@ -1,7 +1,7 @@
 //! The greatest stable force of a piece on the key under a real hand.
 
 use super::{Guidance, Hand, Keyboard};
-use crate::safety::margin::Answer;
+use crate::safety::margin::FrequencyResponse;
 use crate::safety::stiffness;
 
 /// Mass [kg] and damping [N·s/m] assumed for a device that does not report them: light, with little friction.
@@ -55,13 +55,15 @@ impl HandKey {
 
     /// The limit for a piece with this response; see [`Hand::response`].
     pub fn limit(&self, response: &[f64]) -> HandLimit {
-        let answer = Answer::new(response);
+        let frequency_response = FrequencyResponse::new(response);
         let (mut scale, mut stiffest) = (1.0_f64, 0.0_f64);
         for &share in Guidance::shares(self.guidance) {
             let (k, z) = self.guidance.map_or((0.0, 0.0), |guidance| {
                 (share.k * guidance.k, share.z * guidance.z)
             });
-            scale = scale.min(stiffness::safe_scale(answer.gain_margin(self.key, k, z)));
+            scale = scale.min(stiffness::safe_scale(
+                frequency_response.gain_margin(self.key, k, z),
+            ));
             let total = Guidance::total_response(self.guidance, response, self.key.period, share);
             stiffest = stiffest.max(stiffness::stiffest(&total));
         }
@@ -87,14 +89,20 @@ pub(super) fn key(
     lockstep: bool,
     period: f64,
 ) -> stiffness::Key {
-    let least = |told: Option<f64>, measured: Option<f64>, usual: f64| {
-        let known = [told, measured].into_iter().flatten().filter(|x| *x > 0.0);
+    let least = |reported: Option<f64>, measured: Option<f64>, usual: f64| {
+        let known = [reported, measured]
+            .into_iter()
+            .flatten()
+            .filter(|x| *x > 0.0);
         known.reduce(f64::min).unwrap_or(usual)
     };
-    let told = spec.loop_delay_s.map(|s| (s / period).ceil());
-    let late = measured.and_then(|key| key.delay);
-    let late = late.map(|s| (s / period - DELAY_DEVIATION).ceil());
-    let delay = [told, late].into_iter().flatten().fold(0.0, f64::max) as usize;
+    let reported = spec.loop_delay_s.map(|s| (s / period).ceil());
+    let measured_delay = measured.and_then(|key| key.delay);
+    let measured_delay = measured_delay.map(|s| (s / period - DELAY_DEVIATION).ceil());
+    let delay = [reported, measured_delay]
+        .into_iter()
+        .flatten()
+        .fold(0.0, f64::max) as usize;
     stiffness::Key {
         mass: least(spec.inertia, measured.map(|key| key.mass), DEFAULT_KEY.0),
         damping: least(spec.damping, measured.map(|key| key.damping), DEFAULT_KEY.1),

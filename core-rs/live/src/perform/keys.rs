@@ -10,24 +10,24 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::Command;
 use super::hand_limit::{self, MeasuredKey};
 use crate::device::calibrate::{self, Axis};
-use crate::device::{self, Device, Ending, MAX_AXES, Sample, Unit, Url, ports};
+use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url, WaitCanceller, ports};
 use crate::safety::{Guarded, Limits, Trip, stiffness};
 
 /// Time between two attempts to open a lost device.
 const RETRY: Duration = Duration::from_millis(500);
-const LOOK: Duration = Duration::from_millis(50);
+const POLL: Duration = Duration::from_millis(50);
 /// Time without a position after which a device counts as lost [s]. Its port may still be open: a datagram socket never
 /// closes.
-const SILENT: f64 = 0.25;
+const LOST_AFTER: f64 = 0.25;
 /// Tolerance of positions beyond the range, as a part of the range: sensors and end stops are not exact.
-const OVER: f64 = 0.5;
+const RANGE_TOLERANCE: f64 = 0.5;
 /// Longest wait for the newest position, as a part of a tick.
 const WAIT: f64 = 0.3;
 
 /// An open device and the hands on it.
 pub struct Keyboard {
     guarded: Box<Guarded>,
-    known: DeviceConfig,
+    config: DeviceConfig,
     /// Pairs of device axis and hand of the piece.
     axes: Vec<(usize, usize)>,
 }
@@ -40,11 +40,11 @@ pub struct DeviceConfig {
     /// Calibrations of axes, each with the number of its axis.
     pub calibration: Vec<(usize, Axis)>,
     /// Greatest force [N], if less than the device's own limit.
-    pub most: Option<f64>,
+    pub force_limit: Option<f64>,
     /// Length of a tick [s].
     pub period: f64,
     /// Ends the search for the device, and its waits for replies.
-    pub ending: Ending,
+    pub canceller: WaitCanceller,
 }
 
 impl DeviceConfig {
@@ -66,7 +66,7 @@ pub struct Slot {
     forces: [f64; MAX_AXES],
     pub(super) sent: [f64; MAX_AXES],
     gone: Arc<AtomicBool>,
-    grave: Producer<Box<Guarded>>,
+    to_drop: Producer<Box<Guarded>>,
     wait: Duration,
     /// Range of plausible positions [m].
     range: [f64; 2],
@@ -80,7 +80,7 @@ pub struct Slot {
 /// The thread that is allowed to wait: it opens the device again and frees lost ones.
 pub(super) struct Reconnector {
     thread: Option<JoinHandle<()>>,
-    ending: Ending,
+    canceller: WaitCanceller,
 }
 
 impl Keyboard {
@@ -89,38 +89,38 @@ impl Keyboard {
     /// # Errors
     /// The error of the device's driver.
     pub fn open(
-        known: DeviceConfig,
+        config: DeviceConfig,
         axes: Vec<(usize, usize)>,
     ) -> Result<Self, device::DeviceError> {
-        let device = known.open()?;
+        let device = config.open()?;
         let n = device.spec().dof;
         if axes.iter().any(|(axis, _)| *axis >= n) {
-            return Err(known.url.cannot(device::NO_AXIS));
+            return Err(config.url.cannot(device::NO_AXIS));
         }
-        Ok(Self::around(device, known, axes))
+        Ok(Self::from_device(device, config, axes))
     }
 
-    /// A keyboard of an open device; if the device is lost, it is opened again as `known` says.
-    pub(super) fn around(
+    /// A keyboard of an open device; if the device is lost, it is opened again as `config` says.
+    pub(super) fn from_device(
         device: Box<dyn Device>,
-        known: DeviceConfig,
+        config: DeviceConfig,
         axes: Vec<(usize, usize)>,
     ) -> Self {
         Self {
-            guarded: known.guard(device),
-            known,
+            guarded: config.guard(device),
+            config,
             axes,
         }
     }
 
     /// The handle that ends the waits for the device.
-    pub(super) fn ending(&self) -> Ending {
-        self.known.ending.clone()
+    pub(super) fn canceller(&self) -> WaitCanceller {
+        self.config.canceller.clone()
     }
 
     /// The key of the device, without hand or piece.
     pub(super) fn key(&self, measured: Option<MeasuredKey>) -> stiffness::Key {
-        self.known.key(&self.guarded, measured)
+        self.config.key(&self.guarded, measured)
     }
 
     /// Pairs of device axis and hand of the piece.
@@ -138,14 +138,14 @@ impl Keyboard {
         index: usize,
         commands: Arc<Mutex<Producer<Command>>>,
     ) -> (Slot, Reconnector) {
-        let (gone, ending) = (Arc::default(), self.known.ending.clone());
+        let (gone, canceller) = (Arc::default(), self.config.canceller.clone());
         // Room for devices that are lost while an earlier one is still to be freed.
-        let (grave, graves) = RingBuffer::new(4);
+        let (to_drop, dropped) = RingBuffer::new(4);
         let [low, high] = self.guarded.spec().pos_range;
-        let over = OVER * (high - low).abs();
+        let tolerance = RANGE_TOLERANCE * (high - low).abs();
         let key = self.key(None);
         let slot = Slot {
-            range: [low.min(high) - over, low.max(high) + over],
+            range: [low.min(high) - tolerance, low.max(high) + tolerance],
             lockstep: self.guarded.in_lockstep(),
             guarded: Some(self.guarded),
             axes: self.axes.clone(),
@@ -153,34 +153,34 @@ impl Keyboard {
             forces: [0.0; MAX_AXES],
             sent: [0.0; MAX_AXES],
             gone: Arc::clone(&gone),
-            grave,
-            wait: Duration::from_secs_f64(WAIT * self.known.period),
+            to_drop,
+            wait: Duration::from_secs_f64(WAIT * self.config.period),
             silent: 0,
-            patience: (SILENT / self.known.period) as u32 + 1,
+            patience: (LOST_AFTER / self.config.period) as u32 + 1,
             earlier: [0; 2],
         };
-        let search = ReconnectLoop {
+        let reconnect = ReconnectLoop {
             key,
             axes: self.axes,
-            identity: self.known.identity(),
-            known: self.known,
+            identity: self.config.identity(),
+            config: self.config,
             index,
             gone,
-            graves,
+            dropped,
             commands,
         };
         let thread = std::thread::Builder::new()
             .name("ergon keys".into())
-            .spawn(move || search.run())
+            .spawn(move || reconnect.run())
             .ok();
-        (slot, Reconnector { thread, ending })
+        (slot, Reconnector { thread, canceller })
     }
 }
 
 impl DeviceConfig {
     fn open(&self) -> Result<Box<dyn Device>, device::DeviceError> {
-        let device = calibrate::applied(
-            device::open_until(&self.url, &self.ending)?,
+        let device = calibrate::with_calibration(
+            device::open_until(&self.url, &self.canceller)?,
             &self.calibration,
         );
         if device.spec().unit == Unit::Radian {
@@ -198,7 +198,9 @@ impl DeviceConfig {
 
     fn guard(&self, device: Box<dyn Device>) -> Box<Guarded> {
         let own = Limits::of(device.spec());
-        let force = self.most.map_or(own.force, |most| most.min(own.force));
+        let force = self
+            .force_limit
+            .map_or(own.force, |limit| limit.min(own.force));
         let limits = Limits { force, ..own };
         Box::new(Guarded::new(device, limits, self.period).watched())
     }
@@ -230,12 +232,12 @@ impl Slot {
     }
 
     /// Set the force of an axis [N].
-    pub(super) fn force(&mut self, axis: usize, force: f64) {
+    pub(super) fn set_force(&mut self, axis: usize, force: f64) {
         self.forces[axis] = force;
     }
 
     /// Set the factor of the forces of an axis; a device that returns gets it in its first tick.
-    pub(super) fn scale(&mut self, axis: usize, scale: f64) {
+    pub(super) fn set_scale(&mut self, axis: usize, scale: f64) {
         if let Some(guarded) = &mut self.guarded {
             guarded.scale(axis, scale);
         }
@@ -265,7 +267,7 @@ impl Slot {
                 self.sent = guarded.device().on_wire(&sent);
                 true
             }
-            Err(_) => self.let_go(),
+            Err(_) => self.detach(),
         }
     }
 
@@ -275,7 +277,7 @@ impl Slot {
     }
 
     /// Receive positions; false if the device has just been lost.
-    pub(super) fn look(&mut self, deadline: Instant) -> bool {
+    pub(super) fn receive(&mut self, deadline: Instant) -> bool {
         self.sample.fresh = false;
         let Some(guarded) = &mut self.guarded else {
             return true;
@@ -295,16 +297,16 @@ impl Slot {
         if done.is_ok() && self.silent <= self.patience {
             return true;
         }
-        self.let_go()
+        self.detach()
     }
 
-    fn let_go(&mut self) -> bool {
+    fn detach(&mut self) -> bool {
         (self.sample.fresh, self.sample.t_dev_us) = (false, None);
         self.earlier = self.interruptions();
-        if let Some(dead) = self.guarded.take() {
+        if let Some(lost) = self.guarded.take() {
             // The reconnector frees it, because closing a port may take long.
-            if let Err(rtrb::PushError::Full(dead)) = self.grave.push(dead) {
-                std::mem::forget(dead);
+            if let Err(rtrb::PushError::Full(lost)) = self.to_drop.push(lost) {
+                std::mem::forget(lost);
             }
         }
         self.sent = [0.0; MAX_AXES];
@@ -313,7 +315,7 @@ impl Slot {
     }
 
     /// Continue with a device that was opened again.
-    pub(super) fn comes_back(&mut self, guarded: Box<Guarded>) {
+    pub(super) fn reopened(&mut self, guarded: Box<Guarded>) {
         self.forces = [0.0; MAX_AXES];
         self.silent = 0;
         self.guarded = Some(guarded);
@@ -321,14 +323,14 @@ impl Slot {
 }
 
 struct ReconnectLoop {
-    known: DeviceConfig,
+    config: DeviceConfig,
     key: stiffness::Key,
     axes: Vec<(usize, usize)>,
     /// Identity of the board that was opened first.
     identity: Option<String>,
     index: usize,
     gone: Arc<AtomicBool>,
-    graves: Consumer<Box<Guarded>>,
+    dropped: Consumer<Box<Guarded>>,
     commands: Arc<Mutex<Producer<Command>>>,
 }
 
@@ -336,23 +338,23 @@ impl ReconnectLoop {
     fn run(mut self) {
         let mut next = Instant::now();
         let mut memory = None;
-        while !self.known.ending.is_over() {
-            std::thread::park_timeout(LOOK);
+        while !self.config.canceller.is_cancelled() {
+            std::thread::park_timeout(POLL);
             let is_gone = self.gone.load(Ordering::Acquire);
             // The lost device is dropped here, before its port is opened again: it sends its last zeros and closes the
             // port.
-            while let Ok(dead) = self.graves.pop() {
-                memory = Some(dead.memory());
+            while let Ok(lost) = self.dropped.pop() {
+                memory = Some(lost.memory());
             }
             if !is_gone || Instant::now() < next {
                 continue;
             }
             next = Instant::now() + RETRY;
             // Another board at the same port may have another motor, whose direction is unknown.
-            if self.identity.is_some() && self.known.identity() != self.identity {
+            if self.identity.is_some() && self.config.identity() != self.identity {
                 continue;
             }
-            let Ok(device) = self.known.open() else {
+            let Ok(device) = self.config.open() else {
                 continue;
             };
             // The name may belong to another device, but the force scales were computed for the first one.
@@ -360,8 +362,8 @@ impl ReconnectLoop {
             if self.axes.iter().any(|(axis, _)| *axis >= n) {
                 continue;
             }
-            let mut guarded = self.known.guard(device);
-            if self.known.key(&guarded, None) != self.key {
+            let mut guarded = self.config.guard(device);
+            if self.config.key(&guarded, None) != self.key {
                 continue;
             }
             if let Some(memory) = &memory {
@@ -377,7 +379,7 @@ impl ReconnectLoop {
 
 impl Drop for Reconnector {
     fn drop(&mut self) {
-        self.ending.end();
+        self.canceller.cancel();
         if let Some(thread) = self.thread.take() {
             thread.thread().unpark();
             // If the thread panicked, its device has been freed.

@@ -12,8 +12,8 @@ use super::control::{Control, MarkDone, SharedFlags};
 use super::player::Player;
 use super::player::change::{Change, ScheduledChange};
 use super::{
-    Act, ChangeError, Command, Ear, Event, Garbage, HandKey, HandLimit, Heard, Keyboard, PlayError,
-    PlaybackConfig, Stage, Status, Window, frozen, keys,
+    Act, ChangeError, Command, Event, Garbage, HandKey, HandLimit, HeardTimes, InputStatus,
+    Keyboard, PlayError, PlaybackConfig, Stage, Status, Window, frozen, keys,
 };
 use crate::audio::{self, AudioError, Output, TapHandle, TapStatus};
 use crate::realtime::{self, Granted};
@@ -24,7 +24,7 @@ use crate::safety;
 #[derive(Default)]
 pub(super) struct SoundEvents {
     all: Vec<audio::Event>,
-    told: [usize; 2],
+    n_taken: [usize; 2],
 }
 
 /// A piece that is being played; it stops when this is dropped.
@@ -43,7 +43,7 @@ pub struct Performance {
     pub(super) garbage: Consumer<Garbage>,
     pub(super) tickets: u64,
     pub(super) tap: Option<TapHandle>,
-    pub(super) heard: Heard,
+    pub(super) input: InputStatus,
     pub(super) sound_events: SoundEvents,
     /// Frames of a tick.
     pub(super) tick_frames: usize,
@@ -72,14 +72,14 @@ impl Performance {
     ) -> Result<Self, PlayError> {
         let (mut this, mut player) = Self::prepare(stage, boards, config)?;
         // Also without a hand: a signal must end the sound at once.
-        safety::watch_ends();
+        safety::watch_termination();
         let flags = this.flags.clone();
         let thread = std::thread::Builder::new()
             .name("ergon physics".into())
             .spawn(move || {
                 let _mark = MarkDone(flags.clone());
-                safety::leave_signals();
-                flags.set_granted(realtime::ask(realtime::PHYSICS));
+                safety::block_signals();
+                flags.set_granted(realtime::request(realtime::PHYSICS_PRIORITY));
                 player.run();
                 // The player is returned, so that it is freed outside the physics thread.
                 player
@@ -115,8 +115,8 @@ impl Performance {
     }
 
     /// The instants at which its frames are heard, for [`Showing::show`](super::Showing::show).
-    pub fn ear(&self) -> Ear {
-        Ear::new(self.output.news(), self.rate, self.start)
+    pub fn heard_times(&self) -> HeardTimes {
+        HeardTimes::new(self.output.sound_clock(), self.rate, self.start)
     }
 
     /// The sound output.
@@ -126,20 +126,20 @@ impl Performance {
 
     /// All events of the output and the input so far.
     pub fn sound_events(&mut self) -> &[audio::Event] {
-        let input = self.heard.input.as_ref().map(audio::Input::events);
-        let SoundEvents { all, told } = &mut self.sound_events;
+        let input = self.input.input.as_ref().map(audio::Input::events);
+        let SoundEvents { all, n_taken } = &mut self.sound_events;
         let both = [self.output.events(), input.unwrap_or_default()];
-        for (told, events) in told.iter_mut().zip(both) {
+        for (n_taken, events) in n_taken.iter_mut().zip(both) {
             let n = events.len();
-            all.extend(events.into_iter().skip(*told));
-            *told = n.max(*told);
+            all.extend(events.into_iter().skip(*n_taken));
+            *n_taken = n.max(*n_taken);
         }
         all
     }
 
     /// The input of the performance, if it has one.
-    pub fn heard(&self) -> &Heard {
-        &self.heard
+    pub fn input(&self) -> &InputStatus {
+        &self.input
     }
 
     /// What the system granted the physics thread; `None` until it runs.
@@ -211,8 +211,8 @@ impl Performance {
     }
 
     /// Set an input of the simulation to a value, full scale 1; ticket and time as in [`Performance::strike`].
-    pub fn tell(&mut self, number: u64, value: f64) -> Option<u64> {
-        self.act(Act::Tell(number, value))
+    pub fn set_input(&mut self, number: u64, value: f64) -> Option<u64> {
+        self.act(Act::SetInput(number, value))
     }
 
     fn act(&mut self, act: Act) -> Option<u64> {
@@ -253,14 +253,14 @@ impl Performance {
         if let Some((simulation, _)) = change.simulation.as_mut().filter(|_| self.is_seen) {
             simulation.watch();
         }
-        let heard = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.tick_frames)];
+        let outputs = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.tick_frames)];
         self.tickets += 1;
         let ticket = self.tickets;
         let due = ScheduledChange {
             at,
             ticket,
             change,
-            heard,
+            outputs,
         };
         if self.command(Command::Change(Box::new(due))) {
             Ok(ticket)
@@ -323,7 +323,7 @@ impl Performance {
         let _ = self.output.wait(patience);
         let closed = self.output.close();
         self.tap = None;
-        self.heard = Heard::default();
+        self.input = InputStatus::default();
         let recorded = self.recorder.take().map(RecorderHandle::stop);
         played?;
         closed?;

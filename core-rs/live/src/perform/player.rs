@@ -1,12 +1,12 @@
 //! What the physics thread does in a tick. Nothing here allocates, locks or fails.
 //!
-//! `exchange` exchanges forces and positions with the keys, `sound` computes and delivers the frames, `telling`
+//! `exchange` exchanges forces and positions with the keys, `sound` computes and delivers the frames, `reports`
 //! reports, `change` puts another version in place.
 
 pub(super) mod change;
 mod exchange;
+mod reports;
 mod sound;
-mod telling;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -19,9 +19,9 @@ use super::clock::Clock;
 use super::control::SharedFlags;
 use super::frozen::Frozen;
 use super::guidance::GuidanceState;
-use super::hand::Mover;
-use super::hearing::Hearing;
+use super::hand::HandSource;
 use super::scale::Scale;
+use super::sound_input::SoundInput;
 use super::status::{Event, EventKind, Status};
 use super::window::Strikes;
 use super::{Act, Command, Garbage, Hand, HandLimit, Slot, Stage, Window};
@@ -46,7 +46,7 @@ pub(super) struct Connections {
     pub(super) feed: Feed,
     pub(super) record: Option<RowSink>,
     pub(super) frozen: Option<Frozen>,
-    pub(super) hearing: Option<Hearing>,
+    pub(super) sound_input: Option<SoundInput>,
     pub(super) shared: Arc<Shared>,
     pub(super) garbage: Producer<Garbage>,
 }
@@ -67,17 +67,17 @@ pub(super) struct Player {
     window: Option<Box<Window>>,
     next_window: Option<Box<Window>>,
     /// Strikes to be reported in the next picture.
-    struck: Strikes,
+    new_strikes: Strikes,
     /// Acts of this tick, with their tickets.
     acts: Vec<(u64, Act)>,
     clock: Clock,
-    pub(super) movers: Vec<Mover>,
+    pub(super) sources: Vec<HandSource>,
     pub(super) guidance: Vec<GuidanceState>,
     pub(super) scales: Vec<Scale>,
     /// Position of each hand's key in the previous tick [m], from which its speed is computed.
     previous: Vec<f64>,
     /// Force of the piece on each hand [N].
-    felt: Vec<f64>,
+    piece_forces: Vec<f64>,
     /// Slot and axis of each hand.
     pub(super) axis_of: Vec<Option<(usize, usize)>>,
     /// For each slot, the tick from which a keyboard that came back plays again.
@@ -91,9 +91,9 @@ pub(super) struct Player {
     folded: Vec<f64>,
     single: Vec<f32>,
     /// Frames of the limiter's delay that are still to be skipped at the beginning.
-    ahead: usize,
+    to_skip: usize,
     /// Frames that the fold and the limiter still hold after the last frame of the piece.
-    tail: usize,
+    tail_frames: usize,
     pub(super) tick: u64,
     pub(super) frame: u64,
     status: Status,
@@ -137,11 +137,11 @@ impl Player {
         };
         Self {
             gain: Glide::new(stage.simulation.rate(), stage.gain),
-            movers: vec![Mover::default(); n],
+            sources: vec![HandSource::default(); n],
             guidance,
             scales,
             previous: vec![0.0; n],
-            felt: vec![0.0; n],
+            piece_forces: vec![0.0; n],
             axis_of,
             returns_at: vec![None; slots.len()],
             rows: vec![recording::Sample::default(); n],
@@ -149,8 +149,8 @@ impl Player {
             mixed: vec![0.0; tick_frames * channels],
             folded: vec![0.0; stage.fold.as_ref().map_or(0, |_| tick_frames * n_heard)],
             single: vec![0.0; tick_frames * n_heard],
-            ahead: latency,
-            tail: stage.n_after(),
+            to_skip: latency,
+            tail_frames: stage.n_tail(),
             tick: stage.simulation.frame() / tick_frames as u64,
             frame: stage.simulation.frame(),
             status,
@@ -159,7 +159,7 @@ impl Player {
             has_positions: false,
             waiting: Vec::with_capacity(SCHEDULED_MAX),
             acts: Vec::with_capacity(ACTS_MAX),
-            struck: Strikes::new(),
+            new_strikes: Strikes::new(),
             tap: None,
             window: None,
             next_window: None,
@@ -182,7 +182,7 @@ impl Player {
         for slot in &mut self.slots {
             slot.stop(true);
         }
-        self.tell(EventKind::Ended);
+        self.send_event(EventKind::Ended);
         self.connections.status.write(self.status);
         self.connections.feed.close();
     }
@@ -193,40 +193,40 @@ impl Player {
             Some(n_frames) => n_frames.saturating_sub(self.frame),
             None => u64::MAX,
         };
-        if left == 0 && self.tail == 0 {
+        if left == 0 && self.tail_frames == 0 {
             return false;
         }
         let playing = self.connections.shared.played() > 0;
         self.wait_for_input();
-        let beat = self.clock.tick(self.connections.feed.filled(), playing);
+        let start = self.clock.tick(self.connections.feed.filled(), playing);
         let began = Instant::now();
-        self.count(beat.late, beat.lost);
-        safety::look_for_signals();
-        self.commands();
-        self.changes();
+        self.count_lateness(start.late, start.was_reset);
+        safety::check_signals();
+        self.run_commands();
+        self.make_changes();
         self.act();
-        self.scale();
+        self.update_scales();
         self.guidance
             .iter_mut()
             .for_each(|guidance| guidance.tick(self.tick));
         let n = (self.stage.tick_frames as u64).min(left) as usize;
         if n > 0 {
-            self.keys();
-            self.hands();
+            self.exchange_forces();
+            self.move_hands();
             self.step(n);
-            self.watch();
+            self.update_hands();
             self.record();
-            self.look();
+            self.publish_picture();
         } else {
             // The last frames of fold and limiter are heard; the hands are stopped.
             self.slots.iter_mut().for_each(|slot| slot.stop(true));
             self.step(0);
         }
-        self.load(began.elapsed());
+        self.note_load(began.elapsed());
         self.connections.status.write(self.status);
         self.feed(
             if n == 0 {
-                self.stage.tick_frames.min(self.tail)
+                self.stage.tick_frames.min(self.tail_frames)
             } else {
                 n
             },
@@ -238,12 +238,12 @@ impl Player {
     /// If there is an input and no key paces the ticks, wait until the ring falls to its level: a fuller ring would
     /// delay the input.
     fn wait_for_input(&self) {
-        let Some(hearing) = &self.connections.hearing else {
+        let Some(sound_input) = &self.connections.sound_input else {
             return;
         };
         let asked = Instant::now();
         while !self.clock.is_by_keys()
-            && hearing.is_enough(self.connections.feed.filled())
+            && sound_input.is_enough(self.connections.feed.filled())
             && asked.elapsed() < PATIENCE
             && !self.connections.flags.stop.load(Ordering::Acquire)
         {
@@ -251,17 +251,17 @@ impl Player {
         }
     }
 
-    fn count(&mut self, late: Duration, lost: bool) {
+    fn count_lateness(&mut self, late: Duration, was_reset: bool) {
         let status = &mut self.status;
         status.late += u64::from(late.as_secs_f64() > LATE * self.clock.period());
         status.latest = status.latest.max(late);
-        if lost {
+        if was_reset {
             status.lost += 1;
-            self.tell(EventKind::Lost(late));
+            self.send_event(EventKind::Lost(late));
         }
     }
 
-    fn commands(&mut self) {
+    fn run_commands(&mut self) {
         while let Ok(command) = self.connections.commands.pop() {
             match command {
                 Command::Gain(gain) => {
@@ -272,7 +272,7 @@ impl Player {
                     self.stage.mixer.set_gain(part, gain);
                     self.note(format_args!("{{\"part\":{part},\"gain\":{gain}}}"));
                 }
-                Command::Change(due) => self.wait_for(due),
+                Command::Change(due) => self.schedule(due),
                 Command::Tap(tap) => self.tap = tap,
                 Command::Window(window) => {
                     if let Some(old) = self.next_window.replace(window) {
@@ -280,14 +280,14 @@ impl Player {
                     }
                 }
                 Command::Act(ticket, _) if self.acts.len() == ACTS_MAX => {
-                    self.tell(EventKind::Missed(ticket));
+                    self.send_event(EventKind::Missed(ticket));
                 }
                 Command::Act(ticket, act) => self.acts.push((ticket, act)),
                 Command::Keys(slot, guarded) => {
-                    self.slots[slot].comes_back(guarded);
+                    self.slots[slot].reopened(guarded);
                     self.slots[slot].stop(self.panicked);
                     self.returns_at[slot] = Some(self.next_bar());
-                    self.tell(EventKind::Back(slot));
+                    self.send_event(EventKind::Back(slot));
                 }
             }
         }
@@ -303,7 +303,7 @@ impl Player {
     }
 
     /// Publish a picture for pages.
-    fn look(&mut self) {
+    fn publish_picture(&mut self) {
         let simulation = &mut self.stage.simulation;
         if (self.next_window.as_ref()).is_some_and(|next| next.is_of(simulation)) {
             std::mem::swap(&mut self.window, &mut self.next_window);
@@ -313,7 +313,7 @@ impl Player {
         }
         if let Some(window) = &mut self.window {
             let simulation = &mut self.stage.simulation;
-            window.look(simulation, &mut self.struck, self.status.dropped);
+            window.publish(simulation, &mut self.new_strikes, self.status.dropped);
         }
     }
 
@@ -324,9 +324,9 @@ impl Player {
             let (ticket, act) = self.acts[at];
             let has_acted = match act {
                 Act::Strike(point, impulse) => self.strike(point, impulse),
-                Act::Tell(number, value) => self.stage.simulation.tell(number, value),
+                Act::SetInput(number, value) => self.stage.simulation.tell(number, value),
             };
-            self.tell(if has_acted {
+            self.send_event(if has_acted {
                 EventKind::Acted(ticket)
             } else {
                 EventKind::Missed(ticket)
@@ -338,7 +338,7 @@ impl Player {
     fn strike(&mut self, point: u32, impulse: f64) -> bool {
         let is_struck = self.stage.simulation.strike(point, impulse);
         if is_struck && self.stage.is_seen {
-            (self.struck).add(self.stage.simulation.frame(), point, impulse);
+            (self.new_strikes).add(self.stage.simulation.frame(), point, impulse);
         }
         is_struck
     }

@@ -12,16 +12,16 @@ use super::player::{self, Player};
 use super::status::{HANDS_MAX, Status};
 use super::{
     HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, SCALE_MIN, Stage, clock, frozen,
-    hearing,
+    sound_input,
 };
 use crate::audio::{self, AudioError};
 use crate::recording::Recorder;
 
 /// Default number of frames that the ring holds ahead of the card, enough for a machine without real-time scheduling.
-const AHEAD: usize = 1_024;
+const DEFAULT_AHEAD: usize = 1_024;
 /// Greatest number of events that wait to be read.
-const EVENTS: usize = 4_096;
-const COMMANDS: usize = 256;
+const EVENTS_MAX: usize = 4_096;
+const COMMANDS_MAX: usize = 256;
 
 impl Performance {
     /// Open the output and the recording, and make the player, but not the thread that runs it.
@@ -58,7 +58,7 @@ impl Performance {
         let block = config.audio.block.unwrap_or(0) as usize;
         let ahead = config
             .ahead
-            .unwrap_or(AHEAD)
+            .unwrap_or(DEFAULT_AHEAD)
             .max(2 * stage.tick_frames.max(block));
         let (feed, drain) = audio::ring(channels, 4 * ahead);
         feed.set_prefill(ahead);
@@ -80,7 +80,7 @@ impl Performance {
             );
             return Err(AudioError::Broken(why).into());
         }
-        let (hearing, heard) = hearing::open(
+        let (sound_input, input) = sound_input::open(
             &config.input,
             &stage.simulation,
             &info,
@@ -95,12 +95,12 @@ impl Performance {
             }
             None => (None, None),
         };
-        let (to_commands, from_commands) = RingBuffer::new(COMMANDS);
-        let (to_events, events) = RingBuffer::new(EVENTS);
+        let (to_commands, from_commands) = RingBuffer::new(COMMANDS_MAX);
+        let (to_events, events) = RingBuffer::new(EVENTS_MAX);
         let (to_garbage, garbage) = RingBuffer::new(2 * SCHEDULED_MAX);
         let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
-        let endings = boards.iter().map(Keyboard::ending).collect();
-        let flags = Arc::new(SharedFlags::new(endings));
+        let cancellers = boards.iter().map(Keyboard::canceller).collect();
+        let flags = Arc::new(SharedFlags::new(cancellers));
         let commands = Arc::new(Mutex::new(to_commands));
         let mut reconnectors = Vec::new();
         let slots: Vec<Slot> = boards
@@ -120,7 +120,7 @@ impl Performance {
             feed,
             record: sink,
             frozen,
-            hearing,
+            sound_input,
             shared: output.shared().clone(),
             garbage: to_garbage,
         };
@@ -157,7 +157,7 @@ impl Performance {
             garbage,
             tickets: 0,
             tap: None,
-            heard,
+            input,
             sound_events: SoundEvents::default(),
             tick_frames,
             channels,

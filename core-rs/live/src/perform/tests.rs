@@ -12,7 +12,7 @@ use ergon_engine::timeline::{HandWay, Timeline};
 use ergon_engine::units::Rate;
 
 use super::*;
-use crate::device::{Ending, Url};
+use crate::device::{Url, WaitCanceller};
 
 mod changes;
 mod keys;
@@ -61,14 +61,14 @@ fn keyboard(hand: usize, left: u32) -> Keyboard {
     let url = Url::parse(KEY).unwrap();
     let key = crate::device::open(&url).unwrap();
     let brief = Box::new(Unplugged { key, left });
-    let known = DeviceConfig {
+    let config = DeviceConfig {
         url,
         calibration: Vec::new(),
-        most: None,
+        force_limit: None,
         period: EVERY as f64 / RATE,
-        ending: Ending::default(),
+        canceller: WaitCanceller::default(),
     };
-    Keyboard::around(brief, known, vec![(0, hand)])
+    Keyboard::from_device(brief, config, vec![(0, hand)])
 }
 
 /// Two keys, and between them a mass that swings and is heard.

@@ -2,10 +2,10 @@
 //!
 //! Once per video frame the physics thread copies the moving points into a picture (`Window`). An ordinary thread makes
 //! chunks of the picture and gives them to the server of the pages (`Showing`), with the instant at which its frame is
-//! heard (`Ear`). The physics thread never waits: while a picture has not been fetched, the next one is skipped and
-//! counted, and its contacts and levels are added to the one after.
+//! heard (`HeardTimes`). The physics thread never waits: while a picture has not been fetched, the next one is skipped
+//! and counted, and its contacts and levels are added to the one after.
 
-mod ear;
+mod heard_times;
 mod showing;
 
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use ergon_engine::simulation::{Glance, Look, Simulation};
 use ergon_view::record::{Recorder, Setup, add_squares};
 use triple_buffer::{Input, Output, triple_buffer};
 
-pub use ear::Ear;
+pub use heard_times::HeardTimes;
 #[cfg(test)]
 pub(super) use showing::Relay;
 pub use showing::Showing;
@@ -62,9 +62,9 @@ struct Picture {
     /// Strikes since the previous picture: the first `n_strikes` entries are valid   (STRIKES_MAX)
     strikes: Vec<Strike>,
     n_strikes: usize,
-    /// Sum of the squares of `heard` frames, for each loudspeaker.
+    /// Sum of the squares of `n_heard` frames, for each loudspeaker.
     squares: Vec<f64>,
-    heard: u64,
+    n_heard: u64,
     /// Number of frames that had been dropped by then, because the ring was full.
     dropped: u64,
 }
@@ -73,11 +73,11 @@ struct Picture {
 pub struct Window {
     look: Look,
     /// Pictures per audio frame.
-    pace: f64,
+    pictures_per_frame: f64,
     /// Number of the last video frame for which a picture was due.
     last: Option<u64>,
     squares: Vec<f64>,
-    heard: u64,
+    n_heard: u64,
     pictures: Input<Picture>,
     skipped: Arc<AtomicU64>,
 }
@@ -104,16 +104,16 @@ pub fn window(
         strikes: vec![Strike::default(); STRIKES_MAX],
         n_strikes: 0,
         squares: vec![0.0; setup.n_speakers],
-        heard: 0,
+        n_heard: 0,
         dropped: 0,
     };
     let (to_pictures, pictures) = triple_buffer(&picture);
     let skipped = Arc::new(AtomicU64::new(0));
     let window = Window {
-        pace: setup.fps / simulation.rate(),
+        pictures_per_frame: setup.fps / simulation.rate(),
         last: None,
         squares: picture.squares,
-        heard: 0,
+        n_heard: 0,
         pictures: to_pictures,
         skipped: skipped.clone(),
         look: look.clone(),
@@ -129,11 +129,11 @@ pub fn window(
 impl Window {
     /// Add the levels of a tick's loudspeaker channels; `is_heard` is false during a panic, which counts as silence
     /// (n_frames · n_speakers)
-    pub(super) fn hear(&mut self, mixed: &[f64], is_heard: bool) {
+    pub(super) fn add_levels(&mut self, mixed: &[f64], is_heard: bool) {
         if is_heard {
-            self.heard += add_squares(&mut self.squares, mixed);
+            self.n_heard += add_squares(&mut self.squares, mixed);
         } else {
-            self.heard += (mixed.len() / self.squares.len().max(1)) as u64;
+            self.n_heard += (mixed.len() / self.squares.len().max(1)) as u64;
         }
     }
 
@@ -144,13 +144,13 @@ impl Window {
 
     /// Publish a picture, with the strikes, if a new video frame has begun since the last call. Do nothing for a
     /// simulation that is not its own.
-    pub(super) fn look(
+    pub(super) fn publish(
         &mut self,
         simulation: &mut Simulation,
         strikes: &mut Strikes,
         dropped: u64,
     ) {
-        let now = (simulation.frame() as f64 * self.pace) as u64;
+        let now = (simulation.frame() as f64 * self.pictures_per_frame) as u64;
         if self.last == Some(now) || !self.is_of(simulation) {
             return;
         }
@@ -166,7 +166,7 @@ impl Window {
         strikes.0.clear();
         std::mem::swap(&mut picture.squares, &mut self.squares);
         self.squares.fill(0.0);
-        picture.heard = std::mem::take(&mut self.heard);
+        picture.n_heard = std::mem::take(&mut self.n_heard);
         picture.dropped = dropped;
         self.pictures.publish();
     }

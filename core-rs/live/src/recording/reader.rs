@@ -10,7 +10,7 @@ use super::row::{self, Sample};
 use super::{Header, MAGIC, MAX_EVENTS, MAX_SAMPLES, RecordingError, VERSION};
 
 /// Payload of a chunk of rows that is written at once: small, so that damage to one chunk costs little.
-const PIECE: usize = 1 << 16;
+const ROWS_PAYLOAD: usize = 1 << 16;
 const EVENT: usize = 8 + 4;
 
 /// Rows and events in memory; columns are (n_ticks × n_axes), row by row.
@@ -54,7 +54,7 @@ impl Recording {
             finished: true,
             ..Self::empty(header)
         }
-        .with(ticks, samples))
+        .with_rows(ticks, samples))
     }
 
     fn empty(header: Header) -> Self {
@@ -69,7 +69,7 @@ impl Recording {
         }
     }
 
-    fn with(self, ticks: Vec<u64>, samples: Vec<Sample>) -> Self {
+    fn with_rows(self, ticks: Vec<u64>, samples: Vec<Sample>) -> Self {
         Self {
             ticks,
             samples,
@@ -110,7 +110,7 @@ impl Recording {
 
     /// Positions [m] at every tick from the first to the last, (n × n_axes), as the physics consumes them when the
     /// recording is played back. A missing tick holds the previous position, as for a late device.
-    pub fn held(&self) -> Result<Vec<f64>, RecordingError> {
+    pub fn positions_filled(&self) -> Result<Vec<f64>, RecordingError> {
         let (Some(&first), Some(&last)) = (self.ticks.first(), self.ticks.last()) else {
             return Ok(Vec::new());
         };
@@ -118,15 +118,15 @@ impl Recording {
         if last - first >= (MAX_SAMPLES / n_axes) as u64 {
             return Err(RecordingError::TooLong);
         }
-        let mut held = Vec::with_capacity((last - first + 1) as usize * n_axes);
+        let mut positions = Vec::with_capacity((last - first + 1) as usize * n_axes);
         for (tick, row) in self.ticks.iter().zip(self.samples.chunks_exact(n_axes)) {
-            let gap = (tick - first) as usize - held.len() / n_axes;
+            let gap = (tick - first) as usize - positions.len() / n_axes;
             for _ in 0..gap {
-                held.extend_from_within(held.len() - n_axes..);
+                positions.extend_from_within(positions.len() - n_axes..);
             }
-            held.extend(row.iter().map(|sample| sample.position));
+            positions.extend(row.iter().map(|sample| sample.position));
         }
-        Ok(held)
+        Ok(positions)
     }
 
     /// Write the recording as a whole, finished file.
@@ -134,7 +134,7 @@ impl Recording {
         let mut bytes = start(&self.header);
         let n_axes = self.header.axes.len();
         let size = row::size(n_axes);
-        let per_chunk = (PIECE / size).max(1);
+        let per_chunk = (ROWS_PAYLOAD / size).max(1);
         let mut payload = Vec::new();
         let rows = self.samples.chunks(n_axes * per_chunk);
         for (ticks, samples) in self.ticks.chunks(per_chunk).zip(rows) {
@@ -179,7 +179,7 @@ pub(super) fn start(header: &Header) -> Vec<u8> {
 pub fn read(path: &Path, ticks: Option<Range<u64>>) -> Result<Recording, RecordingError> {
     // Checked before opening, because opening a named pipe would wait for a writer.
     if !fs::metadata(path)?.is_file() {
-        return Err(RecordingError::NotOne);
+        return Err(RecordingError::NotARecording);
     }
     let file = File::open(path)?;
     let length = file.metadata()?.len();
@@ -194,12 +194,12 @@ pub(crate) fn decode(
 ) -> Result<Recording, RecordingError> {
     let mut prefix = [0; MAGIC.len() + 4];
     if length < prefix.len() as u64 {
-        return Err(RecordingError::NotOne);
+        return Err(RecordingError::NotARecording);
     }
     from.read_exact(&mut prefix)?;
     let (magic, version) = prefix.split_at(MAGIC.len());
     if magic != MAGIC {
-        return Err(RecordingError::NotOne);
+        return Err(RecordingError::NotARecording);
     }
     let version = u32::from_le_bytes([version[0], version[1], version[2], version[3]]);
     if version != VERSION {

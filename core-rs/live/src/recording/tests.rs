@@ -142,12 +142,12 @@ fn a_part_of_it_can_be_read() {
 
 #[test]
 fn a_missing_tick_holds_the_one_before() {
-    let held = made(&[3, 4, 7], 2).held().unwrap();
+    let held = made(&[3, 4, 7], 2).positions_filled().unwrap();
     let position = |tick, axis| sample(tick, axis).position;
     let wanted = [3, 4, 4, 4, 7].map(|tick| [position(tick, 0), position(tick, 1)]);
     assert_eq!(held, wanted.concat());
-    assert!(made(&[], 2).held().unwrap().is_empty());
-    let apart = made(&[3, u64::MAX - 1], 1).held();
+    assert!(made(&[], 2).positions_filled().unwrap().is_empty());
+    let apart = made(&[3, u64::MAX - 1], 1).positions_filled();
     assert!(matches!(apart, Err(RecordingError::TooLong)));
 }
 
@@ -221,11 +221,11 @@ fn every_axis_has_a_name_of_its_own() {
 fn only_files_are_read() {
     let folder = Folder::new();
     let refused = read(&folder.0, None);
-    assert!(matches!(refused, Err(RecordingError::NotOne)));
+    assert!(matches!(refused, Err(RecordingError::NotARecording)));
     let mut file = fs::File::create(folder.file("no.take")).unwrap();
     file.write_all(b"t [s],x [mm]\n0,0\n1,0\n").unwrap();
     let refused = read(&folder.file("no.take"), None);
-    assert!(matches!(refused, Err(RecordingError::NotOne)));
+    assert!(matches!(refused, Err(RecordingError::NotARecording)));
 }
 
 /// Recordings of some axes, with gaps, divided into chunks.

@@ -51,7 +51,7 @@ impl Recorder {
         }
         sync_folder(path);
 
-        let (sink, writer) = ends(header, file, bytes.len() as u64);
+        let (sink, writer) = channel(header, file, bytes.len() as u64);
         let shared = Arc::clone(&writer.shared);
         let thread = thread::Builder::new()
             .name("recorder".to_owned())
@@ -61,8 +61,8 @@ impl Recorder {
     }
 }
 
-/// Both ends of the rings: the sink that fills them, and the writer that empties them into a file of `good` bytes.
-fn ends(header: &Header, file: File, good: u64) -> (RowSink, Writer) {
+/// Both ends of the rings: the sink that fills them, and the writer that empties them into a file of `valid_len` bytes.
+fn channel(header: &Header, file: File, valid_len: u64) -> (RowSink, Writer) {
     let n_axes = header.axes.len();
     let row = row::size(n_axes);
     let rows = (header.tick_rate() * PATIENCE).ceil().max(MIN_ROWS) as usize;
@@ -71,7 +71,7 @@ fn ends(header: &Header, file: File, good: u64) -> (RowSink, Writer) {
     let shared = Arc::new(Shared::default());
     let writer = Writer {
         file,
-        good,
+        valid_len,
         rows: from_rows,
         row,
         events: from_events,
@@ -135,14 +135,14 @@ impl RowSink {
     pub fn row(&mut self, tick: u64, samples: &[Sample]) -> bool {
         let follows = self.last.is_none_or(|last| tick > last);
         if !follows || samples.len() != self.n_axes {
-            return self.kept(false);
+            return self.count_dropped(false);
         }
         row::encode(&mut self.row, tick, samples);
         let room = self.rows.push_entire_slice(&self.row).is_ok();
         if room {
             self.last = Some(tick);
         }
-        self.kept(room)
+        self.count_dropped(room)
     }
 
     /// Record another event of a tick as a JSON line of at most 1 KiB, such as `format_args!(r#"{{"late":{n}}}"#)`.
@@ -156,7 +156,7 @@ impl RowSink {
         head[8..].copy_from_slice(&(length as u32).to_le_bytes());
         let event = &buffer[..EVENT_HEAD + length];
         let kept = fits && self.events.push_entire_slice(event).is_ok();
-        self.kept(kept)
+        self.count_dropped(kept)
     }
 
     /// Whether there is room for a row now.
@@ -169,7 +169,7 @@ impl RowSink {
         self.shared.dropped.load(Ordering::Relaxed)
     }
 
-    fn kept(&self, kept: bool) -> bool {
+    fn count_dropped(&self, kept: bool) -> bool {
         if !kept {
             self.shared.dropped.fetch_add(1, Ordering::Relaxed);
         }
@@ -232,7 +232,7 @@ impl Drop for RecorderHandle {
 struct Writer {
     file: File,
     /// Length of the file up to its last whole chunk [bytes].
-    good: u64,
+    valid_len: u64,
     rows: Consumer<u8>,
     row: usize,
     events: Consumer<u8>,
@@ -280,9 +280,9 @@ impl Writer {
 
     /// Move the rows and the events of the rings into one chunk each.
     fn gather(&mut self) {
-        let most = chunk::MAX_PAYLOAD / self.row * self.row;
+        let limit = chunk::MAX_PAYLOAD / self.row * self.row;
         let rows = self.rows.slots() / self.row * self.row;
-        if drain(&mut self.rows, rows.min(most), &mut self.payload) {
+        if drain(&mut self.rows, rows.min(limit), &mut self.payload) {
             chunk::append(&mut self.pending, chunk::ROWS, &self.payload);
             self.pending_rows = (self.payload.len() / self.row) as u64;
         }
@@ -300,10 +300,10 @@ impl Writer {
             return Ok(());
         }
         if let Err(error) = self.file.write_all(&self.pending) {
-            self.file.set_len(self.good).ok();
+            self.file.set_len(self.valid_len).ok();
             return Err(error);
         }
-        self.good += self.pending.len() as u64;
+        self.valid_len += self.pending.len() as u64;
         self.shared
             .rows
             .fetch_add(self.pending_rows, Ordering::Relaxed);
@@ -358,7 +358,7 @@ mod tests {
     fn rows_wait_for_a_disk_that_is_full() {
         let (header, beginning, path) = file("full");
         let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let (mut sink, mut writer) = ends(&header, full, beginning.len() as u64);
+        let (mut sink, mut writer) = channel(&header, full, beginning.len() as u64);
         for tick in 0..3 {
             assert!(sink.row(tick, &[Sample::default()]));
             assert!(writer.append_all(false).is_err());
@@ -376,7 +376,7 @@ mod tests {
     fn what_finds_no_room_is_counted() {
         let (header, beginning, path) = file("room");
         let plain = OpenOptions::new().append(true).open(&path).unwrap();
-        let (mut sink, mut writer) = ends(&header, plain, beginning.len() as u64);
+        let (mut sink, mut writer) = channel(&header, plain, beginning.len() as u64);
         let one = [Sample::default()];
         assert!(sink.row(5, &one));
         assert!(!sink.row(5, &one), "a tick comes once");

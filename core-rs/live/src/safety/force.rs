@@ -34,7 +34,7 @@ impl SafeForce {
     /// The same forces times a gain for each axis, for motors that pull the other way or less strongly; gains are
     /// clamped to -1 to 1.
     #[must_use]
-    pub fn turned(&self, gains: &[f64; MAX_AXES]) -> Self {
+    pub fn with_gains(&self, gains: &[f64; MAX_AXES]) -> Self {
         let mut turned = *self;
         for (force, gain) in turned.newtons.iter_mut().zip(gains) {
             // A gain of 1 changes no bit; a gain of NaN gives no force.

@@ -3,11 +3,11 @@
 #[cfg(not(unix))]
 pub(super) use elsewhere::{Armed, arm};
 #[cfg(not(unix))]
-pub use elsewhere::{leave_signals, look_for_signals, watch, watch_ends};
+pub use elsewhere::{block_signals, check_signals, watch, watch_termination};
 #[cfg(unix)]
 pub(super) use unix::{Armed, arm};
 #[cfg(unix)]
-pub use unix::{leave_signals, look_for_signals, watch, watch_ends};
+pub use unix::{block_signals, check_signals, watch, watch_termination};
 
 /// On a system without file descriptors, the device's own watchdog is the last resort.
 #[cfg(not(unix))]
@@ -25,13 +25,13 @@ mod elsewhere {
     pub fn watch(_: i32, _: Stop) {}
 
     /// Signals are not watched here.
-    pub fn watch_ends() {}
+    pub fn watch_termination() {}
 
     /// Signals are not watched here.
-    pub fn leave_signals() {}
+    pub fn block_signals() {}
 
     /// Signals are not watched here.
-    pub fn look_for_signals() {}
+    pub fn check_signals() {}
 }
 
 #[cfg(unix)]
@@ -39,14 +39,15 @@ mod unix {
     use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU8, AtomicUsize, Ordering};
     use std::sync::{Mutex, Once, OnceLock, PoisonError};
 
-    use super::super::FAREWELLS;
+    use super::super::ZERO_REPEATS;
     use crate::safety::contract::LastResort;
     use crate::stop::{self, Stop};
 
     /// Greatest number of open devices that are zeroed.
     const SLOTS: usize = 16;
     /// Signals that end a program, but that it may handle and survive.
-    const ENDS: [i32; 4] = [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
+    const TERMINATION_SIGNALS: [i32; 4] =
+        [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
     /// Signals that a program does not survive; the former handler of each runs after ours.
     const FAULTS: [i32; 5] = [
         libc::SIGABRT,
@@ -73,23 +74,23 @@ mod unix {
         }
     }; SLOTS];
 
-    static BEFORE: [OnceLock<libc::sigaction>; FAULTS.len()] =
+    static FORMER_HANDLERS: [OnceLock<libc::sigaction>; FAULTS.len()] =
         [const { OnceLock::new() }; FAULTS.len()];
 
     /// A signal that may end the program: what it stops, and the handler that was set before ours.
-    struct End {
+    struct WatchedSignal {
         stops: AtomicU8,
         handler: AtomicUsize,
         has_info: AtomicBool,
     }
 
-    static WATCHED: [End; ENDS.len()] = [const {
-        End {
+    static WATCHED: [WatchedSignal; TERMINATION_SIGNALS.len()] = [const {
+        WatchedSignal {
             stops: AtomicU8::new(Stop::All as u8),
             handler: AtomicUsize::new(libc::SIG_DFL),
             has_info: AtomicBool::new(false),
         }
-    }; ENDS.len()];
+    }; TERMINATION_SIGNALS.len()];
 
     /// A device that is zeroed in an emergency, as long as this value lives.
     pub(in crate::safety) struct Armed(usize);
@@ -109,11 +110,11 @@ mod unix {
                 zero_all();
                 before(info);
             }));
-            for (signal, before) in FAULTS.into_iter().zip(&BEFORE) {
+            for (signal, before) in FAULTS.into_iter().zip(&FORMER_HANDLERS) {
                 watch_fault(signal, before);
             }
         });
-        watch_ends();
+        watch_termination();
         let claim = |slot: &Slot| {
             let taken = slot
                 .fd
@@ -132,8 +133,8 @@ mod unix {
 
     /// Send all packets of zero forces. It does only what a signal handler may do: loads, write(2) and nanosleep(2).
     fn zero_all() {
-        for farewell in 0..FAREWELLS {
-            if farewell > 0 {
+        for repeat in 0..ZERO_REPEATS {
+            if repeat > 0 {
                 // By then a force that another thread was just sending has gone out.
                 let while_it_passes = libc::timespec {
                     tv_sec: 0,
@@ -178,7 +179,7 @@ mod unix {
         stop::stop(Stop::All);
         zero_all();
         let known = FAULTS.iter().position(|&known| known == signal);
-        if let Some(before) = known.and_then(|index| BEFORE[index].get()) {
+        if let Some(before) = known.and_then(|index| FORMER_HANDLERS[index].get()) {
             // The signal is raised again, and the former handler gets it when this one returns.
             // SAFETY: `before` is what sigaction gave; both calls are allowed in a handler.
             unsafe {
@@ -190,8 +191,15 @@ mod unix {
 
     /// Stop what the signal stops, then call the former handler: Python's only notes the signal, and acts when the
     /// interpreter runs.
-    extern "C" fn on_end(signal: i32, info: *mut libc::siginfo_t, context: *mut libc::c_void) {
-        let Some(index) = ENDS.iter().position(|&known| known == signal) else {
+    extern "C" fn on_termination(
+        signal: i32,
+        info: *mut libc::siginfo_t,
+        context: *mut libc::c_void,
+    ) {
+        let Some(index) = TERMINATION_SIGNALS
+            .iter()
+            .position(|&known| known == signal)
+        else {
             return;
         };
         let own = &WATCHED[index];
@@ -236,18 +244,21 @@ mod unix {
     ///
     /// Signals that do not end programs, and ignored signals, are left alone.
     pub fn watch(signal: i32, stops: Stop) {
-        if let Some(index) = ENDS.iter().position(|&known| known == signal) {
+        if let Some(index) = TERMINATION_SIGNALS
+            .iter()
+            .position(|&known| known == signal)
+        {
             WATCHED[index].stops.store(stops as u8, Ordering::SeqCst);
-            watch_end(signal);
+            watch_termination_signal(signal);
         }
     }
 
-    fn ends() -> libc::sigset_t {
+    fn termination_set() -> libc::sigset_t {
         // SAFETY: the calls fill the local set.
         unsafe {
             let mut set: libc::sigset_t = std::mem::zeroed();
             libc::sigemptyset(&raw mut set);
-            for signal in ENDS {
+            for signal in TERMINATION_SIGNALS {
                 libc::sigaddset(&raw mut set, signal);
             }
             set
@@ -256,22 +267,22 @@ mod unix {
 
     /// Block signals that end programs in this thread: other threads handle them, and this one can check for pending
     /// ones.
-    pub fn leave_signals() {
-        let set = ends();
+    pub fn block_signals() {
+        let set = termination_set();
         // SAFETY: the set is valid; the former mask is not requested.
         unsafe { libc::pthread_sigmask(libc::SIG_BLOCK, &raw const set, std::ptr::null_mut()) };
     }
 
     /// Stop what a pending signal stops: the thread that is to handle it may be waiting for a processor, or handle no
-    /// signals for a while. For a thread that called [`leave_signals`].
-    pub fn look_for_signals() {
+    /// signals for a while. For a thread that called [`block_signals`].
+    pub fn check_signals() {
         // SAFETY: the calls fill a local set and read it.
         unsafe {
             let mut set: libc::sigset_t = std::mem::zeroed();
             if libc::sigpending(&raw mut set) != 0 {
                 return;
             }
-            for (signal, own) in ENDS.into_iter().zip(&WATCHED) {
+            for (signal, own) in TERMINATION_SIGNALS.into_iter().zip(&WATCHED) {
                 if libc::sigismember(&raw const set, signal) == 1 {
                     stop::stop(Stop::of(own.stops.load(Ordering::SeqCst)));
                 }
@@ -280,22 +291,27 @@ mod unix {
     }
 
     /// Watch every signal that ends programs; by default it stops everything.
-    pub fn watch_ends() {
-        ENDS.into_iter().for_each(watch_end);
+    pub fn watch_termination() {
+        TERMINATION_SIGNALS
+            .into_iter()
+            .for_each(watch_termination_signal);
     }
 
     /// Install our handler in front of the present one.
-    fn watch_end(signal: i32) {
+    fn watch_termination_signal(signal: i32) {
         static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
         let _one = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(index) = ENDS.iter().position(|&known| known == signal) else {
+        let Some(index) = TERMINATION_SIGNALS
+            .iter()
+            .position(|&known| known == signal)
+        else {
             return;
         };
         // SAFETY: zero is a valid sigaction, the calls write into locals, the handler does only what handlers may.
         unsafe {
             let mut old: libc::sigaction = std::mem::zeroed();
             libc::sigaction(signal, std::ptr::null(), &raw mut old);
-            let ours = on_end as *const () as usize;
+            let ours = on_termination as *const () as usize;
             if [ours, libc::SIG_IGN].contains(&old.sa_sigaction) {
                 return;
             }

@@ -11,76 +11,80 @@ use super::stiffness::Key;
 
 /// Number of frequencies, from 0 to half the tick rate, for each tick of a response: closer than the peaks of anything
 /// that rings no longer than the response.
-const CLOSE: usize = 4;
+const POINTS_PER_TICK: usize = 4;
 /// Least length that a response is padded to [ticks].
-const SHORTEST: usize = 512;
+const MIN_LENGTH: usize = 512;
 /// Stiffness and damping of hands that may hold a key [N/m, N·s/m]: none, soft ones, firm ones.
 const HANDS: [(f64, f64); 4] = [(0.0, 0.0), (100.0, 1.0), (400.0, 4.0), (1_500.0, 10.0)];
 
 type Complex = (f64, f64);
 
 /// The frequency response of a piece, from 0 to half the tick rate, without 0.
-pub struct Answer {
+pub struct FrequencyResponse {
     /// Each frequency as z on the unit circle, and the force against a hand there [N/m].
-    places: Vec<(Complex, Complex)>,
-    acts: bool,
+    points: Vec<(Complex, Complex)>,
+    is_nonzero: bool,
 }
 
-impl Answer {
-    /// The answer of a piece with this response (n_ticks,) [N/m]: the force against a hand that is displaced by 1 m for
-    /// one tick, in that tick and after it.
+impl FrequencyResponse {
+    /// The frequency response of a piece with this response (n_ticks,) [N/m]: the force against a hand that is
+    /// displaced by 1 m for one tick, in that tick and after it.
     pub fn new(response: &[f64]) -> Self {
-        let acts = response.iter().any(|force| *force != 0.0);
-        let lasts = response.len().next_power_of_two().max(SHORTEST);
-        let turns = turns(2 * CLOSE * lasts);
-        let mut met = vec![(0.0, 0.0); turns.len()];
-        for (met, force) in met.iter_mut().zip(response) {
-            met.0 = *force;
+        let is_nonzero = response.iter().any(|force| *force != 0.0);
+        let padded = response.len().next_power_of_two().max(MIN_LENGTH);
+        let circle = unit_circle(2 * POINTS_PER_TICK * padded);
+        let mut frequency_response = vec![(0.0, 0.0); circle.len()];
+        for (value, force) in frequency_response.iter_mut().zip(response) {
+            value.0 = *force;
         }
-        if acts {
-            transform(&mut met, &turns);
+        if is_nonzero {
+            transform(&mut frequency_response, &circle);
         }
-        let half = turns.len() / 2;
+        let half = circle.len() / 2;
         // 0 is left out because a free key drifts.
-        let places = turns.into_iter().zip(met).take(half).skip(1);
+        let points = circle
+            .into_iter()
+            .zip(frequency_response)
+            .take(half)
+            .skip(1);
         Self {
-            places: places.collect(),
-            acts,
+            points: points.collect(),
+            is_nonzero,
         }
     }
 
     /// Gain margin of the loop of key and piece, with a spring `k` [N/m] and a damper `z` [N·s/m] to the ground beside
     /// the piece: the factor of all forces at the border of stability; infinite if no factor makes the loop unstable.
     pub fn gain_margin(&self, key: Key, k: f64, z: f64) -> f64 {
-        if !self.acts && (k, z) == (0.0, 0.0) {
+        if !self.is_nonzero && (k, z) == (0.0, 0.0) {
             return f64::INFINITY;
         }
-        let parts = HANDS.map(|hand| self.held_by(hand, key, k, z / key.period));
+        let parts = HANDS.map(|hand| self.margin_held_by(hand, key, k, z / key.period));
         parts.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    fn held_by(&self, hand: (f64, f64), key: Key, k: f64, z: f64) -> f64 {
+    fn margin_held_by(&self, hand: (f64, f64), key: Key, k: f64, z: f64) -> f64 {
         let motion = Motion::new(key, hand);
         let mut least = f64::INFINITY;
         let mut before: Option<Complex> = None;
-        for &(turned, scene) in &self.places {
+        for &(z_at, scene) in &self.points {
             // The damper acts on the displacement since the previous tick.
-            let back = (turned.0, -turned.1);
-            let met = (scene.0 + k + z * (1.0 - back.0), scene.1 - z * back.1);
-            let mut round = times(met, motion.answer(turned));
+            let back = (z_at.0, -z_at.1);
+            let stiffness = (scene.0 + k + z * (1.0 - back.0), scene.1 - z * back.1);
+            let mut loop_gain = times(stiffness, motion.transfer(z_at));
             for _ in 0..key.delay {
-                round = times(round, back);
+                loop_gain = times(loop_gain, back);
             }
             if let Some(before) = before
-                && (before.1 < 0.0) != (round.1 < 0.0)
+                && (before.1 < 0.0) != (loop_gain.1 < 0.0)
             {
-                let share = before.1 / (before.1 - round.1);
-                let real = before.0 + (round.0 - before.0) * share;
+                let share = before.1 / (before.1 - loop_gain.1);
+                let real = before.0 + (loop_gain.0 - before.0) * share;
                 if real < 0.0 {
                     least = least.min(-1.0 / real);
                 }
             }
-            before = Some(round);
+            before = Some(loop_gain);
         }
         // At half the tick rate the loop gain is real.
         match before {
@@ -131,14 +135,14 @@ impl Motion {
     }
 
     /// Transfer function from force to position at z on the unit circle [m/N].
-    fn answer(&self, (re, im): Complex) -> Complex {
+    fn transfer(&self, (re, im): Complex) -> Complex {
         let Self { a, b } = self;
-        let over = (b[0] * (re - a[1][1]) + a[0][1] * b[1], b[0] * im);
-        let under = times((re - a[0][0], im), (re - a[1][1], im));
-        let under = (under.0 - a[0][1] * a[1][0], under.1);
-        let size = under.0 * under.0 + under.1 * under.1;
-        let whole = times(over, (under.0, -under.1));
-        (whole.0 / size, whole.1 / size)
+        let numerator = (b[0] * (re - a[1][1]) + a[0][1] * b[1], b[0] * im);
+        let denominator = times((re - a[0][0], im), (re - a[1][1], im));
+        let denominator = (denominator.0 - a[0][1] * a[1][0], denominator.1);
+        let size = denominator.0 * denominator.0 + denominator.1 * denominator.1;
+        let product = times(numerator, (denominator.0, -denominator.1));
+        (product.0 / size, product.1 / size)
     }
 }
 
@@ -147,7 +151,7 @@ fn times(a: Complex, b: Complex) -> Complex {
 }
 
 /// n points evenly on the unit circle, beginning with 1.
-fn turns(n: usize) -> Vec<Complex> {
+fn unit_circle(n: usize) -> Vec<Complex> {
     let angle = |place: usize| 2.0 * std::f64::consts::PI * place as f64 / n as f64;
     (0..n)
         .map(|place| (cos(angle(place)), sin(angle(place))))
@@ -155,7 +159,7 @@ fn turns(n: usize) -> Vec<Complex> {
 }
 
 /// Σ x[j]·z⁻ʲ at all points, in their order: a radix-2 transform (Cooley & Tukey 1965).
-fn transform(x: &mut [Complex], turns: &[Complex]) {
+fn transform(x: &mut [Complex], circle: &[Complex]) {
     let n = x.len();
     let bits = n.trailing_zeros();
     for i in 0..n {
@@ -170,7 +174,7 @@ fn transform(x: &mut [Complex], turns: &[Complex]) {
         for block in x.chunks_exact_mut(len) {
             let (low, high) = block.split_at_mut(len / 2);
             for (k, (low, high)) in low.iter_mut().zip(high).enumerate() {
-                let (c, s) = turns[k * step];
+                let (c, s) = circle[k * step];
                 let far = times(*high, (c, -s));
                 *high = (low.0 - far.0, low.1 - far.1);
                 *low = (low.0 + far.0, low.1 + far.1);
@@ -186,13 +190,13 @@ mod tests {
 
     #[test]
     fn the_transform_is_the_sum() {
-        let turns = turns(16);
+        let circle = unit_circle(16);
         let x: Vec<f64> = (0..16).map(|i| f64::from(i * i % 7)).collect();
-        let mut met: Vec<Complex> = x.iter().map(|&x| (x, 0.0)).collect();
-        transform(&mut met, &turns);
-        for (place, found) in met.iter().enumerate() {
+        let mut found: Vec<Complex> = x.iter().map(|&x| (x, 0.0)).collect();
+        transform(&mut found, &circle);
+        for (place, found) in found.iter().enumerate() {
             let term = |(j, x): (usize, &f64)| {
-                let (c, s) = turns[place * j % 16];
+                let (c, s) = circle[place * j % 16];
                 (x * c, -x * s)
             };
             let sum = x.iter().enumerate().map(term);
@@ -269,7 +273,7 @@ mod tests {
                     period,
                     delay,
                 };
-                let border = Answer::new(&response).held_by(hand, key, 0.0, 0.0);
+                let border = FrequencyResponse::new(&response).margin_held_by(hand, key, 0.0, 0.0);
                 assert!(
                     grows(&response, key, hand, 1.1 * border),
                     "{hand:?} {delay} {border}"

@@ -29,7 +29,7 @@ pub(super) struct Pipeline {
     limits: Limits,
     /// Continuous and greatest force [N].
     continuous: f64,
-    most: f64,
+    max_force: f64,
     /// Period of the ticks [s].
     period: f64,
     n: usize,
@@ -61,7 +61,7 @@ impl Pipeline {
         Self {
             limits,
             continuous: spec.force_max_continuous,
-            most: limits.force.min(spec.force_max_peak),
+            max_force: limits.force.min(spec.force_max_peak),
             period,
             n: spec.dof.min(MAX_AXES),
             axes: [Axis {
@@ -112,9 +112,9 @@ impl Pipeline {
             axis.trip.start(limits.hold, &mut counts.trips_not_finite);
             force = 0.0;
         }
-        if force.abs() > self.most {
+        if force.abs() > self.max_force {
             counts.clamped += 1;
-            force = self.most.copysign(force);
+            force = self.max_force.copysign(force);
         }
         force = axis.heat.pass(force, continuous, self.is_hot, counts);
         axis.ramp.rise(period, limits.ramp);
@@ -126,18 +126,18 @@ impl Pipeline {
         force = axis.trip.pass(force, &mut counts.tripped);
         force = self.ages.pass(force, &mut counts.stale);
         force = scaled(force, axis.gain, &mut counts.stiff);
-        let room = if is_held || is_stale || self.stopped {
+        let allowed = if is_held || is_stale || self.stopped {
             counts.stopped += u64::from(self.stopped);
             NONE
         } else {
-            self.passivity.room(number)
+            self.passivity.allowed_forces(number)
         };
-        if room != NONE && (force < room[0] || force > room[1]) {
+        if allowed != NONE && (force < allowed[0] || force > allowed[1]) {
             counts.energy += 1;
         }
         let step = limits.slew * 1e3 * period;
-        force = axis.slew.pass(force, room, step, &mut counts.slewed);
-        axis.heat.bear(force, continuous, period, limits.heat);
+        force = axis.slew.pass(force, allowed, step, &mut counts.slewed);
+        axis.heat.add_load(force, continuous, period, limits.heat);
         force
     }
 
@@ -210,7 +210,7 @@ impl Pipeline {
 
     /// The greatest force that any stage lets through [N].
     pub(super) fn force_max(&self) -> f64 {
-        self.most
+        self.max_force
     }
 
     /// Period of the ticks [s].

@@ -4,9 +4,9 @@
 //! A hand may push against a force at any time, and a hand that holds still looks like a frozen sensor. So watching
 //! alone proves nothing: it raises a suspicion, and a probe decides. For a few milliseconds the force differs from the
 //! one that the piece asks for, and the key answers with the right sign, with the wrong sign, or not at all. After a
-//! wrong answer the probe is repeated; only `WRONG` wrong answers without a right one between them count as a wrong
-//! motor. Two observations count without a probe, because no hand causes them: a force of newtons that pushes a resting
-//! key further into its stop, and a position that keeps its last bit while the force changes by newtons.
+//! wrong answer the probe is repeated; only `WRONG_ANSWERS` wrong answers without a right one between them count as a
+//! wrong motor. Two observations count without a probe, because no hand causes them: a force of newtons that pushes a
+//! resting key further into its stop, and a position that keeps its last bit while the force changes by newtons.
 //!
 //! Time is counted in steps of about a millisecond, without a clock. Without a suspicion the force is unchanged, to the
 //! last bit.
@@ -21,22 +21,22 @@ use signs::{AxisParameters, Signs, Suspicion};
 /// Length of a step, if a tick is shorter [s].
 const STEP: f64 = 1e-3;
 /// An axis that tripped may push again after this time without the fault [s].
-const CALM: f64 = 3.0;
+const RETRY_AFTER: f64 = 3.0;
 /// Its force then fades in over this time [s].
 const FADE: f64 = 0.5;
 /// After this many trips only the player can let the axis push again.
-const TRIPS: u32 = 3;
+const TRIPS_MAX: u32 = 3;
 /// A sensor counts as alive for this time after it has moved [s].
 const ALIVE: f64 = 0.5;
 /// For each kind of suspicion: the pause after a probe without a finding, at first and at most [s]. The pause doubles
 /// each time.
 const PAUSES: [[f64; 2]; 3] = [[1.0, 4.0], [1.0, 4.0], [0.02, 1.0]];
 /// After this time without a suspicion the pause starts again at its first value [s].
-const QUIET: f64 = 5.0;
+const PAUSE_RESET: f64 = 5.0;
 /// Distance from the last probe beyond which the key counts as being at another place [m].
-const ELSEWHERE: f64 = 2e-3;
+const SAME_PLACE: f64 = 2e-3;
 /// Number of wrong answers, without a right one between them, that mean a motor wired the other way.
-const WRONG: u32 = 4;
+const WRONG_ANSWERS: u32 = 4;
 
 /// Why the forces of an axis are held at zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -142,7 +142,7 @@ impl Plausibility {
             Mode::Off { .. } => 0.0,
             Mode::Probing(Probe {
                 offset,
-                instead: true,
+                replaces: true,
                 ..
             }) => offset * self.fade,
             Mode::Probing(Probe {
@@ -153,12 +153,12 @@ impl Plausibility {
             }) => {
                 // More than the greatest force would be clamped and hide the probe; and while the sensor may be frozen,
                 // the force must not grow.
-                let most = if kind == Suspicion::Still {
+                let limit = if kind == Suspicion::Still {
                     force.abs()
                 } else {
                     self.force
                 };
-                (asked.clamp(-most, most) + offset) * self.fade
+                (asked.clamp(-limit, limit) + offset) * self.fade
             }
             Mode::Watching if self.fade < 1.0 => asked * self.fade,
             Mode::Watching => asked,
@@ -204,9 +204,9 @@ impl Plausibility {
 
     fn step(&mut self, x: f64, sent: f64, asked: f64) {
         let seconds = |seconds: f64| (seconds / self.built.step) as u32;
-        let (calm_for, alive_for) = (seconds(CALM), seconds(ALIVE));
+        let (calm_for, alive_for) = (seconds(RETRY_AFTER), seconds(ALIVE));
         self.fade = (self.fade + self.built.step / FADE).min(1.0);
-        let quiet = -(seconds(QUIET) as i32);
+        let quiet = -(seconds(PAUSE_RESET) as i32);
         for (left, passed) in &mut self.pauses {
             *left = (*left - 1).max(quiet);
             if *left == quiet {
@@ -219,7 +219,7 @@ impl Plausibility {
             Mode::Probing(probe) => {
                 let answer = probe.step(&self.signs, sent, &self.built);
                 let probe = *probe;
-                self.answered(probe, answer, sent);
+                self.apply_answer(probe, answer, sent);
             }
             Mode::Off {
                 why,
@@ -233,11 +233,11 @@ impl Plausibility {
                 };
                 let agrees = match why {
                     Trip::Frozen => *since_moved < alive_for,
-                    Trip::AtStop => self.signs.pushed_out(asked, &self.built).is_none(),
+                    Trip::AtStop => self.signs.pushed_into_stop(asked, &self.built).is_none(),
                     _ => false,
                 };
                 *calm = if agrees { *calm + 1 } else { 0 };
-                if *calm >= calm_for && self.trips < TRIPS {
+                if *calm >= calm_for && self.trips < TRIPS_MAX {
                     self.push_again();
                 }
             }
@@ -246,32 +246,34 @@ impl Plausibility {
 
     fn watch(&mut self, sent: f64) {
         // An answer at one place says nothing about another place.
-        if (self.signs.past[0] - self.probed_at).abs() > ELSEWHERE.max(4.0 * self.built.resolution)
+        if (self.signs.past[0] - self.probed_at).abs() > SAME_PLACE.max(4.0 * self.built.resolution)
         {
             self.pauses[Suspicion::Still as usize] = (0, 0);
         }
-        if let Some(trip) = self.signs.evident(sent, &self.built) {
-            self.off(trip);
+        if let Some(trip) = self.signs.evident_fault(sent, &self.built) {
+            self.trip_with(trip);
         } else if self.may_probe
-            && let Some((kind, way)) = self.signs.suspected(sent, self.confirmed, &self.built)
+            && let Some((kind, direction)) = self.signs.suspicion(sent, self.confirmed, &self.built)
             && self.pauses[kind as usize].0 <= 0
         {
             self.probes += 1;
-            self.mode = Mode::Probing(Probe::new(kind, way, &self.signs, sent, &self.built));
+            self.mode = Mode::Probing(Probe::new(kind, direction, &self.signs, sent, &self.built));
         }
     }
 
-    fn answered(&mut self, probe: Probe, answer: Answer, sent: f64) {
+    fn apply_answer(&mut self, probe: Probe, answer: Answer, sent: f64) {
         self.mode = match answer {
             Answer::Waiting => Mode::Probing(probe),
-            Answer::Frozen if probe.unmoved => return self.off(Trip::Frozen),
+            Answer::Frozen if probe.unmoved => return self.trip_with(Trip::Frozen),
             Answer::Frozen => Mode::Probing(probe.repeated(&self.signs, sent, &self.built)),
-            Answer::Wrong if self.wrong + 1 >= WRONG => return self.off(Trip::WrongWay),
+            Answer::Wrong if self.wrong + 1 >= WRONG_ANSWERS => {
+                return self.trip_with(Trip::WrongWay);
+            }
             Answer::Wrong => {
                 self.wrong += 1;
-                Mode::Probing(probe.again())
+                Mode::Probing(probe.repeated_as_run())
             }
-            Answer::Right | Answer::Untold => Mode::Watching,
+            Answer::Right | Answer::Unclear => Mode::Watching,
         };
         if matches!(self.mode, Mode::Watching) {
             let (left, passed) = &mut self.pauses[probe.kind as usize];
@@ -289,7 +291,7 @@ impl Plausibility {
         }
     }
 
-    fn off(&mut self, why: Trip) {
+    fn trip_with(&mut self, why: Trip) {
         self.mode = Mode::Off {
             why,
             calm: 0,
@@ -300,7 +302,7 @@ impl Plausibility {
 }
 
 /// The checks of all axes of a device.
-pub(super) struct Watched {
+pub(super) struct PlausibilityChecks {
     axes: [Plausibility; MAX_AXES],
     n: usize,
     /// The forces sent last [N], and the positions if they are new.
@@ -308,7 +310,7 @@ pub(super) struct Watched {
     positions: Option<[f64; MAX_AXES]>,
 }
 
-impl Watched {
+impl PlausibilityChecks {
     /// The checks of axes with these properties, for forces sent every `period` [s].
     pub(super) fn new(built: &[AxisSpec], period: f64) -> Self {
         let nothing = AxisSpec {
@@ -327,7 +329,7 @@ impl Watched {
     }
 
     /// Turn probes off: evident faults still trip, suspicions have no effect.
-    pub(super) fn probe_nothing(&mut self) {
+    pub(super) fn disable_probes(&mut self) {
         for axis in &mut self.axes {
             axis.may_probe = false;
         }

@@ -1,7 +1,7 @@
 //! The stiffest coupling with which a sampled key is stable.
 //!
-//! Each position is held for a tick and each force is late, so a virtual spring adds energy, and only the damping of the
-//! key removes it. The limit is on the stiffness of everything that is coupled to the key.
+//! Each position is held for a tick and each force is late, so a virtual spring adds energy, and only the damping of
+//! the key removes it. The limit is on the stiffness of everything that is coupled to the key.
 
 /// Greatest stable stiffness [N/m] of a key with `damping` [N·s/m], for ticks of `period` [s] and forces that are
 /// `delay` ticks late: 2b/(T(1+2d)), independent of the mass if the key is light.
@@ -50,7 +50,7 @@ mod tests {
     use nalgebra::DMatrix;
 
     use super::*;
-    use crate::safety::margin::Answer;
+    use crate::safety::margin::FrequencyResponse;
 
     /// Spectral radius of a mass of 50 g with damper b and spring k, whose position is held over T and late by d ticks.
     fn radius(b: f64, k: f64, period: f64, delay: usize) -> f64 {
@@ -99,15 +99,15 @@ mod tests {
             (0.3, 1e4, 1, 2074.0),
             (1.0, 44_100.0, 1, 30_078.0),
         ] {
-            let (said, found) = (
+            let (formula, found) = (
                 limit(b, 1.0 / rate, delay),
                 numerically(b, 1.0 / rate, delay as usize),
             );
-            let text = format!("b {b}, {rate} Hz, delay {delay}: said {said}, found {found}");
-            assert!(said <= found && said > 0.88 * found, "{text}");
+            let text = format!("b {b}, {rate} Hz, delay {delay}: said {formula}, found {found}");
+            assert!(formula <= found && formula > 0.88 * found, "{text}");
             assert!((found / known - 1.0).abs() < 0.1, "{text}, known {known}");
             // At the limit the spring takes as much energy from the key as the delay gives: b = kT(½ + d).
-            let gives = said / rate * (0.5 + f64::from(delay));
+            let gives = formula / rate * (0.5 + f64::from(delay));
             assert!((gives / b - 1.0).abs() < 1e-3, "{text}");
         }
     }
@@ -131,7 +131,7 @@ mod tests {
                 delay,
             };
             for k in [0.05 * border, 0.5 * border, 2.0 * border, 8.0 * border] {
-                let borne = k * Answer::new(&[k]).gain_margin(key, 0.0, 0.0);
+                let borne = k * FrequencyResponse::new(&[k]).gain_margin(key, 0.0, 0.0);
                 let text = format!("{damping} {delay} {k}: {borne} {border}");
                 assert!((borne / border - 1.0).abs() < 0.05, "{text}");
                 assert_eq!(
@@ -161,7 +161,7 @@ mod tests {
                 delay,
             };
             assert_eq!(
-                safe_scale(Answer::new(&[0.5 * k, 0.5 * k]).gain_margin(key, 0.0, 0.0)),
+                safe_scale(FrequencyResponse::new(&[0.5 * k, 0.5 * k]).gain_margin(key, 0.0, 0.0)),
                 1.0,
                 "{mass} kg, {k} N/m"
             );

@@ -93,16 +93,16 @@ fn play(
 ) -> Vec<f64> {
     let mut sample = Sample::default();
     let mut sent = Vec::new();
-    for (wish, place) in ticks {
+    for (asked, place) in ticks {
         guarded.device.position = place;
         guarded.receive(&mut sample, Instant::now()).unwrap();
-        sent.push(guarded.send(&[wish]).unwrap().newtons()[0]);
+        sent.push(guarded.send(&[asked]).unwrap().newtons()[0]);
     }
     sent
 }
 
-fn still(wish: f64, n: usize) -> impl Iterator<Item = (f64, Option<f64>)> {
-    std::iter::repeat_n((wish, Some(0.0)), n)
+fn still(asked: f64, n: usize) -> impl Iterator<Item = (f64, Option<f64>)> {
+    std::iter::repeat_n((asked, Some(0.0)), n)
 }
 
 #[test]
@@ -116,7 +116,7 @@ fn what_is_safe_is_sent_to_the_last_bit() {
     let wishes: Vec<f64> = (0..3000)
         .map(|i| 0.7 * libm::sin(0.01 * f64::from(i)))
         .collect();
-    let ticks = wishes.iter().map(|&wish| (wish, Some(0.0)));
+    let ticks = wishes.iter().map(|&asked| (asked, Some(0.0)));
     assert_eq!(play(&mut guarded, ticks), wishes);
     let counts = *guarded.counts();
     assert_eq!(
@@ -351,7 +351,7 @@ fn a_turned_force_is_never_greater() {
     let force = SafeForce::new([1.0; MAX_AXES], 3);
     let mut gains = [1.0; MAX_AXES];
     (gains[0], gains[1], gains[2]) = (-1.0, 5.0, f64::NAN);
-    assert_eq!(force.turned(&gains).newtons(), [-1.0, 1.0, 0.0]);
+    assert_eq!(force.with_gains(&gains).newtons(), [-1.0, 1.0, 0.0]);
 }
 
 proptest! {

@@ -56,7 +56,7 @@ fn read_recording(bytes: &[u8]) {
             found.ticks.len() * found.header.axes.len()
         );
         assert!(found.ticks.is_sorted_by(|a, b| a < b));
-        drop(found.held());
+        drop(found.positions_filled());
         drop(found.damage());
         found.duration();
     }

@@ -10,7 +10,7 @@ use super::Parsed;
 use crate::wire::MAX_AXES;
 
 const SYNC: [u8; 2] = [0xA5, 0x5A];
-const SYNC_WHO: [u8; 2] = [0xA5, 0x5D];
+const SYNC_INFO: [u8; 2] = [0xA5, 0x5D];
 /// Step of a position in a narrow frame [m or rad].
 pub const POS_LSB: f64 = 1e-8;
 /// Number of steps of the greatest force in a narrow frame.
@@ -146,7 +146,7 @@ impl Request {
 
     /// Parse a request at the beginning of some bytes.
     pub fn parse(bytes: &[u8], full: f64) -> Parsed<Self> {
-        body(bytes, SYNC, 2, 1, [2, 8], |body, n, wide| {
+        parse_frame(bytes, SYNC, 2, 1, [2, 8], |body, n, wide| {
             let mut force = [0.0; MAX_AXES];
             for (axis, force) in force[..n].iter_mut().enumerate() {
                 *force = if wide {
@@ -188,7 +188,7 @@ impl Reply {
 
     /// Parse a reply at the beginning of some bytes.
     pub fn parse(bytes: &[u8]) -> Parsed<Self> {
-        body(bytes, SYNC, 6, 1, [4, 8], |body, n, wide| {
+        parse_frame(bytes, SYNC, 6, 1, [4, 8], |body, n, wide| {
             let mut position = [0.0; MAX_AXES];
             for (axis, position) in position[..n].iter_mut().enumerate() {
                 *position = if wide {
@@ -214,7 +214,7 @@ impl DeviceInfo {
     /// Write the bytes; returns their number.
     pub fn write(&self, bytes: &mut [u8; LONGEST]) -> usize {
         let mut frame = Frame { bytes, len: 0 };
-        frame.put(&SYNC_WHO);
+        frame.put(&SYNC_INFO);
         frame.put(&self.seq.to_le_bytes());
         frame.put(&[self.n as u8, self.traits]);
         for number in self.numbers {
@@ -225,7 +225,7 @@ impl DeviceInfo {
 
     /// Parse an answer with the properties at the beginning of some bytes.
     pub fn parse(bytes: &[u8]) -> Parsed<Self> {
-        body(bytes, SYNC_WHO, 2, 33, [0, 0], |body, n, _| {
+        parse_frame(bytes, SYNC_INFO, 2, 33, [0, 0], |body, n, _| {
             let mut numbers = [0.0; 8];
             for (i, number) in numbers.iter_mut().enumerate() {
                 *number = f32::from_le_bytes(array(body, 4 + 4 * i));
@@ -243,7 +243,7 @@ impl DeviceInfo {
 /// Parse a frame: `before` bytes between the sync bytes and the count of axes, then each axis (`size` narrow or wide),
 /// then `after` bytes, then the CRC. `read` gets all bytes between sync and CRC, and returns `None` for values that no
 /// valid frame has.
-fn body<T>(
+fn parse_frame<T>(
     bytes: &[u8],
     sync: [u8; 2],
     before: usize,

@@ -26,7 +26,7 @@ pub fn command(id: &str, force: [f64; 3]) -> String {
 
 /// Parse the state of device `id`, or of the first device; `None` if the message contains none.
 pub fn parse_state(text: &str, id: Option<&str>) -> Option<State> {
-    let message = within(text)?;
+    let message = parse_json(text)?;
     let devices = message.get("inverse3")?.as_array()?;
     let device = devices.iter().find(|device| {
         let name = device.get("device_id").and_then(Value::as_str);
@@ -52,7 +52,7 @@ pub fn state(id: &str, position: [f64; 3], force: [f64; 3], lockstep: bool) -> S
 
 /// Parse the force [N] that a command sets for device `id`; `None` if it sets none.
 pub fn parse_command(text: &str, id: &str) -> Option<[f64; 3]> {
-    let message = within(text)?;
+    let message = parse_json(text)?;
     let devices = message.get("inverse3")?.as_array()?;
     let device = devices
         .iter()
@@ -65,7 +65,7 @@ pub fn parse_command(text: &str, id: &str) -> Option<[f64; 3]> {
     )
 }
 
-fn within(text: &str) -> Option<Value> {
+fn parse_json(text: &str) -> Option<Value> {
     (text.len() <= LONGEST)
         .then(|| serde_json::from_str(text).ok())
         .flatten()

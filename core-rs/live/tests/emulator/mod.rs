@@ -38,7 +38,7 @@ pub(crate) fn options(
             seed: 0,
             force_step: 0.0,
             watchdog: Duration::from_millis(50),
-            known: [key.mass, key.damping],
+            reported: [key.mass, key.damping],
             range: key.range,
         },
         transport,

@@ -4,13 +4,13 @@ use super::Recorder;
 use crate::payload::{Bytes, kind};
 
 /// Largest difference from the last flight, relative to the amplitude, for which no new flight is written.
-const OFF: f64 = 2e-3;
+const TOLERANCE: f64 = 2e-3;
 /// A displacement too small to be seen [m].
 const FAINT: f64 = 1e-12;
 /// If an oscillation has decayed since the strike by this exponent σt, it is not followed back to the strike.
-const STEEP: f64 = 20.0;
+const MAX_DECAY: f64 = 20.0;
 /// Number of looks between two evaluations of modal parts, for their peaks.
-const SHAPED: u64 = 4;
+const SHAPE_EVERY: u64 = 4;
 
 /// The oscillation that a reader computes for one point or mode.
 #[derive(Clone, Copy, Debug, Default)]
@@ -22,40 +22,44 @@ pub(super) struct Flight {
 
 impl Recorder {
     /// Writes new flights for points and modes that differ from those that a reader has.
-    pub(super) fn fly(&mut self, seen: &[f64], now: f64, is_first: bool) {
+    pub(super) fn write_flights(&mut self, seen: &[f64], now: f64, is_first: bool) {
         let (n, step) = (self.look.n_tracks(), 1.0 / self.rate);
         let mut found: Vec<(f64, usize, Flight)> = Vec::new();
         for track in &self.tracks {
-            let is = (track.own).phase(seen[track.number], seen[n + track.number], step);
+            let actual = (track.own).phase(seen[track.number], seen[n + track.number], step);
             let flight = &self.flights[track.number];
-            let told = track.own.later((flight.a, flight.b), now - flight.since);
+            let predicted = track.own.later((flight.a, flight.b), now - flight.since);
             let scale = if track.own.omega == 0.0 {
                 1.0 / self.setup.fps
             } else {
                 1.0
             };
             let size = |(a, b): (f64, f64)| amplitude(a, b * scale);
-            let off = size((is.0 - told.0, is.1 - told.1));
-            let largest = size(is).max(size(told));
+            let difference = size((actual.0 - predicted.0, actual.1 - predicted.1));
+            let largest = size(actual).max(size(predicted));
             let peak = &mut self.peaks[track.run];
             if track.number < self.look.points.len() {
                 *peak = peak.max(if track.own.omega == 0.0 {
-                    is.0.abs()
+                    actual.0.abs()
                 } else {
-                    size(is)
+                    size(actual)
                 });
             }
-            if off.is_nan() || off <= OFF * largest + FAINT {
+            if difference.is_nan() || difference <= TOLERANCE * largest + FAINT {
                 continue;
             }
             // A strike at the instant of a look acts after it.
-            let blows = &self.blows[track.struck];
-            let blow = blows[..blows.partition_point(|blow| *blow < now)].last();
-            let since = match blow {
-                Some(&blow) if blow >= self.last && track.own.sigma * (now - blow) < STEEP => blow,
+            let strike_times = &self.strike_times[track.struck];
+            let strike = strike_times[..strike_times.partition_point(|time| *time < now)].last();
+            let since = match strike {
+                Some(&strike)
+                    if strike >= self.last && track.own.sigma * (now - strike) < MAX_DECAY =>
+                {
+                    strike
+                }
                 _ => now,
             };
-            let (a, b) = track.own.later(is, since - now);
+            let (a, b) = track.own.later(actual, since - now);
             let (a, b) = (f64::from(a as f32), f64::from(b as f32));
             found.push((since, track.number, Flight { a, b, since }));
         }
@@ -67,7 +71,7 @@ impl Recorder {
                 write(self.event(since, kind::FLIGHTS), number, &flight);
             }
         }
-        if self.frame.is_multiple_of(SHAPED) {
+        if self.frame.is_multiple_of(SHAPE_EVERY) {
             self.shape(seen);
         }
     }

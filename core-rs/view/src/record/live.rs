@@ -6,7 +6,7 @@ use crate::payload::{Bytes, kind, put};
 
 /// The chunks of one look.
 #[derive(Debug, Default)]
-pub struct Told {
+pub struct LiveChunks {
     /// Whether they contain a key state: a new viewer can begin here.
     pub is_key: bool,
     /// Chunks that matter whatever comes later.
@@ -17,7 +17,7 @@ pub struct Told {
 
 impl Recorder {
     /// The chunks of the last look, for live pages; used instead of those of a file.
-    pub fn tell(&mut self) -> Told {
+    pub fn take_live(&mut self) -> LiveChunks {
         let mut segment = std::mem::take(&mut self.segment);
         let now = self.last;
         let is_key = (self.frame.wrapping_sub(1)).is_multiple_of(self.per_segment());
@@ -53,7 +53,7 @@ impl Recorder {
                 put(&mut latest, kind::FRAMES, now, &frames.bytes(false));
             }
         }
-        Told {
+        LiveChunks {
             is_key,
             events,
             latest,

@@ -92,7 +92,7 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
 }
 
 /// Instants at which points and bodies are struck. In a discrete part, a strike acts at a frame.
-pub(super) fn blows(
+pub(super) fn strike_times(
     look: &Look,
     network: &Network,
     points: &HashMap<usize, usize>,

@@ -6,8 +6,8 @@ use ergon_engine::network::Network;
 use ergon_engine::simulation::{How, Look, Oscillation, Point};
 
 use super::{Run, Setup, chunks};
-use crate::motion::MOST;
-use crate::payload::{Bytes, half, kind, put};
+use crate::motion::PAYLOAD_MAX;
+use crate::payload::{Bytes, kind, put, to_half};
 
 /// Appends the manifest and the tables to `out`.
 pub(super) fn put_all(
@@ -96,7 +96,7 @@ fn shapes(out: &mut Vec<u8>, look: &Look, part: usize, run: &Run) {
         return;
     };
     let (n, m) = (body.points.len(), body.modes.len());
-    for some in chunks(m, (MOST / 4) / (2 * n.max(1)).max(1)) {
+    for some in chunks(m, (PAYLOAD_MAX / 4) / (2 * n.max(1)).max(1)) {
         let (mut table, modes) = (Bytes::default(), &body.modes[some.clone()]);
         table.u16(part as u16);
         table.u16(0);
@@ -107,7 +107,7 @@ fn shapes(out: &mut Vec<u8>, look: &Look, part: usize, run: &Run) {
         modes.iter().for_each(|own| table.f64(own.sigma));
         for row in body.shapes.chunks(m.max(1)) {
             let row = row[some.clone()].iter();
-            row.for_each(|share| table.u16(half(*share)));
+            row.for_each(|share| table.u16(to_half(*share)));
         }
         put(out, kind::SHAPES, 0.0, &table.0);
     }

@@ -44,7 +44,7 @@ impl fmt::Debug for Key {
 ///
 /// A name in another's domain may resolve to this machine (DNS rebinding): therefore a host must be an address, or
 /// `localhost`. A page of another origin may send any request, but the browser then sends its origin.
-pub(super) fn enter<'a>(
+pub(super) fn check<'a>(
     request: &'a Request,
     key: Option<&Key>,
     at: SocketAddr,

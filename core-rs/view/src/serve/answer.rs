@@ -37,7 +37,7 @@ impl Status {
 
 /// Everything on the page comes from this server, and other pages may not frame or read it. Sound is played from memory
 /// (`blob:`), because a player that reads ahead on demand would look like a slow reader.
-const ALWAYS: &str = "Content-Security-Policy: default-src 'self'; media-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
+const HEADERS: &str = "Content-Security-Policy: default-src 'self'; media-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
     Cross-Origin-Opener-Policy: same-origin\r\n\
     X-Content-Type-Options: nosniff\r\n\
@@ -53,27 +53,27 @@ pub(super) fn refuse(out: &mut impl Write, status: Status) -> io::Result<()> {
         ""
     };
     let head = format!(
-        "HTTP/1.1 {line}\r\n{ALWAYS}{allow}Content-Type: text/plain\r\nContent-Length: {}\r\n\r\n{line}\n",
+        "HTTP/1.1 {line}\r\n{HEADERS}{allow}Content-Type: text/plain\r\nContent-Length: {}\r\n\r\n{line}\n",
         line.len() + 1
     );
     out.write_all(head.as_bytes())
 }
 
 /// Answers that there is nothing under this name, which is not an error.
-pub(super) fn nothing(out: &mut impl Write) -> io::Result<()> {
-    out.write_all(format!("HTTP/1.1 204 No Content\r\n{ALWAYS}\r\n").as_bytes())
+pub(super) fn no_content(out: &mut impl Write) -> io::Result<()> {
+    out.write_all(format!("HTTP/1.1 204 No Content\r\n{HEADERS}\r\n").as_bytes())
 }
 
-pub(super) fn memory(out: &mut impl Write, kind: &str, body: &[u8]) -> io::Result<()> {
+pub(super) fn send_bytes(out: &mut impl Write, kind: &str, body: &[u8]) -> io::Result<()> {
     let n = body.len();
     let head =
-        format!("HTTP/1.1 200 OK\r\n{ALWAYS}Content-Type: {kind}\r\nContent-Length: {n}\r\n\r\n");
+        format!("HTTP/1.1 200 OK\r\n{HEADERS}Content-Type: {kind}\r\nContent-Length: {n}\r\n\r\n");
     out.write_all(head.as_bytes())?;
     out.write_all(body)
 }
 
 /// The part of a file of `length` bytes that is read: first byte and number of bytes; an error if the range is outside.
-pub(super) fn stretch(
+pub(super) fn byte_range(
     range: Option<(u64, Option<u64>)>,
     length: u64,
 ) -> Result<(u64, u64), Status> {
@@ -88,7 +88,7 @@ pub(super) fn stretch(
 }
 
 /// Sends a part of a file, in pieces.
-pub(super) fn file(
+pub(super) fn send_file(
     out: &mut Paced,
     kind: &str,
     file: &mut File,
@@ -105,15 +105,15 @@ pub(super) fn file(
         "200 OK".into()
     };
     let head = format!(
-        "HTTP/1.1 {status}\r\n{ALWAYS}Accept-Ranges: bytes\r\nContent-Type: {kind}\r\nContent-Length: {n}\r\n\r\n"
+        "HTTP/1.1 {status}\r\n{HEADERS}Accept-Ranges: bytes\r\nContent-Type: {kind}\r\nContent-Length: {n}\r\n\r\n"
     );
     out.write_all(head.as_bytes())?;
     file.seek(SeekFrom::Start(first))?;
     let mut piece = vec![0; 64 << 10];
     let mut left = n;
     while left > 0 {
-        let most = piece.len().min(usize::try_from(left).unwrap_or(usize::MAX));
-        let read = file.read(&mut piece[..most])?;
+        let piece_len = piece.len().min(usize::try_from(left).unwrap_or(usize::MAX));
+        let read = file.read(&mut piece[..piece_len])?;
         if read == 0 {
             // The file became shorter meanwhile: the reader notices that bytes are missing.
             return Err(io::ErrorKind::UnexpectedEof.into());
@@ -125,7 +125,7 @@ pub(super) fn file(
 }
 
 /// The answer to the upgrade of a WebSocket.
-pub(super) fn switch(out: &mut impl Write, key: &str) -> io::Result<()> {
+pub(super) fn switch_protocols(out: &mut impl Write, key: &str) -> io::Result<()> {
     let accept = tungstenite::handshake::derive_accept_key(key.as_bytes());
     let head = format!(
         "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"

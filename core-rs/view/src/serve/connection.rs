@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use super::answer::{self, Status};
 use super::pace::Paced;
-use super::request::{self, Bad, Request};
-use super::{Place, Shared, access, assets, viewer};
+use super::request::{self, Request, RequestError};
+use super::{Shared, Slot, access, assets, viewer};
 
 /// Bytes of a refused request that are read after the answer: if a socket is closed with unread bytes, it is reset and
 /// the answer is lost.
@@ -23,14 +23,14 @@ pub(super) fn serve(mut stream: TcpStream, shared: &Shared) {
                 shared.tally.served.fetch_add(1, Ordering::Relaxed);
                 return;
             }
-            Err(Failed::Refused(status)) => Some(status),
-            Err(Failed::Slow) => {
+            Err(ReplyError::Refused(status)) => Some(status),
+            Err(ReplyError::Slow) => {
                 shared.tally.dropped.fetch_add(1, Ordering::Relaxed);
                 return;
             }
         },
-        Err(Bad::Because(status)) => Some(status),
-        Err(Bad::Gone) => None,
+        Err(RequestError::Refused(status)) => Some(status),
+        Err(RequestError::Gone) => None,
     };
     shared.tally.refused.fetch_add(1, Ordering::Relaxed);
     if let Some(status) = status
@@ -42,40 +42,40 @@ pub(super) fn serve(mut stream: TcpStream, shared: &Shared) {
 }
 
 /// Why a request did not get what it asked for.
-enum Failed {
+enum ReplyError {
     Refused(Status),
     Slow,
 }
 
-impl From<Status> for Failed {
+impl From<Status> for ReplyError {
     fn from(status: Status) -> Self {
         Self::Refused(status)
     }
 }
 
-impl From<io::Error> for Failed {
+impl From<io::Error> for ReplyError {
     fn from(_: io::Error) -> Self {
         Self::Slow
     }
 }
 
-fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<(), Failed> {
+fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<(), ReplyError> {
     let options = &shared.options;
-    let name = access::enter(&request, options.key.as_ref(), shared.at)?.to_owned();
+    let name = access::check(&request, options.key.as_ref(), shared.at)?.to_owned();
     if let Some(key) = &request.upgrade {
         if name != "live" {
             return Err(Status::NotFound.into());
         }
-        let place = Place::take(&shared.tally.viewers, options.limits.viewers);
-        let place = place.ok_or(Status::Full)?;
-        answer::switch(&mut Paced::new(stream, options.limits)?, key)?;
-        viewer::follow(stream.try_clone()?, request.rest, shared, place);
+        let slot = Slot::take(&shared.tally.viewers, options.limits.viewers);
+        let slot = slot.ok_or(Status::Full)?;
+        answer::switch_protocols(&mut Paced::new(stream, options.limits)?, key)?;
+        viewer::send_to_page(stream.try_clone()?, request.rest, shared, slot);
         return Ok(());
     }
     let mut out = Paced::new(stream, options.limits)?;
     // A page requests the file to learn whether there is one; if not, it shows the live piece.
     if name == "motion" && options.file.is_none() {
-        return Ok(answer::nothing(&mut out)?);
+        return Ok(answer::no_content(&mut out)?);
     }
     let given = match name.as_str() {
         "motion" => Some((&options.file, "application/octet-stream")),
@@ -86,18 +86,18 @@ fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<()
         let path = path.as_ref().ok_or(Status::NotFound)?;
         let mut file = File::open(path).map_err(|_| Status::NotFound)?;
         let length = file.metadata()?.len();
-        let stretch = answer::stretch(request.range, length)?;
-        answer::file(
+        let bytes = answer::byte_range(request.range, length)?;
+        answer::send_file(
             &mut out,
             kind,
             &mut file,
             length,
-            stretch,
+            bytes,
             request.range.is_some(),
         )?;
     } else {
         let (kind, text) = assets::find(&name).ok_or(Status::NotFound)?;
-        answer::memory(&mut out, kind, text.as_bytes())?;
+        answer::send_bytes(&mut out, kind, text.as_bytes())?;
     }
     Ok(())
 }

@@ -16,13 +16,13 @@ pub enum Keep {
 }
 
 /// Largest size of the stored messages [bytes]: some seconds of the largest piece.
-const MOST: usize = 16 << 20;
+const BYTES_MAX: usize = 16 << 20;
 
 /// Numbered messages; their total size is bounded, whatever viewers do.
 #[derive(Default)]
 pub struct Hub {
     inner: Mutex<Inner>,
-    news: Condvar,
+    changed: Condvar,
 }
 
 #[derive(Default)]
@@ -44,7 +44,7 @@ struct Inner {
 
 impl Inner {
     /// Where a new viewer can begin: the newest key state, if it is still stored.
-    fn whole(&self) -> Option<u64> {
+    fn restart_point(&self) -> Option<u64> {
         self.key.filter(|key| *key >= self.first)
     }
 }
@@ -59,7 +59,7 @@ pub struct Cursor {
 
 /// The next item for a viewer.
 #[derive(Debug, PartialEq)]
-pub enum Taken {
+pub enum Next {
     /// A message.
     Message(Arc<[u8]>),
     /// So many messages were dropped before this viewer got them.
@@ -87,7 +87,7 @@ impl Hub {
         inner.bytes = 0;
         (inner.latest, inner.key) = (None, None);
         drop(inner);
-        self.news.notify_all();
+        self.changed.notify_all();
     }
 
     /// Sends a message to all viewers.
@@ -106,13 +106,13 @@ impl Hub {
         }
         inner.bytes += bytes.len();
         inner.held.push_back(Some(bytes.into()));
-        while inner.bytes > MOST || inner.held.len() > MOST / 64 {
+        while inner.bytes > BYTES_MAX || inner.held.len() > BYTES_MAX / 64 {
             let oldest = inner.held.pop_front().flatten();
             inner.bytes -= oldest.map_or(0, |bytes| bytes.len());
             inner.first += 1;
         }
         drop(inner);
-        self.news.notify_all();
+        self.changed.notify_all();
     }
 
     /// The cursor of a new viewer.
@@ -120,53 +120,53 @@ impl Hub {
         let inner = self.inner();
         let end = inner.first + inner.held.len() as u64;
         Cursor {
-            next: inner.whole().unwrap_or(end),
+            next: inner.restart_point().unwrap_or(end),
             greeted: 0,
         }
     }
 
     /// Waits for the next item of a viewer.
-    pub fn take(&self, cursor: &mut Cursor, within: Duration) -> Taken {
+    pub fn take(&self, cursor: &mut Cursor, within: Duration) -> Next {
         let waits = |inner: &mut Inner| {
             !inner.closed
                 && inner.first + inner.held.len() as u64 == cursor.next
                 && cursor.greeted == inner.greetings
         };
         let (inner, _) = self
-            .news
+            .changed
             .wait_timeout_while(self.inner(), within, waits)
             .unwrap_or_else(PoisonError::into_inner);
         if inner.closed {
-            return Taken::Closed;
+            return Next::Closed;
         }
         if cursor.greeted != inner.greetings
             && let Some(greeting) = &inner.greeting
         {
             cursor.greeted = inner.greetings;
             cursor.next = cursor.next.max(inner.begin);
-            return Taken::Message(greeting.clone());
+            return Next::Message(greeting.clone());
         }
         if cursor.next < inner.first {
             // From the newest key state on, the viewer has a complete state again.
-            let next = inner.whole().unwrap_or(inner.first);
+            let next = inner.restart_point().unwrap_or(inner.first);
             let lost = next - cursor.next;
             cursor.next = next;
-            return Taken::Lost(lost);
+            return Next::Lost(lost);
         }
         let from = (cursor.next - inner.first) as usize;
         for message in inner.held.iter().skip(from) {
             cursor.next += 1;
             if let Some(bytes) = message {
-                return Taken::Message(bytes.clone());
+                return Next::Message(bytes.clone());
             }
         }
-        Taken::Nothing
+        Next::Nothing
     }
 
     /// Ends the connections of all viewers.
     pub fn close(&self) {
         self.inner().closed = true;
-        self.news.notify_all();
+        self.changed.notify_all();
     }
 
     /// Total size of the stored messages.
@@ -179,18 +179,18 @@ impl Hub {
 mod tests {
     use super::*;
 
-    fn all(hub: &Hub, cursor: &mut Cursor) -> Vec<Taken> {
+    fn all(hub: &Hub, cursor: &mut Cursor) -> Vec<Next> {
         let mut found = Vec::new();
         loop {
             match hub.take(cursor, Duration::ZERO) {
-                Taken::Nothing => return found,
-                taken => found.push(taken),
+                Next::Nothing => return found,
+                next => found.push(next),
             }
         }
     }
 
-    fn message(text: &str) -> Taken {
-        Taken::Message(text.as_bytes().into())
+    fn message(text: &str) -> Next {
+        Next::Message(text.as_bytes().into())
     }
 
     #[test]
@@ -219,10 +219,10 @@ mod tests {
         let event = vec![7; 1 << 20];
         for _ in 0..100 {
             hub.publish(&event, Keep::All);
-            assert!(hub.bytes() <= MOST);
+            assert!(hub.bytes() <= BYTES_MAX);
         }
         let found = all(&hub, &mut stalled);
-        assert_eq!(found[0], Taken::Lost(84));
+        assert_eq!(found[0], Next::Lost(84));
         assert_eq!(found.len(), 17);
     }
 
@@ -245,7 +245,7 @@ mod tests {
         hub.publish(b"third key", Keep::Key);
         assert_eq!(
             all(&hub, &mut stalled),
-            [message("manifest"), Taken::Lost(22), message("third key")]
+            [message("manifest"), Next::Lost(22), message("third key")]
         );
     }
 
@@ -279,6 +279,6 @@ mod tests {
         let hub = Hub::default();
         let mut cursor = hub.join();
         hub.close();
-        assert_eq!(hub.take(&mut cursor, Duration::MAX), Taken::Closed);
+        assert_eq!(hub.take(&mut cursor, Duration::MAX), Next::Closed);
     }
 }

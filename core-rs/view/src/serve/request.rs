@@ -26,36 +26,36 @@ pub(super) struct Request {
 }
 
 /// Why there is no request.
-pub(super) enum Bad {
+pub(super) enum RequestError {
     /// The connection is closed: nobody can be answered.
     Gone,
-    Because(Status),
+    Refused(Status),
 }
 
 /// Reads the head of a request within a time.
-pub(super) fn read(stream: &mut TcpStream, within: Duration) -> Result<Request, Bad> {
+pub(super) fn read(stream: &mut TcpStream, within: Duration) -> Result<Request, RequestError> {
     let until = Instant::now() + within;
     let mut bytes = [0; HEAD];
     let mut n = 0;
     loop {
         let left = until.saturating_duration_since(Instant::now());
         if left.is_zero() || stream.set_read_timeout(Some(left)).is_err() {
-            return Err(Bad::Because(Status::TimedOut));
+            return Err(RequestError::Refused(Status::TimedOut));
         }
         match stream.read(&mut bytes[n..]) {
-            Ok(0) => return Err(Bad::Gone),
+            Ok(0) => return Err(RequestError::Gone),
             Ok(more) => n += more,
             Err(error) if error.kind() == ErrorKind::Interrupted => continue,
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                return Err(Bad::Because(Status::TimedOut));
+                return Err(RequestError::Refused(Status::TimedOut));
             }
-            Err(_) => return Err(Bad::Gone),
+            Err(_) => return Err(RequestError::Gone),
         }
-        if let Some(request) = parse(&bytes[..n]).map_err(Bad::Because)? {
+        if let Some(request) = parse(&bytes[..n]).map_err(RequestError::Refused)? {
             return Ok(request);
         }
         if n == HEAD {
-            return Err(Bad::Because(Status::TooLarge));
+            return Err(RequestError::Refused(Status::TooLarge));
         }
     }
 }

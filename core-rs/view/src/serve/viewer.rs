@@ -7,16 +7,16 @@ use std::time::Duration;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Error, Message, WebSocket};
 
-use super::hub::Taken;
-use super::{Place, Shared};
+use super::hub::Next;
+use super::{Shared, Slot};
 
 /// Largest message from a page, which is `ping` and a number [bytes].
-const SAID: usize = 64;
+const MAX_MESSAGE: usize = 64;
 /// Messages that are read before the next one is sent: a page may send without end.
-const AT_ONCE: usize = 16;
+const READS_PER_SEND: usize = 16;
 /// Longest wait for news, during which messages from the page are not read; and longest wait for such a message.
 const WAIT: Duration = Duration::from_millis(10);
-const LOOK: Duration = Duration::from_millis(1);
+const READ_TIMEOUT: Duration = Duration::from_millis(1);
 
 /// How the connection to a viewer ended.
 enum End {
@@ -27,16 +27,16 @@ enum End {
 }
 
 /// Sends messages to a page until the connection ends.
-pub(super) fn follow(stream: TcpStream, rest: Vec<u8>, shared: &Shared, _place: Place<'_>) {
+pub(super) fn send_to_page(stream: TcpStream, rest: Vec<u8>, shared: &Shared, _slot: Slot<'_>) {
     let limits = shared.options.limits;
     let fit = stream.set_write_timeout(Some(limits.stall)).is_ok()
-        && stream.set_read_timeout(Some(LOOK)).is_ok()
+        && stream.set_read_timeout(Some(READ_TIMEOUT)).is_ok()
         && stream.set_nodelay(true).is_ok();
     let config = WebSocketConfig::default()
         .read_buffer_size(1 << 10)
         .write_buffer_size(0)
-        .max_message_size(Some(SAID))
-        .max_frame_size(Some(SAID));
+        .max_message_size(Some(MAX_MESSAGE))
+        .max_frame_size(Some(MAX_MESSAGE));
     let mut socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(config));
     if fit && let End::Dropped = run(&mut socket, shared) {
         shared.tally.dropped.fetch_add(1, Ordering::Relaxed);
@@ -47,10 +47,10 @@ fn run(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> End {
     let mut cursor = shared.hub.join();
     loop {
         let message = match shared.hub.take(&mut cursor, WAIT) {
-            Taken::Message(bytes) => Some(Message::binary(tungstenite::Bytes::from_owner(bytes))),
-            Taken::Lost(n) => Some(Message::text(format!("lost {n}"))),
-            Taken::Nothing => None,
-            Taken::Closed => {
+            Next::Message(bytes) => Some(Message::binary(tungstenite::Bytes::from_owner(bytes))),
+            Next::Lost(n) => Some(Message::text(format!("lost {n}"))),
+            Next::Nothing => None,
+            Next::Closed => {
                 let _ = socket.close(None);
                 return End::Left;
             }
@@ -62,21 +62,21 @@ fn run(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> End {
         {
             return ended(&error);
         }
-        if let Err(end) = listen(socket, shared) {
+        if let Err(end) = answer_messages(socket, shared) {
             return end;
         }
     }
 }
 
 /// Reads and answers messages of the page.
-fn listen(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> Result<(), End> {
-    for _ in 0..AT_ONCE {
-        let said = match socket.read() {
-            Ok(said) => said,
+fn answer_messages(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> Result<(), End> {
+    for _ in 0..READS_PER_SEND {
+        let message = match socket.read() {
+            Ok(message) => message,
             Err(Error::Io(error)) if is_wait(&error) => return Ok(()),
             Err(error) => return Err(ended(&error)),
         };
-        match said {
+        match message {
             Message::Text(text) => {
                 let asked = text.strip_prefix("ping ").and_then(|t| t.parse().ok());
                 let asked: f64 = asked.ok_or(End::Dropped)?;

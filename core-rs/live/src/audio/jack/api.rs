@@ -113,7 +113,7 @@ api! {
     set_info_function = "jack_set_info_function": unsafe extern "C" fn(OnMessage);
 }
 
-unsafe extern "C" fn unsaid(_: *const c_char) {}
+unsafe extern "C" fn ignore_message(_: *const c_char) {}
 
 /// The library, if it is installed.
 pub(super) fn api() -> Result<&'static Api, AudioError> {
@@ -127,8 +127,8 @@ pub(super) fn api() -> Result<&'static Api, AudioError> {
                     // A missing server is reported by our own message, not by libjack on the terminal.
                     // SAFETY: the function lives as long as the program.
                     unsafe {
-                        (api.set_error_function)(unsaid);
-                        (api.set_info_function)(unsaid);
+                        (api.set_error_function)(ignore_message);
+                        (api.set_info_function)(ignore_message);
                     }
                     return Ok(api);
                 }

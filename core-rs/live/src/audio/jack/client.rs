@@ -33,7 +33,7 @@ struct Callback<P> {
 pub(super) struct Client {
     pub(super) api: &'static Api,
     raw: *mut RawClient,
-    news: Arc<ServerEvents>,
+    events: Arc<ServerEvents>,
     opened_at: u32,
 }
 
@@ -55,7 +55,7 @@ unsafe impl Sync for Port {}
 const ATTEMPTS: usize = 4;
 
 /// Calls `open` until it succeeds; tries again if its status says that the server is there but too busy.
-fn admitted<T>(mut open: impl FnMut(&mut c_uint) -> Option<T>) -> Result<T, AudioError> {
+fn open_with_retries<T>(mut open: impl FnMut(&mut c_uint) -> Option<T>) -> Result<T, AudioError> {
     let mut status = 0;
     for _ in 0..ATTEMPTS {
         status = 0;
@@ -83,14 +83,14 @@ impl Client {
     /// Connects to the running server; starts no server.
     pub(super) fn open(name: &CStr, shared: Arc<Shared>) -> Result<Self, AudioError> {
         let api = api::api()?;
-        let raw = admitted(|status| {
+        let raw = open_with_retries(|status| {
             // SAFETY: both pointers live through the call; no option that needs a further argument is given.
             let raw = unsafe { (api.client_open)(name.as_ptr(), api::NO_START_SERVER, status) };
             (!raw.is_null()).then_some(raw)
         })?;
         // SAFETY: the client is open.
         let (rate, block) = unsafe { ((api.get_sample_rate)(raw), (api.get_buffer_size)(raw)) };
-        let news = Arc::new(ServerEvents {
+        let events = Arc::new(ServerEvents {
             shared,
             gone: AtomicBool::new(false),
             rate: AtomicU32::new(rate),
@@ -99,16 +99,16 @@ impl Client {
         let client = Self {
             api,
             raw,
-            news,
+            events,
             opened_at: rate,
         };
-        client.listen();
+        client.register_callbacks();
         Ok(client)
     }
 
-    fn listen(&self) {
-        let arg = Arc::as_ptr(&self.news).cast_mut().cast();
-        // SAFETY: `news` lives in `self`, which closes the client before it drops it.
+    fn register_callbacks(&self) {
+        let arg = Arc::as_ptr(&self.events).cast_mut().cast();
+        // SAFETY: `events` lives in `self`, which closes the client before it drops it.
         unsafe {
             (self.api.on_thread)(self.raw, thread, arg);
             (self.api.on_xrun)(self.raw, xrun, arg);
@@ -120,20 +120,20 @@ impl Client {
     }
 
     pub(super) fn shared(&self) -> &Shared {
-        &self.news.shared
+        &self.events.shared
     }
 
     /// Whether the server still runs, at the rate that it had.
     pub(super) fn alive(&self) -> bool {
-        !self.news.gone.load(Ordering::Acquire) && self.rate() == self.opened_at
+        !self.events.gone.load(Ordering::Acquire) && self.rate() == self.opened_at
     }
 
     pub(super) fn rate(&self) -> u32 {
-        self.news.rate.load(Ordering::Acquire)
+        self.events.rate.load(Ordering::Acquire)
     }
 
     pub(super) fn block(&self) -> u32 {
-        self.news.block.load(Ordering::Acquire)
+        self.events.block.load(Ordering::Acquire)
     }
 
     /// The name that the server gave the client; it differs from ours if that was taken.
@@ -174,11 +174,11 @@ impl Client {
 
     /// Frames from one of our ports to the loudspeaker, or from the microphone to one of our ports, as the server
     /// reports.
-    pub(super) fn latency(&self, port: Port, way: c_uint) -> u32 {
+    pub(super) fn latency(&self, port: Port, direction: c_uint) -> u32 {
         let mut range = LatencyRange::default();
         // SAFETY: the port is one of this open client; the range lives through the call.
         unsafe {
-            (self.api.port_get_latency_range)(port.0, way, &raw mut range);
+            (self.api.port_get_latency_range)(port.0, direction, &raw mut range);
         }
         range.max
     }
@@ -314,44 +314,46 @@ unsafe extern "C" fn cycle<P: Process>(frames: u32, arg: *mut c_void) -> c_int {
 
 /// # Safety
 ///
-/// `arg` is the pointer that `listen` passed.
-unsafe fn news<'a>(arg: *mut c_void) -> &'a ServerEvents {
+/// `arg` is the pointer that `register_callbacks` passed.
+unsafe fn events<'a>(arg: *mut c_void) -> &'a ServerEvents {
     // SAFETY: by contract; the client, which lives longer than its callbacks, holds it.
     unsafe { &*arg.cast::<ServerEvents>() }
 }
 
 unsafe extern "C" fn thread(arg: *mut c_void) {
-    // SAFETY: a callback of `listen`.
-    let news = unsafe { news(arg) };
-    news.shared.set_priority(realtime::priority());
+    // SAFETY: a callback of `register_callbacks`.
+    let events = unsafe { events(arg) };
+    events.shared.set_priority(realtime::priority());
 }
 
 unsafe extern "C" fn xrun(arg: *mut c_void) -> c_int {
-    // SAFETY: a callback of `listen`.
-    unsafe { news(arg) }.shared.add_xruns(1);
+    // SAFETY: a callback of `register_callbacks`.
+    unsafe { events(arg) }.shared.add_xruns(1);
     0
 }
 
 unsafe extern "C" fn buffer_size(frames: u32, arg: *mut c_void) -> c_int {
-    // SAFETY: a callback of `listen`.
-    unsafe { news(arg) }.block.store(frames, Ordering::Release);
+    // SAFETY: a callback of `register_callbacks`.
+    unsafe { events(arg) }
+        .block
+        .store(frames, Ordering::Release);
     0
 }
 
 unsafe extern "C" fn sample_rate(rate: u32, arg: *mut c_void) -> c_int {
-    // SAFETY: a callback of `listen`.
-    unsafe { news(arg) }.rate.store(rate, Ordering::Release);
+    // SAFETY: a callback of `register_callbacks`.
+    unsafe { events(arg) }.rate.store(rate, Ordering::Release);
     0
 }
 
 unsafe extern "C" fn freewheel(on: c_int, arg: *mut c_void) {
-    // SAFETY: a callback of `listen`.
-    unsafe { news(arg) }.shared.set_freewheel(on != 0);
+    // SAFETY: a callback of `register_callbacks`.
+    unsafe { events(arg) }.shared.set_freewheel(on != 0);
 }
 
 unsafe extern "C" fn shutdown(_: c_uint, _: *const c_char, arg: *mut c_void) {
-    // SAFETY: a callback of `listen`.
-    unsafe { news(arg) }.gone.store(true, Ordering::Release);
+    // SAFETY: a callback of `register_callbacks`.
+    unsafe { events(arg) }.gone.store(true, Ordering::Release);
 }
 
 #[cfg(test)]
@@ -361,7 +363,7 @@ mod tests {
     #[test]
     fn a_busy_server_is_asked_again() {
         let mut asked = 0;
-        let found = admitted(|status| {
+        let found = open_with_retries(|status| {
             asked += 1;
             *status = 0x21;
             (asked == 3).then_some(asked)
@@ -372,7 +374,7 @@ mod tests {
     #[test]
     fn a_refusal_is_told_in_words() {
         let why = |status| {
-            admitted(|own| (None::<()>, *own = status).0)
+            open_with_retries(|own| (None::<()>, *own = status).0)
                 .unwrap_err()
                 .to_string()
         };

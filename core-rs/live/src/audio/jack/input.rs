@@ -43,14 +43,14 @@ fn start(
         Ok(ports) => ports,
         Err(error) => return Err((Some(Box::new(feed)), error)),
     };
-    let hearing = HearingCallback {
+    let callback = InputCallback {
         scratch: vec![0.0; SLICE * channels].into(),
         ports: ports.clone().into(),
         feed,
     };
     let active = client
-        .activate(hearing)
-        .map_err(|(hearing, error)| (Some(Box::new(hearing.feed)), error))?;
+        .activate(callback)
+        .map_err(|(callback, error)| (Some(Box::new(callback.feed)), error))?;
     let client = active.client();
     let sources = targets(client, device, PORT_IS_OUTPUT);
     for (port, source) in ports.iter().zip(&sources) {
@@ -60,13 +60,13 @@ fn start(
 }
 
 /// The process callback, which runs in the server's thread.
-struct HearingCallback {
+struct InputCallback {
     feed: Feed,
     ports: Box<[Port]>,
     scratch: Box<[f32]>,
 }
 
-impl Process for HearingCallback {
+impl Process for InputCallback {
     fn cycle(&mut self, api: &Api, frames: u32) {
         let channels = self.ports.len();
         let total = frames as usize;
@@ -93,7 +93,7 @@ impl Process for HearingCallback {
 }
 
 struct Hearing {
-    active: Active<HearingCallback>,
+    active: Active<InputCallback>,
     ports: Vec<Port>,
 }
 

@@ -16,17 +16,17 @@ use crate::audio::source::{InputFailure, OpenedInput, Source};
 use crate::audio::{AudioError, Spec};
 use crate::realtime;
 
-const LOOK: Duration = Duration::from_millis(50);
+const MESSAGE_TIMEOUT: Duration = Duration::from_millis(50);
 
 /// Opens a stream from the named source, or from the default one; starts no server.
 pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<OpenedInput, AudioError> {
     let mut wire = Wire::connect(c"ergon").map_err(missing)?;
     let source = find(&mut wire, spec.device.as_deref())?;
     let block = spec.block.unwrap_or(BLOCK);
-    let there = usize::from(source.sample_spec.channels);
+    let source_channels = usize::from(source.sample_spec.channels);
     let mut device = words(source.description.as_deref().unwrap_or(&source.name));
-    if there < channels {
-        device += &format!(", of which {there} are heard");
+    if source_channels < channels {
+        device += &format!(", of which {source_channels} are heard");
     }
     Ok(OpenedInput {
         backend: "pulse",
@@ -67,20 +67,20 @@ fn start(
         Err(why) => return Err((Some(Box::new(feed)), missing(why))),
     };
     let stop = Arc::new(AtomicBool::new(false));
-    let told = stop.clone();
+    let stopping = stop.clone();
     let mut stream = RecordingStream {
         wire,
         channel,
-        there: usize::from(source.sample_spec.channels).max(1),
+        source_channels: usize::from(source.sample_spec.channels).max(1),
         samples: Vec::new(),
     };
     let thread = std::thread::Builder::new()
         .name("ergon pulse in".into())
         .spawn(move || {
             let mut feed = feed;
-            realtime::scheduled_at(PRIORITY);
+            realtime::set_priority(PRIORITY);
             // The error is not reported here: the supervisor sees that the thread has ended.
-            let _ = stream.run(&mut feed, &told);
+            let _ = stream.run(&mut feed, &stopping);
             feed
         })
         .map_err(|error| (None, AudioError::Thread(error)))?;
@@ -130,14 +130,14 @@ struct RecordingStream {
     wire: Wire,
     channel: u32,
     /// Channels of the source.
-    there: usize,
+    source_channels: usize,
     samples: Vec<f32>,
 }
 
 impl RecordingStream {
     fn run(&mut self, feed: &mut Feed, stop: &AtomicBool) -> Result<(), String> {
         while !stop.load(Ordering::Acquire) {
-            let Some(message) = self.wire.message(LOOK)? else {
+            let Some(message) = self.wire.message(MESSAGE_TIMEOUT)? else {
                 continue;
             };
             if message.channel() == Some(self.channel) {
@@ -160,7 +160,7 @@ impl RecordingStream {
     fn take(&mut self, bytes: &[u8], feed: &mut Feed) {
         let channels = feed.channels();
         self.samples.clear();
-        for frame in bytes.chunks_exact(4 * self.there) {
+        for frame in bytes.chunks_exact(4 * self.source_channels) {
             let (samples, _) = frame.as_chunks();
             let samples = samples.iter().map(|&bytes| f32::from_le_bytes(bytes));
             let padded = samples.chain(std::iter::repeat(0.0));

@@ -16,7 +16,7 @@ use crate::realtime;
 const CHANNELS_MAX: usize = 32;
 /// With smaller blocks PulseAudio loses frames now and then; from this size on, tests lost none.
 pub(super) const BLOCK: u32 = 1024;
-const LOOK: Duration = Duration::from_millis(50);
+const MESSAGE_TIMEOUT: Duration = Duration::from_millis(50);
 const LATENCY_EVERY: Duration = Duration::from_secs(1);
 
 pub(super) fn missing(why: String) -> AudioError {
@@ -40,10 +40,10 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, Aud
     let block = spec.block.unwrap_or(BLOCK);
     let rate = sink.sample_spec.sample_rate;
     let mut remarks = Vec::new();
-    let there = usize::from(sink.sample_spec.channels);
-    if there < channels && channels > 2 {
+    let sink_channels = usize::from(sink.sample_spec.channels);
+    if sink_channels < channels && channels > 2 {
         remarks.push(format!(
-            "the sink has {there} channels: the first {there} are heard"
+            "the sink has {sink_channels} channels: the first {sink_channels} are heard"
         ));
     }
     Ok(Opened {
@@ -57,7 +57,7 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, Aud
             let pump = ThreadSink::start("ergon pulse", drain, move |drain, stop| {
                 drain
                     .shared()
-                    .set_priority(realtime::scheduled_at(PRIORITY));
+                    .set_priority(realtime::set_priority(PRIORITY));
                 PlayingStream::begin(wire, &sink, drain.channels(), block)?.run(drain, stop)
             })?;
             Ok(Box::new(pump) as Box<dyn Sink>)
@@ -161,7 +161,7 @@ impl PlayingStream {
                     Instant::now(),
                 );
             }
-            let Some(message) = self.wire.message(LOOK)? else {
+            let Some(message) = self.wire.message(MESSAGE_TIMEOUT)? else {
                 continue;
             };
             match self.wire.read(&message) {
@@ -200,10 +200,10 @@ impl PlayingStream {
     }
 
     /// Frames that wait in the server and in the sink.
-    fn latency(&self, told: &protocol::PlaybackLatency) -> u32 {
+    fn latency(&self, reply: &protocol::PlaybackLatency) -> u32 {
         let frame = 4 * self.channels as i64;
-        let buffered = (told.write_offset - told.read_offset).max(0) / frame;
-        let sink = u128::from(told.sink_usec) * u128::from(self.rate) / 1_000_000;
+        let buffered = (reply.write_offset - reply.read_offset).max(0) / frame;
+        let sink = u128::from(reply.sink_usec) * u128::from(self.rate) / 1_000_000;
         u32::try_from(buffered as u128 + sink).unwrap_or(u32::MAX)
     }
 }
@@ -235,7 +235,7 @@ pub(in crate::audio) fn survey() -> Result<String, AudioError> {
     let server: protocol::ServerInfo = wire.ask(&Command::GetServerInfo).map_err(missing)?;
     let sinks: protocol::SinkInfoList = wire.ask(&Command::GetSinkInfoList).map_err(missing)?;
     let default = server.default_sink_name.unwrap_or_default();
-    let told: Vec<String> = sinks
+    let texts: Vec<String> = sinks
         .iter()
         .map(|sink| {
             let (rate, channels) = (sink.sample_spec.sample_rate, sink.sample_spec.channels);
@@ -251,8 +251,8 @@ pub(in crate::audio) fn survey() -> Result<String, AudioError> {
         })
         .collect();
     let name = words(&server.server_name.unwrap_or_default());
-    Ok(match told.is_empty() {
+    Ok(match texts.is_empty() {
         true => format!("{name}, no sinks"),
-        false => format!("{name}: {}", told.join("; ")),
+        false => format!("{name}: {}", texts.join("; ")),
     })
 }

@@ -17,8 +17,8 @@ pub(super) struct Wire {
     version: u16,
     serial: u32,
     /// Received bytes that are not a whole message yet.
-    came: Vec<u8>,
-    piece: Box<[u8]>,
+    received: Vec<u8>,
+    buffer: Box<[u8]>,
 }
 
 /// A message: the stream that its samples belong to (`COMMAND`: a command), and the bytes after its header.
@@ -44,8 +44,8 @@ impl Wire {
             socket,
             version: protocol::MAX_VERSION,
             serial: 0,
-            came: Vec::with_capacity(1 << 16),
-            piece: vec![0; 1 << 16].into(),
+            received: Vec::with_capacity(1 << 16),
+            buffer: vec![0; 1 << 16].into(),
         };
         wire.socket
             .set_write_timeout(Some(PATIENCE))
@@ -114,12 +114,12 @@ impl Wire {
             return Ok(Some(message));
         }
         let wait = wait.max(Duration::from_millis(1));
-        let told = |error: io::Error| error.to_string();
-        self.socket.set_read_timeout(Some(wait)).map_err(told)?;
-        match self.socket.read(&mut self.piece) {
+        let text = |error: io::Error| error.to_string();
+        self.socket.set_read_timeout(Some(wait)).map_err(text)?;
+        match self.socket.read(&mut self.buffer) {
             Ok(0) => Err("the server closed the connection".into()),
             Ok(n) => {
-                self.came.extend_from_slice(&self.piece[..n]);
+                self.received.extend_from_slice(&self.buffer[..n]);
                 self.whole()
             }
             Err(error)
@@ -135,20 +135,20 @@ impl Wire {
     }
 
     fn whole(&mut self) -> Result<Option<Message>, String> {
-        let Some(header) = self.came.get(..protocol::DESCRIPTOR_SIZE) else {
+        let Some(header) = self.received.get(..protocol::DESCRIPTOR_SIZE) else {
             return Ok(None);
         };
         let header = protocol::read_descriptor(&mut Cursor::new(header))
             .map_err(|error| error.to_string())?;
         let end = protocol::DESCRIPTOR_SIZE + header.length as usize;
-        if self.came.len() < end {
+        if self.received.len() < end {
             return Ok(None);
         }
         let message = Message {
             channel: header.channel,
-            bytes: self.came[protocol::DESCRIPTOR_SIZE..end].to_vec(),
+            bytes: self.received[protocol::DESCRIPTOR_SIZE..end].to_vec(),
         };
-        self.came.drain(..end);
+        self.received.drain(..end);
         Ok(Some(message))
     }
 }

@@ -43,7 +43,7 @@ fn a_pulse_is_small() {
     let mut straight = device(Hand::Resting);
     let pulse = Pulse::of(straight.spec());
     direction(&mut straight, 0, pulse, PERIOD, &GO).unwrap();
-    let range = ends(&mut straight, 0.1, PERIOD, &GO).unwrap()[0];
+    let range = travel_ends(&mut straight, 0.1, PERIOD, &GO).unwrap()[0];
     let travel = straight.spec().pos_range[1] - straight.spec().pos_range[0];
     assert!(range[1] - range[0] < 1e-6, "at rest: {range:?}");
     assert!(range[0].abs() < 0.1 * travel, "{range:?}");
@@ -51,7 +51,7 @@ fn a_pulse_is_small() {
 
 #[test]
 fn an_axis_that_is_held_is_not_guessed() {
-    let held = Hand::Going {
+    let held = Hand::OnPath {
         path: vec![0.0; 100_000],
         stiffness: 5e4,
         damping: 20.0,
@@ -66,20 +66,20 @@ fn an_axis_that_is_held_is_not_guessed() {
     coarse.spec.pos_lsb = 1e-3;
     assert_eq!(
         direction(&mut coarse, 0, pulse, PERIOD, &GO),
-        Err(Unsure::Still)
+        Err(DirectionError::Still)
     );
 }
 
 #[test]
 fn ends_give_zero_and_gain() {
     let path = (0..200).map(|i| if i < 100 { 0.01 } else { -0.03 });
-    let hand = Hand::Going {
+    let hand = Hand::OnPath {
         path: path.collect(),
         stiffness: 2000.0,
         damping: 40.0,
     };
     let mut device = device(hand);
-    let ends = ends(&mut device, 0.2, PERIOD, &GO).unwrap()[0];
+    let ends = travel_ends(&mut device, 0.2, PERIOD, &GO).unwrap()[0];
     assert!(
         (ends[0] + 0.03).abs() < 2e-3 && (ends[1] - 0.01).abs() < 2e-3,
         "{ends:?}"

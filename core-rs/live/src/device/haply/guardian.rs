@@ -15,8 +15,8 @@ use crate::device::{FIRST_REPLY, Gone, LOCKSTEP_PATIENCE};
 use crate::realtime;
 
 /// Number of zeros that are sent at the end, unless a state answers one of them.
-const FAREWELLS: usize = 3;
-const FAREWELL: Duration = Duration::from_millis(20);
+const ZERO_REPEATS: usize = 3;
+const ZERO_PATIENCE: Duration = Duration::from_millis(20);
 
 /// The host's first message: which device to open.
 pub(super) struct HostRequest<'a> {
@@ -38,7 +38,7 @@ pub(super) enum Reply {
     OpenError(String),
     NoAnswer,
     /// Lockstep was asked for, but the device runs by its own clock.
-    OwnTime,
+    OwnClock,
 }
 
 impl Reply {
@@ -47,7 +47,7 @@ impl Reply {
             Self::Open(position) => json!({"open": position}),
             Self::OpenError(why) => json!({"refused": why}),
             Self::NoAnswer => json!({"no_answer": true}),
-            Self::OwnTime => json!({"own_time": true}),
+            Self::OwnClock => json!({"own_time": true}),
         }
         .to_string()
     }
@@ -62,7 +62,7 @@ impl Reply {
             return Some(Self::OpenError(why.to_owned()));
         }
         if reply.get("own_time").is_some() {
-            return Some(Self::OwnTime);
+            return Some(Self::OwnClock);
         }
         reply.get("no_answer").map(|_| Self::NoAnswer)
     }
@@ -74,15 +74,15 @@ impl Reply {
 /// # Errors
 /// If the standard input is not a host.
 pub fn serve() -> io::Result<()> {
-    alone();
+    isolate_process();
     let mut stream = start::inherited()?;
-    let wish = take_text(&mut stream, FIRST_REPLY)?;
-    let wish: Value = serde_json::from_str(&wish)?;
-    let target = wish["target"].as_str().unwrap_or_default();
-    let lockstep = wish["lockstep"] == true;
-    let opened = Service::open(target, wish["id"].as_str());
+    let request = take_text(&mut stream, FIRST_REPLY)?;
+    let request: Value = serde_json::from_str(&request)?;
+    let target = request["target"].as_str().unwrap_or_default();
+    let lockstep = request["lockstep"] == true;
+    let opened = Service::open(target, request["id"].as_str());
     let (reply, mut service) = match opened {
-        Ok((service, first)) if lockstep && !first.lockstep => (Reply::OwnTime, Some(service)),
+        Ok((service, first)) if lockstep && !first.lockstep => (Reply::OwnClock, Some(service)),
         Ok((service, first)) => (Reply::Open(first.position), Some(service)),
         Err(OpenError::Because(why)) => (Reply::OpenError(why), None),
         Err(OpenError::NoAnswer) => (Reply::NoAnswer, None),
@@ -90,9 +90,9 @@ pub fn serve() -> io::Result<()> {
     put_text(&mut stream, &reply.text())?;
     if let (Reply::Open(_), Some(service)) = (&reply, &mut service) {
         // Above the physics thread, so that a hanging physics thread cannot block its guardian.
-        realtime::ask(realtime::PHYSICS + 1);
+        realtime::request(realtime::PHYSICS_PRIORITY + 1);
         let mut line = Line::new(stream)?;
-        attend(&mut line, service, lockstep);
+        run(&mut line, service, lockstep);
     }
     if let Some(service) = service {
         service.close();
@@ -101,19 +101,19 @@ pub fn serve() -> io::Result<()> {
 }
 
 /// Pass orders on and states back until either side is gone; at the end the force is zero.
-fn attend(line: &mut Line, service: &mut Service, lockstep: bool) {
+fn run(line: &mut Line, service: &mut Service, lockstep: bool) {
     let mut rules = Rules::new(lockstep, Instant::now());
     if !lockstep {
         // A force that a former host left may still act. If this fails, the service is gone, which `pass` detects.
         let _ = service.command([0.0; 3]);
     }
     let Err(gone) = pass(line, service, &mut rules) else {
-        return farewell(service, lockstep);
+        return send_final_zero(service, lockstep);
     };
     if gone == Gone::Silent {
-        farewell(service, lockstep);
-    } else if rules.is_unsure() {
-        service.zero_anew();
+        send_final_zero(service, lockstep);
+    } else if rules.may_push() {
+        service.zero_on_new_connection();
     }
     let _ = line.put(&GuardianReply::Gone(gone).bytes());
 }
@@ -151,21 +151,21 @@ fn pass(line: &mut Line, service: &mut Service, rules: &mut Rules) -> Result<(),
 }
 
 /// Send zero until a state answers; in lockstep a command is a period, so one is enough.
-fn farewell(service: &mut Service, lockstep: bool) {
+fn send_final_zero(service: &mut Service, lockstep: bool) {
     let (times, patience) = if lockstep {
         (1, LOCKSTEP_PATIENCE)
     } else {
-        (FAREWELLS, FAREWELL)
+        (ZERO_REPEATS, ZERO_PATIENCE)
     };
     for _ in 0..times {
         if service.command([0.0; 3]).is_err() {
-            return service.zero_anew();
+            return service.zero_on_new_connection();
         }
         let (until, mut answered) = (Instant::now() + patience, false);
         while !answered && Instant::now() < until {
             service.wait(until);
             if service.read(|_| answered = true).is_err() {
-                return service.zero_anew();
+                return service.zero_on_new_connection();
             }
         }
         if answered {
@@ -176,7 +176,7 @@ fn farewell(service: &mut Service, lockstep: bool) {
 
 /// Close the files that were inherited from the host, and ignore the signals of the host's terminal.
 #[cfg(unix)]
-fn alone() {
+fn isolate_process() {
     const IGNORED: [i32; 8] = [
         libc::SIGINT,
         libc::SIGTERM,
@@ -199,4 +199,4 @@ fn alone() {
 }
 
 #[cfg(not(unix))]
-fn alone() {}
+fn isolate_process() {}

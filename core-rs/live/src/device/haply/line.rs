@@ -18,7 +18,7 @@ const BATCH: usize = 64;
 const TEXT: usize = 4096;
 /// Time between two checks of a stream, on systems without poll(2).
 #[cfg(not(unix))]
-const LOOK: Duration = Duration::from_micros(200);
+const POLL: Duration = Duration::from_micros(200);
 
 pub(super) type Bytes = [u8; LEN];
 
@@ -189,16 +189,16 @@ pub(super) fn is_quiet(error: &io::Error) -> bool {
 
 /// A stream that `wait` can wait for.
 #[cfg(unix)]
-pub(super) trait Waits: std::os::fd::AsRawFd {}
+pub(super) trait Waitable: std::os::fd::AsRawFd {}
 #[cfg(unix)]
-impl<T: std::os::fd::AsRawFd> Waits for T {}
+impl<T: std::os::fd::AsRawFd> Waitable for T {}
 #[cfg(not(unix))]
-pub(super) trait Waits {}
+pub(super) trait Waitable {}
 #[cfg(not(unix))]
-impl<T> Waits for T {}
+impl<T> Waitable for T {}
 
 /// Wait until one of the streams can be read, or until `until`.
-pub(super) fn wait<const N: usize>(streams: [&dyn Waits; N], until: Instant) {
+pub(super) fn wait<const N: usize>(streams: [&dyn Waitable; N], until: Instant) {
     let left = until.saturating_duration_since(Instant::now());
     if left.is_zero() {
         return;
@@ -208,7 +208,7 @@ pub(super) fn wait<const N: usize>(streams: [&dyn Waits; N], until: Instant) {
     #[cfg(not(unix))]
     {
         let _ = streams;
-        std::thread::sleep(left.min(LOOK));
+        std::thread::sleep(left.min(POLL));
     }
 }
 

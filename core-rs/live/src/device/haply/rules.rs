@@ -12,7 +12,7 @@ pub(super) const HOST_SILENT: Duration = Duration::from_millis(50);
 /// host's own limit for old positions is 20 ms: the host acts first, and fades its forces in again.
 pub(super) const SERVICE_SILENT: Duration = Duration::from_millis(30);
 /// Time between two zeros sent to a silent service.
-const AGAIN: Duration = Duration::from_millis(20);
+const ZERO_INTERVAL: Duration = Duration::from_millis(20);
 /// Silence after which the service counts as gone.
 const SERVICE_GONE: Duration = LOCKSTEP_PATIENCE;
 
@@ -29,7 +29,7 @@ pub(crate) enum Action {
 pub(crate) struct Rules {
     lockstep: bool,
     /// When the last order came from the host.
-    heard: Instant,
+    last_order: Instant,
     /// Orders that were not passed on yet: the newest one, in lockstep all.
     orders: VecDeque<ForceCommand>,
     /// Number of the latest order that was passed on.
@@ -50,7 +50,7 @@ impl Rules {
     pub(crate) fn new(lockstep: bool, now: Instant) -> Self {
         Self {
             lockstep,
-            heard: now,
+            last_order: now,
             orders: VecDeque::new(),
             // The number before the first order, which is 0.
             number: u16::MAX,
@@ -64,7 +64,7 @@ impl Rules {
 
     /// Take an order of the host.
     pub(crate) fn order(&mut self, order: ForceCommand, now: Instant) {
-        self.heard = now;
+        self.last_order = now;
         if !self.lockstep {
             self.orders.clear();
         }
@@ -99,9 +99,9 @@ impl Rules {
             return Action::Gone;
         }
         let service_silent = unanswered >= SERVICE_SILENT;
-        if service_silent || since(self.heard) >= HOST_SILENT {
+        if service_silent || since(self.last_order) >= HOST_SILENT {
             self.orders.clear();
-            let again = service_silent && since(self.sent) >= AGAIN;
+            let again = service_silent && since(self.sent) >= ZERO_INTERVAL;
             if self.pushes || again {
                 self.let_go |= self.pushes;
                 return self.send([0.0; 3], now);
@@ -122,21 +122,21 @@ impl Rules {
 
     /// When `due` must be called again if no message comes.
     pub(super) fn next(&self, now: Instant) -> Instant {
-        let host = self.pushes.then_some(self.heard + HOST_SILENT);
+        let host = self.pushes.then_some(self.last_order + HOST_SILENT);
         let service = self.asked.map(|asked| {
             let silent = asked + SERVICE_SILENT;
             if self.pushes {
                 silent
             } else {
-                silent.max(self.sent + AGAIN)
+                silent.max(self.sent + ZERO_INTERVAL)
             }
         });
         let nexts = [host, service].into_iter().flatten();
-        nexts.fold(now + AGAIN, Instant::min)
+        nexts.fold(now + ZERO_INTERVAL, Instant::min)
     }
 
     /// Whether a force may still act: the latest command was a force, or no state has answered the zero yet.
-    pub(super) fn is_unsure(&self) -> bool {
+    pub(super) fn may_push(&self) -> bool {
         self.pushes || self.asked.is_some()
     }
 

@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, WebSocket, client::client_with_config};
 
-use super::line::{Waits, is_quiet, wait};
+use super::line::{Waitable, is_quiet, wait};
 use crate::device::{ASK_AGAIN, FIRST_REPLY, Gone};
 use crate::wire::haply as wire;
 
 /// Messages that are read before the clock is checked again, because a service may send without pause.
-const AT_ONCE: usize = 64;
+const READS_MAX: usize = 64;
 
 pub(super) struct Service {
     socket: WebSocket<TcpStream>,
@@ -65,7 +65,7 @@ impl Service {
     pub(super) fn read(&mut self, mut each: impl FnMut(wire::State)) -> Result<bool, Gone> {
         sent(self.socket.flush())?;
         let id = (!self.id.is_empty()).then_some(self.id.as_str());
-        for _ in 0..AT_ONCE {
+        for _ in 0..READS_MAX {
             match self.socket.read() {
                 Ok(Message::Text(text)) => {
                     wire::parse_state(&text, id).into_iter().for_each(&mut each)
@@ -83,12 +83,12 @@ impl Service {
         wait([self.stream()], until);
     }
 
-    pub(super) fn stream(&self) -> &dyn Waits {
+    pub(super) fn stream(&self) -> &dyn Waitable {
         self.socket.get_ref()
     }
 
     /// Send zero on a new connection, because the old one has ended and the force may still act.
-    pub(super) fn zero_anew(&mut self) {
+    pub(super) fn zero_on_new_connection(&mut self) {
         const PATIENCE: Duration = Duration::from_secs(1);
         if let Ok(socket) = connect(&self.target, PATIENCE) {
             self.socket = socket;

@@ -11,7 +11,7 @@ use super::line::Stream;
 
 /// Longest time for a guardian to end after its host let go; its own waits are shorter.
 const PATIENCE: Duration = Duration::from_secs(3);
-const LOOK: Duration = Duration::from_millis(2);
+const POLL: Duration = Duration::from_millis(2);
 
 /// A program that calls [`serve`](super::guardian::serve) and then ends.
 #[derive(Clone, Debug)]
@@ -41,7 +41,7 @@ impl Drop for Started {
                 let _ = self.0.wait();
                 return;
             }
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL);
         }
     }
 }
@@ -103,12 +103,12 @@ fn launch(mut command: Command) -> io::Result<(Stream, Started)> {
         const CREATE_NO_WINDOW: u32 = 0x0800_0000;
         command.creation_flags(CREATE_NEW_PROCESS_GROUP | CREATE_NO_WINDOW);
     }
-    let (meeting, told) = loopback::Rendezvous::new()?;
+    let (meeting, address) = loopback::Rendezvous::new()?;
     let mut child = command.stdin(Stdio::piped()).spawn()?;
     let stdin = child.stdin.take();
     let mut started = Started(child);
     if let Some(mut stdin) = stdin {
-        io::Write::write_all(&mut stdin, &told)?;
+        io::Write::write_all(&mut stdin, &address)?;
     }
     let stream = meeting.wait(|| matches!(started.0.try_wait(), Ok(None)))?;
     Ok((stream, started))
@@ -131,8 +131,8 @@ mod loopback {
     const LEN: usize = 18;
     const PATIENCE: Duration = Duration::from_secs(15);
     /// Longest wait for the token of an unknown peer.
-    const STRANGER: Duration = Duration::from_millis(200);
-    const LOOK: Duration = Duration::from_millis(2);
+    const TOKEN_TIMEOUT: Duration = Duration::from_millis(200);
+    const POLL: Duration = Duration::from_millis(2);
 
     pub(super) struct Rendezvous {
         listener: TcpListener,
@@ -146,13 +146,13 @@ mod loopback {
             listener.set_nonblocking(true)?;
             // The keys of a new hasher come from the system's random numbers.
             let random = || RandomState::new().hash_one(0).to_le_bytes();
-            let mut told = [0; LEN];
-            told[..2].copy_from_slice(&listener.local_addr()?.port().to_le_bytes());
-            told[2..10].copy_from_slice(&random());
-            told[10..].copy_from_slice(&random());
+            let mut address = [0; LEN];
+            address[..2].copy_from_slice(&listener.local_addr()?.port().to_le_bytes());
+            address[2..10].copy_from_slice(&random());
+            address[10..].copy_from_slice(&random());
             let mut token = [0; LEN - 2];
-            token.copy_from_slice(&told[2..]);
-            Ok((Self { listener, token }, told))
+            token.copy_from_slice(&address[2..]);
+            Ok((Self { listener, token }, address))
         }
 
         /// Wait for the peer that knows the token, as long as `lives` is true.
@@ -160,11 +160,11 @@ mod loopback {
             let until = Instant::now() + PATIENCE;
             while lives() && Instant::now() < until {
                 let Ok((mut stream, _)) = self.listener.accept() else {
-                    std::thread::sleep(LOOK);
+                    std::thread::sleep(POLL);
                     continue;
                 };
                 stream.set_nonblocking(false)?;
-                stream.set_read_timeout(Some(STRANGER))?;
+                stream.set_read_timeout(Some(TOKEN_TIMEOUT))?;
                 let mut token = [0; LEN - 2];
                 if stream.read_exact(&mut token).is_ok() && token == self.token {
                     stream.set_nodelay(true)?;
@@ -175,10 +175,10 @@ mod loopback {
         }
     }
 
-    /// Connect to the meeting point that `told` describes.
-    pub(super) fn join(told: &mut impl Read) -> io::Result<TcpStream> {
+    /// Connect to the meeting point that `address` describes.
+    pub(super) fn join(address: &mut impl Read) -> io::Result<TcpStream> {
         let mut bytes = [0; LEN];
-        told.read_exact(&mut bytes)?;
+        address.read_exact(&mut bytes)?;
         let port = u16::from_le_bytes([bytes[0], bytes[1]]);
         let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port))?;
         stream.set_nodelay(true)?;
@@ -192,11 +192,11 @@ mod loopback {
 
         #[test]
         fn only_who_knows_the_token_is_met() {
-            let (meeting, told) = Rendezvous::new().unwrap();
-            let mut wrong = told;
+            let (meeting, address) = Rendezvous::new().unwrap();
+            let mut wrong = address;
             wrong[17] ^= 1;
             let _stranger = join(&mut &wrong[..]).unwrap();
-            let mut friend = join(&mut &told[..]).unwrap();
+            let mut friend = join(&mut &address[..]).unwrap();
             let mut met = meeting.wait(|| true).unwrap();
             friend.write_all(b"here").unwrap();
             let mut bytes = [0; 4];

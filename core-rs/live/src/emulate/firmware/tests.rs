@@ -15,7 +15,7 @@ fn board(protocol: Protocol, lockstep: bool) -> Board {
         seed: 0,
         force_step: 0.0,
         watchdog: Duration::from_millis(50),
-        known: [0.05, 1.0],
+        reported: [0.05, 1.0],
         range: Key::default().range,
     }
 }
@@ -31,7 +31,7 @@ fn ms(ms: u64) -> Duration {
 
 fn firefader_reply(firmware: &mut Firmware, force: [f64; 2], now: Duration) -> firefader::Reply {
     let mut replies = Vec::new();
-    firmware.hear(&firefader::request(force), now, &mut |bytes| {
+    firmware.receive(&firefader::request(force), now, &mut |bytes| {
         replies.push(firefader::parse_reply(bytes));
     });
     let [Parsed::Packet(reply, 7)] = replies[..] else {
@@ -86,7 +86,7 @@ fn by_the_wall_only_the_newest_packet_counts() {
     let mut bytes = firefader::request([-1.0, 0.0]).to_vec();
     bytes.extend(firefader::request([0.5, 0.0]));
     let mut replies = 0;
-    firmware.hear(&bytes, ms(0), &mut |_| replies += 1);
+    firmware.receive(&bytes, ms(0), &mut |_| replies += 1);
     assert_eq!(replies, 1);
     assert!(firmware.forces()[0] > 0.4);
 }
@@ -95,7 +95,7 @@ fn frame_reply(firmware: &mut Firmware, request: frame::Request) -> Parsed<frame
     let mut bytes = [0; frame::LONGEST];
     let len = request.write(10.0, &mut bytes);
     let mut reply = Parsed::Incomplete;
-    firmware.hear(&bytes[..len], ms(7), &mut |bytes| {
+    firmware.receive(&bytes[..len], ms(7), &mut |bytes| {
         reply = frame::Reply::parse(bytes)
     });
     reply
@@ -147,7 +147,7 @@ fn a_frame_says_who_it_is() {
     let mut bytes = [0; frame::LONGEST];
     let len = request.write(10.0, &mut bytes);
     let mut who = Parsed::Incomplete;
-    firmware.hear(&bytes[..len], ms(0), &mut |bytes| {
+    firmware.receive(&bytes[..len], ms(0), &mut |bytes| {
         who = frame::DeviceInfo::parse(bytes)
     });
     let Parsed::Packet(who, _) = who else {
@@ -168,7 +168,7 @@ proptest! {
         for &protocol in Protocol::ALL {
             let mut firmware = firmware(board(protocol, lockstep), 3, Hand::Resting);
             for (i, piece) in pieces.iter().enumerate() {
-                firmware.hear(piece, ms(i as u64), &mut |_| ());
+                firmware.receive(piece, ms(i as u64), &mut |_| ());
                 firmware.run_to(ms(i as u64));
                 prop_assert!(firmware.forces().iter().all(|force| force.abs() <= 10.0));
                 prop_assert!(firmware.keys().positions().iter().all(|x| x.abs() <= 0.05));

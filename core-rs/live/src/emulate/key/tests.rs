@@ -64,7 +64,7 @@ fn a_key_is_a_cel_to_the_last_bit() {
 fn a_hand_pulls_to_its_path() {
     let rate = 10_000.0;
     let (mass, stiffness, damping, to) = (0.05, 300.0, 2.0, 0.01);
-    let hand = Hand::Going {
+    let hand = Hand::OnPath {
         path: vec![to; 2_000],
         stiffness,
         damping,

@@ -8,22 +8,22 @@ use crate::perform::tests::unplugged::Unplugged;
 fn a_device_that_comes_back_is_still_hot() {
     let url = Url::parse("emul:?mass=0.05&damping=1&stiffness=1000").unwrap();
     let key = device::open(&url).unwrap();
-    let known = DeviceConfig {
+    let config = DeviceConfig {
         url,
         calibration: Vec::new(),
-        most: None,
+        force_limit: None,
         period: 1e-3,
-        ending: Ending::default(),
+        canceller: WaitCanceller::default(),
     };
     let brief = Box::new(Unplugged { key, left: 5_000 });
-    let keyboard = Keyboard::around(brief, known, vec![(0, 0)]);
+    let keyboard = Keyboard::from_device(brief, config, vec![(0, 0)]);
     let (commands, mut found) = RingBuffer::new(4);
     let (mut slot, reconnector) = keyboard.split(0, Arc::new(Mutex::new(commands)));
-    assert!(slot.look(slot.deadline()), "where it is, first");
+    assert!(slot.receive(slot.deadline()), "where it is, first");
     while slot.is_there() {
-        slot.force(0, 20.0);
+        slot.set_force(0, 20.0);
         if slot.send() {
-            slot.look(slot.deadline());
+            slot.receive(slot.deadline());
         }
     }
     let patience = Instant::now() + Duration::from_secs(60);

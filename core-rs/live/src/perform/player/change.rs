@@ -44,14 +44,14 @@ pub(crate) struct ScheduledChange {
     pub(in crate::perform) ticket: u64,
     pub(in crate::perform) change: Change,
     /// Buffer for the outputs of the new simulation   (tick_frames · n_out)
-    pub(in crate::perform) heard: Vec<f64>,
+    pub(in crate::perform) outputs: Vec<f64>,
 }
 
 impl Player {
     /// Queue a change until its frame, after earlier changes of the same frame.
-    pub(super) fn wait_for(&mut self, due: Box<ScheduledChange>) {
+    pub(super) fn schedule(&mut self, due: Box<ScheduledChange>) {
         if self.waiting.len() == SCHEDULED_MAX {
-            self.tell(EventKind::Late(due.ticket));
+            self.send_event(EventKind::Late(due.ticket));
             self.give_back(due);
             return;
         }
@@ -60,12 +60,12 @@ impl Player {
     }
 
     /// Make the changes that are due at the first frame of this tick. Changes of earlier frames are late, and not made.
-    pub(super) fn changes(&mut self) {
+    pub(super) fn make_changes(&mut self) {
         while self.waiting.first().is_some_and(|due| due.at <= self.frame) {
             let mut due = self.waiting.remove(0);
             let done = due.at == self.frame && self.change(&mut due);
             let ticket = due.ticket;
-            self.tell(if done {
+            self.send_event(if done {
                 EventKind::Changed(ticket)
             } else {
                 EventKind::Late(ticket)
@@ -78,7 +78,9 @@ impl Player {
     /// Make a change. Return false, with nothing changed, if its simulation cannot take over from the playing one, or
     /// if the numbers of outputs of simulation and mixer differ.
     fn change(&mut self, due: &mut ScheduledChange) -> bool {
-        let ScheduledChange { change, heard, .. } = due;
+        let ScheduledChange {
+            change, outputs, ..
+        } = due;
         let stage = &mut self.stage;
         let simulation = change
             .simulation
@@ -93,7 +95,7 @@ impl Player {
                 return false;
             }
             std::mem::swap(simulation, &mut stage.simulation);
-            std::mem::swap(heard, &mut self.outputs);
+            std::mem::swap(outputs, &mut self.outputs);
         }
         if let Some(mixer) = &mut change.mixer {
             let outputs = change
@@ -116,20 +118,20 @@ impl Player {
             std::mem::swap(bars, &mut stage.bars);
         }
         if let Some(standins) = &mut change.standins {
-            let movers = self.movers.iter_mut().zip(&mut self.guidance);
-            for ((hand, standin), (mover, guidance)) in
-                stage.hands.iter_mut().zip(standins).zip(movers)
+            let sources = self.sources.iter_mut().zip(&mut self.guidance);
+            for ((hand, standin), (source, guidance)) in
+                stage.hands.iter_mut().zip(standins).zip(sources)
             {
                 if standin.is_empty() {
                     continue;
                 }
-                let before = hand.stands_at(self.tick);
+                let before = hand.standin_position(self.tick);
                 std::mem::swap(&mut hand.standin, standin);
                 hand.since = self.tick;
-                let now = hand.stands_at(self.tick);
+                let now = hand.standin_position(self.tick);
                 guidance.change(before, now);
-                if !mover.real {
-                    mover.change(false, now);
+                if !source.real {
+                    source.change(false, now);
                 }
             }
         }
@@ -153,7 +155,7 @@ impl Player {
     }
 
     /// Advance the force scale of each hand, with the bounds of changes that wait.
-    pub(super) fn scale(&mut self) {
+    pub(super) fn update_scales(&mut self) {
         let tick_frames = self.stage.tick_frames as u64;
         for (hand, scale) in self.scales.iter_mut().enumerate() {
             let Some((slot, axis)) = self.axis_of[hand] else {
@@ -167,7 +169,7 @@ impl Player {
                 })
             });
             let now = scale.tick(self.tick, waiting);
-            self.slots[slot].scale(axis, now);
+            self.slots[slot].set_scale(axis, now);
         }
     }
 

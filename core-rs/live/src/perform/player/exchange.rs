@@ -10,57 +10,58 @@ impl Player {
     /// Receive the positions of all hands before the first force is sent.
     pub(in crate::perform) fn begin(&mut self) {
         self.has_positions = true;
-        self.positions();
+        self.receive_positions();
         for slot in self.slots.iter().filter(|slot| slot.is_there()) {
             for &(axis, hand) in &slot.axes {
                 let x = slot.sample.position[axis];
-                let mover = &mut self.movers[hand];
+                let source = &mut self.sources[hand];
                 if self.tick == 0 {
-                    (mover.real, mover.x) = (true, x);
+                    (source.real, source.x) = (true, x);
                 } else {
                     // In the middle of a piece the key starts at the position of its stand-in.
-                    mover.x = self.stage.hands[hand].stands_at(self.tick);
-                    mover.change(true, x);
+                    source.x = self.stage.hands[hand].standin_position(self.tick);
+                    source.change(true, x);
                 }
-                self.previous[hand] = mover.x;
+                self.previous[hand] = source.x;
             }
         }
     }
 
     /// Send the forces of the previous tick and receive positions; in the first tick `begin` received them.
-    pub(super) fn keys(&mut self) {
+    pub(super) fn exchange_forces(&mut self) {
         if std::mem::take(&mut self.has_positions) {
             return;
         }
         let rate = 1.0 / self.clock.period();
-        for hand in 0..self.movers.len() {
+        for hand in 0..self.sources.len() {
             let Some((slot, axis)) = self.axis_of[hand] else {
                 continue;
             };
-            let (own, mover) = (&self.stage.hands[hand], &self.movers[hand]);
-            let force = if mover.real {
-                let v = (mover.x - self.previous[hand]) * rate;
-                let guidance = self.guidance[hand].force(own.stands_at(self.tick), mover.x, v);
-                (self.felt[hand] + guidance) * mover.share()
+            let (own, source) = (&self.stage.hands[hand], &self.sources[hand]);
+            let force = if source.real {
+                let v = (source.x - self.previous[hand]) * rate;
+                let guidance =
+                    self.guidance[hand].force(own.standin_position(self.tick), source.x, v);
+                (self.piece_forces[hand] + guidance) * source.progress()
             } else {
                 0.0
             };
-            self.slots[slot].force(axis, force);
+            self.slots[slot].set_force(axis, force);
         }
         for slot in 0..self.slots.len() {
             let there = self.slots[slot].send();
             self.note_presence(slot, there);
         }
-        self.positions();
+        self.receive_positions();
     }
 
     /// Receive the positions of all keyboards, with one deadline for all.
-    fn positions(&mut self) {
+    fn receive_positions(&mut self) {
         let Some(deadline) = self.slots.first().map(Slot::deadline) else {
             return;
         };
         for slot in 0..self.slots.len() {
-            let there = self.slots[slot].look(deadline);
+            let there = self.slots[slot].receive(deadline);
             self.note_presence(slot, there);
         }
     }
@@ -73,18 +74,18 @@ impl Player {
         // While a performance ends, devices are not waited for: a missing reply then does not mean that the device is
         // lost.
         if !self.connections.flags.stop.load(Ordering::Acquire) {
-            self.tell(EventKind::Gone(slot));
+            self.send_event(EventKind::Gone(slot));
         }
         self.returns_at[slot] = None;
         for at in 0..self.slots[slot].axes.len() {
             let (_, hand) = self.slots[slot].axes[at];
-            let x = self.stage.hands[hand].stands_at(self.tick);
-            self.movers[hand].change(false, x);
+            let x = self.stage.hands[hand].standin_position(self.tick);
+            self.sources[hand].change(false, x);
         }
     }
 
     /// Move every hand to its position in this tick.
-    pub(super) fn hands(&mut self) {
+    pub(super) fn move_hands(&mut self) {
         for slot in 0..self.slots.len() {
             if self.returns_at[slot].is_none_or(|tick| self.tick < tick)
                 || !self.slots[slot].is_there()
@@ -95,18 +96,18 @@ impl Player {
             for at in 0..self.slots[slot].axes.len() {
                 let (axis, hand) = self.slots[slot].axes[at];
                 let x = self.slots[slot].sample.position[axis];
-                self.movers[hand].change(true, x);
-                self.tell(EventKind::TookOver(hand));
+                self.sources[hand].change(true, x);
+                self.send_event(EventKind::TookOver(hand));
             }
         }
         for (hand, own) in self.stage.hands.iter().enumerate() {
-            let mover = &mut self.movers[hand];
-            self.previous[hand] = mover.x;
+            let source = &mut self.sources[hand];
+            self.previous[hand] = source.x;
             let x = match self.axis_of[hand] {
-                Some((slot, axis)) if mover.real => self.slots[slot].sample.position[axis],
-                _ => own.stands_at(self.tick),
+                Some((slot, axis)) if source.real => self.slots[slot].sample.position[axis],
+                _ => own.standin_position(self.tick),
             };
-            let x = mover.follow(x);
+            let x = source.follow(x);
             self.stage.simulation.hold(hand, x * own.reach, None);
         }
     }

@@ -8,7 +8,7 @@ use crate::perform::Stage;
 use crate::perform::frozen::Frozen;
 
 /// Time constant of the decay of peaks [s].
-const PEAKS: f64 = 0.3;
+const PEAK_DECAY: f64 = 0.3;
 
 impl Player {
     /// Compute the frames of the tick, mixed and limited.
@@ -19,9 +19,9 @@ impl Player {
         if n > 0 {
             let outputs = &mut self.outputs[..n * n_out];
             let mixed = &mut self.mixed[..n * channels];
-            if let Some(hearing) = &mut self.connections.hearing {
+            if let Some(sound_input) = &mut self.connections.sound_input {
                 let is_playing = self.connections.shared.played() > 0;
-                hearing.tick(&mut stage.simulation, self.frame, n, is_playing);
+                sound_input.tick(&mut stage.simulation, self.frame, n, is_playing);
             }
             // A part that diverges is muted by itself: the result is not needed.
             let _ = if n_out == 0 {
@@ -48,17 +48,17 @@ impl Player {
             }
             self.gain.apply(self.frame, mixed, channels);
             if let Some(window) = &mut self.window {
-                window.hear(mixed, !self.panicked);
+                window.add_levels(mixed, !self.panicked);
             }
             limit(stage, mixed, &mut self.folded);
         } else {
-            let n = stage.tick_frames.min(self.tail);
+            let n = stage.tick_frames.min(self.tail_frames);
             let mixed = &mut self.mixed[..n * channels];
             mixed.fill(0.0);
             limit(stage, mixed, &mut self.folded);
         }
         for (hand, own) in stage.hands.iter().enumerate() {
-            self.felt[hand] = stage.simulation.felt(hand) * own.reach;
+            self.piece_forces[hand] = stage.simulation.felt(hand) * own.reach;
         }
         self.tick += 1;
         self.frame += n as u64;
@@ -71,16 +71,16 @@ impl Player {
             Some(_) => &self.folded,
             None => &self.mixed,
         };
-        let skip = self.ahead.min(n);
-        let behind = (self.stage.limiter.latency() - self.ahead) as u64;
-        self.ahead -= skip;
+        let skip = self.to_skip.min(n);
+        let behind = (self.stage.limiter.latency() - self.to_skip) as u64;
+        self.to_skip -= skip;
         if is_tail {
-            self.tail -= n;
+            self.tail_frames -= n;
         }
         for (single, x) in self.single.iter_mut().zip(&heard[..n * channels]) {
             *single = *x as f32;
         }
-        let falls = (1.0 - self.clock.period() / PEAKS).max(0.0) as f32;
+        let falls = (1.0 - self.clock.period() / PEAK_DECAY).max(0.0) as f32;
         self.status.peaks.iter_mut().for_each(|peak| *peak *= falls);
         if self.panicked {
             // After a panic nothing is heard.

@@ -99,7 +99,7 @@ fn a_key_is_led_and_let_go() {
     reset_violation_count();
     for _ in 0..TICKS {
         assert!(assert_no_alloc(|| player.tick()));
-        x.push(player.movers[0].x);
+        x.push(player.sources[0].x);
     }
     assert_eq!(violation_count(), 0);
     let status = this.status();

@@ -92,13 +92,13 @@ fn an_input_is_what_its_recording_says() {
         ..stage()
     };
     let (this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
-    assert!(this.heard().sentence.starts_with("no input"));
+    assert!(this.input().sentence.starts_with("no input"));
     let (mut feed, drain) = audio::ring(1, 8 * EVERY);
     feed.set_prefill(2 * EVERY);
     let counts = feed.shared().clone();
     let (tap, handle) = audio::tap(&path("in"), RATE as u32, 1).unwrap();
-    let intake = audio::Intake::new(drain, 2 * EVERY, RATE as u32);
-    player.connections.hearing = Some(hearing::Hearing::by_hand(intake, EVERY, tap));
+    let reader = audio::InputReader::new(drain, 2 * EVERY, RATE as u32);
+    player.connections.sound_input = Some(sound_input::SoundInput::fed_by_test(reader, EVERY, tap));
     player.begin();
     reset_violation_count();
     let mut noise = 1_u32;

@@ -16,12 +16,12 @@ use ergon_view::motion::{self, MAGIC};
 use ergon_view::payload::kind;
 use ergon_view::read::MotionFile;
 use ergon_view::record::{Setup, runs};
-use ergon_view::serve::{Cursor, Limits, Server, Taken};
+use ergon_view::serve::{Cursor, Limits, Next, Server};
 use tungstenite::protocol::Role;
 use tungstenite::{Message, WebSocket};
 
 use super::super::player::Player;
-use super::super::window::{Ear, Relay, Scene, Window, window};
+use super::super::window::{HeardTimes, Relay, Scene, Window, window};
 use super::*;
 
 mod rig;
@@ -44,7 +44,7 @@ fn pages_are_told_strikes_that_nobody_knew() {
     for (point, mat, impulse, ticks) in [(7, 3, 2e-5, 301), (9, 5, -3e-5, 77), (7, 3, -1e-5, 400)] {
         for _ in 0..ticks {
             shown.tick(1);
-            shown.relay.turn();
+            shown.relay.poll();
         }
         wanted.push((shown.frame() as f64 / RATE, mat, impulse));
         shown.this.strike(point, impulse).unwrap();
@@ -52,7 +52,7 @@ fn pages_are_told_strikes_that_nobody_knew() {
     }
     for _ in 0..100 {
         shown.tick(1);
-        shown.relay.turn();
+        shown.relay.poll();
     }
     bytes.extend(messages(&shown.server, &mut cursor).concat());
     assert_ergons(&ergons(&bytes, &look), &wanted);
@@ -100,10 +100,13 @@ fn strikes_before_the_first_picture_of_a_version_are_told() {
         if tick == opened {
             let (window, scene) = window_on(&new, &after.1, "second");
             assert!(shown.this.open(window));
-            shown.coming.send((scene, shown.this.ear())).unwrap();
+            shown
+                .coming
+                .send((scene, shown.this.heard_times()))
+                .unwrap();
         }
         shown.tick(1);
-        shown.relay.turn();
+        shown.relay.poll();
         let some = messages(&shown.server, &mut cursor).concat();
         if tick < opened {
             assert!(ergons(&some, &old.looked_at()).is_empty());
@@ -138,7 +141,7 @@ fn pages_are_told_what_a_gesture_strikes() {
         shown.tick(1);
         // For a while no picture is fetched.
         if !(200..350).contains(&tick) {
-            shown.relay.turn();
+            shown.relay.poll();
             bytes.extend(messages(&shown.server, &mut cursor).concat());
         }
     }
@@ -169,7 +172,7 @@ fn pages_that_come_late_are_told_what_broke() {
     let ticks = |shown: &mut Shown, n: u64| {
         for _ in 0..n {
             shown.tick(1);
-            shown.relay.turn();
+            shown.relay.poll();
         }
     };
     ticks(&mut shown, second / 2);
@@ -207,7 +210,10 @@ fn pages_that_come_late_are_told_what_broke() {
     // Another window on the playing simulation, as a session opens one.
     let (window, scene) = window_on(&simulation, &scene.1, "late");
     assert!(shown.this.open(window));
-    shown.coming.send((scene, shown.this.ear())).unwrap();
+    shown
+        .coming
+        .send((scene, shown.this.heard_times()))
+        .unwrap();
     ticks(&mut shown, second / 2);
     let mut last = shown.server.hub().join();
     let told = broken(&messages(&shown.server, &mut last).concat());
@@ -228,7 +234,7 @@ fn pages_are_told_what_the_engine_has() {
     let mut squares = Vec::new();
     for _ in 0..2_000 {
         shown.tick(1);
-        shown.relay.turn();
+        shown.relay.poll();
         let some = messages(&shown.server, &mut cursor);
         let mut heard = vec![0.0; EVERY];
         truth.process(&mut heard).unwrap();
@@ -351,10 +357,10 @@ fn a_window_changes_no_sample() {
         for _ in 0..1_000 {
             shown.tick(1);
             if is_looked_at {
-                shown.relay.turn();
+                shown.relay.poll();
             }
         }
-        shown.relay.turn();
+        shown.relay.poll();
         skipped.push(shown.relay.skipped());
         shown.player.connections.feed.close();
         drop(shown.player);
@@ -381,7 +387,7 @@ fn what_happens_while_nobody_looks_is_told_afterwards() {
     let mut shown = Shown::fast(&simulation, &scene.1);
     let mut cursor = shown.server.hub().join();
     shown.tick(1);
-    shown.relay.turn();
+    shown.relay.poll();
     let before = messages(&shown.server, &mut cursor).concat();
     assert!(
         !chunks(&before)
@@ -391,9 +397,9 @@ fn what_happens_while_nobody_looks_is_told_afterwards() {
     // The hammer meets the skin after 25 ms, while the picture of 17 ms has not been fetched, and leaves it some
     // milliseconds later.
     shown.tick(400);
-    shown.relay.turn();
+    shown.relay.poll();
     shown.tick(20);
-    shown.relay.turn();
+    shown.relay.poll();
     let after = messages(&shown.server, &mut cursor).concat();
     let pushes: Vec<_> = chunks(&after)
         .into_iter()
@@ -427,7 +433,10 @@ fn a_version_that_takes_over_is_shown_from_then_on() {
     let open = |shown: &mut Shown, new: &Simulation, title: &str| {
         let (window, scene) = window_on(new, &second.1, title);
         assert!(shown.this.open(window));
-        shown.coming.send((scene, shown.this.ear())).unwrap();
+        shown
+            .coming
+            .send((scene, shown.this.heard_times()))
+            .unwrap();
     };
     shown.tick(300);
     let (late, new) = (second_at(200), second_at(600));
@@ -438,7 +447,7 @@ fn a_version_that_takes_over_is_shown_from_then_on() {
     let mut titles = Vec::new();
     for tick in 300..900_u64 {
         shown.tick(1);
-        shown.relay.turn();
+        shown.relay.poll();
         if tick == 800 {
             open(&mut shown, &new, "again");
         }
@@ -532,7 +541,7 @@ fn a_page_that_stalls_keeps_nobody() {
             pages.push(page(&shown.server));
         }
         shown.tick(1);
-        shown.relay.turn();
+        shown.relay.poll();
         let seconds = shown.frame() as f64 / RATE;
         let number = (seconds * FPS) as u64;
         if seen.replace(number) != Some(number) {

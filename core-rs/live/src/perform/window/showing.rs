@@ -10,16 +10,16 @@ use std::time::Duration;
 use ergon_view::payload::{Bytes, kind, put};
 use ergon_view::serve::{Keep, Server};
 
-use super::{Ear, Scene};
+use super::{HeardTimes, Scene};
 use crate::safety;
 
 /// Time between two checks for a picture, a quarter of a video frame. The thread polls, because waking it would cost
 /// the physics thread a system call.
-const NAP: Duration = Duration::from_millis(4);
+const POLL: Duration = Duration::from_millis(4);
 
 /// Shows performances to pages, one version after the other, until it is dropped.
 pub struct Showing {
-    scenes: Mutex<Sender<(Scene, Ear)>>,
+    scenes: Mutex<Sender<(Scene, HeardTimes)>>,
     skipped: Arc<AtomicU64>,
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -38,10 +38,10 @@ impl Showing {
         let thread = thread::Builder::new()
             .name("ergon window".into())
             .spawn(move || {
-                safety::leave_signals();
+                safety::block_signals();
                 while !asked.load(Ordering::Acquire) {
-                    relay.turn();
-                    thread::sleep(NAP);
+                    relay.poll();
+                    thread::sleep(POLL);
                 }
             })?;
         Ok(Self {
@@ -53,10 +53,10 @@ impl Showing {
     }
 
     /// Show a version from its first picture on; until then the previous version is shown.
-    pub fn show(&self, scene: Scene, ear: Ear) {
+    pub fn show(&self, scene: Scene, heard_times: HeardTimes) {
         let scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
         // If the thread has ended, there is nobody to show it to.
-        let _ = scenes.send((scene, ear));
+        let _ = scenes.send((scene, heard_times));
     }
 
     /// Number of pictures that were skipped because the one before had not been fetched.
@@ -77,9 +77,9 @@ impl Drop for Showing {
 /// The work of the thread.
 pub(in super::super) struct Relay {
     server: Arc<Server>,
-    coming: Receiver<(Scene, Ear)>,
+    coming: Receiver<(Scene, HeardTimes)>,
     /// The scene that is shown, then those that wait for their first picture.
-    scenes: Vec<(Scene, Ear)>,
+    scenes: Vec<(Scene, HeardTimes)>,
     is_greeted: bool,
     skipped: Arc<AtomicU64>,
     /// Skipped pictures of scenes that were dropped.
@@ -87,7 +87,10 @@ pub(in super::super) struct Relay {
 }
 
 impl Relay {
-    pub(in super::super) fn new(server: Arc<Server>, coming: Receiver<(Scene, Ear)>) -> Self {
+    pub(in super::super) fn new(
+        server: Arc<Server>,
+        coming: Receiver<(Scene, HeardTimes)>,
+    ) -> Self {
         Self {
             server,
             coming,
@@ -99,15 +102,15 @@ impl Relay {
     }
 
     /// Send new pictures.
-    pub(in super::super) fn turn(&mut self) {
+    pub(in super::super) fn poll(&mut self) {
         self.scenes.extend(self.coming.try_iter());
-        let is_new = |own: &(Scene, Ear)| own.0.pictures.updated();
+        let is_new = |own: &(Scene, HeardTimes)| own.0.pictures.updated();
         if let Some(at) = self.scenes.iter().rposition(is_new) {
             self.is_greeted &= at == 0;
             self.skipped_before += (self.scenes.drain(..at))
                 .map(|(scene, _)| scene.skipped())
                 .sum::<u64>();
-            self.tell();
+            self.send_picture();
         }
         // The shown scene stays, because its count is still needed; other scenes that are over were never played.
         let mut at = 0;
@@ -125,33 +128,33 @@ impl Relay {
     }
 
     /// Send the picture of the first scene.
-    fn tell(&mut self) {
-        let (scene, ear) = &mut self.scenes[0];
+    fn send_picture(&mut self) {
+        let (scene, heard_times) = &mut self.scenes[0];
         let (recorder, hub) = (&mut scene.recorder, self.server.hub());
         let picture = scene.pictures.read();
         let seconds = recorder.seconds(picture.glance.frame);
-        let heard = ear.when(picture.glance.frame, picture.dropped, self.server.now());
-        recorder.hear_squares(&picture.squares, picture.heard);
+        let heard = heard_times.when(picture.glance.frame, picture.dropped, self.server.now());
+        recorder.add_squared_levels(&picture.squares, picture.n_heard);
         for strike in &picture.strikes[..picture.n_strikes] {
             let at = recorder.seconds(strike.frame);
-            recorder.struck(at, strike.point, strike.impulse);
+            recorder.add_strike(at, strike.point, strike.impulse);
         }
-        recorder.see(&picture.glance);
+        recorder.record(&picture.glance);
         if !self.is_greeted {
             hub.greet(&recorder.take());
             self.is_greeted = true;
         }
-        let mut told = recorder.tell();
+        let mut chunks = recorder.take_live();
         if let Some(heard) = heard {
             let mut clock = Bytes::default();
             clock.f64(heard);
             clock.f64(1.0);
-            put(&mut told.latest, kind::CLOCK, seconds, &clock.0);
+            put(&mut chunks.latest, kind::CLOCK, seconds, &clock.0);
         }
-        if !told.events.is_empty() {
-            let keep = if told.is_key { Keep::Key } else { Keep::All };
-            hub.publish(&told.events, keep);
+        if !chunks.events.is_empty() {
+            let keep = if chunks.is_key { Keep::Key } else { Keep::All };
+            hub.publish(&chunks.events, keep);
         }
-        hub.publish(&told.latest, Keep::Latest);
+        hub.publish(&chunks.latest, Keep::Latest);
     }
 }

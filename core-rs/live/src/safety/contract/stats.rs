@@ -24,9 +24,9 @@ impl Histogram {
         self.counts.iter().sum()
     }
 
-    /// A duration that the share `part` (0 to 1) of them does not exceed, accurate to a factor of two.
-    pub fn within(&self, part: f64) -> Duration {
-        let wanted = (self.total() as f64 * part).ceil() as u64;
+    /// A duration that the share `share` (0 to 1) of them does not exceed, accurate to a factor of two.
+    pub fn quantile(&self, share: f64) -> Duration {
+        let wanted = (self.total() as f64 * share).ceil() as u64;
         let mut seen = 0;
         for (bin, count) in self.counts.iter().enumerate() {
             seen += count;
@@ -57,7 +57,7 @@ pub struct Stats {
 
 impl Stats {
     /// Add the time that a reply took.
-    pub(crate) fn timed(&mut self, took: Duration) {
+    pub(crate) fn add_round_trip(&mut self, took: Duration) {
         self.round_trip.add(took);
     }
 }
@@ -86,7 +86,7 @@ impl Drift {
 
 /// A reply to one of this many latest requests is late; otherwise it belongs to another program.
 const LATE: u16 = 8192;
-/// Value of `Sent::strange` above which the device is shared; fewer may be leftovers of an earlier session.
+/// Value of `Sent::foreign_balance` above which the device is shared; fewer may be leftovers of an earlier session.
 const SHARED: u32 = 32;
 
 /// When the latest requests were sent, by their numbers.
@@ -96,7 +96,7 @@ pub(crate) struct Sent {
     next: u16,
     /// Twice the number of replies to requests of others, less the number of replies to our own, at least 0; `None`
     /// before our first reply.
-    strange: Option<u32>,
+    foreign_balance: Option<u32>,
 }
 
 impl Default for Sent {
@@ -104,7 +104,7 @@ impl Default for Sent {
         Self {
             at: [None; 256],
             next: 0,
-            strange: None,
+            foreign_balance: None,
         }
     }
 }
@@ -129,21 +129,24 @@ impl Sent {
             return false;
         }
         if age == 0 || age > 256 {
-            self.strange = self.strange.map(|strange| strange.saturating_add(2));
+            self.foreign_balance = self
+                .foreign_balance
+                .map(|foreign_balance| foreign_balance.saturating_add(2));
             return false;
         }
         let Some(at) = self.at[usize::from(number % 256)].take() else {
             return false;
         };
         stats.received += 1;
-        stats.timed(now.duration_since(at));
-        self.strange = Some(self.strange.unwrap_or(0).saturating_sub(1));
+        stats.add_round_trip(now.duration_since(at));
+        self.foreign_balance = Some(self.foreign_balance.unwrap_or(0).saturating_sub(1));
         true
     }
 
     /// Whether the device answers other programs more than half as often as this one, for some time.
     pub(crate) fn is_shared(&self) -> bool {
-        self.strange.is_some_and(|strange| strange > SHARED)
+        self.foreign_balance
+            .is_some_and(|foreign_balance| foreign_balance > SHARED)
     }
 }
 
@@ -168,7 +171,7 @@ mod tests {
         // A lost request is counted when its slot is used again.
         assert_eq!(stats.lost, (0..744).filter(|i| i % 10 == 0).count() as u64);
         assert_eq!(stats.round_trip.total(), 900);
-        assert_eq!(stats.round_trip.within(0.5), Duration::from_micros(100));
+        assert_eq!(stats.round_trip.quantile(0.5), Duration::from_micros(100));
     }
 
     #[test]

@@ -3,16 +3,16 @@
 use super::{AxisSpec, Trip};
 
 /// Mass assumed for a device that does not report it: a light fader [kg].
-const LIGHT: f64 = 0.05;
+const DEFAULT_MASS: f64 = 0.05;
 /// Number of positions that are kept.
-const PAST: usize = 2 * OVER + 1;
+const PAST: usize = 2 * VELOCITY_STEPS + 1;
 /// Number of steps over which velocity is taken.
-pub(super) const OVER: usize = 4;
+pub(super) const VELOCITY_STEPS: usize = 4;
 
 /// Part of the range beside a stop that counts as the stop.
 const MARGIN: f64 = 0.02;
 /// A key that moves less than this during the dwell is at rest [m].
-const RESTS: f64 = 1e-4;
+const REST_TOLERANCE: f64 = 1e-4;
 /// Time at rest at a stop after which it is a suspicion, and after which it is a fault [s].
 const DWELL: [f64; 2] = [0.1, 0.15];
 /// Least force for both [N].
@@ -27,7 +27,7 @@ const SMOOTH: f64 = 0.02;
 const CHANGED: f64 = 1.0;
 const CHANGED_OVER: f64 = 0.05;
 /// The stiffest grip of a hand [N/m]; it gives the change of force that must show in the sensor.
-const FIRM: f64 = 5_000.0;
+const FIRMEST_GRIP: f64 = 5_000.0;
 
 /// Least speed of a run [m/s].
 const SLOW: f64 = 0.01;
@@ -35,11 +35,11 @@ const SLOW: f64 = 0.01;
 const RUN: f64 = 3e-4;
 /// The growth of velocity from one length to the next that is a suspicion, and the least opposing force for it [N]. A
 /// hand that begins a stroke smoothly reaches 2^(2/3) = 1.59, a constant push 1.41, a key that runs away 2.
-const RUNS: [(f64, f64); 2] = [(1.65, 0.1), (1.38, 0.8)];
+const RUN_GROWTH: [(f64, f64); 2] = [(1.65, 0.1), (1.38, 0.8)];
 
 /// It is also a suspicion if a key is accelerated against the force by this part of the force; and the least force for
 /// that [N].
-const DRIVEN: (f64, f64) = (0.4, 0.8);
+const COUNTER_ACCELERATION: (f64, f64) = (0.4, 0.8);
 
 /// A possible fault, which a probe has to confirm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,8 +70,8 @@ pub(super) struct AxisParameters {
 impl AxisParameters {
     pub(super) fn new(built: AxisSpec, step: f64) -> Self {
         let [low, high] = built.range;
-        let mass = built.inertia.filter(|m| *m > 0.0).unwrap_or(LIGHT);
-        let over = OVER as f64 * step;
+        let mass = built.inertia.filter(|m| *m > 0.0).unwrap_or(DEFAULT_MASS);
+        let over = VELOCITY_STEPS as f64 * step;
         Self {
             step,
             mass,
@@ -85,8 +85,8 @@ impl AxisParameters {
     }
 
     /// The least change of force that shows in the sensor through the firmest grip [N].
-    pub(super) fn shows(&self) -> f64 {
-        3.0 * self.resolution * FIRM
+    pub(super) fn visible_force_change(&self) -> f64 {
+        3.0 * self.resolution * FIRMEST_GRIP
     }
 
     fn steps(&self, seconds: f64) -> u32 {
@@ -107,13 +107,13 @@ impl AxisParameters {
 /// A movement in one direction.
 #[derive(Clone, Copy, Debug)]
 struct Run {
-    way: f64,
+    direction: f64,
     from: f64,
-    next: f64,
+    next_length: f64,
     /// The velocity at the previous length [m/s].
-    before: Option<f64>,
+    last_velocity: Option<f64>,
     suspicious: bool,
-    /// Whether in this step it passed a second or later length, against a force of at least `DRIVEN.1`.
+    /// Whether in this step it passed a second or later length, against a force of at least `COUNTER_ACCELERATION.1`.
     against: bool,
 }
 
@@ -136,7 +136,7 @@ pub(super) struct Signs {
 
 impl Signs {
     /// Add a step: the position of the key, and the force that was sent before it.
-    pub(super) fn add(&mut self, x: f64, sent: f64, own: &AxisParameters) {
+    pub(super) fn add(&mut self, x: f64, sent: f64, axis: &AxisParameters) {
         if self.n == 0 {
             (self.past, self.smooth) = ([x; PAST], sent);
         }
@@ -145,7 +145,7 @@ impl Signs {
         self.past.copy_within(0..PAST - 1, 1);
         self.past[0] = x;
         let weight = if same {
-            (own.step / SMOOTH).min(1.0)
+            (axis.step / SMOOTH).min(1.0)
         } else {
             1.0
         };
@@ -163,26 +163,27 @@ impl Signs {
         } else {
             [self.smooth; 2]
         };
-        let side = own.side(x);
-        let rests = (x - self.at).abs() <= RESTS.max(2.0 * own.resolution);
+        let side = axis.side(x);
+        let rests = (x - self.at).abs() <= REST_TOLERANCE.max(2.0 * axis.resolution);
         if side.is_some() && rests && self.dwell > 0 {
             self.dwell = self.dwell.saturating_add(1);
         } else {
             (self.dwell, self.at) = (u32::from(side.is_some()), x);
         }
         self.side = side.unwrap_or(0.0);
-        self.follow(x, sent, own);
+        self.follow_run(x, sent, axis);
     }
 
     /// The velocity over the last steps [m/s].
-    pub(super) fn velocity(&self, own: &AxisParameters) -> f64 {
-        (self.past[0] - self.past[OVER]) / (OVER as f64 * own.step)
+    pub(super) fn velocity(&self, axis: &AxisParameters) -> f64 {
+        (self.past[0] - self.past[VELOCITY_STEPS]) / (VELOCITY_STEPS as f64 * axis.step)
     }
 
     /// The acceleration over the last steps [m/s²].
-    pub(super) fn acceleration(&self, own: &AxisParameters) -> f64 {
-        let step = OVER as f64 * own.step;
-        (self.past[0] - 2.0 * self.past[OVER] + self.past[2 * OVER]) / (step * step)
+    pub(super) fn acceleration(&self, axis: &AxisParameters) -> f64 {
+        let step = VELOCITY_STEPS as f64 * axis.step;
+        (self.past[0] - 2.0 * self.past[VELOCITY_STEPS] + self.past[2 * VELOCITY_STEPS])
+            / (step * step)
     }
 
     /// Whether the newest position equals the one before.
@@ -197,63 +198,64 @@ impl Signs {
     }
 
     /// Follow a movement in one direction, and judge whether it accelerates against the force.
-    fn follow(&mut self, x: f64, sent: f64, own: &AxisParameters) {
-        let (v, push) = (self.velocity(own), own.mass * self.acceleration(own));
+    fn follow_run(&mut self, x: f64, sent: f64, axis: &AxisParameters) {
+        let (v, push) = (self.velocity(axis), axis.mass * self.acceleration(axis));
         let run = match &mut self.run {
-            Some(run) if run.way * v > own.slow => run,
+            Some(run) if run.direction * v > axis.slow => run,
             _ => {
-                self.run = (v.abs() > own.slow && self.n == PAST).then(|| Run {
-                    way: v.signum(),
+                self.run = (v.abs() > axis.slow && self.n == PAST).then(|| Run {
+                    direction: v.signum(),
                     from: x,
-                    next: own.run,
-                    before: None,
+                    next_length: axis.run,
+                    last_velocity: None,
                     suspicious: false,
                     against: false,
                 });
                 return;
             }
         };
-        if run.way * sent >= 0.0 {
+        if run.direction * sent >= 0.0 {
             // A movement along the force is never suspicious.
-            (run.from, run.next, run.before) = (x, own.run, None);
+            (run.from, run.next_length, run.last_velocity) = (x, axis.run, None);
         }
         run.against = false;
-        run.suspicious =
-            -run.way * sent >= DRIVEN.1 && run.way * push >= -DRIVEN.0 * run.way * sent + own.noise;
-        while run.way * (x - run.from) >= run.next {
-            let against = -run.way * sent;
-            run.against = run.before.is_some() && against >= DRIVEN.1;
-            let grown = run.before.map_or(0.0, |before| v / before);
-            run.suspicious |= RUNS
+        run.suspicious = -run.direction * sent >= COUNTER_ACCELERATION.1
+            && run.direction * push >= -COUNTER_ACCELERATION.0 * run.direction * sent + axis.noise;
+        while run.direction * (x - run.from) >= run.next_length {
+            let against = -run.direction * sent;
+            run.against = run.last_velocity.is_some() && against >= COUNTER_ACCELERATION.1;
+            let grown = run.last_velocity.map_or(0.0, |before| v / before);
+            run.suspicious |= RUN_GROWTH
                 .iter()
                 .any(|&(growth, force)| grown >= growth && against >= force);
-            (run.next, run.before) = (2.0 * run.next, Some(v));
+            (run.next_length, run.last_velocity) = (2.0 * run.next_length, Some(v));
         }
     }
 
     /// The side of the stop at which the key rests while `force` pushes it further in, if it does.
-    pub(super) fn pushed_out(&self, force: f64, own: &AxisParameters) -> Option<f64> {
-        let long = self.dwell >= own.steps(DWELL[1]);
+    pub(super) fn pushed_into_stop(&self, force: f64, axis: &AxisParameters) -> Option<f64> {
+        let long = self.dwell >= axis.steps(DWELL[1]);
         (long && force * self.side >= STOP_FORCE).then_some(self.side)
     }
 
     /// A fault that is certain without a probe.
-    pub(super) fn evident(&self, sent: f64, own: &AxisParameters) -> Option<Trip> {
-        if self.pushed_out(sent, own).is_some() {
+    pub(super) fn evident_fault(&self, sent: f64, axis: &AxisParameters) -> Option<Trip> {
+        if self.pushed_into_stop(sent, axis).is_some() {
             return Some(Trip::AtStop);
         }
         let changed = self.forces[1] - self.forces[0];
-        let frozen = self.still >= own.steps(CHANGED_OVER) && changed >= CHANGED.max(own.shows());
+        let frozen = self.still >= axis.steps(CHANGED_OVER)
+            && changed >= CHANGED.max(axis.visible_force_change());
         (frozen && self.side == 0.0).then_some(Trip::Frozen)
     }
 
     /// A suspicion, and the direction in which to probe it; `confirmed`: whether a probe has shown the right direction
     /// of the motor before.
-    pub(super) fn suspected(
+    pub(super) fn suspicion(
         &self,
         sent: f64,
         confirmed: bool,
-        own: &AxisParameters,
+        axis: &AxisParameters,
     ) -> Option<(Suspicion, f64)> {
         if self
             .run
@@ -261,11 +263,11 @@ impl Signs {
         {
             return Some((Suspicion::Run, -sent.signum()));
         }
-        if self.dwell >= own.steps(DWELL[0]) && -sent * self.side >= STOP_FORCE {
+        if self.dwell >= axis.steps(DWELL[0]) && -sent * self.side >= STOP_FORCE {
             return Some((Suspicion::Stop, self.side));
         }
-        let still =
-            self.still >= own.steps(STILL) && sent.abs() >= STILL_FORCE.max(0.5 * own.shows());
+        let still = self.still >= axis.steps(STILL)
+            && sent.abs() >= STILL_FORCE.max(0.5 * axis.visible_force_change());
         (still && self.side == 0.0).then_some((Suspicion::Still, -sent.signum()))
     }
 }

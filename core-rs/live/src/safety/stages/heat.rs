@@ -10,15 +10,16 @@ pub(in crate::safety) struct Heat {
 }
 
 impl Heat {
-    /// Limit the force to the continuous force if the motor is too hot, by the model or as its board reports (`told`).
+    /// Limit the force to the continuous force if the motor is too hot, by the model or as its board reports
+    /// (`is_reported_hot`).
     pub(in crate::safety) fn pass(
         self,
         force: f64,
         continuous: f64,
-        told: bool,
+        is_reported_hot: bool,
         counts: &mut Counts,
     ) -> f64 {
-        if (told || self.level > 1.0) && force.abs() > continuous {
+        if (is_reported_hot || self.level > 1.0) && force.abs() > continuous {
             counts.hot += 1;
             return continuous.copysign(force);
         }
@@ -26,7 +27,7 @@ impl Heat {
     }
 
     /// Add the load of a force over a tick of `period`; `constant`: time constant of the coil [s].
-    pub(in crate::safety) fn bear(
+    pub(in crate::safety) fn add_load(
         &mut self,
         force: f64,
         continuous: f64,

@@ -19,17 +19,17 @@ use crate::wire::MAX_AXES;
 /// Number of forces and positions that are remembered.
 const HISTORY: usize = 64;
 /// Delays tried beyond the one that the device reports [ticks]: a reply may miss its tick, a board may have a queue.
-const MORE: usize = 4;
+const EXTRA_DELAYS: usize = 4;
 /// The longest delay that is tried [ticks].
-const LONGEST: usize = 31;
+const MAX_DELAY: usize = 31;
 /// Greatest number of ticks between two positions over which forces are averaged.
-const GAP: u64 = (HISTORY - LONGEST - 1) as u64;
+const GAP_MAX: u64 = (HISTORY - MAX_DELAY - 1) as u64;
 /// Mass of a key whose device does not report it [kg]. A light key reacts most, so this is lighter than any real key.
-const LIGHT: f64 = 0.01;
+const DEFAULT_MASS: f64 = 0.01;
 /// Part of a reported mass that is relied on: a braking force drives a key back if it is lighter than assumed.
-const SURE: f64 = 0.5;
+const TRUSTED_MASS: f64 = 0.5;
 /// Velocity is taken over as many ticks as are needed for one sensor step to be slower than this [m/s].
-const SLOW: f64 = 0.05;
+const STEP_VELOCITY: f64 = 0.05;
 
 /// The work of a device's motors on the hands.
 #[derive(Clone, Debug)]
@@ -61,10 +61,10 @@ struct Axis {
     forces: [f64; HISTORY],
     positions: [f64; HISTORY],
     /// Work on the key for each delay, less what the power has refilled [J].
-    work: [f64; LONGEST + 1],
+    work: [f64; MAX_DELAY + 1],
     /// Velocity [m/s], and its possible error by the sensor's step.
     velocity: f64,
-    blur: f64,
+    velocity_error: f64,
 }
 
 /// Index of an entry in the ring of `HISTORY` entries.
@@ -82,17 +82,21 @@ impl Passivity {
         let own = (spec.loop_delay_s.unwrap_or(0.0) / period).ceil() as usize;
         // Outside lockstep a reply has the position at which the force arrived; in lockstep the position to which the
         // force moved the key.
-        let delay = own + usize::from(!in_lockstep) + MORE;
-        let longest = (limits.velocity_over / period).clamp(1.0, GAP as f64);
-        let span = (spec.pos_lsb / (SLOW * period)).ceil().clamp(1.0, longest);
+        let delay = own + usize::from(!in_lockstep) + EXTRA_DELAYS;
+        let longest = (limits.velocity_over / period).clamp(1.0, GAP_MAX as f64);
+        let span = (spec.pos_lsb / (STEP_VELOCITY * period))
+            .ceil()
+            .clamp(1.0, longest);
         Self {
             energy: limits.energy,
             power: limits.power,
             period,
-            mass: spec.inertia.map_or(LIGHT, |told| SURE * told),
+            mass: spec
+                .inertia
+                .map_or(DEFAULT_MASS, |reported| TRUSTED_MASS * reported),
             step: spec.pos_lsb,
             span: span as u64,
-            delay: delay.min(LONGEST),
+            delay: delay.min(MAX_DELAY),
             sent: 0,
             seen: 0,
             n: 0,
@@ -100,9 +104,9 @@ impl Passivity {
             axes: [Axis {
                 forces: [0.0; HISTORY],
                 positions: [0.0; HISTORY],
-                work: [0.0; LONGEST + 1],
+                work: [0.0; MAX_DELAY + 1],
                 velocity: 0.0,
-                blur: 0.0,
+                velocity_error: 0.0,
             }; MAX_AXES],
         }
     }
@@ -124,7 +128,7 @@ impl Passivity {
 
     /// Take positions (n_axes,) [m], received `since` [s] after the previous ones.
     pub(in crate::safety) fn receive(&mut self, positions: &[f64], since: f64) {
-        let ticks = (self.sent - self.seen).clamp(1, GAP);
+        let ticks = (self.sent - self.seen).clamp(1, GAP_MAX);
         let (last, at) = (slot(self.n.wrapping_sub(1)), slot(self.n));
         self.times[at] = self.times[last] + since;
         let first = slot(self.n - self.span.min(self.n));
@@ -140,11 +144,11 @@ impl Passivity {
                     .map(|ago| (force(ago) - force(ago + 1)).abs())
                     .sum();
                 let done = mean * (x - before) + 0.5 * self.step * changed;
-                *work = filled_up(*work + done, self.power * since, self.energy);
+                *work = refilled(*work + done, self.power * since, self.energy);
             }
             if time > 0.0 {
                 axis.velocity = (x - axis.positions[first]) / time;
-                axis.blur = self.step / time;
+                axis.velocity_error = self.step / time;
             }
         }
         (self.n, self.seen) = (self.n + 1, self.sent);
@@ -158,39 +162,39 @@ impl Passivity {
 
     /// Continue with work [J] that was done on an axis before.
     pub(in crate::safety) fn resume(&mut self, axis: usize, work: f64) {
-        self.axes[axis].work = [work; LONGEST + 1];
+        self.axes[axis].work = [work; MAX_DELAY + 1];
     }
 
     /// The least and the greatest force that may be sent now [N]; zero lies between them.
     ///
     /// A force f that acts for a tick T on a mass m which then moves with w does the work f·w·T + f²T²/(2m).
-    pub(in crate::safety) fn room(&self, axis: usize) -> [f64; 2] {
+    pub(in crate::safety) fn allowed_forces(&self, axis: usize) -> [f64; 2] {
         let own = &self.axes[axis];
         let force = |ago: u64| own.forces[slot(self.sent.wrapping_sub(ago))];
         let unseen = (self.delay as u64 + self.sent - self.seen).min(HISTORY as u64);
         let felt = (unseen + self.span).min(HISTORY as u64);
         // Greatest change of the velocity by forces under way and by forces since it was taken.
         let push: f64 = (1..=felt).map(|ago| force(ago).abs()).sum();
-        let change = push * self.period / self.mass + own.blur;
+        let change = push * self.period / self.mass + own.velocity_error;
         let towards = |side: f64| side * own.velocity + change;
         let may_do = |force: f64| force.abs() * towards(force.signum()).max(0.0) * self.period;
         let reserved: f64 = (1..=unseen).map(|ago| may_do(force(ago))).sum();
         let left = (self.energy - self.work(axis) - reserved).max(0.0);
-        let most = |side: f64| {
+        let limit = |side: f64| {
             let w = towards(side);
             let reach = (w * w + 2.0 * left / self.mass).sqrt();
             (reach - w).max(0.0) * self.mass / self.period
         };
-        [-most(-1.0), most(1.0)]
+        [-limit(-1.0), limit(1.0)]
     }
 }
 
 /// Draw work towards zero by the refilled amount. Work that a hand put in (negative) may be returned to it, as a spring
 /// returns it, but only up to the allowance and not for long.
-fn filled_up(work: f64, filled: f64, allowance: f64) -> f64 {
+fn refilled(work: f64, refill: f64, allowance: f64) -> f64 {
     if work > 0.0 {
-        (work - filled).max(0.0)
+        (work - refill).max(0.0)
     } else {
-        (work.max(-allowance) + filled).min(0.0)
+        (work.max(-allowance) + refill).min(0.0)
     }
 }

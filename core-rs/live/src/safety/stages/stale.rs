@@ -15,28 +15,28 @@ pub(in crate::safety) struct Ages {
     /// Age above which they are stale.
     limit: Duration,
     /// When the newest position came, and when the host made its last call.
-    seen: Option<Duration>,
-    here: Option<Duration>,
+    last_position: Option<Duration>,
+    last_call: Option<Duration>,
     fade: Fade,
     /// Whether the next force must be zero whatever else holds: the slew limit then starts at zero, not at the force
     /// before the stall.
-    owes_zero: bool,
+    must_send_zero: bool,
 }
 
 impl Ages {
     pub(in crate::safety) fn new(limit: f64) -> Self {
         Self {
             limit: Duration::try_from_secs_f64(limit).unwrap_or(Duration::MAX),
-            seen: None,
-            here: None,
+            last_position: None,
+            last_call: None,
             fade: Fade::WHOLE,
-            owes_zero: false,
+            must_send_zero: false,
         }
     }
 
     /// Whether the host was stopped since its last call.
     pub(in crate::safety) fn was_stopped(&self, now: Duration) -> bool {
-        self.is_old(self.here, now)
+        self.is_old(self.last_call, now)
     }
 
     fn is_old(&self, then: Option<Duration>, now: Duration) -> bool {
@@ -54,13 +54,13 @@ impl Ages {
     }
 
     /// Note a call of the host, with or without a new position.
-    fn look(&mut self, now: Duration, counts: &mut Counts) {
+    fn note_call(&mut self, now: Duration, counts: &mut Counts) {
         if self.was_stopped(now) {
             counts.stalls += 1;
             self.restart();
-            self.owes_zero = true;
+            self.must_send_zero = true;
         }
-        self.here = Some(now);
+        self.last_call = Some(now);
     }
 
     /// Advance before a force is sent; the fade takes `fade` [s] in ticks of `period`. Returns whether the force is
@@ -71,9 +71,10 @@ impl Ages {
         [period, fade]: [f64; 2],
         counts: &mut Counts,
     ) -> bool {
-        self.look(now, counts);
-        let owes_zero = std::mem::take(&mut self.owes_zero);
-        let is_stale = owes_zero || self.seen.is_none() || self.is_old(self.seen, now);
+        self.note_call(now, counts);
+        let must_send_zero = std::mem::take(&mut self.must_send_zero);
+        let is_stale =
+            must_send_zero || self.last_position.is_none() || self.is_old(self.last_position, now);
         if is_stale {
             self.restart();
         } else {
@@ -89,13 +90,13 @@ impl Ages {
         let_go: bool,
         counts: &mut Counts,
     ) -> Option<f64> {
-        self.look(now, counts);
+        self.note_call(now, counts);
         if let_go {
             counts.let_go += 1;
             self.restart();
-            self.owes_zero = true;
+            self.must_send_zero = true;
         }
-        let before = self.seen.replace(now);
+        let before = self.last_position.replace(now);
         before.map(|before| now.saturating_sub(before).as_secs_f64())
     }
 

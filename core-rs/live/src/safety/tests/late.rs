@@ -14,9 +14,9 @@ struct Board {
     spec: Spec,
     /// Time [ns].
     time: Arc<AtomicU64>,
-    heard: u64,
+    last_force: u64,
     /// Whether it reports its own state, such as heat and letting go.
-    says: bool,
+    reports_let_go: bool,
     /// Time for which the host is stopped right before its next write [ns].
     stop: u64,
     sample: Sample,
@@ -37,8 +37,8 @@ impl Board {
                 ..Bench::new().spec
             },
             time: Arc::default(),
-            heard: 0,
-            says: true,
+            last_force: 0,
+            reports_let_go: true,
             stop: 0,
             sample: Sample::default(),
             answers: true,
@@ -46,10 +46,10 @@ impl Board {
         }
     }
 
-    fn hear(&mut self, force: f64) {
+    fn take_force(&mut self, force: f64) {
         let now = self.time.load(Ordering::Relaxed);
-        self.sample.let_go = self.says && now - self.heard > WATCHDOG;
-        self.heard = now;
+        self.sample.let_go = self.reports_let_go && now - self.last_force > WATCHDOG;
+        self.last_force = now;
         self.felt.push(force);
     }
 }
@@ -61,7 +61,7 @@ impl Device for Board {
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
         self.time
             .fetch_add(std::mem::take(&mut self.stop), Ordering::Relaxed);
-        self.hear(force.newtons()[0]);
+        self.take_force(force.newtons()[0]);
         Ok(())
     }
     fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
@@ -72,7 +72,7 @@ impl Device for Board {
         false
     }
     fn zero(&mut self) {
-        self.hear(0.0);
+        self.take_force(0.0);
     }
 }
 

@@ -29,13 +29,13 @@ impl Draw {
 }
 
 /// A board with all kinds of faults at random.
-struct Wild {
+struct FaultyBoard {
     spec: Spec,
     sample: Sample,
     answers: bool,
 }
 
-impl Device for Wild {
+impl Device for FaultyBoard {
     fn spec(&self) -> &Spec {
         &self.spec
     }
@@ -55,7 +55,7 @@ impl Device for Wild {
 /// Number of ticks in which a force rose, or changed its sign, by more than the limit.
 fn too_fast(ticks: u64, seed: u64) -> u64 {
     let mut draw = Draw(seed);
-    let mut board = Wild {
+    let mut board = FaultyBoard {
         spec: Spec {
             force_max_peak: 20.0,
             force_max_continuous: 10.0,
@@ -74,11 +74,11 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
     let step = limits.slew * 1e3 * PERIOD * (1.0 + 1e-12);
     let mut guarded = Guarded::new(&mut board, limits, PERIOD);
     let mut sample = Sample::default();
-    let (mut wish, mut speed, mut last, mut stopped) = (0.0, 0.0, 0.0_f64, false);
+    let (mut asked, mut speed, mut last, mut stopped) = (0.0, 0.0, 0.0_f64, false);
     let mut found = 0;
     for _ in 0..ticks {
         if draw.once_in(50) {
-            wish = match draw.next() % 8 {
+            asked = match draw.next() % 8 {
                 0 => 0.0,
                 1 => f64::NAN,
                 2 => 1e300 * draw.even(),
@@ -106,7 +106,7 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
             _ => {}
         }
         guarded.receive(&mut sample, Instant::now()).unwrap();
-        let force = guarded.send(&[wish]).unwrap().newtons()[0];
+        let force = guarded.send(&[asked]).unwrap().newtons()[0];
         let is_fall = force * last >= 0.0 && force.abs() <= last.abs();
         found += u64::from(!is_fall && (force - last).abs() > step);
         last = force;

@@ -175,7 +175,7 @@ pub(super) fn board_bytes(dice: &mut Dice) {
         seed: 0,
         force_step: 0.0,
         watchdog: Duration::from_millis(50),
-        known: [0.05, 1.0],
+        reported: [0.05, 1.0],
         range: Key::default().range,
     };
     let keys = Keys::new(3, Key::default(), 1000.0, vec![Hand::Resting; 3]).unwrap();
@@ -191,7 +191,7 @@ pub(super) fn board_bytes(dice: &mut Dice) {
         1 + dice.below(40)
     };
     for (i, piece) in bytes.chunks(piece).enumerate() {
-        firmware.hear(piece, Duration::from_millis(i as u64), &mut |_| ());
+        firmware.receive(piece, Duration::from_millis(i as u64), &mut |_| ());
     }
     assert!(firmware.forces().iter().all(|force| force.abs() <= 10.0));
     assert!(firmware.keys().positions().iter().all(|x| x.is_finite()));

@@ -181,7 +181,7 @@ pub(super) struct Shown {
     pub(super) player: Player,
     pub(super) server: Arc<Server>,
     pub(super) relay: Relay,
-    pub(super) coming: Sender<(Scene, Ear)>,
+    pub(super) coming: Sender<(Scene, HeardTimes)>,
 }
 
 impl Shown {
@@ -204,7 +204,7 @@ impl Shown {
         assert!(this.open(window));
         let server = served(limits);
         let (coming, scenes) = channel();
-        coming.send((scene, this.ear())).unwrap();
+        coming.send((scene, this.heard_times())).unwrap();
         let relay = Relay::new(server.clone(), scenes);
         Self {
             this,
@@ -237,8 +237,8 @@ pub(super) fn messages(server: &Server, cursor: &mut Cursor) -> Vec<Vec<u8>> {
     let mut all = Vec::new();
     loop {
         match server.hub().take(cursor, Duration::ZERO) {
-            Taken::Message(bytes) => all.push(bytes.to_vec()),
-            Taken::Nothing => return all,
+            Next::Message(bytes) => all.push(bytes.to_vec()),
+            Next::Nothing => return all,
             other => panic!("{other:?}"),
         }
     }

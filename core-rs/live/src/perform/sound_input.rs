@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use ergon_engine::simulation::Simulation;
 
 use super::PlayError;
-use crate::audio::{self, AudioError, Backend, Info, Input, Intake, Spec, Tap, TapHandle};
+use crate::audio::{self, AudioError, Backend, Info, Input, InputReader, Spec, Tap, TapHandle};
 
 /// Where the inputs of a piece come from.
 #[derive(Clone, Debug, Default)]
@@ -19,7 +19,7 @@ pub struct InputConfig {
 
 /// The input of a performance, as other threads see it.
 #[derive(Default)]
-pub struct Heard {
+pub struct InputStatus {
     /// The input, if there is one.
     pub input: Option<Input>,
     /// A sentence about the input, or why there is none; empty if the piece has no inputs.
@@ -29,8 +29,8 @@ pub struct Heard {
 }
 
 /// The input on the physics thread.
-pub(super) struct Hearing {
-    intake: Intake,
+pub(super) struct SoundInput {
+    reader: InputReader,
     /// The samples of a tick   (tick_frames, n_channels)
     samples: Vec<f32>,
     tap: Option<Tap>,
@@ -47,16 +47,16 @@ pub(super) fn open(
     output: &Info,
     tick_frames: usize,
     ahead: usize,
-) -> Result<(Option<Hearing>, Heard), PlayError> {
+) -> Result<(Option<SoundInput>, InputStatus), PlayError> {
     let channels = simulation.n_channels_in();
-    let mut heard = Heard::default();
+    let mut status = InputStatus::default();
     if channels == 0 {
-        return Ok((None, heard));
+        return Ok((None, status));
     }
     let silent = "each input of the score plays its file, or silence where it has none";
     let Some(spec) = &config.from else {
-        heard.sentence = format!("no input: {silent}");
-        return Ok((None, heard));
+        status.sentence = format!("no input: {silent}");
+        return Ok((None, status));
     };
     let is_asked = spec.backend != Backend::Auto;
     if is_asked && !output.paced {
@@ -76,40 +76,40 @@ pub(super) fn open(
         (false, other) => Err(format!("{other} has no inputs")),
     };
     let opened = spec.and_then(|spec| {
-        audio::listen(&spec, rate, channels, wanted).map_err(|error| error.to_string())
+        audio::open_input(&spec, rate, channels, wanted).map_err(|error| error.to_string())
     });
-    let (input, intake) = match opened {
+    let (input, reader) = match opened {
         Ok(opened) => opened,
         Err(why) if is_asked => return Err(AudioError::Broken(why).into()),
         Err(why) => {
-            heard.sentence = format!("no input ({why}): {silent}");
-            return Ok((None, heard));
+            status.sentence = format!("no input ({why}): {silent}");
+            return Ok((None, status));
         }
     };
     let info = input.info();
     let through = info.latency_s + ahead as f64 / simulation.rate() + output.latency_s;
-    heard.sentence = format!(
+    status.sentence = format!(
         "{}, {:.1} ms to the loudspeaker",
         info.sentence,
         1000.0 * through
     );
-    heard.input = Some(input);
+    status.input = Some(input);
     let mut tap = None;
     if let Some(path) = &config.record {
         let (own, handle) = audio::tap(path, rate, channels)?;
-        (tap, heard.recorded) = (Some(own), Some(handle));
+        (tap, status.recorded) = (Some(own), Some(handle));
     }
     let samples = vec![0.0; tick_frames * channels];
-    let hearing = Hearing {
-        intake,
+    let sound_input = SoundInput {
+        reader,
         samples,
         tap,
         enough: ahead,
     };
-    Ok((Some(hearing), heard))
+    Ok((Some(sound_input), status))
 }
 
-impl Hearing {
+impl SoundInput {
     /// Whether `filled` frames in the ring are enough.
     pub(super) fn is_enough(&self, filled: usize) -> bool {
         filled >= self.enough
@@ -124,10 +124,10 @@ impl Hearing {
         n: usize,
         is_playing: bool,
     ) {
-        let channels = self.intake.channels();
+        let channels = self.reader.channels();
         let samples = &mut self.samples[..n * channels];
         if is_playing {
-            self.intake.hear(samples);
+            self.reader.read(samples);
         } else {
             samples.fill(0.0);
         }
@@ -139,10 +139,10 @@ impl Hearing {
 
     /// An input that a test feeds.
     #[cfg(test)]
-    pub(super) fn by_hand(intake: Intake, tick_frames: usize, tap: Tap) -> Self {
-        let samples = vec![0.0; tick_frames * intake.channels()];
+    pub(super) fn fed_by_test(reader: InputReader, tick_frames: usize, tap: Tap) -> Self {
+        let samples = vec![0.0; tick_frames * reader.channels()];
         Self {
-            intake,
+            reader,
             samples,
             tap: Some(tap),
             enough: usize::MAX,

@@ -8,7 +8,7 @@ use crate::perform::status::{Event, EventKind, HANDS_MAX};
 use crate::recording::{self, flag};
 
 /// The load is averaged over this time [s].
-const AVERAGE: f64 = 1.0;
+const LOAD_AVERAGING: f64 = 1.0;
 
 impl Player {
     /// Record a row of all hands, if there is a recording.
@@ -27,8 +27,8 @@ impl Player {
                 (flag::TRIPPED, status.tripped),
             ];
             *row = recording::Sample {
-                position: self.movers[hand].x,
-                force: self.felt[hand],
+                position: self.sources[hand].x,
+                force: self.piece_forces[hand],
                 sent: status.sent as f32,
                 flags: flags
                     .iter()
@@ -50,11 +50,11 @@ impl Player {
     }
 
     /// Note the load of the tick, which `took` this long, and report parts that were newly muted or computed finer.
-    pub(super) fn load(&mut self, took: Duration) {
+    pub(super) fn note_load(&mut self, took: Duration) {
         let period = self.clock.period();
         let load = took.as_secs_f64() / period;
         let status = &mut self.status;
-        status.load += (load - status.load) * (period / AVERAGE).min(1.0);
+        status.load += (load - status.load) * (period / LOAD_AVERAGING).min(1.0);
         status.busiest = status.busiest.max(load);
         (status.frame, status.ticks) = (self.frame, status.ticks + 1);
         let muted = self.stage.simulation.n_muted() as u32;
@@ -62,30 +62,30 @@ impl Player {
         status.muted = muted;
         status.filled = self.connections.feed.filled();
         if is_new {
-            self.tell(EventKind::Muted);
+            self.send_event(EventKind::Muted);
         }
         let finer = self.stage.simulation.n_finer() as u32;
         let is_new = finer > self.status.finer;
         self.status.finer = finer;
         if is_new {
-            self.tell(EventKind::Finer);
+            self.send_event(EventKind::Finer);
         }
     }
 
     /// Note the state of every hand, and report axes that tripped.
-    pub(super) fn watch(&mut self) {
-        for (hand, mover) in self.movers.iter().enumerate().take(HANDS_MAX) {
+    pub(super) fn update_hands(&mut self) {
+        for (hand, source) in self.sources.iter().enumerate().take(HANDS_MAX) {
             let own = &mut self.status.hands[hand];
-            (own.position, own.force, own.real) = (mover.x, self.felt[hand], mover.real);
+            (own.position, own.force, own.real) = (source.x, self.piece_forces[hand], source.real);
             let Some((slot, axis)) = self.axis_of[hand] else {
                 continue;
             };
             let slot = &self.slots[slot];
             own.sent = slot.sent[axis];
             own.scale = self.scales[hand].now();
-            own.touch = mover.real && slot.sample.touch[axis];
-            own.enabled = mover.real && slot.sample.force_enabled[axis];
-            own.hot = mover.real && slot.sample.hot;
+            own.touch = source.real && slot.sample.touch[axis];
+            own.enabled = source.real && slot.sample.force_enabled[axis];
+            own.hot = source.real && slot.sample.hot;
             [own.let_go, own.stalls] = slot.interruptions();
             let trip = slot.tripped(axis);
             if let Some(why) = trip.filter(|_| !own.tripped) {
@@ -100,7 +100,7 @@ impl Player {
     }
 
     /// Send an event; it is lost if the queue is full.
-    pub(in crate::perform) fn tell(&mut self, kind: EventKind) {
+    pub(in crate::perform) fn send_event(&mut self, kind: EventKind) {
         let frame = self.frame;
         let _ = self.connections.events.push(Event { frame, kind });
     }

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::audio::{News, Sounding};
+use crate::audio::{SoundClock, Sounding};
 
 /// Reports of a card's blocks come late, never early: the earliest start within this time is taken as the true one [s].
 const MEMORY: f64 = 1.0;
@@ -10,28 +10,29 @@ const MEMORY: f64 = 1.0;
 const JUMP: f64 = 0.02;
 
 /// The instants at which frames of a performance are heard.
-pub struct Ear {
-    news: News,
-    line: Line,
+pub struct HeardTimes {
+    sound_clock: SoundClock,
+    line: FrameTimeLine,
 }
 
-impl Ear {
-    /// The ear of an output whose first frame is `start`, at `rate` frames per second.
-    pub(in crate::perform) fn new(news: News, rate: f64, start: u64) -> Self {
-        let line = Line::new(rate, start);
-        Self { news, line }
+impl HeardTimes {
+    /// The times of an output whose first frame is `start`, at `rate` frames per second.
+    pub(in crate::perform) fn new(sound_clock: SoundClock, rate: f64, start: u64) -> Self {
+        let line = FrameTimeLine::new(rate, start);
+        Self { sound_clock, line }
     }
 
     /// The instant at which a frame is heard, by the clock that says `now` [s]; `dropped` frames before it are never
     /// heard. `None` if the output has no clock.
     pub(super) fn when(&mut self, frame: u64, dropped: u64, now: f64) -> Option<f64> {
-        self.line.take(self.news.sounding(), dropped, now);
+        self.line
+            .add_report(self.sound_clock.sounding(), dropped, now);
         self.line.when(frame, dropped)
     }
 }
 
 /// A linear relation between instants and frames.
-struct Line {
+struct FrameTimeLine {
     rate: f64,
     start: u64,
     /// Pairs: the instant of a report, and the instant at which frame `start` was heard according to it [s].
@@ -40,7 +41,7 @@ struct Line {
     state: Option<(u64, u64, bool)>,
 }
 
-impl Line {
+impl FrameTimeLine {
     fn new(rate: f64, start: u64) -> Self {
         Self {
             rate,
@@ -50,7 +51,7 @@ impl Line {
         }
     }
 
-    fn take(&mut self, sounding: Option<Sounding>, dropped: u64, now: f64) {
+    fn add_report(&mut self, sounding: Option<Sounding>, dropped: u64, now: f64) {
         let Some(sounding) = sounding else {
             return;
         };
@@ -97,32 +98,32 @@ mod tests {
 
     #[test]
     fn the_earliest_of_a_second_says_when_a_frame_is_heard() {
-        let mut line = Line::new(RATE, 4_410);
+        let mut line = FrameTimeLine::new(RATE, 4_410);
         assert_eq!(line.when(0, 0), None);
         // Most reports of a block come up to a block late; some come at once.
         for look in 0..240_u64 {
             let now = 4.0 + look as f64 / 60.0;
             let late = (look % 7) as f64 / 7.0 * BLOCK as f64 / RATE;
-            line.take(Some(sounding(now, late, 0)), 0, now);
+            line.add_report(Some(sounding(now, late, 0)), 0, now);
         }
         let when = line.when(4_410 + 44_100, 0).expect("a clock");
         assert!((when - 4.01).abs() < 1e-9, "{when}");
         // Dropped frames are not heard: the frames after them come sooner.
-        line.take(Some(sounding(9.0, 0.0, 0)), 441, 9.0);
+        line.add_report(Some(sounding(9.0, 0.0, 0)), 441, 9.0);
         let when = line.when(4_410 + 44_100, 441).expect("a clock");
         assert!((when - 4.0).abs() < 1e-9, "{when}");
     }
 
     #[test]
     fn a_gap_begins_another_line() {
-        let mut line = Line::new(RATE, 0);
-        line.take(Some(sounding(4.0, 0.0, 0)), 0, 4.0);
+        let mut line = FrameTimeLine::new(RATE, 0);
+        line.add_report(Some(sounding(4.0, 0.0, 0)), 0, 4.0);
         // 5 ms of silence were inserted: everything after them is heard later.
-        line.take(Some(sounding(4.1, 0.005, 1)), 0, 4.1);
+        line.add_report(Some(sounding(4.1, 0.005, 1)), 0, 4.1);
         let when = line.when(0, 0).expect("a clock");
         assert!((when - 3.015).abs() < 1e-9, "{when}");
         // Without a report the line stays.
-        line.take(None, 0, 4.2);
+        line.add_report(None, 0, 4.2);
         assert_eq!(line.when(0, 0), Some(when));
     }
 }

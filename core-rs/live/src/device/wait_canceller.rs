@@ -5,32 +5,32 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Time between two checks for the end during a long wait.
-const LOOK: Duration = Duration::from_millis(20);
+const CHECK_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Ends the waits of a device for replies: in lockstep a wait may last for minutes, and so may the wait for the first
 /// reply.
 #[derive(Clone, Debug, Default)]
-pub struct Ending(Arc<AtomicBool>);
+pub struct WaitCanceller(Arc<AtomicBool>);
 
-impl Ending {
+impl WaitCanceller {
     /// End all waits for replies.
-    pub fn end(&self) {
+    pub fn cancel(&self) {
         self.0.store(true, Ordering::Release);
     }
 
     /// Whether waits for replies were ended.
     #[must_use]
-    pub fn is_over(&self) -> bool {
+    pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Acquire)
     }
 
     /// Whether a wait for a reply until `until` goes on.
-    pub(super) fn still_waits(&self, until: Instant) -> bool {
-        !self.is_over() && Instant::now() < until
+    pub(super) fn may_wait(&self, until: Instant) -> bool {
+        !self.is_cancelled() && Instant::now() < until
     }
 }
 
 /// Time until which a read may block, in a wait until `until`.
-pub(super) fn next_look(until: Instant) -> Instant {
-    until.min(Instant::now() + LOOK)
+pub(super) fn next_check(until: Instant) -> Instant {
+    until.min(Instant::now() + CHECK_INTERVAL)
 }
