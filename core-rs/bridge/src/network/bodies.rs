@@ -163,7 +163,7 @@ impl Network {
         let masses: Vec<f64> = cells.iter().map(|(_, _, mass)| *mass).collect();
         let tunings: Vec<(f64, f64)> = cells.iter().map(|(f, t60, _)| (*f, *t60)).collect();
         let cells = generator::cells_at(&tunings, place)
-            .map_err(|error| from_engine(self.0.module_error(name, &error.to_string())))?;
+            .map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         computing(py, || self.0.cells(name, &masses, &cells))?.map_err(from_engine)
     }
 
@@ -214,7 +214,7 @@ impl Network {
         laws: [f64; 2],
     ) -> PyResult<usize> {
         let topology =
-            topology.map_err(|error| from_engine(self.0.module_error(name, &error.to_string())))?;
+            topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         computing(py, || match links {
             Links::Given(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
             Links::Tuned(f, decays) => {
