@@ -90,3 +90,19 @@ def test_what_is_refused(words: list[str], says: str, capsys: pytest.CaptureFixt
     assert app.run(["export", "s.yaml", "-o", "d", *words]) == 2
     assert says in capsys.readouterr().err
     assert not Path("d").exists()
+
+
+@pytest.mark.parametrize("name", ["bell.dsp", "modes.csv", "mix.wav"])
+def test_a_folder_is_not_given_the_name_of_a_file(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["export", "s.yaml", "bell", "--to", "modal", "-o", name]
+    assert app.run(words) == 2
+    folder = Path(name).stem
+    assert f"{name} has the name of a file; name a folder, for example {folder}" in (
+        capsys.readouterr().err
+    )
+    assert not Path(name).exists()
+    Path(name).mkdir()
+    assert app.run(words) == 0  # a folder that is there already is taken
+    assert (Path(name) / "bell.csv").exists()

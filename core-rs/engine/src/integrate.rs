@@ -141,7 +141,8 @@ impl Integrator {
     /// A network at its X0 and V0, stepped `substeps` times a frame of `rate`. Imposed points do not move.
     ///
     /// # Errors
-    /// With the name of a module that the method cannot step: methods other than CA take continuous parameters and plain
+    /// With the name of a module that the method cannot step: methods other than CA take continuous parameters and
+    /// plain
     /// contacts only.
     pub(crate) fn new(
         network: &Network,

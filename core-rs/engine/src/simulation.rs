@@ -1,6 +1,7 @@
 //! Simulation of a plan: its islands and banks, whose outputs are summed in a fixed order.
 //!
-//! In one thread a step does not allocate (but for a recorded stream of ergons), lock or panic. The bytes depend neither
+//! In one thread a step does not allocate (but for a recorded stream of ergons), lock or panic. The bytes depend
+//! neither
 //! on the number of threads nor on the size of blocks.
 
 mod bodies;
@@ -484,7 +485,8 @@ impl Simulation {
         self.islands().map(|(island, _)| island.n_muted()).sum()
     }
 
-    /// Parts whose links stiffened so much that frames were computed in finer steps: name, number of such frames, largest
+    /// Parts whose links stiffened so much that frames were computed in finer steps: name, number of such frames,
+    /// largest
     /// number of steps a frame.
     pub fn finer(&self) -> Vec<(String, u64, u32)> {
         let mut all: Vec<(String, u64, u32)> = Vec::new();

@@ -1,6 +1,7 @@
 //! The exact flow of slow masses, as kicks once every R frames and straight motion between them (method E4).
 //!
-//! Let E = [[a, b], [c, d]] be the map of positions and velocities of the slow masses, alone, over R frames. It is split
+//! Let E = [[a, b], [c, d]] be the map of positions and velocities of the slow masses, alone, over R frames. It is
+//! split
 //! exactly into half a kick, straight motion and half a kick. Successive half kicks are joined:
 //! v ← B·v − A·x, x += R·v, with B = b·d·b⁻¹·a − b·c and A = −((a − 1) + b·c + b·d·b⁻¹·(1 − a))/R.
 //! Fast links kick the same velocities at every frame. Velocities are in metres a frame.

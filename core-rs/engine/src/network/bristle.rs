@@ -9,7 +9,8 @@ const LEVEL_MIN: f64 = 1e-12;
 /// of Fs − Fc.
 const FALL: f64 = 0.735_758_882_342_884_7;
 
-/// A friction of bristles bent by z: f = σ0·z + σ1·ż + σ2·v, ż = v − σ0·|v|·z/g(v), g(v) = Fc + (Fs − Fc)·exp(−(v/vs)²).
+/// A friction of bristles bent by z: f = σ0·z + σ1·ż + σ2·v, ż = v − σ0·|v|·z/g(v), g(v) = Fc + (Fs −
+/// Fc)·exp(−(v/vs)²).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bristle {
     /// σ0: stiffness of the bristles [N/m].

@@ -19,7 +19,8 @@ const GLIDE_MAX: f64 = 60.0;
 pub enum InputSource {
     /// A channel of the sound card, from 0.
     Channel(usize),
-    /// Values of [`Simulation::tell`](crate::simulation::Simulation::tell): each is reached after `glide` [s], and held.
+    /// Values of [`Simulation::tell`](crate::simulation::Simulation::tell): each is reached after `glide` [s], and
+    /// held.
     Told {
         /// The number by which the input is told.
         number: u64,
