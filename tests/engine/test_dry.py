@@ -26,6 +26,17 @@ def test_plans_reach_what_is_asked(solved, asked, reached):
     assert off_db(played(scene.text, error_db=asked)[:N], exact) < reached, scene.name
 
 
+def test_ends_of_slides_are_located_between_frames():
+    """A block that turns some times and stops; no rate of CA's steps that a plan tries is so exact."""
+    scene = SCENES["block"]
+    exact = scene.exact(N)
+    plan = planned(scene.text, error_db=-130.0)[1]
+    assert [choice.contact_substeps for choice in plan.choices()] == [2]
+    assert off_db(played(scene.text, error_db=-130.0)[:N], exact) < -200.0
+    at_frames = [own._replace(contact_substeps=1, oversampling=8) for own in plan.choices()]
+    assert off_db(played(scene.text, error_db=-130.0, pins=at_frames)[:N], exact) > -125.0
+
+
 def test_half_the_step_is_more_exact(solved):
     """Of order 2 where nothing strikes a resting mass; -90 dB is next to the solver's own turns."""
     scene, exact = solved

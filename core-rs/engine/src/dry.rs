@@ -32,6 +32,30 @@ impl Dry {
         self.static_level != self.level
     }
 
+    /// Friction that takes nothing.
+    pub(crate) const NONE: Self = Self {
+        level: 0.0,
+        static_level: 0.0,
+        speed: 1.0,
+    };
+
+    /// How the level changes with the velocity [N·s/m].
+    pub(crate) fn slope_at(&self, v: f64) -> f64 {
+        if !self.falls() {
+            return 0.0;
+        }
+        let ratio = v / self.speed;
+        -2.0 * ratio / self.speed * (self.static_level - self.level) * exp(-ratio * ratio)
+    }
+
+    /// The steepest that the level falls [N·s/m]: at `speed`/√2.
+    pub(crate) fn steepest(&self) -> f64 {
+        if !self.falls() {
+            return 0.0;
+        }
+        (2.0 * exp(-1.0)).sqrt() * (self.static_level - self.level).abs() / self.speed
+    }
+
     /// The level at a velocity [m/s].
     pub(crate) fn level_at(&self, v: f64) -> f64 {
         if !self.falls() {

@@ -338,9 +338,13 @@ impl Scheme {
     /// Largest number of laws that are computed in substeps: the cost grows with its square, as each law is coupled to
     /// all others.
     pub(crate) const FINE_LAWS: usize = 32;
+    /// Largest number of dry frictions whose ends are located between frames: all their forces are one system of
+    /// equations.
+    const LOCATED_FRICTIONS: usize = 8;
 
-    /// Whether it has contacts, and whether it has laws, that can be computed in substeps.
-    pub(crate) fn has_fine(&self) -> (bool, bool) {
+    /// Whether it has contacts, and whether it has laws or dry friction, that can be computed in substeps; `led`: MATs
+    /// that keys, hands and drives move.
+    pub(crate) fn has_fine(&self, led: &[usize]) -> (bool, bool) {
         let runs = || {
             self.runs
                 .iter()
@@ -350,7 +354,40 @@ impl Scheme {
         let is_law = |run: &&Run| run.is_law();
         let n_laws = runs().filter(is_law).count();
         let has_laws = (1..=Self::FINE_LAWS).contains(&n_laws);
-        (runs().any(|run| !is_law(&run)), has_laws)
+        let has_contacts = runs().any(|run| !is_law(&run));
+        let has_dry = !has_contacts && n_laws == 0 && self.may_locate_friction(led);
+        (has_contacts, has_laws || has_dry)
+    }
+
+    /// Whether the events of all its dry friction can be located between frames: not on proxies and masses that change,
+    /// nor in parts that keys, hands and drives move.
+    fn may_locate_friction(&self, led: &[usize]) -> bool {
+        let is_free = |mat: usize| {
+            let is_led = led.iter().any(|&led| self.part[led] == self.part[mat]);
+            !is_led && self.may_end_between(mat)
+        };
+        let dry = || self.exact.iter().filter(|run| run.is_dry());
+        (1..=Self::LOCATED_FRICTIONS).contains(&dry().count())
+            && dry().all(|run| run.len == 1 && is_free(run.a) && is_free(run.b))
+            && self.is_forest(dry())
+    }
+
+    /// Whether the ends of runs make no circle, with all fixed points as one: what holds in a circle can share its force in
+    /// many ways.
+    fn is_forest<'a>(&self, runs: impl Iterator<Item = &'a Run>) -> bool {
+        let mut trees: Vec<Vec<usize>> = Vec::new();
+        for run in runs {
+            let ends = [run.a, run.b].map(|mat| if self.w[mat] == 0.0 { usize::MAX } else { mat });
+            let (joined, others): (Vec<_>, Vec<_>) =
+                (trees.drain(..)).partition(|tree| ends.iter().any(|end| tree.contains(end)));
+            let both = |tree: &Vec<usize>| ends.iter().all(|end| tree.contains(end));
+            if ends[0] == ends[1] || joined.iter().any(both) {
+                return false;
+            }
+            trees = others;
+            trees.push(joined.into_iter().flatten().chain(ends).collect());
+        }
+        true
     }
 
     /// Whether a MAT is a proxy.
@@ -358,12 +395,16 @@ impl Scheme {
         self.proxies.iter().any(|proxy| proxy.mat == mat)
     }
 
-    /// Whether a run can be computed in substeps: neither of its ends may be a proxy or have a mass that changes, since
-    /// these are known at frames only.
+    /// Whether a run can be computed in substeps.
     fn may_substep(&self, run: &Run) -> bool {
-        let changes = |mat| self.following_masses.iter().any(|mass| mass.mat == mat);
-        let takes = |mat| !self.is_proxy(mat) && !changes(mat);
-        run.can_substep() && takes(run.a) && takes(run.b)
+        run.can_substep() && self.may_end_between(run.a) && self.may_end_between(run.b)
+    }
+
+    /// Whether a MAT may be the end of a run that is computed in substeps: proxies and masses that change are known at
+    /// frames only.
+    fn may_end_between(&self, mat: usize) -> bool {
+        let mut changing = self.following_masses.iter();
+        !self.is_proxy(mat) && !changing.any(|mass| mass.mat == mat)
     }
 
     /// 1/M that a force on each MAT sees [m/N]; for a proxy an upper bound   (n_mat; empty if there are no proxies, so
@@ -416,8 +457,9 @@ impl Scheme {
         self.fused.extend(fused.iter().filter_map(Run::spring));
     }
 
-    /// Remove and return the contacts and laws that are computed in substeps; laws only if there are few.
-    pub(crate) fn take_fine(&mut self) -> Vec<Run> {
+    /// Remove and return the contacts and laws that are computed in substeps, laws only if there are few; if there are
+    /// none, dry friction. `led`: MATs that keys, hands and drives move, and those that glide.
+    pub(crate) fn take_fine(&mut self, led: &[usize]) -> Vec<Run> {
         let (runs, exact) = (
             std::mem::take(&mut self.runs),
             std::mem::take(&mut self.exact),
@@ -430,6 +472,11 @@ impl Scheme {
         fine.extend(exact);
         fine.sort_by_key(|run| run.first);
         (self.runs, self.exact) = (runs, left);
+        if fine.is_empty() && self.may_locate_friction(led) {
+            (fine, self.exact) = std::mem::take(&mut self.exact)
+                .into_iter()
+                .partition(Run::is_dry);
+        }
         fine
     }
 

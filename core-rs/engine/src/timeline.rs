@@ -135,6 +135,19 @@ pub struct Timeline {
 }
 
 impl Timeline {
+    /// MATs that keys, hands and drives move, and those that glide.
+    pub(crate) fn led(&self) -> Vec<usize> {
+        let is_position = |drive: &&Drive| drive.kind == DriveKind::Position;
+        let driven = self
+            .drives
+            .iter()
+            .filter(is_position)
+            .map(|drive| drive.mat);
+        let keys = self.keys.iter().map(|key| key.struck);
+        let gliding = self.glides.iter().map(|glide| glide.mat);
+        driven.chain(keys).chain(gliding).collect()
+    }
+
     /// An empty timeline at `rate`.
     pub fn new(rate: Rate) -> Self {
         Self {

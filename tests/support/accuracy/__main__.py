@@ -63,18 +63,12 @@ _LIMITS = """
 
 The cost of what would help is counted in that of CA at the score's rate.
 
-* **DRY.** Steps of CA turn and hold inside a frame; friction is tried at 8 times the rate at most.
-  At 4 and 8 times the rate the real error of the scenes that fall short is: `dry-1` -58 and -70 dB,
-  `dry-3` -31 and -38, `dry-4` -56 and -63, `dry-5` -65 and -71, `dry-6` -36 and -44. So -80 dB is
-  not to be had for 4 times CA's cost. A mass that friction stops rests where its last frame began,
-  up to a·T²/8 beside its place, by a different part of that at each stop. In `dry-4` and `dry-6`,
-  where it stops once, the error is the same to the end; in `dry-3` and `dry-1` each stop shifts
-  the next slip, and the error grows by 10 to 15 dB over the render. In `dry-4` the level also
-  falls from 0.34 to 0.20 N within 6 mm/s, and friction takes 4 mm/s a frame. `dry-5` gains 6 dB a
-  doubling, module by module or by modes. What would help is friction whose turns and stops are
-  found between frames, as contacts and laws are.
-* **Strikes on a mass that friction holds** act as a force for a frame, of which friction takes its
-  part in each: an error of first order in the frame, -55 and -73 dB at 44.1 kHz (docs/numerics.md).
+* **DRY in steps of CA.** Friction beside contacts or laws, in circles, on keys and on MATs that are
+  led or glide is not located between frames (docs/numerics.md). It turns and holds inside a step of
+  CA, and is tried at 8 times the rate at most. There a mass that friction stops rests where its
+  last frame began, up to a·T²/8 beside its place, and each stop shifts the next slip. The scenes of
+  the family `dry` had errors of -36 to -70 dB so at 8 times the rate (`dry-6`, `dry-1`). A strike
+  on a mass that such friction holds acts as a force for a frame: -55 and -73 dB at 44.1 kHz.
 * **bridge-2**: 19 clamped contacts under a string of 45 masses. The work of planning pays for a
   shorter pilot alone; what is stated holds over that, and the whole render is at -71 dB, 30 dB
   further off.

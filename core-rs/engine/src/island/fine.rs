@@ -1,16 +1,18 @@
-//! Contacts and single laws computed finer than a frame; contacts only while they may be closed.
+//! Contacts, single laws and dry friction computed finer than a frame; contacts only while they may be closed.
 //!
 //! All between these links is linear. Within a frame a link therefore needs of its two points only their free motion,
 //! and their response at all later instants to a push at one instant. Both are smooth functions of time, kept as sums
 //! of polynomials (`basis`), so pushes may act at any instant: when contacts close and open, and as often as their own
-//! oscillation requires (`march`). If no contact is near, laws are solved at a few instants of a frame (`laws`). On the
-//! rest of the scene the pushes of a frame act as impulses at a few fixed instants.
+//! oscillation requires (`march`). If no contact is near, laws are solved at a few instants of a frame (`laws`). Dry
+//! friction slides or holds up to instants that are located (`slides`). On the rest of the scene the pushes of a frame
+//! act as impulses at a few fixed instants.
 
 mod basis;
 mod build;
 mod joint;
 mod laws;
 mod march;
+mod slides;
 
 use std::sync::Arc;
 
@@ -23,6 +25,7 @@ use crate::units::Rate;
 use basis::{At, Basis};
 use joint::Joint;
 use laws::{LawScript, LawState};
+use slides::{Frame, Frictions};
 
 /// A contact that is further than this from closing stays open, however its distance is rounded [m].
 const HAIR: f64 = 1e-9;
@@ -56,6 +59,8 @@ pub(crate) struct Fine {
     law_script: Arc<LawScript>,
     /// Each law   (n_laws)
     laws: Vec<LawState>,
+    /// Dry friction; then there are no contacts and no laws.
+    frictions: Frictions,
     /// Free path of each joint in this frame, if no link pushes it, at the instants of the frame   (n_joints · n)
     values: Vec<f64>,
     /// Impulses on each joint in this frame, converted to impulses at the instants of the frame   (n_joints · n)
@@ -198,6 +203,7 @@ impl Fine {
         keep(&mut self.forces, &stays);
         keep(&mut self.numbers, &stays);
         *laws = LawScript::new(script);
+        self.frictions = Frictions::new(script);
         links
     }
 
@@ -253,7 +259,7 @@ impl Fine {
             let then = next(run.b) - next(run.a);
             nearest(run, now - run.rest, then - run.rest) < -HAIR
         };
-        self.laws.is_empty() && self.script.links.iter().all(is_open)
+        self.laws.is_empty() && self.frictions.is_empty() && self.script.links.iter().all(is_open)
     }
 
     /// Whether no contact closes for as long as its points move freely; `swing` bounds the distance of each from its
@@ -276,6 +282,7 @@ impl Fine {
         };
         let joints = &self.script.joints;
         self.laws.is_empty()
+            && self.frictions.is_empty()
             && joints.iter().all(|joint| joint.port.is_none())
             && self.script.links.iter().all(is_open)
     }
@@ -330,7 +337,7 @@ impl Fine {
         if !any {
             self.rests.fill(false);
         }
-        if !any && self.laws.is_empty() {
+        if !any && self.laws.is_empty() && self.frictions.is_empty() {
             return;
         }
         if any {
@@ -341,13 +348,23 @@ impl Fine {
         self.pushed.fill(0.0);
         self.ways(&script, scheme, bodies, body, &next);
         self.tell_laws(&script, &laws, gates, body);
-        if any || self.has_glided.contains(&true) {
+        if any || !self.frictions.is_empty() || self.has_glided.contains(&true) {
             self.given.fill(0.0);
             let n = script.basis.n();
             for (values, way) in self.values.chunks(n).zip(self.way.chunks_mut(n)) {
                 script.basis.fit(values, way);
             }
-            self.march(&script, &laws, gates, body);
+            if self.frictions.is_empty() {
+                self.march(&script, &laws, gates, body);
+            } else {
+                let slides = self.frictions.script.clone();
+                let frame = Frame {
+                    script: &script,
+                    slides: &slides,
+                    gates,
+                };
+                self.slide(frame, body);
+            }
             // Impulses at the instants of the frame that have the same effect on any smooth function as those between
             // them.
             for (given, pushed) in self.given.chunks(n).zip(self.pushed.chunks_mut(n)) {

@@ -204,6 +204,9 @@ impl Island {
         }
         kernel::bend(scheme, &mut state.body);
         kernel::rest(scheme, &mut state.body);
+        if let Some(fine) = &state.fine {
+            fine.rest_held(scheme, &mut state.body);
+        }
         if let Some(ledger) = &mut state.ledger {
             let gates = script.gates.iter().zip(&state.gate_continuations);
             for (next, (gate, continuation)) in state.gates_next.iter_mut().zip(gates) {

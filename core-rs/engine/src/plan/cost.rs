@@ -99,28 +99,37 @@ pub(super) fn laws_cost(network: &Network, bodies: &[BodyPlan], contact_substeps
     if contact_substeps < Budget::STEPS_MIN {
         return 0.0;
     }
-    let is_fine =
-        |run: &&Run| matches!(run.kind, LinkKind::Lnl(_) | LinkKind::Bristle(_)) && run.len == 1;
-    let laws: Vec<&Run> = network.runs().iter().filter(is_fine).collect();
+    let single = |is_kind: fn(&LinkKind) -> bool| -> Vec<&Run> {
+        let runs = network.runs().iter();
+        runs.filter(|run| run.len == 1 && is_kind(&run.kind))
+            .collect()
+    };
+    let mut laws = single(|kind| matches!(kind, LinkKind::Lnl(_) | LinkKind::Bristle(_)));
+    if laws.is_empty() && single(|kind| matches!(kind, LinkKind::But(_))).is_empty() {
+        laws = single(|kind| matches!(kind, LinkKind::Dry(_)));
+    }
     if laws.len() > Scheme::FINE_LAWS {
         return 0.0;
     }
-    let each = |run: &&Run| match &run.kind {
-        LinkKind::Bristle(_) => Costs::of("collocated_bristle"),
-        LinkKind::Lnl(law) => law.n_functions() as f64 * Costs::of("collocated_function"),
-        _ => 0.0,
-    };
-    let ns: f64 = laws
-        .iter()
-        .map(|run| Costs::of("collocation") + each(run))
-        .sum();
-    // If a frame may be divided, laws are computed in this many parts on average.
     let most = contact_substeps / Budget::STEPS_MIN;
+    // If a frame may be divided, laws are computed in this many parts on average.
     let parts = if most > 1 {
         1.0 + PARTS * most as f64
     } else {
         1.0
     };
+    let each = |run: &&Run| match &run.kind {
+        LinkKind::Dry(_) => most as f64 * Costs::of("located_friction"),
+        LinkKind::Bristle(_) => {
+            parts * (Costs::of("collocation") + Costs::of("collocated_bristle"))
+        }
+        LinkKind::Lnl(law) => {
+            let functions = law.n_functions() as f64 * Costs::of("collocated_function");
+            parts * (Costs::of("collocation") + functions)
+        }
+        _ => 0.0,
+    };
+    let ns: f64 = laws.iter().map(each).sum();
     // At each instant of a frame, a port gives its position and takes its force, mode by mode.
     let has_law = |port: &&usize| {
         let ends = |run: &&Run| [run.a, run.b].contains(port);
@@ -131,7 +140,7 @@ pub(super) fn laws_cost(network: &Network, bodies: &[BodyPlan], contact_substeps
         (ports.iter().filter(has_law).count() * body.n_modes()) as f64
     };
     let modes: f64 = bodies.iter().map(modes).sum();
-    parts * ns + 2.0 * INSTANTS * modes * Costs::of("port")
+    ns + 2.0 * INSTANTS * modes * Costs::of("port")
 }
 
 /// Instants of a frame: 8 to 10 for strings of 17 to 35 masses, plus a reserve for what lies between modes.

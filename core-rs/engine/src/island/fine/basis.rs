@@ -8,7 +8,9 @@ pub(super) const MOST: usize = 24;
 /// Fewest polynomials: a parabola and one to spare.
 const LEAST: usize = 4;
 /// Error of the sum, relative to the function.
-const ERROR: f64 = 1e-10;
+pub(super) const ERROR: f64 = 1e-10;
+/// The same for dry friction: the motion of what it holds is small beside where that stands.
+pub(super) const ERROR_OF_FRICTION: f64 = 1e-15;
 
 /// Polynomials of a frame and the instants at which a function is sampled for them.
 #[derive(Clone, Debug)]
@@ -29,9 +31,9 @@ pub(super) struct At {
 }
 
 impl Basis {
-    /// A basis for motions e^(λs) with |λ| up to `reach` [1/frame].
-    pub(super) fn new(reach: f64) -> Self {
-        let n = (LEAST..MOST).find(|&n| error(reach, n) <= ERROR);
+    /// A basis for motions e^(λs) with |λ| up to `reach` [1/frame], to an error relative to them.
+    pub(super) fn new(reach: f64, most: f64) -> Self {
+        let n = (LEAST..MOST).find(|&n| error(reach, n) <= most);
         let n = n.unwrap_or(MOST);
         let angle = |m: usize| PI * ((n - 1 - m) as f64 + 0.5) / n as f64;
         let part = |k: usize| if k == 0 { 1.0 } else { 2.0 } / n as f64;
@@ -116,7 +118,7 @@ mod tests {
     #[test]
     fn a_swing_and_its_velocity_are_known_between_the_instants() {
         for reach in [0.3, 2.0, 6.0, 12.0] {
-            let basis = Basis::new(reach);
+            let basis = Basis::new(reach, ERROR);
             let n = basis.n();
             let values: Vec<f64> = basis.instants.iter().map(|s| sin(reach * s)).collect();
             let mut own = vec![0.0; n];

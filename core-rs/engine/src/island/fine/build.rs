@@ -3,9 +3,10 @@
 
 use std::sync::Arc;
 
-use super::basis::{At, Basis, dot};
+use super::basis::{At, Basis, ERROR, ERROR_OF_FRICTION, dot};
 use super::joint::{Joint, joint, moves, reach};
 use super::laws::LawScript;
+use super::slides::Frictions;
 use super::{Fine, FineWork, Script};
 use crate::island::inside::RunningBody;
 use crate::island::modal::RunningModal;
@@ -30,7 +31,11 @@ impl Fine {
         let mut mats: Vec<usize> = links.iter().flat_map(|run| [run.a, run.b]).collect();
         mats.sort_unstable();
         mats.dedup();
-        let basis = Basis::new(reach(&mats, network, scheme, bodies, timeline));
+        let error = match links.iter().any(Run::is_dry) {
+            true => ERROR_OF_FRICTION,
+            false => ERROR,
+        };
+        let basis = Basis::new(reach(&mats, network, scheme, bodies, timeline), error);
         let n = basis.n();
         let is_held = |mat: usize| {
             let mut drives = timeline.drives.iter();
@@ -107,6 +112,7 @@ impl Fine {
             },
             laws: law_script.states(&script),
             law_script: Arc::new(law_script),
+            frictions: Frictions::new(&script),
             script: Arc::new(script),
         }
     }

@@ -13,13 +13,14 @@ use crate::state::Body;
 use root::{inverse, root};
 use state::LawNow;
 pub(super) use state::LawState;
+use tables::Division;
 pub(super) use tables::LawScript;
-use tables::{Division, shares};
+pub(super) use tables::shares;
 
 /// Gauss points of a part of a frame, and their weights.
-const STAGES: usize = 3;
-const POINTS: [f64; STAGES] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];
-const WEIGHTS: [f64; STAGES] = [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0];
+pub(super) const STAGES: usize = 3;
+pub(super) const POINTS: [f64; STAGES] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];
+pub(super) const WEIGHTS: [f64; STAGES] = [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0];
 /// Most rounds until all forces agree; most rounds over a whole frame if it may be divided into parts; relative change
 /// of a force, as a share of the largest, at which they agree; rounds after which slopes are computed again.
 const ROUNDS: usize = 60;
@@ -38,8 +39,8 @@ const BRACKET_ROUNDS: usize = 20;
 /// Share of the largest force that is kept from frame to frame.
 const FADE: f64 = 0.999;
 
-type Stages = [f64; STAGES];
-type Square = [Stages; STAGES];
+pub(super) type Stages = [f64; STAGES];
+pub(super) type Square = [Stages; STAGES];
 
 impl Fine {
     /// Compute the laws of a frame in which no contact is near.

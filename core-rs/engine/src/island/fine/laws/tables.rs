@@ -43,7 +43,8 @@ pub(in crate::island::fine) struct LawScript {
 
 impl LawScript {
     pub(in crate::island::fine) fn new(script: &Script) -> Self {
-        let is_law = |index: &usize| !matches!(script.links[*index].kind, Kind::But(_));
+        let is_law =
+            |index: &usize| !matches!(script.links[*index].kind, Kind::But(_) | Kind::Dry { .. });
         let links: Vec<usize> = (0..script.links.len()).filter(is_law).collect();
         let most = if links.is_empty() {
             1
@@ -139,7 +140,7 @@ impl Division {
 }
 
 /// Weights of the values at the Gauss points in the value at `s` of the polynomial through them, in parts.
-pub(super) fn shares(s: f64) -> [f64; STAGES] {
+pub(in crate::island::fine) fn shares(s: f64) -> [f64; STAGES] {
     let mut shares = [1.0; STAGES];
     for (own, share) in shares.iter_mut().enumerate() {
         for other in (0..STAGES).filter(|&other| other != own) {
@@ -176,7 +177,11 @@ impl Script {
 
     /// Response of the elongation between `to` [m/N·s] and of its rate [m/frame per N·s] to an impulse of a law between
     /// `from`.
-    fn between(&self, [to, from]: [(usize, usize); 2], instants: [&At; 2]) -> [f64; 2] {
+    pub(in crate::island::fine) fn between(
+        &self,
+        [to, from]: [(usize, usize); 2],
+        instants: [&At; 2],
+    ) -> [f64; 2] {
         let mut found = [0.0; 2];
         for (sign_to, to) in [(-1.0, to.0), (1.0, to.1)] {
             for (sign_from, from) in [(1.0, from.0), (-1.0, from.1)] {

@@ -1,0 +1,296 @@
+//! Dry friction between frames: each link slides one way or holds, until an event that is located.
+//!
+//! Between two events the force of each link is a polynomial through the Gauss points of a step, as for laws (`laws`). A
+//! sliding link gives its level against its velocity. A holding link gives the force that keeps its velocity at zero.
+//! A slide ends when its velocity passes zero, and a hold ends when it needs more than the level near rest. A step in
+//! which one of them ends is repeated up to that instant. `forces` solves for the forces of a step, `script` holds
+//! what is constant.
+
+mod forces;
+mod script;
+
+use std::sync::Arc;
+
+use super::basis::{At, dot};
+use super::laws::{STAGES, Square, Stages, shares};
+use super::{Fine, Script};
+use crate::dry::Dry;
+use crate::scheme::{Kind, Scheme};
+use crate::state::Body;
+use script::SlideScript;
+
+/// Most steps tried in a frame, before one step takes the rest of it.
+const STEPS_MAX: usize = 256;
+/// An event is located when its instant moves by less than this share of the step; most steps to locate one.
+const LOCATED: f64 = 1e-13;
+const TRIES_MAX: usize = 60;
+/// A rest of a frame below this share of the frame is skipped.
+const SKIPPED: f64 = 1e-9;
+/// A velocity counts as zero below this share of what friction can take from it in a frame: the basis gives the velocity
+/// of a held mass to a small part of that.
+const STILL: f64 = 1e-4;
+/// A hold ends if it needs more than its level by this share.
+const EXCESS: f64 = 1e-9;
+
+/// Dry friction of an island.
+#[derive(Clone, Debug)]
+pub(super) struct Frictions {
+    pub(super) script: Arc<SlideScript>,
+    /// The links as they are in this step   (n_dry)
+    slides: Vec<Slide>,
+    /// Responses of the velocities to the forces in this step, as in [`SlideScript::moves`]   (n_dry²)
+    moves: Vec<Square>,
+    /// Equations for the forces in this step   (3·n_dry, 3·n_dry + 1)
+    system: Vec<f64>,
+}
+
+/// One link in a step.
+#[derive(Clone, Copy, Debug, Default)]
+struct Slide {
+    /// The sign of its velocity; 0: it holds.
+    direction: f64,
+    /// Forces at the Gauss points [N].
+    force: Stages,
+    /// Velocities at the Gauss points without friction in this step [m/frame].
+    free: Stages,
+    /// Whether the instant of its event in this step is known.
+    is_located: bool,
+    /// Whether it has held since the start of the frame, and the positions of its ends at that time [m].
+    holds: bool,
+    places: [f64; 2],
+}
+
+/// What all steps of a frame use.
+#[derive(Clone, Copy)]
+pub(super) struct Frame<'a> {
+    pub(super) script: &'a Script,
+    pub(super) slides: &'a SlideScript,
+    pub(super) gates: &'a [f64],
+}
+
+/// The friction of a link at an instant.
+struct Friction {
+    by: Dry,
+    /// Frames a second.
+    rate: f64,
+    /// How far its gate is open.
+    open: f64,
+}
+
+impl Friction {
+    /// Level at a velocity [m/frame].
+    fn level(&self, v: f64) -> f64 {
+        self.open * self.by.level_at(v * self.rate)
+    }
+
+    /// Change of the level with the velocity [N·frame/m].
+    fn slope(&self, v: f64) -> f64 {
+        self.open * self.rate * self.by.slope_at(v * self.rate)
+    }
+}
+
+impl Frictions {
+    pub(super) fn new(script: &Script) -> Self {
+        let slides = SlideScript::new(script);
+        let n_dry = slides.links.len();
+        let n_forces = STAGES * n_dry;
+        Self {
+            slides: vec![Slide::default(); n_dry],
+            moves: vec![Square::default(); n_dry * n_dry],
+            system: vec![0.0; n_forces * (n_forces + 1)],
+            script: Arc::new(slides),
+        }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.slides.is_empty()
+    }
+}
+
+impl Fine {
+    /// Compute the frictions of a frame.
+    pub(super) fn slide(&mut self, frame: Frame<'_>, body: &mut Body) {
+        self.has_touched = true;
+        self.start_frame(frame, body);
+        let (mut s, mut left) = (0.0, STEPS_MAX);
+        while s < 1.0 {
+            if left == 0 {
+                self.finish_frame(frame, s);
+                return;
+            }
+            let [way, given] = &mut self.saved;
+            way.copy_from_slice(&self.way);
+            given.copy_from_slice(&self.given);
+            let mut taken = frame.slides.length(s);
+            self.step_frictions(frame, (s, taken), &mut left);
+            let slides = &mut self.frictions.slides;
+            slides.iter_mut().for_each(|slide| slide.is_located = false);
+            let mut first = None;
+            while let Some(own) = self.ended(frame, s + taken) {
+                taken = self.locate_end(frame, (s, taken, own), &mut left);
+                self.frictions.slides[own].is_located = true;
+                first = Some(own);
+            }
+            s += taken;
+            if 1.0 - s < SKIPPED {
+                return;
+            }
+            if let Some(own) = first {
+                let slide = &mut self.frictions.slides[own];
+                slide.holds = false;
+                slide.direction = match slide.direction {
+                    0.0 => dot(&shares(1.0), &slide.force).signum(),
+                    _ => 0.0,
+                };
+                self.settle(frame, s);
+            }
+        }
+    }
+
+    /// Let masses rest exactly that a fixed point has held throughout the frame: rounding alone would leave a step.
+    pub(in crate::island) fn rest_held(&self, scheme: &Scheme, body: &mut Body) {
+        let links = self.frictions.script.links.iter();
+        let slides = self.frictions.slides.iter().zip(links);
+        for (slide, &link) in slides.filter(|(slide, _)| slide.holds) {
+            let run = &self.script.links[link];
+            let (a, b) = self.script.ends[link];
+            let [x_a, x_b] = slide.places;
+            for (mass, joint, other, x) in [(run.a, a, run.b, x_a), (run.b, b, run.a, x_b)] {
+                let is_fixed = scheme.w[other] == 0.0 && body.d[other] == 0.0;
+                if is_fixed && scheme.w[mass] > 0.0 && self.script.joints[joint].port.is_none() {
+                    (body.x[mass], body.d[mass]) = (x, 0.0);
+                }
+            }
+        }
+    }
+
+    /// Find the direction of every link at the start of a frame, and note the forces for outputs.
+    fn start_frame(&mut self, frame: Frame<'_>, body: &mut Body) {
+        let (script, start) = (frame.script, At::new(frame.script.basis.n(), 0.0));
+        for (own, &link) in frame.slides.links.iter().enumerate() {
+            let [_, v] = self.elongation(script, link, &start);
+            let friction = self.friction(frame, (own, 0.0));
+            let (a, b) = script.ends[link];
+            let taken = friction.level(0.0) * script.jump(a, b) * script.rate.step();
+            let is_still = v.abs() <= STILL * taken;
+            let direction = if is_still { 0.0 } else { v.signum() };
+            let slide = &mut self.frictions.slides[own];
+            (slide.direction, slide.force) = (direction, [direction * friction.level(v); STAGES]);
+        }
+        self.settle(frame, 0.0);
+        let slides = self.frictions.slides.iter_mut();
+        for (slide, &link) in slides.zip(&frame.slides.links) {
+            let run = &script.links[link];
+            (slide.holds, slide.places) = (slide.direction == 0.0, [body.x[run.a], body.x[run.b]]);
+            body.link[run.first] = dot(&shares(0.0), &slide.force);
+        }
+    }
+
+    /// Of the links that stand still at an instant, let those hold whose level suffices, and the others slide.
+    fn settle(&mut self, frame: Frame<'_>, s: f64) {
+        let stands = |slide: &Slide| slide.direction == 0.0;
+        while self.frictions.slides.iter().any(stands) {
+            self.solve_forces(frame, (s, frame.slides.length(s)));
+            let excess = |own: usize| {
+                let slide = &self.frictions.slides[own];
+                let level = self.friction(frame, (own, s)).level(0.0);
+                let needed = dot(&shares(0.0), &slide.force);
+                let is_too_weak = stands(slide) && needed.abs() > level * (1.0 + EXCESS);
+                is_too_weak.then_some((own, needed.abs() - level, needed.signum()))
+            };
+            let weak = (0..frame.slides.links.len()).filter_map(excess);
+            let Some((own, _, direction)) = weak.max_by(|one, other| one.1.total_cmp(&other.1))
+            else {
+                return;
+            };
+            self.frictions.slides[own].direction = direction;
+        }
+    }
+
+    /// The friction of a link at an instant of this frame.
+    fn friction(&self, frame: Frame<'_>, (own, s): (usize, f64)) -> Friction {
+        let link = frame.slides.links[own];
+        let run = &frame.script.links[link];
+        let [_, level] = self.numbers(link, s);
+        let (by, rate) = match &run.kind {
+            Kind::Dry { by, rate } => (by.with(level), *rate),
+            _ => (Dry::NONE, 1.0),
+        };
+        let open = run.gate.map_or(1.0, |gate| frame.gates[gate]);
+        Friction { by, rate, open }
+    }
+
+    /// A value that is positive while a link goes on as it does, at the end `s` of a step: of a slide its speed, of a
+    /// hold the force that its level leaves.
+    fn margin(&self, frame: Frame<'_>, (own, s): (usize, f64)) -> f64 {
+        let slide = &self.frictions.slides[own];
+        if slide.direction == 0.0 {
+            return self.hold_margin(frame, (own, s), 1.0);
+        }
+        let at = At::new(frame.script.basis.n(), s);
+        slide.direction * self.elongation(frame.script, frame.slides.links[own], &at)[1]
+    }
+
+    /// The same at the start `s` of a step that was taken.
+    fn margin_at_start(&mut self, frame: Frame<'_>, (own, s): (usize, f64)) -> f64 {
+        if self.frictions.slides[own].direction == 0.0 {
+            return self.hold_margin(frame, (own, s), 0.0);
+        }
+        std::mem::swap(&mut self.way, &mut self.saved[0]);
+        let margin = self.margin(frame, (own, s));
+        std::mem::swap(&mut self.way, &mut self.saved[0]);
+        margin
+    }
+
+    /// The force that the level of a holding link leaves, at the start (0) or at the end (1) of a step [N].
+    fn hold_margin(&self, frame: Frame<'_>, (own, s): (usize, f64), at: f64) -> f64 {
+        let level = self.friction(frame, (own, s)).level(0.0);
+        level * (1.0 + EXCESS) - dot(&shares(at), &self.frictions.slides[own].force).abs()
+    }
+
+    /// A link whose slide or hold has ended by the end `s` of a step, at an instant that is not located yet.
+    fn ended(&self, frame: Frame<'_>, s: f64) -> Option<usize> {
+        let slides = &self.frictions.slides;
+        let mut links = (0..slides.len()).filter(|&own| !slides[own].is_located);
+        links.find(|&own| self.margin(frame, (own, s)) < 0.0)
+    }
+
+    /// Repeat a step of `h` from `s` up to the instant at which a link's slide or hold ends; returns its length.
+    fn locate_end(
+        &mut self,
+        frame: Frame<'_>,
+        (s, h, own): (f64, f64, usize),
+        left: &mut usize,
+    ) -> f64 {
+        let mut high = (h, self.margin(frame, (own, s + h)));
+        let mut low = (0.0, self.margin_at_start(frame, (own, s)));
+        let mut taken = h;
+        for _ in 0..TRIES_MAX {
+            // A step that starts at an event has no margin there: then bisection, else a secant.
+            let next = if low.1 > 0.0 {
+                low.0 + (high.0 - low.0) * (low.1 / (low.1 - high.1))
+            } else {
+                0.5 * (low.0 + high.0)
+            };
+            let moved = (next - taken).abs();
+            taken = next;
+            self.way.copy_from_slice(&self.saved[0]);
+            self.given.copy_from_slice(&self.saved[1]);
+            self.step_frictions(frame, (s, taken), left);
+            let found = self.margin(frame, (own, s + taken));
+            if moved <= LOCATED * h || found == 0.0 || *left == 0 {
+                break;
+            }
+            // Illinois rule: halve the value at the end that stays, so that the secant does not creep from one side.
+            if found > 0.0 {
+                (low, high.1) = ((taken, found), 0.5 * high.1);
+            } else {
+                (high, low.1) = ((taken, found), 0.5 * low.1);
+            }
+        }
+        taken
+    }
+}
+
+#[cfg(test)]
+mod tests;

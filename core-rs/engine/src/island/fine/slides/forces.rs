@@ -1,0 +1,225 @@
+//! Forces of dry friction in a step.
+
+use super::script::Integrals;
+use super::{Fine, Frame};
+use crate::island::fine::basis::{At, dot};
+use crate::island::fine::laws::{POINTS, STAGES, WEIGHTS};
+
+/// Most Newton steps for the forces of a step; largest correction, as a share of the level, at which they end.
+const NEWTON_STEPS: usize = 20;
+const AGREE: f64 = 1e-11;
+/// Rounds over all links in the step that finishes a frame.
+const ROUNDS: usize = 60;
+
+impl Fine {
+    /// Take a step of `h` from `s`.
+    pub(super) fn step_frictions(
+        &mut self,
+        frame: Frame<'_>,
+        (s, h): (f64, f64),
+        left: &mut usize,
+    ) {
+        *left = left.saturating_sub(1);
+        self.solve_forces(frame, (s, h));
+        self.push_ends(frame, (s, h));
+    }
+
+    /// Solve for the forces of all links in a step of `h` from `s`.
+    pub(super) fn solve_forces(&mut self, frame: Frame<'_>, (s, h): (f64, f64)) {
+        if self.set_known_forces(frame, s) {
+            return;
+        }
+        let (script, n_dry) = (frame.script, frame.slides.links.len());
+        let frictions = &mut self.frictions;
+        if frame.slides.is_even(h) {
+            frictions.moves.copy_from_slice(&frame.slides.moves);
+        } else {
+            let integrals = Integrals::new(script, h);
+            for (moves, response) in frictions.moves.iter_mut().zip(&frame.slides.responses) {
+                *moves = integrals.of(response);
+            }
+            self.work.products += (n_dry * n_dry * STAGES * STAGES * script.basis.n()) as u64;
+        }
+        let points = POINTS.map(|c| At::new(script.basis.n(), s + c * h));
+        for own in 0..n_dry {
+            let link = frame.slides.links[own];
+            self.frictions.slides[own].free =
+                (points.each_ref()).map(|at| self.elongation(script, link, at)[1]);
+        }
+        for _ in 0..NEWTON_STEPS {
+            let is_linear = self.set_up_equations(frame, s);
+            let change = self.correct_forces(frame, s);
+            if is_linear || change.is_none_or(|change| change <= AGREE) {
+                break;
+            }
+        }
+        for own in 0..n_dry {
+            let friction = self.friction(frame, (own, s));
+            let slide = &mut self.frictions.slides[own];
+            if slide.direction != 0.0 {
+                // Friction takes energy and never gives any.
+                let most = friction.level(0.0).max(friction.open * friction.by.level);
+                let bounded = |force: f64| (slide.direction * force).clamp(0.0, most);
+                slide.force = slide.force.map(|force| slide.direction * bounded(force));
+            }
+        }
+    }
+
+    /// Set the forces of a step if every link slides at a level that does not depend on its velocity; returns whether
+    /// that is so.
+    fn set_known_forces(&mut self, frame: Frame<'_>, s: f64) -> bool {
+        for own in 0..frame.slides.links.len() {
+            let friction = self.friction(frame, (own, s));
+            let slide = &mut self.frictions.slides[own];
+            if slide.direction == 0.0 || friction.by.falls() {
+                return false;
+            }
+            slide.force = [slide.direction * friction.level(0.0); STAGES];
+        }
+        true
+    }
+
+    /// Set up Newton's equations for corrections of all forces, one equation for each link and Gauss point: a holding link
+    /// has no velocity, a sliding link gives its level. Returns whether the equations are linear.
+    fn set_up_equations(&mut self, frame: Frame<'_>, s: f64) -> bool {
+        let n_dry = frame.slides.links.len();
+        let width = STAGES * n_dry + 1;
+        let mut system = std::mem::take(&mut self.frictions.system);
+        let mut is_linear = true;
+        for own in 0..n_dry {
+            let friction = self.friction(frame, (own, s));
+            let slide = &self.frictions.slides[own];
+            let moves = &self.frictions.moves[own * n_dry..(own + 1) * n_dry];
+            let (direction, is_held) = (slide.direction, slide.direction == 0.0);
+            is_linear &= is_held || !friction.by.falls();
+            for stage in 0..STAGES {
+                let pairs = moves.iter().zip(&self.frictions.slides);
+                let by = pairs.map(|(by, other)| dot(&by[stage], &other.force));
+                let v = slide.free[stage] + by.sum::<f64>();
+                let at = STAGES * own + stage;
+                let row = &mut system[at * width..(at + 1) * width];
+                let of_velocity = if is_held {
+                    1.0
+                } else {
+                    -direction * friction.slope(v)
+                };
+                let responses = moves.iter().flat_map(|by| by[stage]);
+                for (entry, response) in row.iter_mut().zip(responses) {
+                    *entry = of_velocity * response;
+                }
+                if is_held {
+                    row[width - 1] = -v;
+                } else {
+                    row[at] += 1.0;
+                    row[width - 1] = direction * friction.level(v) - slide.force[stage];
+                }
+            }
+        }
+        self.frictions.system = system;
+        is_linear
+    }
+
+    /// Correct all forces by the solution of the equations; returns the largest correction as a share of its level, `None`
+    /// if there is no solution.
+    fn correct_forces(&mut self, frame: Frame<'_>, s: f64) -> Option<f64> {
+        let n = STAGES * frame.slides.links.len();
+        self.work.instants += frame.slides.links.len() as u64;
+        self.work.products += (n * n * n / 3) as u64;
+        eliminate(&mut self.frictions.system, n)?;
+        let mut change = 0.0_f64;
+        for own in 0..frame.slides.links.len() {
+            let level = self.friction(frame, (own, s)).level(0.0);
+            for stage in 0..STAGES {
+                let by = self.frictions.system[(STAGES * own + stage) * (n + 1) + n];
+                self.frictions.slides[own].force[stage] += by;
+                change = change.max(by.abs() / level.max(f64::MIN_POSITIVE));
+            }
+        }
+        Some(change)
+    }
+
+    /// Take the rest of a frame in one step, whatever ends in it. Each link gives one force, at most its level, that stops
+    /// it by the end of the frame if it can, so friction takes energy at any step (J. J. Moreau, 1988).
+    pub(super) fn finish_frame(&mut self, frame: Frame<'_>, s: f64) {
+        let (script, n_dry, h) = (frame.script, frame.slides.links.len(), 1.0 - s);
+        let n = script.basis.n();
+        let since = POINTS.map(|c| At::new(n, (1.0 - c) * h));
+        let compliance = |pair: usize| -> f64 {
+            let response = &frame.slides.responses[pair];
+            let parts = WEIGHTS.iter().zip(&since);
+            let parts = parts.map(|(weight, since)| weight * dot(response, &since.value));
+            h * script.rate.step() * parts.sum::<f64>()
+        };
+        let end = At::new(n, 1.0);
+        for own in 0..n_dry {
+            let [_, v] = self.elongation(script, frame.slides.links[own], &end);
+            let slide = &mut self.frictions.slides[own];
+            (slide.free, slide.force, slide.holds) = ([v; STAGES], [0.0; STAGES], false);
+        }
+        for _ in 0..ROUNDS {
+            for own in 0..n_dry {
+                let slides = &self.frictions.slides;
+                let others = (0..n_dry)
+                    .map(|other| compliance(own * n_dry + other) * slides[other].force[0]);
+                let v = slides[own].free[0] + others.sum::<f64>();
+                let level = self.friction(frame, (own, s)).level(v);
+                let stopping = slides[own].force[0] - v / compliance(own * n_dry + own);
+                if stopping.is_finite() {
+                    self.frictions.slides[own].force = [stopping.clamp(-level, level); STAGES];
+                }
+            }
+            self.work.instants += n_dry as u64;
+        }
+        self.push_ends(frame, (s, h));
+    }
+
+    /// Push the ends of all links by their forces in a step of `h` from `s`.
+    fn push_ends(&mut self, frame: Frame<'_>, (s, h): (f64, f64)) {
+        for stage in 0..STAGES {
+            let at = At::new(frame.script.basis.n(), s + POINTS[stage] * h);
+            let weight = WEIGHTS[stage] * h * frame.script.rate.step();
+            for (own, &link) in frame.slides.links.iter().enumerate() {
+                let (a, b) = frame.script.ends[link];
+                let impulse = weight * self.frictions.slides[own].force[stage];
+                self.shove(frame.script, a, impulse, &at);
+                self.shove(frame.script, b, -impulse, &at);
+            }
+        }
+    }
+}
+
+/// Solve n linear equations in place (n, n + 1): the last column holds the right side, and then the solution. `None` if
+/// there is no single solution.
+fn eliminate(system: &mut [f64], n: usize) -> Option<()> {
+    let width = n + 1;
+    for column in 0..n {
+        let size = |row: &usize| system[row * width + column].abs();
+        let pivot = (column..n).max_by(|one, other| size(one).total_cmp(&size(other)))?;
+        if !(size(&pivot) > 0.0 && size(&pivot).is_finite()) {
+            return None;
+        }
+        if pivot != column {
+            let (above, below) = system.split_at_mut(pivot * width);
+            above[column * width..(column + 1) * width].swap_with_slice(&mut below[..width]);
+        }
+        let (above, below) = system.split_at_mut((column + 1) * width);
+        let row = &above[column * width..];
+        for other in below.chunks_exact_mut(width) {
+            let by = other[column] / row[column];
+            if by != 0.0 {
+                for (entry, own) in other[column..].iter_mut().zip(&row[column..]) {
+                    *entry -= by * own;
+                }
+            }
+        }
+    }
+    for column in (0..n).rev() {
+        let others =
+            (column + 1..n).map(|other| system[column * width + other] * system[other * width + n]);
+        let known = others.sum::<f64>();
+        let row = &mut system[column * width..(column + 1) * width];
+        row[n] = (row[n] - known) / row[column];
+    }
+    let mut solution = system.iter().skip(n).step_by(width);
+    solution.all(|x| x.is_finite()).then_some(())
+}

@@ -1,0 +1,124 @@
+//! What is constant of dry friction between frames: its links, the length of its steps, and how forces change velocities.
+
+use super::{SKIPPED, STEPS_MAX};
+use crate::island::fine::Script;
+use crate::island::fine::basis::{At, dot};
+use crate::island::fine::laws::{POINTS, STAGES, Square, WEIGHTS, shares};
+use crate::scheme::Kind;
+
+/// Largest share of the range of a falling level (Stribeck) by which the level may change in a step.
+const FALL_MAX: f64 = 0.25;
+
+#[derive(Clone, Debug)]
+pub(in crate::island::fine) struct SlideScript {
+    /// Indices of the dry frictions among the script's links   (n_dry)
+    pub(super) links: Vec<usize>,
+    /// Steps of a frame without events.
+    parts: usize,
+    /// Response of each velocity to an impulse of each link, by the time since the impulse, as coefficients of the basis
+    /// [m/frame per N·s]; empty if there is none   (n_dry², n)
+    pub(super) responses: Vec<Vec<f64>>,
+    /// Response of each velocity to the force of each link, at the Gauss points of such a step [m/frame per N]   (n_dry²)
+    pub(super) moves: Vec<Square>,
+}
+
+impl SlideScript {
+    pub(super) fn new(script: &Script) -> Self {
+        let is_dry = |link: &usize| matches!(script.links[*link].kind, Kind::Dry { .. });
+        let links: Vec<usize> = (0..script.links.len()).filter(is_dry).collect();
+        // A falling level lets a slide grow exponentially; steps are short compared with that.
+        let growth = |&link: &usize| {
+            let run = &script.links[link];
+            let Kind::Dry { by, rate } = &run.kind else {
+                return 0.0;
+            };
+            let (a, b) = script.ends[link];
+            by.with(run.z).steepest() * rate * script.jump(a, b) * script.rate.step()
+        };
+        let fastest = links.iter().map(growth).fold(0.0, f64::max);
+        let least = (script.steps / 2).max(1) as f64;
+        let parts = (least * (fastest / FALL_MAX).max(1.0)).ceil();
+        let parts = parts.min(STEPS_MAX as f64 / 4.0) as usize;
+        let pairs = links.iter().flat_map(|&to| {
+            let from = links.iter();
+            from.map(move |&from| [script.ends[to], script.ends[from]])
+        });
+        let responses: Vec<Vec<f64>> = pairs.map(|ends| velocity_response(script, ends)).collect();
+        let integrals = Integrals::new(script, 1.0 / parts as f64);
+        Self {
+            moves: (responses.iter())
+                .map(|response| integrals.of(response))
+                .collect(),
+            responses,
+            parts,
+            links,
+        }
+    }
+
+    /// Length of a step that starts at an instant: the rest of the frame in even steps.
+    pub(super) fn length(&self, s: f64) -> f64 {
+        let rest = 1.0 - s;
+        rest / (rest * self.parts as f64 - SKIPPED).ceil().max(1.0)
+    }
+
+    /// Whether a step has the length of a frame's even steps.
+    pub(super) fn is_even(&self, h: f64) -> bool {
+        (h * self.parts as f64 - 1.0).abs() < SKIPPED
+    }
+}
+
+/// Response of the velocity of a link to an impulse of another one, as [`SlideScript::responses`] holds it.
+fn velocity_response(script: &Script, ends: [(usize, usize); 2]) -> Vec<f64> {
+    let n = script.basis.n();
+    let start = At::new(n, 0.0);
+    let values: Vec<f64> = (script.basis.instants.iter())
+        .map(|&s| script.between(ends, [&start, &At::new(n, s)])[1])
+        .collect();
+    if values.iter().all(|value| *value == 0.0) {
+        return Vec::new();
+    }
+    let mut response = vec![0.0; n];
+    script.basis.fit(&values, &mut response);
+    response
+}
+
+/// Integrals of a response over a step, up to each of its Gauss points; by Gauss quadrature, exact to order 6.
+pub(super) struct Integrals {
+    /// Time from each inner point to the outer one   (outer, inner)
+    since: [[At; STAGES]; STAGES],
+    /// Weight of the force at each Gauss point in that at each inner point [s]   (outer, inner, Gauss point)
+    weights: [Square; STAGES],
+}
+
+impl Integrals {
+    /// Of a step of `h` frames.
+    pub(super) fn new(script: &Script, h: f64) -> Self {
+        let (n, step) = (script.basis.n(), h * script.rate.step());
+        Self {
+            since: POINTS.map(|c| POINTS.map(|point| At::new(n, c * (1.0 - point) * h))),
+            weights: POINTS.map(|c| {
+                std::array::from_fn(|inner| {
+                    let weight = WEIGHTS[inner] * c * step;
+                    shares(POINTS[inner] * c).map(|share| weight * share)
+                })
+            }),
+        }
+    }
+
+    /// Response of a velocity to the forces of the step, at its Gauss points [m/frame per N].
+    pub(super) fn of(&self, response: &[f64]) -> Square {
+        let mut found = Square::default();
+        if response.is_empty() {
+            return found;
+        }
+        for (outer, found) in found.iter_mut().enumerate() {
+            for (since, weights) in self.since[outer].iter().zip(&self.weights[outer]) {
+                let by = dot(response, &since.value);
+                for (found, weight) in found.iter_mut().zip(weights) {
+                    *found += by * weight;
+                }
+            }
+        }
+        found
+    }
+}

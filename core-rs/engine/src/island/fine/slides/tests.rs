@@ -1,0 +1,117 @@
+//! Dry friction between frames, against closed forms.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use crate::dry::Dry;
+use crate::island::{Island, OnFault, Options};
+use crate::kernel::thread_team::ThreadTeam;
+use crate::maths::cos;
+use crate::network::{Network, Term, Tie};
+use crate::timeline::Timeline;
+use crate::units::Rate;
+
+const RATE: f64 = 44_100.0;
+const LISTEN: Term = Term::Position {
+    first: 0,
+    len: 1,
+    weight: 1.0,
+};
+
+/// Friction at a level [N] that does not depend on the velocity.
+fn plain(level: f64) -> Dry {
+    Dry {
+        level,
+        static_level: level,
+        speed: 1.0,
+    }
+}
+
+/// Positions of the first MAT of a network, frame by frame [m].
+fn played(network: &Network, (rate, steps): (f64, usize), n_frames: usize) -> Vec<f64> {
+    let timeline = Timeline::new(Rate::new(rate).unwrap());
+    let options = Options {
+        ledger: false,
+        record: false,
+        on_fault: OnFault::Stop,
+        threads: 1,
+        unchecked: false,
+    };
+    let mut island = Island::new(
+        Arc::new(network.clone()),
+        &timeline,
+        &[],
+        (steps, 1, 1),
+        options,
+    )
+    .unwrap();
+    let mut heard = vec![0.0; n_frames];
+    island
+        .process(&mut heard, n_frames, &mut ThreadTeam::alone())
+        .unwrap();
+    heard
+}
+
+#[test]
+fn a_block_that_swings_out_is_at_every_frame_where_its_half_swings_take_it() {
+    let (m, f, x0) = (0.05, 1331.9, 1.26e-3);
+    let omega = 2.0 * PI * f;
+    for ratio in [0.507, 0.12, 0.031] {
+        let level = ratio * m * omega * omega * x0;
+        let mut network = Network::new();
+        network.part("s", None);
+        let tie = Tie::Tuned { f, t60: None };
+        let block = network.cel("m", m, tie, 0.0, x0, 0.0).unwrap();
+        let ground = network.sol("w", 0.0).unwrap();
+        network.dry("l", ground, block, plain(level)).unwrap();
+        network.listen("o", vec![LISTEN]).unwrap();
+        let heard = played(&network, (RATE, 2), 400);
+        let shift = level / (m * omega * omega);
+        let exact = |frame: usize| {
+            let phase = omega * frame as f64 / RATE;
+            let mut swing = (phase / PI) as usize;
+            // The amplitude falls by 2·shift with each half swing, until the block is held where it turns.
+            let turns_at = |swing: usize| {
+                let sign = if swing.is_multiple_of(2) { 1.0 } else { -1.0 };
+                sign * (x0 - 2.0 * shift * swing as f64)
+            };
+            let last = (0..).find(|&swing| turns_at(swing).abs() <= shift).unwrap();
+            if swing >= last {
+                return turns_at(last);
+            }
+            let middle = if swing.is_multiple_of(2) {
+                shift
+            } else {
+                -shift
+            };
+            let from = turns_at(swing) - middle;
+            swing = swing.min(last);
+            middle + from * cos(phase - swing as f64 * PI)
+        };
+        for (frame, x) in heard.iter().enumerate() {
+            let error = (x - exact(frame)).abs();
+            assert!(error < 1e-9 * x0, "{ratio} {frame}: {x} {}", exact(frame));
+        }
+    }
+}
+
+#[test]
+fn a_block_that_the_ground_holds_rests_to_the_last_bit() {
+    let mut network = Network::new();
+    network.part("s", None);
+    let tie = Tie::Tuned {
+        f: 90.47,
+        t60: Some(2.507),
+    };
+    let x0 = -1.038e-4;
+    let block = network.cel("m", 0.01532, tie, 0.0, x0, 0.0).unwrap();
+    let ground = network.sol("g", 0.0).unwrap();
+    network.dry("l", ground, block, plain(0.80275)).unwrap();
+    network.listen("o", vec![LISTEN]).unwrap();
+    for finer in [1, 2, 8] {
+        let fineness = (RATE * finer as f64, 2 * finer);
+        for (frame, x) in played(&network, fineness, 2000).into_iter().enumerate() {
+            assert!(x == x0, "{finer} {frame}: {x:e}");
+        }
+    }
+}
