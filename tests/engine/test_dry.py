@@ -27,7 +27,7 @@ def test_plans_reach_what_is_asked(solved, asked, reached):
 
 
 def test_ends_of_slides_are_located_between_frames():
-    """A block that turns some times and stops; no rate of CA's steps that a plan tries is so exact."""
+    """A block that turns some times and stops; no steps of CA that a plan tries are so exact."""
     scene = SCENES["block"]
     exact = scene.exact(N)
     plan = planned(scene.text, error_db=-130.0)[1]

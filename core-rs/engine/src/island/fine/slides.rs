@@ -14,7 +14,7 @@ use std::sync::Arc;
 use super::basis::{At, dot};
 use super::laws::{STAGES, Square, Stages, shares};
 use super::{Fine, Script};
-use crate::dry::Dry;
+use crate::network::Dry;
 use crate::scheme::{Kind, Scheme};
 use crate::state::Body;
 use script::SlideScript;

@@ -3,10 +3,10 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use crate::dry::Dry;
 use crate::island::{Island, OnFault, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::maths::cos;
+use crate::network::Dry;
 use crate::network::{Network, Term, Tie};
 use crate::timeline::Timeline;
 use crate::units::Rate;
