@@ -32,13 +32,6 @@ impl Dry {
         self.static_level != self.level
     }
 
-    /// Friction that takes nothing.
-    pub(crate) const NONE: Self = Self {
-        level: 0.0,
-        static_level: 0.0,
-        speed: 1.0,
-    };
-
     /// How the level changes with the velocity [N·s/m].
     pub(crate) fn slope_at(&self, v: f64) -> f64 {
         if !self.falls() {

@@ -20,6 +20,7 @@ use alike::Alike;
 use discretise::Ties;
 
 use crate::law::{Hardening, Law};
+use crate::network::forest::Forest;
 use crate::network::{
     Bristle, But, Contact, Dry, Error, Followed, FollowingMass, Network, Output, PairRun, Pairwise,
     Proxy, SpaceLink,
@@ -342,52 +343,49 @@ impl Scheme {
     /// equations.
     const LOCATED_FRICTIONS: usize = 8;
 
-    /// Whether it has contacts, and whether it has laws or dry friction, that can be computed in substeps; `led`: MATs
-    /// that keys, hands and drives move.
-    pub(crate) fn has_fine(&self, led: &[usize]) -> (bool, bool) {
-        let runs = || {
-            self.runs
-                .iter()
-                .chain(&self.exact)
-                .filter(|run| self.may_substep(run))
-        };
+    /// Whether it has contacts, and whether it has laws or dry friction, that can be computed in substeps; `steered`: MATs
+    /// whose motion or parameters a timeline determines.
+    pub(crate) fn has_fine(&self, steered: &[usize]) -> (bool, bool) {
         let is_law = |run: &&Run| run.is_law();
-        let n_laws = runs().filter(is_law).count();
+        let n_laws = self.substepped().filter(is_law).count();
         let has_laws = (1..=Self::FINE_LAWS).contains(&n_laws);
-        let has_contacts = runs().any(|run| !is_law(&run));
-        let has_dry = !has_contacts && n_laws == 0 && self.may_locate_friction(led);
-        (has_contacts, has_laws || has_dry)
+        let has_contacts = self.substepped().any(|run| !is_law(&run));
+        (has_contacts, has_laws || self.may_locate_friction(steered))
     }
 
-    /// Whether the events of all its dry friction can be located between frames: not on proxies and masses that change,
-    /// nor in parts that keys, hands and drives move.
-    fn may_locate_friction(&self, led: &[usize]) -> bool {
+    /// Contacts and laws that can be computed in substeps, however many laws there are.
+    fn substepped(&self) -> impl Iterator<Item = &Run> {
+        let runs = self.runs.iter().chain(&self.exact);
+        runs.filter(|run| self.may_substep(run))
+    }
+
+    /// Whether the ends of slides and holds of all its dry friction can be located between frames: beside no contacts and
+    /// laws that can be computed in substeps, not on proxies and masses that change, nor in parts with steered MATs.
+    fn may_locate_friction(&self, steered: &[usize]) -> bool {
         let is_free = |mat: usize| {
-            let is_led = led.iter().any(|&led| self.part[led] == self.part[mat]);
-            !is_led && self.may_end_between(mat)
+            let mut others = steered.iter();
+            let is_steered = others.any(|&other| self.part[other] == self.part[mat]);
+            !is_steered && self.may_end_between(mat)
         };
         let dry = || self.exact.iter().filter(|run| run.is_dry());
         (1..=Self::LOCATED_FRICTIONS).contains(&dry().count())
+            && self.substepped().next().is_none()
             && dry().all(|run| run.len == 1 && is_free(run.a) && is_free(run.b))
             && self.is_forest(dry())
     }
 
-    /// Whether the ends of runs make no circle, with all fixed points as one: what holds in a circle can share its force in
+    /// Whether the ends of runs make no circle, with all fixed points as one: holds in a circle can share their forces in
     /// many ways.
-    fn is_forest<'a>(&self, runs: impl Iterator<Item = &'a Run>) -> bool {
-        let mut trees: Vec<Vec<usize>> = Vec::new();
-        for run in runs {
-            let ends = [run.a, run.b].map(|mat| if self.w[mat] == 0.0 { usize::MAX } else { mat });
-            let (joined, others): (Vec<_>, Vec<_>) =
-                (trees.drain(..)).partition(|tree| ends.iter().any(|end| tree.contains(end)));
-            let both = |tree: &Vec<usize>| ends.iter().all(|end| tree.contains(end));
-            if ends[0] == ends[1] || joined.iter().any(both) {
-                return false;
-            }
-            trees = others;
-            trees.push(joined.into_iter().flatten().chain(ends).collect());
-        }
-        true
+    fn is_forest<'a>(&self, mut runs: impl Iterator<Item = &'a Run>) -> bool {
+        let ground = self.n_mat();
+        let node = |mat: usize| if self.w[mat] == 0.0 { ground } else { mat };
+        let mut sets = Forest::new(ground + 1);
+        runs.all(|run| {
+            let (a, b) = (node(run.a), node(run.b));
+            let is_apart = sets.root(a) != sets.root(b);
+            sets.join(a, b);
+            is_apart
+        })
     }
 
     /// Whether a MAT is a proxy.
@@ -458,8 +456,14 @@ impl Scheme {
     }
 
     /// Remove and return the contacts and laws that are computed in substeps, laws only if there are few; if there are
-    /// none, dry friction. `led`: MATs that keys, hands and drives move, and those that glide.
-    pub(crate) fn take_fine(&mut self, led: &[usize]) -> Vec<Run> {
+    /// none, dry friction. `steered` as in [`Self::has_fine`].
+    pub(crate) fn take_fine(&mut self, steered: &[usize]) -> Vec<Run> {
+        if self.may_locate_friction(steered) {
+            let exact = std::mem::take(&mut self.exact).into_iter();
+            let (dry, others) = exact.partition(Run::is_dry);
+            self.exact = others;
+            return dry;
+        }
         let (runs, exact) = (
             std::mem::take(&mut self.runs),
             std::mem::take(&mut self.exact),
@@ -472,11 +476,6 @@ impl Scheme {
         fine.extend(exact);
         fine.sort_by_key(|run| run.first);
         (self.runs, self.exact) = (runs, left);
-        if fine.is_empty() && self.may_locate_friction(led) {
-            (fine, self.exact) = std::mem::take(&mut self.exact)
-                .into_iter()
-                .partition(Run::is_dry);
-        }
         fine
     }
 

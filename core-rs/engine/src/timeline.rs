@@ -135,8 +135,9 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// MATs that keys, hands and drives move, and those that glide.
-    pub(crate) fn led(&self) -> Vec<usize> {
+    /// MATs whose motion or parameters it determines: struck MATs of keys, MATs with an imposed position, and those that
+    /// glide.
+    pub(crate) fn steered(&self) -> Vec<usize> {
         let is_position = |drive: &&Drive| drive.kind == DriveKind::Position;
         let driven = self
             .drives

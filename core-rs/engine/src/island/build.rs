@@ -70,7 +70,7 @@ impl Island {
         let mut links = if steps < FINE {
             Vec::new()
         } else {
-            scheme.take_fine(&timeline.led())
+            scheme.take_fine(&timeline.steered())
         };
         let acts = |first: usize| links.iter().all(|run| run.first != first);
         let begun = match &timeline.leads[..] {
@@ -109,7 +109,7 @@ impl Island {
             let stiffest = greatest(&network, &timeline.leads)?;
             let mut most = Scheme::new(&stiffest, timeline.rate)?;
             if fine.is_some() {
-                most.take_fine(&timeline.led());
+                most.take_fine(&timeline.steered());
             }
             Guard::new(&most, &stiffest, Limit::CA, &ports)?.map(Box::new)
         };

@@ -15,7 +15,7 @@ use super::basis::{At, dot};
 use super::laws::{STAGES, Square, Stages, shares};
 use super::{Fine, Script};
 use crate::network::Dry;
-use crate::scheme::{Kind, Scheme};
+use crate::scheme::Scheme;
 use crate::state::Body;
 use script::SlideScript;
 
@@ -210,14 +210,14 @@ impl Fine {
     /// The friction of a link at an instant of this frame.
     fn friction(&self, frame: Frame<'_>, (own, s): (usize, f64)) -> Friction {
         let link = frame.slides.links[own];
-        let run = &frame.script.links[link];
+        let (by, rate) = frame.slides.dry[own];
         let [_, level] = self.numbers(link, s);
-        let (by, rate) = match &run.kind {
-            Kind::Dry { by, rate } => (by.with(level), *rate),
-            _ => (Dry::NONE, 1.0),
-        };
-        let open = run.gate.map_or(1.0, |gate| frame.gates[gate]);
-        Friction { by, rate, open }
+        let gate = frame.script.links[link].gate;
+        Friction {
+            by: by.with(level),
+            rate,
+            open: gate.map_or(1.0, |gate| frame.gates[gate]),
+        }
     }
 
     /// A value that is positive while a link goes on as it does, at the end `s` of a step: of a slide its speed, of a

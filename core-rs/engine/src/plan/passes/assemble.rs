@@ -237,15 +237,15 @@ pub(in crate::plan) fn hub(
     let mut truths = parts.map(|part| network.parts()[part].ca_rate);
     // If the discrete network is the reference, so are its contacts.
     let is_discrete = truths.any(|truth| truth.is_some());
-    let led = timeline.led();
-    let (has_contacts, has_laws) = scheme.has_fine(&led);
+    let steered = timeline.steered();
+    let (has_contacts, has_laws) = scheme.has_fine(&steered);
     let mut contact_substeps = if has_contacts && !is_discrete {
         budget.contact_substeps().min(most)
     } else {
         1
     };
     if contact_substeps > 1 {
-        scheme.take_fine(&led);
+        scheme.take_fine(&steered);
     }
     let may_collocate = has_laws && !is_discrete && most > 1;
     let may_collocate_alone =
@@ -257,7 +257,7 @@ pub(in crate::plan) fn hub(
         // Between frames a law is solved implicitly, so no slope of its friction is too steep.
         Err(Error::Unstable { .. }) if may_collocate_alone && scheme.bears_springs(network) => {
             contact_substeps = Budget::STEPS_MIN.min(most);
-            scheme.take_fine(&led);
+            scheme.take_fine(&steered);
             scheme.certify_or(network, refusal)?
         }
         certificate => certificate?,

@@ -144,12 +144,14 @@ impl Fine {
         let (script, n_dry, h) = (frame.script, frame.slides.links.len(), 1.0 - s);
         let n = script.basis.n();
         let since = POINTS.map(|c| At::new(n, (1.0 - c) * h));
-        let compliance = |pair: usize| -> f64 {
-            let response = &frame.slides.responses[pair];
+        // The equations of a step are not needed any more: their room holds what the force of one link makes of the
+        // velocity of each at the end of the frame.
+        let mut compliances = std::mem::take(&mut self.frictions.system);
+        for (compliance, response) in compliances.iter_mut().zip(&frame.slides.responses) {
             let parts = WEIGHTS.iter().zip(&since);
             let parts = parts.map(|(weight, since)| weight * dot(response, &since.value));
-            h * script.rate.step() * parts.sum::<f64>()
-        };
+            *compliance = h * script.rate.step() * parts.sum::<f64>();
+        }
         let end = At::new(n, 1.0);
         for own in 0..n_dry {
             let [_, v] = self.elongation(script, frame.slides.links[own], &end);
@@ -159,17 +161,21 @@ impl Fine {
         for _ in 0..ROUNDS {
             for own in 0..n_dry {
                 let slides = &self.frictions.slides;
-                let others = (0..n_dry)
-                    .map(|other| compliance(own * n_dry + other) * slides[other].force[0]);
-                let v = slides[own].free[0] + others.sum::<f64>();
+                let row = &compliances[own * n_dry..(own + 1) * n_dry];
+                let pushes = row
+                    .iter()
+                    .zip(slides)
+                    .map(|(by, other)| by * other.force[0]);
+                let v = slides[own].free[0] + pushes.sum::<f64>();
                 let level = self.friction(frame, (own, s)).level(v);
-                let stopping = slides[own].force[0] - v / compliance(own * n_dry + own);
+                let stopping = slides[own].force[0] - v / row[own];
                 if stopping.is_finite() {
                     self.frictions.slides[own].force = [stopping.clamp(-level, level); STAGES];
                 }
             }
             self.work.instants += n_dry as u64;
         }
+        self.frictions.system = compliances;
         self.push_ends(frame, (s, h));
     }
 

@@ -4,7 +4,8 @@ use super::{SKIPPED, STEPS_MAX};
 use crate::island::fine::Script;
 use crate::island::fine::basis::{At, dot};
 use crate::island::fine::laws::{POINTS, STAGES, Square, WEIGHTS, shares};
-use crate::scheme::Kind;
+use crate::network::Dry;
+use crate::scheme::{Kind, Run};
 
 /// Largest share of the range of a falling level (Stribeck) by which the level may change in a step.
 const FALL_MAX: f64 = 0.25;
@@ -13,6 +14,8 @@ const FALL_MAX: f64 = 0.25;
 pub(in crate::island::fine) struct SlideScript {
     /// Indices of the dry frictions among the script's links   (n_dry)
     pub(super) links: Vec<usize>,
+    /// Friction of each link, and frames a second   (n_dry)
+    pub(super) dry: Vec<(Dry, f64)>,
     /// Steps of a frame without events.
     parts: usize,
     /// Response of each velocity to an impulse of each link, by the time since the impulse, as coefficients of the basis
@@ -24,18 +27,19 @@ pub(in crate::island::fine) struct SlideScript {
 
 impl SlideScript {
     pub(super) fn new(script: &Script) -> Self {
-        let is_dry = |link: &usize| matches!(script.links[*link].kind, Kind::Dry { .. });
-        let links: Vec<usize> = (0..script.links.len()).filter(is_dry).collect();
-        // A falling level lets a slide grow exponentially; steps are short compared with that.
-        let growth = |&link: &usize| {
-            let run = &script.links[link];
-            let Kind::Dry { by, rate } = &run.kind else {
-                return 0.0;
-            };
-            let (a, b) = script.ends[link];
-            by.with(run.z).steepest() * rate * script.jump(a, b) * script.rate.step()
+        let is_dry = |(link, run): (usize, &Run)| match &run.kind {
+            Kind::Dry { by, rate } => Some((link, (*by, *rate))),
+            _ => None,
         };
-        let fastest = links.iter().map(growth).fold(0.0, f64::max);
+        let found = script.links.iter().enumerate().filter_map(is_dry);
+        let (links, dry): (Vec<usize>, Vec<(Dry, f64)>) = found.unzip();
+        // A falling level lets a slide grow exponentially; steps are short compared with that.
+        let growth = |(&link, &(by, rate)): (&usize, &(Dry, f64))| {
+            let (a, b) = script.ends[link];
+            let steepest = by.with(script.links[link].z).steepest();
+            steepest * rate * script.jump(a, b) * script.rate.step()
+        };
+        let fastest = links.iter().zip(&dry).map(growth).fold(0.0, f64::max);
         let least = (script.steps / 2).max(1) as f64;
         let parts = (least * (fastest / FALL_MAX).max(1.0)).ceil();
         let parts = parts.min(STEPS_MAX as f64 / 4.0) as usize;
@@ -52,6 +56,7 @@ impl SlideScript {
             responses,
             parts,
             links,
+            dry,
         }
     }
 
