@@ -4,6 +4,8 @@ use crate::maths::exp;
 
 /// Smallest level by which others are divided, so that ratios stay finite [N].
 const LEVEL_MIN: f64 = 1e-300;
+/// Largest share of the range of a falling level by which it may change in a step.
+const CHANGE_MAX: f64 = 0.25;
 
 /// Dry friction: a force F against the velocity while the two ends slide, and of up to F against whatever would make
 /// them slide.
@@ -41,12 +43,16 @@ impl Dry {
         -2.0 * ratio / self.speed * (self.static_level - self.level) * exp(-ratio * ratio)
     }
 
-    /// The steepest that the level falls [N·s/m]: at `speed`/√2.
-    pub(crate) fn steepest(&self) -> f64 {
+    /// Number of steps of a frame in which a level that falls with the velocity changes little, if a force of 1 N over the
+    /// frame changes the velocity by `response` [m/s]: it lets a slide grow exponentially. The level falls most steeply
+    /// at `speed`/√2.
+    pub(crate) fn steps(&self, response: f64) -> f64 {
         if !self.falls() {
-            return 0.0;
+            return 1.0;
         }
-        (2.0 * exp(-1.0)).sqrt() * (self.static_level - self.level).abs() / self.speed
+        let range = (self.static_level - self.level).abs();
+        let steepest = (2.0 * exp(-1.0)).sqrt() * range / self.speed;
+        (steepest * response / CHANGE_MAX).max(1.0)
     }
 
     /// The level at a velocity [m/s].

@@ -55,8 +55,7 @@ impl IslandPlan {
     /// Nanoseconds a frame, by the table of costs.
     fn cost(&self) -> f64 {
         let bodies = self.bodies.iter().map(cost::body_cost);
-        let hub = cost::stepped_cost(&self.network, &self.timeline)
-            + cost::laws_cost(&self.network, &self.bodies, self.contact_substeps);
+        let hub = cost::stepped_cost(&self.network, &self.timeline) + cost::laws_cost(self);
         f64::from(self.oversampling) * (hub + bodies.sum::<f64>()) / f64::from(self.every)
     }
 }

@@ -63,12 +63,13 @@ _LIMITS = """
 
 The cost of what would help is counted in that of CA at the score's rate.
 
-* **DRY in steps of CA.** Friction beside contacts or laws, in circles, on keys and on MATs that are
-  led or glide is not located between frames (docs/numerics.md). It turns and holds inside a step of
-  CA, and is tried at 8 times the rate at most. There a mass that friction stops rests where its
-  last frame began, up to a·T²/8 beside its place, and each stop shifts the next slip. The scenes of
-  the family `dry` had errors of -36 to -70 dB so at 8 times the rate (`dry-6`, `dry-1`). A strike
-  on a mass that such friction holds acts as a force for a frame: -55 and -73 dB at 44.1 kHz.
+* **DRY in steps of CA.** Friction beside contacts or laws, in circles, on keys and on MATs that
+  glide or whose position is imposed is not located between frames (docs/numerics.md). It turns
+  and holds inside a step of CA, and is tried at 8 times the rate at most. There a mass that
+  friction stops rests where its last frame began, up to a·T²/8 beside its place, and each stop
+  shifts the next slip. The scenes of the family `dry` had errors of -36 to -70 dB so at 8 times
+  the rate (`dry-6`, `dry-1`). A strike on a mass that such friction holds acts as a force for a
+  frame: -55 and -73 dB at 44.1 kHz.
 * **bridge-2**: 19 clamped contacts under a string of 45 masses. The work of planning pays for a
   shorter pilot alone; what is stated holds over that, and the whole render is at -71 dB, 30 dB
   further off.

@@ -78,7 +78,7 @@ pub(crate) struct Fine {
     /// Whether a contact may be closed in this frame, and whether it pushes.
     near: Vec<bool>,
     pushes: Vec<bool>,
-    /// Whether each contact has pushed since the beginning of the frame.
+    /// Whether each contact has pushed since the beginning of the frame, or dry friction held at its end.
     rests: Vec<bool>,
     /// Whether the instant at which each contact closes or opens in this step is known.
     located: Vec<bool>,
@@ -334,7 +334,7 @@ impl Fine {
             any |= near;
             body.link[run.first] = 0.0;
         }
-        if !any {
+        if !any && self.frictions.is_empty() {
             self.rests.fill(false);
         }
         if !any && self.laws.is_empty() && self.frictions.is_empty() {

@@ -6,6 +6,7 @@ use crate::island::mesh::Mesh;
 use crate::island::slow::{Slow, Springs};
 use crate::network::{Contact, LinkKind, Measure, Network, Pairwise, Run, SpaceLaw, SpaceLink};
 use crate::plan::BankPlan;
+use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::mesh::LADDER;
 use crate::scheme::Scheme;
@@ -95,7 +96,9 @@ fn friction_factor(pairs: &Pairwise) -> f64 {
 }
 
 /// Additional cost of laws that are computed finer than a frame [ns a frame].
-pub(super) fn laws_cost(network: &Network, bodies: &[BodyPlan], contact_substeps: usize) -> f64 {
+pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
+    let (network, bodies) = (&*island_plan.network, &island_plan.bodies);
+    let contact_substeps = island_plan.contact_substeps;
     if contact_substeps < Budget::STEPS_MIN {
         return 0.0;
     }
@@ -119,7 +122,15 @@ pub(super) fn laws_cost(network: &Network, bodies: &[BodyPlan], contact_substeps
         1.0
     };
     let each = |run: &&Run| match &run.kind {
-        LinkKind::Dry(_) => most as f64 * Costs::of("located_friction"),
+        LinkKind::Dry(dry) => {
+            let mats = network.mats();
+            let moving = [run.a, run.b]
+                .into_iter()
+                .filter(|&mat| mats.kind[mat].moves());
+            let mobility: f64 = moving.map(|mat| 1.0 / mats.m[mat]).sum();
+            let steps = dry.steps(mobility * island_plan.timeline.rate.step());
+            (most as f64 * steps).ceil() * Costs::of("located_friction")
+        }
         LinkKind::Bristle(_) => {
             parts * (Costs::of("collocation") + Costs::of("collocated_bristle"))
         }

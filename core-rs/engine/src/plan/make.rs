@@ -338,11 +338,7 @@ impl<'a> Maker<'a> {
         let mut hub = if self.plan.rows.len() == first_row {
             cost::seconds(
                 cost::stepped_cost(&island_plan.network, &island_plan.timeline)
-                    + cost::laws_cost(
-                        &island_plan.network,
-                        &island_plan.bodies,
-                        island_plan.contact_substeps,
-                    ),
+                    + cost::laws_cost(&island_plan),
                 &island_plan.timeline,
             )
         } else {

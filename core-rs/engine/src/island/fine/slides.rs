@@ -29,6 +29,9 @@ const SKIPPED: f64 = 1e-9;
 /// A velocity counts as zero below this share of what friction can take from it in a frame: the basis gives the velocity
 /// of a held mass to a small part of that.
 const STILL: f64 = 1e-4;
+/// The same for a link that held at the end of the last frame: a hold has no velocity at the Gauss points of its last step,
+/// but some after them. A string that held a mass had 1e-3; without this it slid and stopped anew in every frame.
+const STILL_HELD: f64 = 1e-2;
 /// A hold ends if it needs more than its level by this share.
 const EXCESS: f64 = 1e-9;
 
@@ -112,6 +115,14 @@ impl Fine {
     pub(super) fn slide(&mut self, frame: Frame<'_>, body: &mut Body) {
         self.has_touched = true;
         self.start_frame(frame, body);
+        self.slide_to_end(frame);
+        for (slide, &link) in self.frictions.slides.iter().zip(&frame.slides.links) {
+            self.rests[link] = slide.direction == 0.0;
+        }
+    }
+
+    /// Compute a frame event by event.
+    fn slide_to_end(&mut self, frame: Frame<'_>) {
         let (mut s, mut left) = (0.0, STEPS_MAX);
         while s < 1.0 {
             if left == 0 {
@@ -172,7 +183,8 @@ impl Fine {
             let friction = self.friction(frame, (own, 0.0));
             let (a, b) = script.ends[link];
             let taken = friction.level(0.0) * script.jump(a, b) * script.rate.step();
-            let is_still = v.abs() <= STILL * taken;
+            let share = if self.rests[link] { STILL_HELD } else { STILL };
+            let is_still = v.abs() <= share * taken;
             let direction = if is_still { 0.0 } else { v.signum() };
             let slide = &mut self.frictions.slides[own];
             (slide.direction, slide.force) = (direction, [direction * friction.level(v); STAGES]);

@@ -178,8 +178,7 @@ impl Row {
 
     pub(in crate::plan) fn stepped(island_plan: &IslandPlan, certificate: Certificate) -> Self {
         let (network, timeline) = (&island_plan.network, &island_plan.timeline);
-        let ns = cost::stepped_cost(network, timeline)
-            + cost::laws_cost(network, &island_plan.bodies, island_plan.contact_substeps);
+        let ns = cost::stepped_cost(network, timeline) + cost::laws_cost(island_plan);
         Self::of(network, Computed::Stepped).costing(ns, timeline, certificate.word)
     }
 

@@ -10,6 +10,9 @@ const NEWTON_STEPS: usize = 20;
 const AGREE: f64 = 1e-11;
 /// Rounds over all links in the step that finishes a frame.
 const ROUNDS: usize = 60;
+/// Work of a step, and of a Newton step, for each link: as much as this many kicks of a contact.
+const STEP_WORK: u64 = 8;
+const NEWTON_WORK: u64 = 8;
 
 impl Fine {
     /// Take a step of `h` from `s`.
@@ -20,6 +23,7 @@ impl Fine {
         left: &mut usize,
     ) {
         *left = left.saturating_sub(1);
+        self.work.instants += STEP_WORK * frame.slides.links.len() as u64;
         self.solve_forces(frame, (s, h));
         self.push_ends(frame, (s, h));
     }
@@ -123,7 +127,7 @@ impl Fine {
     /// if there is no solution.
     fn correct_forces(&mut self, frame: Frame<'_>, s: f64) -> Option<f64> {
         let n = STAGES * frame.slides.links.len();
-        self.work.instants += frame.slides.links.len() as u64;
+        self.work.instants += NEWTON_WORK * frame.slides.links.len() as u64;
         self.work.products += (n * n * n / 3) as u64;
         eliminate(&mut self.frictions.system, n)?;
         let mut change = 0.0_f64;

@@ -7,9 +7,6 @@ use crate::island::fine::laws::{POINTS, STAGES, Square, WEIGHTS, shares};
 use crate::network::Dry;
 use crate::scheme::{Kind, Run};
 
-/// Largest share of the range of a falling level (Stribeck) by which the level may change in a step.
-const FALL_MAX: f64 = 0.25;
-
 #[derive(Clone, Debug)]
 pub(in crate::island::fine) struct SlideScript {
     /// Indices of the dry frictions among the script's links   (n_dry)
@@ -33,16 +30,14 @@ impl SlideScript {
         };
         let found = script.links.iter().enumerate().filter_map(is_dry);
         let (links, dry): (Vec<usize>, Vec<(Dry, f64)>) = found.unzip();
-        // A falling level lets a slide grow exponentially; steps are short compared with that.
-        let growth = |(&link, &(by, rate)): (&usize, &(Dry, f64))| {
+        let steps = |(&link, &(by, rate)): (&usize, &(Dry, f64))| {
             let (a, b) = script.ends[link];
-            let steepest = by.with(script.links[link].z).steepest();
-            steepest * rate * script.jump(a, b) * script.rate.step()
+            by.with(script.links[link].z)
+                .steps(rate * script.jump(a, b) * script.rate.step())
         };
-        let fastest = links.iter().zip(&dry).map(growth).fold(0.0, f64::max);
+        let most = links.iter().zip(&dry).map(steps).fold(1.0, f64::max);
         let least = (script.steps / 2).max(1) as f64;
-        let parts = (least * (fastest / FALL_MAX).max(1.0)).ceil();
-        let parts = parts.min(STEPS_MAX as f64 / 4.0) as usize;
+        let parts = (least * most).ceil().min(STEPS_MAX as f64 / 4.0) as usize;
         let pairs = links.iter().flat_map(|&to| {
             let from = links.iter();
             from.map(move |&from| [script.ends[to], script.ends[from]])
