@@ -12,7 +12,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .errors import OptionError
 from .options import ReadOptions
-from .parts import hertz, on_one_axis, point
+from .parts import hertz, point, refuse_several_axes
 
 if TYPE_CHECKING:
     import numpy as np
@@ -133,7 +133,7 @@ def admittance(
     ends = [point(piece, "heard", name) for name in names]
     parts = tuple(dict.fromkeys(end.part for end in (at, *ends)))
     for number, end in enumerate((at, *ends)):
-        on_one_axis("heard" if number else "forced", piece, end.part)
+        refuse_several_axes("heard" if number else "forced", piece, end.part)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("solving"):
         built = prepare(piece).built
         network = built.network

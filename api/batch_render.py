@@ -24,12 +24,12 @@ from ergon.common.errors import ErgonError
 from ergon.common.report import Report
 from ergon.exchange.safe import check_target
 from ergon.exchange.sound import check_ending
-from ergon.rendering.remote import ClusterError, chains
+from ergon.rendering.remote import ClusterError, chain_count
 
 from . import score as scores
 from .cluster_worker import MODULES_MAX
 from .errors import OptionError, ScoreError
-from .render import Completed, FileOptions, Prepared, check_shared, prepare, target, write
+from .render import Completed, FileOptions, PreparedRender, check_shared, prepare, target, write
 from .render_journal import JOURNAL
 
 if TYPE_CHECKING:
@@ -79,15 +79,15 @@ def render_several(
         for one in wanted:
             yield _rendered(one, report)
         return
-    from .cluster import opened
+    from .cluster import open_cluster
 
-    with opened(options.on, report) as cluster:
+    with open_cluster(options.on, report) as cluster:
         yield from _together(wanted, cluster, report)
 
 
-def staged(
+def staged_scores(
     paths: Sequence[str | Path], folder: str | Path | None, options: FileOptions, report: Report
-) -> Iterator[Prepared]:
+) -> Iterator[PreparedRender]:
     """The same scores, planned and staged one after the other. Raises what `prepare` does."""
     for one in _wanted(paths, folder, options, report):
         yield prepare(one.loaded, one.target, one.options, report)
@@ -198,19 +198,21 @@ def _is_room(running: Iterable[_Own], count: int, most: int) -> bool:
     return len(own) < most and (
         not own
         or (
-            sum(one.n_chains for one in own) < chains(count)
+            sum(one.n_chains for one in own) < chain_count(count)
             and sum(one.n_modules for one in own) < MODULES_MAX
         )
     )
 
 
-def _own(score: str, prepared: Prepared, count: int) -> _Own:
+def _own(score: str, prepared: PreparedRender, count: int) -> _Own:
     stage = prepared.stage
-    n_chains = chains(count, stage.simulation)
+    n_chains = chain_count(count, stage.simulation)
     return _Own(score, n_chains, stage.network.n_mat + stage.network.n_lia, _core.Work())
 
 
-def _write(work: _core.Work, prepared: Prepared, report: Report, cluster: Cluster) -> Completed:
+def _write(
+    work: _core.Work, prepared: PreparedRender, report: Report, cluster: Cluster
+) -> Completed:
     with work:
         return write(prepared, report, cluster)
 

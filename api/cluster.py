@@ -18,7 +18,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ergon import _core
-from ergon.common.extras import install
+from ergon.common.extras import install_command
 from ergon.common.report import Report
 from ergon.exchange import plan_file
 from ergon.rendering.remote import Answer, ClusterError, Request
@@ -28,7 +28,7 @@ from .cluster_worker import Job
 from .errors import OptionError
 from .plan import budget_of
 from .score_bundle import bundled, digest
-from .spread import spread
+from .spread import results_as_completed
 
 if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
@@ -90,7 +90,7 @@ class Cluster:
         """
         pool = self.executor()
         begin = partial(submit, pool)
-        return spread(items, begin, self.wait, self.result, 2 * self.count)
+        return results_as_completed(items, begin, self.wait, self.result, 2 * self.count)
 
     def result(self, future: Future[Any]) -> Any:
         """The result of a future that has ended. Raises ClusterError."""
@@ -103,7 +103,7 @@ class Cluster:
         except ImportError as error:
             raise ClusterError(
                 f"a worker lacks what it needs ({error}); install the same ergon there: "
-                f"{install('cluster')}"
+                f"{install_command('cluster')}"
             ) from None
         except Exception as error:  # an exception of Dask, some of which are known by name alone
             if type(error).__name__ == "KilledWorker":
@@ -179,7 +179,7 @@ def count_of(on: str, report: Report) -> int:
     local = _local(on)
     if local is not None:
         return local
-    with opened(on, report) as cluster:
+    with open_cluster(on, report) as cluster:
         return cluster.count
 
 
@@ -195,7 +195,7 @@ def _local(on: str) -> int | None:
 
 
 @contextlib.contextmanager
-def opened(on: str, report: Report) -> Iterator[Cluster]:
+def open_cluster(on: str, report: Report) -> Iterator[Cluster]:
     """The processes that "local:N" or the address of a scheduler mean.
 
     At the end `report` gets the amount of render work of each. Raises OptionError, ClusterError.
@@ -207,7 +207,7 @@ def opened(on: str, report: Report) -> Iterator[Cluster]:
         dask, distributed = (importlib.import_module(name) for name in ("dask", "distributed"))
     except ImportError:
         raise ClusterError(
-            f"--on needs dask and distributed; install them by: {install('cluster')}"
+            f"--on needs dask and distributed; install them by: {install_command('cluster')}"
         ) from None
     _silence()
     with contextlib.ExitStack() as stack:
@@ -285,9 +285,9 @@ def _begun(distributed: Any, count: int) -> Any:
     raise ClusterError(f"local:{count}: the processes did not start: {reason}")
 
 
-def sharing(cluster: Cluster, job: Job) -> Sharing:
+def share_work(cluster: Cluster, job: Job) -> Sharing:
     """Workers for the islands of a job."""
-    kept = cluster.client.submit(cluster_worker.carried, job, pure=False)
+    kept = cluster.client.submit(cluster_worker.return_job, job, pure=False)
     return Sharing(cluster, cluster.executor(), kept)
 
 

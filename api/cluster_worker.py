@@ -23,7 +23,7 @@ from ergon.rendering.remote import Answer, ClusterError, IslandRequest, Request
 
 from . import score as scores
 from .options import AccuracyOptions
-from .score_bundle import ScoreBundle, unpacked
+from .score_bundle import ScoreBundle, unpack
 
 if TYPE_CHECKING:
     from ergon._core import Simulation, StorableIsland
@@ -81,7 +81,7 @@ lock = threading.Lock()
 _ready: list[_Ready] = []
 
 
-def carried(job: Job) -> Job:
+def return_job(job: Job) -> Job:
     """Return the job: as the result of a task, it is sent to each worker only once."""
     return job
 
@@ -117,7 +117,7 @@ def _staged(job: Job) -> _Ready:
             _ready.append(one)
             return one
     check_version(job["version"])
-    with unpacked(job["content"]) as path:
+    with unpack(job["content"]) as path:
         plan = path.with_name(f"{path.name}.plan")
         plan.write_text(job["plan"], encoding="utf-8")
         options = AccuracyOptions(plan=plan, seed=job["seed"])

@@ -15,7 +15,7 @@ from . import score as scores
 from .banks import bank_of, is_heard, left_out, swing, touched
 from .modes import modes_of
 from .options import ReadOptions
-from .parts import hertz, named
+from .parts import hertz, selected_parts
 
 if TYPE_CHECKING:
     import numpy as np
@@ -71,7 +71,7 @@ def mode_tables(
     upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    names = named(piece, options.parts)
+    names = selected_parts(piece, options.parts)
     ca_rates = {name: one.ca_rate for name, one in piece.instruments.items()}
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
@@ -121,7 +121,7 @@ def faust_programs(
 
 def heard_parts(piece: Piece, parts: Sequence[str]) -> list[str]:
     """The named parts; without names, those whose motion is heard, or all if there is none."""
-    names = named(piece, parts)
+    names = selected_parts(piece, parts)
     heard = [name for name in names if parts or is_heard(piece, name)]
     return heard or list(names)  # if nothing is heard, the first part is refused later
 
@@ -186,7 +186,7 @@ def _programs(
 
     piece = scores.piece_of(loaded)
     title = Path(score).stem if str(score) != scores.STDIN else "score"
-    names = named(piece, options.parts)
+    names = selected_parts(piece, options.parts)
     wholes = [(name, (name,)) for name in names] if options.parts else [(title, names)]
     made = []
     for name, own in wholes:

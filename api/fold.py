@@ -77,7 +77,7 @@ def fold_file(
     """
     from ergon import _core
     from ergon.exchange import sound
-    from ergon.exchange.safe import check_target, writing
+    from ergon.exchange.safe import check_target, open_for_writing
     from ergon.exchange.wave_header import NotWaveError, Stamp, WaveFormat
 
     from .layouts import chunks_of
@@ -103,7 +103,7 @@ def fold_file(
     chunks = b"" if made is None else chunks_of(made, title)
     stamp = Stamp(title, chunks=chunks)
     peak, n_clipped = 0.0, 0
-    with writing(target, binary=True, force=options.force, inputs=inputs) as file:
+    with open_for_writing(target, binary=True, force=options.force, inputs=inputs) as file:
         writer = sound.writer(target, file, format, n_frames, stamp)
         blocks = _whole(path, info, sound.read_blocks(path), fold.tail)
         with report.progress("folding", n_frames, format.rate) as progress:
@@ -180,20 +180,20 @@ def _whole(
 
 def _order(word: str, option: str) -> int | None:
     """The order of `ambix5`; None for another word. Raises OptionError."""
-    from ergon.space.ambisonics import MOST
+    from ergon.space.ambisonics import ORDER_MAX
 
     if not word.startswith(_AMBISONICS) or Path(word).suffix:
         return None
     digits = word.removeprefix(_AMBISONICS)
-    if digits not in map(str, range(1, MOST + 1)):
-        reason = f"the order of Ambisonics is 1 to {MOST}, such as {_AMBISONICS}5"
+    if digits not in map(str, range(1, ORDER_MAX + 1)):
+        reason = f"the order of Ambisonics is 1 to {ORDER_MAX}, such as {_AMBISONICS}5"
         raise OptionError(option, reason, value=word)
     return int(digits)
 
 
 def _named(word: str, option: str, report: Report) -> Field:
     """The field that a word names: an order of Ambisonics, or the loudspeakers of a layout."""
-    from ergon.space.ambisonics import MOST
+    from ergon.space.ambisonics import ORDER_MAX
     from ergon.space.fold_filters import Field
 
     from .layouts import NoLayoutError, read_layout
@@ -204,7 +204,9 @@ def _named(word: str, option: str, report: Report) -> Field:
     try:
         return Field(read_layout(word, report).speakers)
     except NoLayoutError as error:
-        raise OptionError(option, f"{error}, or {_AMBISONICS}1 to {_AMBISONICS}{MOST}") from None
+        raise OptionError(
+            option, f"{error}, or {_AMBISONICS}1 to {_AMBISONICS}{ORDER_MAX}"
+        ) from None
 
 
 def _source(path: Path, info: WaveInfo, options: FoldOptions, report: Report) -> Field:

@@ -38,7 +38,7 @@ class FreezeOptions(AccuracyOptions):
 
 
 @dataclass(frozen=True, slots=True)
-class Prepared:
+class PreparedFreeze:
     """A staged score whose parts can be frozen; `taps` has the outputs of each part."""
 
     folder: Path
@@ -71,7 +71,7 @@ def prepare(
     out: str | Path | None,
     options: FreezeOptions,
     report: Report,
-) -> Prepared:
+) -> PreparedFreeze:
     """Stage a score of which only these parts are heard."""
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
@@ -89,10 +89,10 @@ def prepare(
     folder = Path(out) if out is not None else _folder(str(score))
     taps = {part: stage.listening.taps(part) for part in parts}
     n_frames = stage.n_frames + int(_LONGER * stage.rate)
-    return Prepared(folder, taps, n_frames, loaded, stage)
+    return PreparedFreeze(folder, taps, n_frames, loaded, stage)
 
 
-def write(prepared: Prepared, options: FreezeOptions, report: Report) -> Frozen:
+def write(prepared: PreparedFreeze, options: FreezeOptions, report: Report) -> Frozen:
     """Compute and write the parts."""
     from ergon.rendering.frozen import write as write_files
 

@@ -24,13 +24,13 @@ def boards_of(piece: Piece, live: Sequence[str]) -> list[Board]:
         asked = parse(live)
         for name in asked:
             if name not in piece.players:
-                raise OptionError("live", no_player(piece, name))
+                raise OptionError("live", no_player_message(piece, name))
         return boards(asked, names() if asked else {})
     except BoardError as error:
         raise OptionError("live", str(error)) from None
 
 
-def ready(board: Board, unchecked: bool, report: Report) -> Board:
+def calibrated_board(board: Board, unchecked: bool, report: Report) -> Board:
     """The device with the calibration of its axes; a motor of unknown direction is tried.
 
     A motor that is wired the other way round pushes a key away from where it should hold it.
@@ -93,7 +93,9 @@ def _try(
     remember(board.url, number, axis)
 
 
-def guides(piece: Piece, boards: Sequence[Board], asked: Sequence[str]) -> dict[str, float]:
+def guide_stiffnesses(
+    piece: Piece, boards: Sequence[Board], asked: Sequence[str]
+) -> dict[str, float]:
     """Stiffness of the guide [N/m] of each player in `PLAYER[=STIFFNESS]`. Raises OptionError."""
     from ergon.live.perform import GUIDE
     from ergon.notation.tables.quantities import STIFFNESS, quantity
@@ -105,7 +107,7 @@ def guides(piece: Piece, boards: Sequence[Board], asked: Sequence[str]) -> dict[
         player, is_said, stiffness = text.partition("=")
         if player not in real:
             if player not in piece.players:
-                raise OptionError("guide", no_player(piece, player))
+                raise OptionError("guide", no_player_message(piece, player))
             reason = f"{player} has no device; --live {player}=DEVICE gives one"
             raise OptionError("guide", reason, value=text)
         try:
@@ -115,7 +117,7 @@ def guides(piece: Piece, boards: Sequence[Board], asked: Sequence[str]) -> dict[
     return found
 
 
-def no_player(piece: Piece, name: str) -> str:
+def no_player_message(piece: Piece, name: str) -> str:
     """The sentence for a player whom the score does not have."""
     from ergon.notation.text.spelling import nearest
 

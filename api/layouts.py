@@ -58,7 +58,7 @@ def chunks_of(field: Field, title: str) -> bytes:
     from ergon.space.directions import angles
 
     speakers = tuple(angles(place) for place in field.speakers)
-    return adm.chunks(adm.Sounded(speakers, field.order), title)
+    return adm.chunks(adm.ChannelLayout(speakers, field.order), title)
 
 
 def chunks_of_layout(layout: Layout | None, n_channels: int, title: str) -> bytes:

@@ -20,7 +20,7 @@ from . import score as scores
 from .errors import OptionError, not_begun
 from .fold import fold_of
 from .gain import gain_of
-from .hands import boards_of, ready
+from .hands import boards_of, calibrated_board
 from .midi import attach_midi, midi_ports
 from .options import ReadOptions, SessionOptions
 from .osc import osc_of
@@ -65,7 +65,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     boards = boards_of(piece, options.live)
     real = {player: None for board in boards for _, player in board.axes}
     folder, frozen = _frozen(version, first.frozen, real, options, report)
-    boards = [ready(board, options.unchecked, report) for board in boards]
+    boards = [calibrated_board(board, options.unchecked, report) for board in boards]
     with scores.staging(version.texts.load, report):
         config = _config(piece, options, boards, first.heard, frozen, report)
     ports = midi_ports(options, report)

@@ -13,7 +13,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .errors import OptionError
 from .options import ReadOptions
-from .parts import hertz, named
+from .parts import hertz, selected_parts
 
 if TYPE_CHECKING:
     import numpy as np
@@ -118,7 +118,7 @@ def modes(
     asked = options.asked()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    names = named(piece, options.parts)
+    names = selected_parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
         return tuple(modes_of(piece, built, name, asked, loaded.inputs) for name in names)

@@ -90,8 +90,8 @@ class MovieMaker:
             raise OptionError("movie", reason, value=str(target))
         else:
             check_target(self._target, force=options.force)
-            video.check()
-        self._program = chromium.find(options.browser)
+            video.check_pyav()
+        self._program = chromium.find_browser(options.browser)
 
     def make(self, shown: Shown, report: Report | None = None) -> Movie:
         """Draw the film.
@@ -108,7 +108,7 @@ class MovieMaker:
         asked = ["t=0", *(["stage"] * (not options.words)), *(["strobe"] * options.strobe)]
         try:
             with (
-                chromium.running(self._program) as browser,
+                chromium.launch_browser(self._program) as browser,
                 browser.page(*self._size) as page,
             ):
                 page.open(f"{server.url}?{'&'.join(asked)}")
@@ -146,7 +146,7 @@ class MovieMaker:
             raise OptionError("camera", reason, value=self._options.camera)
 
     def _draw(self, page: Page, instants: list[float], shown: Shown, report: Report) -> Movie:
-        from ergon.exchange.safe import writing
+        from ergon.exchange.safe import open_for_writing
         from ergon.movies.video import VideoFile
 
         options, n = self._options, len(instants)
@@ -156,7 +156,7 @@ class MovieMaker:
                 self._target.mkdir(parents=True, exist_ok=True)
             else:
                 force = options.force
-                file = stack.enter_context(writing(self._target, binary=True, force=force))
+                file = stack.enter_context(open_for_writing(self._target, binary=True, force=force))
                 if shown.sound is not None:
                     stretch = instants[0], instants[0] + n / options.rate
                     sound = _sound(shown.sound, *stretch)

@@ -28,7 +28,7 @@ def hertz(option: str, value: float | str) -> float:
         raise OptionError(option, f"{found.message}{asked}") from None
 
 
-def named(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
+def selected_parts(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
     """The parts that are asked for; without names, all that move along one axis.
 
     Raises OptionError.
@@ -42,14 +42,14 @@ def named(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
             there = f"there are {', '.join(known)}" if known else "the score has none"
             reason = f"did you mean '{close}'?" if close else there
             raise OptionError("parts", f"no instrument or key is called '{name}'; {reason}")
-        on_one_axis("parts", piece, name)
+        refuse_several_axes("parts", piece, name)
     flat = [n for n in known if n not in piece.instruments or not _space_of(piece, n)]
     if known and not flat and not asked:
-        on_one_axis("parts", piece, known[0])
+        refuse_several_axes("parts", piece, known[0])
     return tuple(dict.fromkeys(asked)) or tuple(flat)
 
 
-def on_one_axis(option: str, piece: Piece, name: str) -> None:
+def refuse_several_axes(option: str, piece: Piece, name: str) -> None:
     """Refuse a part in space: its stiffness depends on where it is. Raises OptionError."""
     if name in piece.instruments and _space_of(piece, name):
         reason = f"{name} is an instrument in space, which has no modes of its own: its stiffness "

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ergon.exchange.plan_file import Budget, Choices
     from ergon.scores.reading.piece import Accuracy
 
-    from .work_shares import Piece, Shares
+    from .work_shares import Shares, WorkPiece
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +42,14 @@ class Plan:
     inputs: tuple[Path, ...]
     budget: Budget
     highest_modes: Mapping[str, float]
-    pieces: tuple[Piece, ...] = ()
+    pieces: tuple[WorkPiece, ...] = ()
     seen: tuple[PlanRow, ...] = ()
 
     def shares(self, count: int) -> Shares:
         """How the work would be divided among `count` processes."""
-        from .work_shares import shares
+        from .work_shares import share_out
 
-        return shares(self.pieces, self.cost, count)
+        return share_out(self.pieces, self.cost, count)
 
     @property
     def is_cut_short(self) -> bool:
@@ -83,7 +83,7 @@ def plan(
     """Plan a score within its accuracy. Raises ScoreError and OptionError."""
     from ergon.scores.staging.highest_modes import highest_modes
 
-    from .work_shares import pieces
+    from .work_shares import work_pieces
 
     options = options or AccuracyOptions()
     loaded = scores.read(score, options, report)
@@ -103,6 +103,6 @@ def plan(
         (*loaded.inputs, *options.files),
         budget,
         {one.name: one.hertz for one in highest_modes(staged.piece, staged.stage.built)},
-        pieces(staged.stage.simulation, rows, staged.stage.rate),
+        work_pieces(staged.stage.simulation, rows, staged.stage.rate),
         tuple(made.seen()),
     )

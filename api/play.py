@@ -17,7 +17,7 @@ from . import score as scores
 from .errors import OptionError, not_begun
 from .fold import fold_of
 from .gain import gain_of
-from .hands import boards_of, guides, no_player, ready
+from .hands import boards_of, calibrated_board, guide_stiffnesses, no_player_message
 from .options import AccuracyOptions, PerformanceOptions
 from .osc import osc_of
 from .pages import pages_of, sees_all
@@ -58,7 +58,7 @@ class PlayOptions(AccuracyOptions, PerformanceOptions):
 
 
 @dataclass(frozen=True, slots=True)
-class Prepared:
+class PreparedPlay:
     """A score ready to be played."""
 
     stage: Stage
@@ -67,7 +67,7 @@ class Prepared:
     osc: Osc | None
 
 
-def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
+def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedPlay:
     """Stage a score, open its devices and find its gain.
 
     Raises ScoreError, OptionError and DeviceError.
@@ -84,7 +84,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
     if options.frozen is not None:
         frozen = freeze.read(written, options.frozen, options.seed, report)
         freeze.are_free(piece, frozen, real)
-    boards = [ready(board, options.unchecked, report) for board in boards]
+    boards = [calibrated_board(board, options.unchecked, report) for board in boards]
     stage = scores.stage_piece(
         loaded,
         options,
@@ -100,7 +100,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
         stems = freeze.verified(stage, frozen, options.frozen)
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
     config = _config(piece, stage, boards, options, stems, report)
-    return Prepared(stage, boards, replace(config, pages=pages_of(options, report)), osc)
+    return PreparedPlay(stage, boards, replace(config, pages=pages_of(options, report)), osc)
 
 
 def _refuse_felt_automation(stage: Stage, real: Collection[str]) -> None:
@@ -157,7 +157,7 @@ def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:
     for pair in pairs:
         name, _, what = pair.partition("=")
         if name not in players:
-            raise OptionError("standin", no_player(piece, name))
+            raise OptionError("standin", no_player_message(piece, name))
         if what not in piece.takes and what not in piece.gestures:
             raise OptionError("standin", f"no take or gesture is called '{what}'", value=pair)
         if any(play.player == name for play in piece.parts):
@@ -199,7 +199,7 @@ def _config(
         reference=piece.mix.reference(),
         start=start // tick_frames(stage) * tick_frames(stage),
         boards=boards,
-        guides=guides(piece, boards, options.guide),
+        guides=guide_stiffnesses(piece, boards, options.guide),
         force_max=options.force_max,
         ahead=options.ahead,
         audio_in=options.audio_in,

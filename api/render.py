@@ -100,7 +100,7 @@ class Render:
 
 
 @dataclass(frozen=True, slots=True)
-class Prepared:
+class PreparedRender:
     """A score ready to be rendered."""
 
     loaded: Loaded
@@ -122,7 +122,7 @@ class Completed:
     faint: tuple[Diagnostic, ...] = ()  # W324, W325: a file that is silent, or nearly
 
 
-def faint(piece: Piece, bits: Bits, peak: float) -> list[Diagnostic]:
+def faint_diagnostics(piece: Piece, bits: Bits, peak: float) -> list[Diagnostic]:
     """W324 for a silent file, W325 for one whose highest peak lies below -40 dBFS.
 
     A file of floats without a master is a measurement: any level is allowed.
@@ -164,12 +164,15 @@ def render(
     loaded = scores.read(score, options, report)
     prepared = prepare(loaded, "-", options, report)
     job = replace(prepared.job, format=replace(prepared.job.format, bits="double"))
-    with _shared(prepared, job, report) as job, _going(prepared, "rendering", report) as at:
+    with (
+        _shared(prepared, job, report) as job,
+        _render_progress(prepared, "rendering", report) as at,
+    ):
         frames, done = render_array(prepared.stage, job, at)
     return Render(frames, prepared.stage.rate, done.peak, done.loudness, done.gain)
 
 
-def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report) -> Prepared:
+def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report) -> PreparedRender:
     """Plan and stage a score, and decide what is written to `target`."""
     check_ending(target)
     file = options if isinstance(options, FileOptions) else FileOptions()
@@ -180,7 +183,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
     if options.on is not None:
         check_shared(options)
     recorded = _recorded(loaded, options, report)
-    loaded = _hearing(loaded, options)
+    loaded = _with_inputs(loaded, options)
     staged = scores.stage_piece(
         loaded,
         options,
@@ -200,10 +203,10 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         from .film import film
 
         job = replace(job, film=film(staged.stage, job))
-    return Prepared(loaded, staged.stage, job, staged.plan_s, options)
+    return PreparedRender(loaded, staged.stage, job, staged.plan_s, options)
 
 
-def write(prepared: Prepared, report: Report, cluster: Cluster | None = None) -> Completed:
+def write(prepared: PreparedRender, report: Report, cluster: Cluster | None = None) -> Completed:
     """Compute the files of a prepared score, with the help of a `cluster` that is open.
 
     Raises DivergedError, FileRefusedError and ClusterError.
@@ -212,10 +215,13 @@ def write(prepared: Prepared, report: Report, cluster: Cluster | None = None) ->
 
     stage, job = prepared.stage, prepared.job
     task = f"rendering {Path(job.target).name}"
-    with _shared(prepared, job, report, cluster) as job, _going(prepared, task, report) as at:
+    with (
+        _shared(prepared, job, report, cluster) as job,
+        _render_progress(prepared, task, report) as at,
+    ):
         done = render(stage, job, at)
     job = replace(job, stop=job.start + done.n_frames)
-    found = tuple(faint(stage.piece, job.format.bits, done.mix.peak))
+    found = tuple(faint_diagnostics(stage.piece, job.format.bits, done.mix.peak))
     scores.show(report, prepared.loaded, found)
     return Completed(done, job, prepared.plan_s, stage.network, stage.simulation, found)
 
@@ -236,19 +242,19 @@ def check_shared(options: RenderOptions) -> None:
 
 @contextmanager
 def _shared(
-    prepared: Prepared, job: RenderJob, report: Report, cluster: Cluster | None = None
+    prepared: PreparedRender, job: RenderJob, report: Report, cluster: Cluster | None = None
 ) -> Iterator[RenderJob]:
     """The job, with the processes that share its work if there are any."""
     on = prepared.options.on
     if on is None:
         yield job
         return
-    from .cluster import job_of, opened, sharing
+    from .cluster import job_of, open_cluster, share_work
 
     options = prepared.options
     sent = job_of(prepared.loaded, prepared.stage, options.rate, options.seed)
-    with opened(on, report) if cluster is None else nullcontext(cluster) as workers:
-        yield replace(job, workers=sharing(workers, sent))
+    with open_cluster(on, report) if cluster is None else nullcontext(cluster) as workers:
+        yield replace(job, workers=share_work(workers, sent))
 
 
 def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> RenderJob:
@@ -303,7 +309,9 @@ def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
 
 
 @contextmanager
-def _going(prepared: Prepared, task: str, report: Report) -> Iterator[Callable[[int], None]]:
+def _render_progress(
+    prepared: PreparedRender, task: str, report: Report
+) -> Iterator[Callable[[int], None]]:
     """Show progress, and report faults as `computing` does."""
     stage, n_frames = prepared.stage, min(prepared.job.stop, prepared.stage.n_frames)
     with (
@@ -313,7 +321,7 @@ def _going(prepared: Prepared, task: str, report: Report) -> Iterator[Callable[[
         yield progress.at
 
 
-def _hearing(loaded: Loaded, options: RenderOptions) -> Loaded:
+def _with_inputs(loaded: Loaded, options: RenderOptions) -> Loaded:
     """The score, with its inputs taken from the file `input`. Raises OptionError."""
     if options.input is None:
         return loaded

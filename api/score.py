@@ -108,7 +108,7 @@ def stage_piece(
         followed = options.followed()
         played = replace(played, accuracy=options.accuracy(played.accuracy, followed))
         pins = followed.choices if followed is not None else None
-        correction = machine_speed.kept() or 1.0
+        correction = machine_speed.read_correction() or 1.0
         build = partial(
             stage,
             planned=True,

@@ -72,7 +72,7 @@ def digest(content: ScoreBundle, *more: object) -> str:
 
 
 @contextmanager
-def unpacked(content: ScoreBundle) -> Iterator[Path]:
+def unpack(content: ScoreBundle) -> Iterator[Path]:
     """Unpack a score into a temporary folder; gives the path of the score in it.
 
     Raises NotBundledError if a name would lead out of that folder.
@@ -92,7 +92,7 @@ def unpacked(content: ScoreBundle) -> Iterator[Path]:
         yield folder / content["score"]
 
 
-def at_home(sentence: str, path: Path, content: ScoreBundle) -> str:
+def with_local_paths(sentence: str, path: Path, content: ScoreBundle) -> str:
     """A sentence of the other process, with the names that files have on this machine."""
     there = str(path)[: -len(content["score"])].rstrip("/")
     return sentence.replace(there, content["root"].rstrip("/"))

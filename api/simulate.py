@@ -15,7 +15,7 @@ from .check import stage_as_checked
 if TYPE_CHECKING:
     from ergon.rendering.bow_sticking import Sliding
     from ergon.rendering.follow import GestureFidelity
-    from ergon.rendering.mass_excursions import Closing, Swing
+    from ergon.rendering.mass_excursions import ContactClosings, Excursion
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.hands import StagedGesture
     from ergon.scores.staging.stage import Stage
@@ -30,8 +30,8 @@ class Simulated:
     """
 
     followed: list[GestureFidelity]
-    swings: list[Swing]
-    contacts: list[Closing]
+    swings: list[Excursion]
+    contacts: list[ContactClosings]
     rate: float
     left_out: int
     bows: list[Sliding]
@@ -45,20 +45,20 @@ class Simulated:
 
 def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated:
     """Play a piece to its end; `report` hears of its progress under the name of `task`."""
-    from ergon.rendering.follow import followed
-    from ergon.rendering.mass_excursions import swings
+    from ergon.rendering.follow import gesture_fidelities
+    from ergon.rendering.mass_excursions import measure_excursions
     from ergon.scores.staging.probes import probed
 
     report = report or Report()
     points = probed(piece)
     stage = stage_as_checked(points.piece, report)
     with report.progress(task, stage.n_looked_at, stage.rate) as progress:
-        moved, closed, bows = swings(stage, points, progress.at)
-    heard = followed(stage)
+        moved, closed, bows = measure_excursions(stage, points, progress.at)
+    heard = gesture_fidelities(stage)
     return Simulated(heard, moved, closed, stage.rate, points.left_out, bows, stage)
 
 
-def never_stuck(done: Simulated) -> list[Diagnostic]:
+def never_stuck_warnings(done: Simulated) -> list[Diagnostic]:
     """W323 for each bow that slipped and did not stick again."""
     found = []
     stuck = {one.rubbing.whole for one in done.bows if one.has_stuck}
@@ -82,14 +82,14 @@ def shared_name(whole: str, families: Mapping[str, str]) -> str:
     return f"{families.get(part, part)}.{name}"
 
 
-def never_closed(piece: Piece, done: Simulated) -> list[Diagnostic]:
+def never_closed_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
     """W320 for each contact that closed neither here nor at another note of its instrument.
 
     A contact over a range closes if one of its points does; else the nearest of them counts.
     """
     families = piece.note_families()
     closed = {shared_name(one.contact.whole, families) for one in done.contacts if one.times}
-    nearest_of: dict[str, Closing] = {}
+    nearest_of: dict[str, ContactClosings] = {}
     for one in done.contacts:
         known = nearest_of.get(one.contact.whole)
         if known is None or one.deepest > known.deepest:

@@ -10,7 +10,7 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 
-def spread(
+def results_as_completed(
     items: Iterable[K],
     submit: Callable[[K], Future[V]],
     wait: Callable[[Sequence[Future[V]]], None],

@@ -12,7 +12,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .modes import PartModes, modes_of, points_of
 from .options import ReadOptions
-from .parts import hertz, is_free, named
+from .parts import hertz, is_free, selected_parts
 
 if TYPE_CHECKING:
     import numpy as np
@@ -116,7 +116,7 @@ def stats(
     to = hertz("to", options.to)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    names = named(piece, options.parts)
+    names = selected_parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
         return tuple(_stats(piece, built, name, to, loaded.inputs) for name in names)

@@ -13,7 +13,7 @@ from .simulate import shared_name
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Module, Target
-    from ergon.rendering.mass_excursions import Closing
+    from ergon.rendering.mass_excursions import ContactClosings
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.hands import StagedGesture
 
@@ -43,7 +43,7 @@ class _Player(NamedTuple):
     strokes: Iterable[_Stroke]
 
 
-def closed_once(piece: Piece, done: Simulated) -> list[Diagnostic]:
+def closed_once_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
     """W334 for each contact that does not close again, though later strokes go as far or are as
     strong.
 
@@ -57,12 +57,14 @@ def closed_once(piece: Piece, done: Simulated) -> list[Diagnostic]:
     for whole, points in groupby(done.contacts, lambda one: one.contact.whole):
         own = list(points)
         if any(one.first is not None for one in own):
-            told = _told(piece, done, own, kinds)
+            told = _contact_warning(piece, done, own, kinds)
             found.setdefault(shared_name(whole, families), []).append(told)
     return [told[0] for told in found.values() if told[0] is not None and None not in told]
 
 
-def _told(piece: Piece, done: Simulated, points: list[Closing], kinds: _Kinds) -> Diagnostic | None:
+def _contact_warning(
+    piece: Piece, done: Simulated, points: list[ContactClosings], kinds: _Kinds
+) -> Diagnostic | None:
     """The warning for a contact that closed, of one point or of several; None if there is none."""
     contact = points[0].contact
     first = min(one.first for one in points if one.first is not None)

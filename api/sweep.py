@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon.common.report import Report
-from ergon.exchange.safe import check_target, writing
+from ergon.exchange.safe import check_target, open_for_writing
 from ergon.exchange.wave_header import Bits
 
 from . import score as scores
 from .errors import OptionError, ScoreError
 from .options import AccuracyOptions, ReadOptions
 from .score_bundle import ScoreBundle, bundled, digest
-from .spread import spread
+from .spread import results_as_completed
 from .sweep_table import FIGURES, SweepRow, Table
 from .sweep_variant import Outcome, compute, on_worker
 
@@ -280,10 +280,10 @@ def _compute(
 
     jobs = min(options.jobs, len(missing))
     if options.on is not None:
-        from .cluster import opened
+        from .cluster import open_cluster
         from .cluster_worker import version
 
-        with opened(options.on, report) as cluster:
+        with open_cluster(options.on, report) as cluster:
             own = version()
             pairs = cluster.computed(
                 missing,
@@ -296,7 +296,7 @@ def _compute(
         _keep(pairs, len(missing), folder, options, rows, table, report)
         return
     with _processes(jobs) as pool:
-        pairs = spread(
+        pairs = results_as_completed(
             missing,
             lambda one: pool.submit(compute, content(one), asked, one.file),
             _wait,
@@ -326,7 +326,7 @@ def _keep(
             sound, file = outcome["sound"], one.file if outcome["status"] == "ok" else ""
             if file:
                 path = folder / file
-                with writing(path, binary=True, force=options.force) as to:
+                with open_for_writing(path, binary=True, force=options.force) as to:
                     to.write(sound)
             rows[one.number] = SweepRow(
                 one.values,

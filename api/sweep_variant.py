@@ -17,13 +17,13 @@ from ergon.common.report import Report
 from . import score as scores
 from .errors import DivergedError
 from .render import RenderOptions, prepare
-from .score_bundle import ScoreBundle, at_home, unpacked
+from .score_bundle import ScoreBundle, unpack, with_local_paths
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from .render import Prepared
+    from .render import PreparedRender
 
 Figures = dict[str, float | None]
 
@@ -42,12 +42,12 @@ class Outcome(TypedDict):
 
 def compute(content: ScoreBundle, options: dict[str, Any], name: str) -> Outcome:
     """Render a variant with `options` as RenderOptions; `name` is its sound file, "" for none."""
-    with unpacked(content) as path:
+    with unpack(content) as path:
         try:
             figures, sound = _computed(str(path), RenderOptions(**options), name)
         except ErgonError as error:
             status = "diverged" if isinstance(error, DivergedError) else "refused"
-            reason = at_home(str(error), path, content)
+            reason = with_local_paths(str(error), path, content)
             return Outcome(status=status, reason=reason, figures={}, sound=b"")
     return Outcome(status="ok", reason="", figures=figures, sound=sound)
 
@@ -99,7 +99,7 @@ def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, by
     return figures, _file(name, prepared, frames) if name else b""
 
 
-def _file(name: str, prepared: Prepared, frames: NDArray[np.float64]) -> bytes:
+def _file(name: str, prepared: PreparedRender, frames: NDArray[np.float64]) -> bytes:
     """The bytes of the file that `ergon render` writes."""
     from ergon import _core
     from ergon.exchange import sound

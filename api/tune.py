@@ -13,7 +13,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .errors import OptionError
 from .options import ReadOptions
-from .parts import hertz, is_free, named, stretches
+from .parts import hertz, is_free, selected_parts, stretches
 
 if TYPE_CHECKING:
     import numpy as np
@@ -121,7 +121,7 @@ def tune(
     wanted, is_ratios = _wanted(targets, options.base)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    (name,) = named(piece, (part,))
+    (name,) = selected_parts(piece, (part,))
     own = TunablePart(piece, name)
     chosen = _chosen(own, options.by)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("tuning"):

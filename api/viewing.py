@@ -38,7 +38,7 @@ def render_view(score: Path, folder: Path, options: FileOptions, report: Report)
     return Shown(sound.with_suffix(SUFFIX), for_two_ears(sound, folder, report))
 
 
-def beside(motion: Path, report: Report) -> Path | None:
+def sound_beside(motion: Path, report: Report) -> Path | None:
     """The sound file beside a motion file, of the same name and the same score; else None.
 
     A message says if a file of that name is of another score. Raises OSError and EngineError if
@@ -99,11 +99,11 @@ def _by_sides(path: Path, info: WaveInfo, made: Path) -> None:
 
     from ergon import _core
     from ergon.exchange import sound
-    from ergon.exchange.safe import writing
+    from ergon.exchange.safe import open_for_writing
 
     channels = min(info.format.n_channels, _EARS)
     format = WaveFormat(info.format.rate, channels, 16)
-    with writing(str(made), binary=True, force=True, inputs=(path,)) as file:
+    with open_for_writing(str(made), binary=True, force=True, inputs=(path,)) as file:
         writer = sound.writer(str(made), file, format, info.n_frames, Stamp(path.stem))
         for block in sound.read_blocks(path):
             sides = [block[:, side::channels].mean(axis=1) for side in range(channels)]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ergon.rendering.remote import grouped
+from ergon.rendering.remote import group_by_cost
 from ergon.rendering.resumed import is_dear
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class WorkPiece:
     """What one process computes as a whole: the parts in it, and its `cost` [s per s of sound]."""
 
     parts: tuple[str, ...]
@@ -32,7 +32,7 @@ class Shares:
     count: int
     loads: tuple[float, ...]
     home: float
-    dearest: Piece | None
+    dearest: WorkPiece | None
 
     @property
     def whole(self) -> float:
@@ -51,7 +51,9 @@ class Shares:
         return self.whole / least if least else 1.0
 
 
-def pieces(simulation: Simulation, rows: Sequence[PlanRow], rate: float) -> tuple[Piece, ...]:
+def work_pieces(
+    simulation: Simulation, rows: Sequence[PlanRow], rate: float
+) -> tuple[WorkPiece, ...]:
     """The islands that other processes can compute, with the names of the parts in them."""
     found = []
     left = [row for row in rows if row.cost > 0.0 and row.what != "oscillators"]
@@ -64,14 +66,14 @@ def pieces(simulation: Simulation, rows: Sequence[PlanRow], rate: float) -> tupl
             rest -= row.cost
             parts.update(dict.fromkeys(row.parts))
         if is_dear(island):
-            found.append(Piece(tuple(parts), cost))
+            found.append(WorkPiece(tuple(parts), cost))
     return tuple(found)
 
 
-def shares(own: Sequence[Piece], whole: float, count: int) -> Shares:
+def share_out(own: Sequence[WorkPiece], whole: float, count: int) -> Shares:
     """Share out pieces among `count` processes; home computes the rest of the `whole` work."""
     costs = [piece.cost for piece in own]
-    loads = [sum(costs[i] for i in group) for group in grouped(costs, count)]
+    loads = [sum(costs[i] for i in group) for group in group_by_cost(costs, count)]
     loads += [0.0] * (count - len(loads))
     home = max(0.0, whole - sum(costs))
     dearest = max(own, key=lambda piece: piece.cost, default=None)

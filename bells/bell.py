@@ -9,11 +9,11 @@ import numpy as np
 
 from ergon.bells import contact
 from ergon.bells.bands import Array
-from ergon.bells.modes import Modes, Uncertainty, find, fitted, uncertainty
+from ergon.bells.modes import Modes, Uncertainty, find_modes, fit_amplitudes, uncertainty
 from ergon.bells.stroke import NotAStrokeError, Stroke
 from ergon.common.decay import LN_1000
 
-LEFT = 0.25  # of the energy that modes may leave (-6 dB)
+RESIDUAL_ENERGY_MAX = 0.25  # of the energy that modes may leave (-6 dB)
 _SAME = 5.0  # standard deviations within which two strokes have one mode
 _LEAST_APART = 0.02  # [Hz]
 _NEAR = 0.04  # over a decay [Hz·s]: a quarter of the width of a partial
@@ -24,7 +24,7 @@ _FIRST = np.arange(-0.003, 0.003, 1e-5)  # [s] where the middle of a stroke may 
 
 
 @dataclass(frozen=True)
-class Heard:
+class StrokeReport:
     """One stroke: its place, relative impulse, length of contact [s] if known, and the share of its
     energy that modes explain.
     """
@@ -54,7 +54,7 @@ class Bell:
     heard: Array
     energy: Array
     deviation: Uncertainty | None
-    strokes: tuple[Heard, ...]
+    strokes: tuple[StrokeReport, ...]
     contact: float
     reference: float
 
@@ -71,16 +71,16 @@ def of_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None = None) 
     """
     found = []
     for _, one in strokes:
-        own, rest = find(one.sound, one.rate)
+        own, rest = find_modes(one.sound, one.rate)
         left = float(np.sum(rest**2) / np.sum(one.sound**2))
-        if not own.f.size or left > LEFT:
+        if not own.f.size or left > RESIDUAL_ENERGY_MAX:
             what = "none of it" if not own.f.size else f"only {100.0 * (1.0 - left):.0f} % of it"
             message = (
                 f"{one.name}: it is not a single stroke of something that rings: damped modes "
             )
             raise NotAStrokeError(message + f"explain {what}; 75 % is the least")
         found.append((own, uncertainty(own, rest, one.rate)))
-    f, d = _joined(found)
+    f, d = _merged_modes(found)
     fits = [_fit(one, f, d) for _, one in strokes]
     shares = np.stack([fit.energy for fit in fits]).max(axis=0)
     loudest = np.argsort(shares)[::-1][:count]
@@ -104,7 +104,7 @@ class _Fit:
 
 
 def _fit(stroke: Stroke, f: Array, d: Array) -> _Fit:
-    modes, rest = fitted(stroke.sound, stroke.rate, f, d)
+    modes, rest = fit_amplitudes(stroke.sound, stroke.rate, f, d)
     whole = float(np.sum(stroke.sound**2)) / stroke.rate
     energy = modes.energy(stroke.sound.size / stroke.rate) / whole
     explained = 1.0 - float(np.sum(rest**2)) / stroke.rate / whole
@@ -113,7 +113,7 @@ def _fit(stroke: Stroke, f: Array, d: Array) -> _Fit:
     return _Fit(first, deviation, energy, explained)
 
 
-def _joined(found: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Array]:
+def _merged_modes(found: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Array]:
     """f and d of all modes; a mode found in several strokes appears once."""
     rows = [
         (float(f), float(d), float(max(sf, 1e-9)), float(max(sd, 1e-9)), at)
@@ -169,7 +169,7 @@ def _bell(places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]
     best = [np.min([getattr(fit.deviation, what) for fit in fits], axis=0) for what in "fd"]
     level = np.min([fit.deviation.level for fit in fits], axis=0)
     told_strokes = tuple(
-        Heard(one.name, place, *heard[i], fits[i].explained)
+        StrokeReport(one.name, place, *heard[i], fits[i].explained)
         for i, (place, one) in enumerate(zip(places, strokes, strict=True))
     )
     return Bell(

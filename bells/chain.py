@@ -9,7 +9,7 @@ import numpy as np
 from ergon.bells.bands import Array
 from ergon.common.decay import LN_1000
 
-MOST = 15  # partials
+PARTIALS_MAX = 15  # partials
 _APART = 1.02  # ratio of neighbours: nearer ones need masses of tonnes
 _FAR = 0.1  # relative error of a decay at which dampers do not make it
 
@@ -32,8 +32,10 @@ def chain(f: Array, t60: Array, weight: Array, mass: float) -> Chain:
     Lanczos' process from the weights (de Boor and Golub, 1978); dampers by non-negative least
     squares. Raises ValueError if there is no such chain.
     """
-    if f.size > MOST:
-        raise ValueError(f"a chain is offered for at most {MOST} modes, and here are {f.size}")
+    if f.size > PARTIALS_MAX:
+        raise ValueError(
+            f"a chain is offered for at most {PARTIALS_MAX} modes, and here are {f.size}"
+        )
     if np.any(f[1:] < _APART * f[:-1]):
         raise ValueError("a chain cannot have modes that beat: two are nearer than 2 %")
     sigma = LN_1000 / t60

@@ -13,7 +13,7 @@ from ergon.bells.bands import Array
 HAMMER = 0.008  # mass [kg]
 SPEED = 1.0  # at which it strikes [m/s]
 LENGTH = 1e-4  # of a contact, where strokes do not tell it: hardly heard [s]
-_TRIED = np.geomspace(2e-5, 2e-2, 90)  # lengths [s]
+_TRIED_LENGTHS = np.geomspace(2e-5, 2e-2, 90)  # lengths [s]
 _REACH = 1.2  # f·length up to which the spectrum of a push is that of half a sine
 _SHAPE = 0.15  # logarithm: how far pushes of other shapes are from it there
 _BEYOND = 0.8  # and beyond, where they have zeros of their own
@@ -74,17 +74,17 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
     }
     total = np.sum([cost.min(axis=1) for cost in costs.values()], axis=0)
     likely = np.flatnonzero(total <= total.min() + _RANGE)
-    is_told = _TRIED[likely[-1]] <= _TOLD * _TRIED[likely[0]]
+    is_told = _TRIED_LENGTHS[likely[-1]] <= _TOLD * _TRIED_LENGTHS[likely[0]]
     own = int(np.argmin(total)) if is_told else int(likely[0])
     chosen = [own if s == hardest else int(np.argmin(costs[s][own])) for s in range(n_strokes)]
-    is_told &= all(np.count_nonzero(f * _TRIED[at] < _REACH) >= _LEAST for at in chosen)
+    is_told &= all(np.count_nonzero(f * _TRIED_LENGTHS[at] < _REACH) >= _LEAST for at in chosen)
     weights = 1.0 / (variance + doubts[chosen])
     common = logs - shapes[chosen]
     away = common - common[hardest]
     both = weights * weights[hardest] / (weights + weights[hardest])
     impulses = np.sum(both * away, axis=1) / np.sum(both, axis=1)
     mean = np.sum(weights * (common - impulses[:, None]), axis=0) / np.sum(weights, axis=0)
-    lengths = tuple(float(_TRIED[at]) if is_told else None for at in chosen)
+    lengths = tuple(float(_TRIED_LENGTHS[at]) if is_told else None for at in chosen)
     return Strokes(np.exp(mean), np.exp(impulses), lengths)
 
 
@@ -92,10 +92,10 @@ def _shapes(f: Array) -> tuple[Array, Array]:
     """Logarithm of the attenuation of each mode by a push of each length, and its variance (tried,
     n).
     """
-    x = f * _TRIED[:, None]
+    x = f * _TRIED_LENGTHS[:, None]
     is_near = x < _REACH
     beyond = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
-    exact = np.stack([spectrum(f, one) for one in _TRIED])
+    exact = np.stack([spectrum(f, one) for one in _TRIED_LENGTHS])
     shapes = np.log(np.where(is_near, np.maximum(exact, 1e-3), beyond))
     return shapes, np.where(is_near, _SHAPE * (x / _REACH) ** 2, _BEYOND) ** 2
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ergon import _core
 from ergon.bells.bands import Array, Bands, Complex
-from ergon.bells.poles import exponentials, polished
+from ergon.bells.poles import exponentials, polish_poles
 from ergon.common.decay import LN_1000
 
 LOW, HIGH = 50.0, 16_000.0  # [Hz] modes are sought here
@@ -62,7 +62,7 @@ class Modes:
 NONE = Modes(np.zeros(0), np.zeros(0), np.zeros(0, complex))
 
 
-def find(sound: Array, rate: float) -> tuple[Modes, Array]:
+def find_modes(sound: Array, rate: float) -> tuple[Modes, Array]:
     """The modes of a sound (n,) that begins after its stroke, and the residual (n,)."""
     found, rest = NONE, sound
     for width in _WIDTHS:
@@ -76,13 +76,13 @@ def find(sound: Array, rate: float) -> tuple[Modes, Array]:
             d += list(own[1])
         if f:
             order = np.argsort(f)
-            found, rest = fitted(sound, rate, np.array(f)[order], np.array(d)[order])
+            found, rest = fit_amplitudes(sound, rate, np.array(f)[order], np.array(d)[order])
     for _ in range(_ROUNDS):
         told = uncertainty(found, rest, rate)
         worst = _unknown(found, told)
         if not worst:
             break
-        found, rest = _without(found, rest, worst, sound, rate)
+        found, rest = _without_modes(found, rest, worst, sound, rate)
     return found, rest
 
 
@@ -106,7 +106,7 @@ def _reach(modes: Modes, at: int) -> float:
     return float(np.clip(3.0 * modes.d[at], *_AROUND))
 
 
-def _without(
+def _without_modes(
     modes: Modes, rest: Array, worst: list[int], sound: Array, rate: float
 ) -> tuple[Modes, Array]:
     """The modes without some; neighbours of each removed mode are fitted again to take over its
@@ -120,19 +120,19 @@ def _without(
         others = near[near != one]
         if not others.size:
             continue
-        own = rest + played(modes.some(near), rest.size, rate)
+        own = rest + synthesise(modes.some(near), rest.size, rate)
         low, top = float(f[near].min()) - reach, float(f[near].max()) + reach
         signal, slow, centre = Bands(own, rate).take(max(low, 1.0), top)
         skip = ceil(_SKIP * slow / (top - low))
         signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _POLISHED))]
         z = np.exp((-d[others] + 2j * np.pi * (f[others] - centre)) / slow)
-        z, _, _ = polished(signal, z)
+        z, _, _ = polish_poles(signal, z)
         new_f, new_d = centre + np.angle(z) * slow / (2.0 * np.pi), -np.log(np.abs(z)) * slow
         is_fit = (np.abs(new_f - f[others]) < reach) & (new_d > _DECAYS[0]) & (new_d < _FASTEST)
         f[others[is_fit]], d[others[is_fit]] = new_f[is_fit], new_d[is_fit]
     kept = np.delete(np.arange(f.size), worst)
     kept = kept[np.argsort(f[kept])]
-    return fitted(sound, rate, f[kept], d[kept])
+    return fit_amplitudes(sound, rate, f[kept], d[kept])
 
 
 def _in_band(bands: Bands, low: float, top: float, width: float) -> tuple[Array, Array]:
@@ -148,7 +148,7 @@ def _in_band(bands: Bands, low: float, top: float, width: float) -> tuple[Array,
     return f[is_ours], d[is_ours]
 
 
-def fitted(sound: Array, rate: float, f: Array, d: Array) -> tuple[Modes, Array]:
+def fit_amplitudes(sound: Array, rate: float, f: Array, d: Array) -> tuple[Modes, Array]:
     """Modes of known f [Hz] and d [1/s] with the amplitudes that fit a sound best; the residual."""
     if not f.size:
         return NONE, sound
@@ -162,12 +162,12 @@ def fitted(sound: Array, rate: float, f: Array, d: Array) -> tuple[Modes, Array]
             [-(turned + both).imag, (turned - both).real],
         ]
     )
-    along = _along(s, sound[:n])
+    along = _exponential_products(s, sound[:n])
     right = np.concatenate([along.real, -along.imag])
     size = np.sqrt(gram.diagonal())
     found = np.linalg.lstsq(gram / np.outer(size, size), right / size, rcond=1e-12)[0] / size
     modes = Modes(f, d, found[: f.size] + 1j * found[f.size :])
-    return modes, sound - played(modes, sound.size, rate)
+    return modes, sound - synthesise(modes, sound.size, rate)
 
 
 def _sum(s: NDArray[Any], n: int) -> Complex:
@@ -175,7 +175,7 @@ def _sum(s: NDArray[Any], n: int) -> Complex:
     return np.asarray(np.expm1(s * n) / np.expm1(s))
 
 
-def _along(s: NDArray[Any], sound: Array) -> Complex:
+def _exponential_products(s: NDArray[Any], sound: Array) -> Complex:
     """Σ of sound[k]·e^(s·k), for each s (m,)."""
     step = np.exp(np.arange(_BLOCK)[:, None] * s)
     total = np.zeros(s.size, complex)
@@ -185,7 +185,7 @@ def _along(s: NDArray[Any], sound: Array) -> Complex:
     return total
 
 
-def played(modes: Modes, n: int, rate: float) -> Array:
+def synthesise(modes: Modes, n: int, rate: float) -> Array:
     """The sum of modes as a sound (n,)."""
     sound = np.zeros(n)
     step = np.exp(np.arange(_BLOCK)[:, None] / rate * modes.poles)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ergon.bells.bands import Array, Complex
 
-LEAST = 24.0  # power of an exponential over that of the noise in it: below, it is none
+NOISE_RATIO_MIN = 24.0  # power of an exponential over that of the noise in it: below, it is none
 _POLISH = 8  # steps
 _CLOSE = 1e-10  # relative fall of the residual at which polishing ends
 _FIRST_STEP = 0.02  # most change of a logarithm of a pole in the first step
@@ -31,14 +31,14 @@ def exponentials(signal: Complex, most: int) -> tuple[Complex, Complex]:
         c, rest = _amplitudes(signal, z)
         score = _scores(z, c, rest)
         worst = int(np.argmin(score))
-        if score[worst] >= LEAST:
+        if score[worst] >= NOISE_RATIO_MIN:
             break
         z = _complex(np.delete(z, worst))
     while z.size:
-        z, c, rest = polished(signal, z)
+        z, c, rest = polish_poles(signal, z)
         score = _scores(z, c, rest)
         worst = int(np.argmin(score))
-        if score[worst] >= LEAST:
+        if score[worst] >= NOISE_RATIO_MIN:
             return z, c
         z = _complex(np.delete(z, worst))
     return z, np.zeros(0, complex)
@@ -95,7 +95,7 @@ def _scores(z: Complex, c: Complex, rest: Complex) -> Array:
     return np.asarray(np.abs(c) ** 2 / np.maximum(own, 1e-300))
 
 
-def polished(signal: Complex, z: Complex) -> tuple[Complex, Complex, Complex]:
+def polish_poles(signal: Complex, z: Complex) -> tuple[Complex, Complex, Complex]:
     """Gauss-Newton on the logarithms of the poles alone, with the amplitudes projected out."""
     at = np.arange(signal.size)[:, None]
     s, last = np.log(z), np.inf

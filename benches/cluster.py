@@ -31,7 +31,7 @@ def cluster() -> list[Row]:
     threads.
     """
     from ergon.api import score as scores
-    from ergon.api.cluster import Cluster, job_of, opened, sharing
+    from ergon.api.cluster import Cluster, job_of, open_cluster, share_work
     from ergon.api.render import RenderOptions, prepare
     from ergon.common.report import Report
     from ergon.rendering.render import render_array
@@ -44,9 +44,9 @@ def cluster() -> list[Row]:
         path = Path(stack.enter_context(tempfile.TemporaryDirectory()), "gongs.yaml")
         path.write_text(_SCORE + gongs + strikes + "render: {tail: 2s}\n")
         begun = time.perf_counter()
-        two = stack.enter_context(opened("local:2", Report()))
+        two = stack.enter_context(open_cluster("local:2", Report()))
         start = time.perf_counter() - begun
-        one = stack.enter_context(opened("local:1", Report()))
+        one = stack.enter_context(open_cluster("local:1", Report()))
         sounds: dict[str, str] = {}
         seconds = 0.0
 
@@ -60,7 +60,7 @@ def cluster() -> list[Row]:
             begun = time.perf_counter()
             if on is not None:
                 sent = job_of(prepared.loaded, prepared.stage, None, None)
-                job = replace(job, workers=sharing(on, sent))
+                job = replace(job, workers=share_work(on, sent))
             _, done = render_array(prepared.stage, job, lambda _: None)
             spent = time.perf_counter() - begun
             sounds[name] = done.sha256

@@ -87,14 +87,14 @@ def _write(
 ) -> None:
     import numpy as np
 
-    from ergon.exchange.safe import write_text, writing
+    from ergon.exchange.safe import open_for_writing, write_text
 
     if table is not None:
         out = io.StringIO()
         csv.writer(out, lineterminator="\n").writerows(_rows(found))
         write_text(table, out.getvalue(), force=force, inputs=found.inputs)
     if npz is not None:
-        with writing(Path(npz), binary=True, force=force, inputs=found.inputs) as file:
+        with open_for_writing(Path(npz), binary=True, force=force, inputs=found.inputs) as file:
             np.savez(
                 file,
                 frequency_hz=found.frequencies,

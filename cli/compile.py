@@ -31,7 +31,7 @@ def compile_score(
     One row an ergon: when, what it strikes, from which side, its mass, speed and impulse, and the
     place in the score that it comes from. --json gives JSON lines instead of CSV.
     """
-    from ergon.exchange.safe import writing
+    from ergon.exchange.safe import open_for_writing
     from ergon.exchange.stream import Form, Names, header
     from ergon.rendering.ergons import stream
 
@@ -48,7 +48,7 @@ def compile_score(
     # Under --json the records of a progress bar would mix with the rows.
     quiet = Console(quiet=console.quiet or console.json or output in (None, "-"))
     with (
-        writing(output or "-", binary=False, force=force, inputs=loaded.inputs) as file,
+        open_for_writing(output or "-", binary=False, force=force, inputs=loaded.inputs) as file,
         quiet.progress("compiling", stage.n_looked_at, stage.rate) as progress,
     ):
         head = header(form, title=piece.title, rate=stage.rate, score=piece.digest())

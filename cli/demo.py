@@ -40,9 +40,9 @@ def demo(
     if list_:
         for path in scores.values():
             if console.json:
-                console.record("score", name=path.stem, file=str(path), about=about(path))
+                console.record("score", name=path.stem, file=str(path), about=score_title(path))
             else:
-                console.data(f"{path.stem:<20} {about(path)}\n")
+                console.data(f"{path.stem:<20} {score_title(path)}\n")
         return
     path = _chosen(scores, name)
     from ergon.api.render import FileOptions
@@ -65,7 +65,7 @@ def bundled() -> dict[str, Path]:
     return {path.stem: path for path in sorted(library.glob("*.yaml"))}
 
 
-def about(path: Path) -> str:
+def score_title(path: Path) -> str:
     """The title of a score, found in its text without parsing."""
     for line in path.read_text(encoding="utf-8").splitlines():
         if line.startswith("title:"):

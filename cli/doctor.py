@@ -110,7 +110,7 @@ def _findings(audio: str, no_audio: bool, seconds: float) -> Iterator[Finding]:
 
     yield fitness.machine()
     speed = fitness.speed(min(seconds, 1.0))
-    machine_speed.keep(float(str(speed.numbers["correction"])))
+    machine_speed.store_correction(float(str(speed.numbers["correction"])))
     yield speed
     found = _core.checkup(seconds, fitness.PERIOD)
     yield from fitness.rights(found)

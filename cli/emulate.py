@@ -53,7 +53,7 @@ class Quantity(click.ParamType):  # type: ignore[type-arg] # older clicks' is no
             self.fail(error.message, param, ctx)
 
 
-class Together(click.ParamType):  # type: ignore[type-arg] # older clicks' is not generic
+class Quantities(click.ParamType):  # type: ignore[type-arg] # older clicks' is not generic
     """Several numbers with units in one word, separated by spaces."""
 
     name = "quantities"
@@ -122,14 +122,14 @@ def _quantity(
 )
 @click.option(
     "--static",
-    type=Together("80mN 4mm/s", "FORCE", "SPEED"),
+    type=Quantities("80mN 4mm/s", "FORCE", "SPEED"),
     metavar="'FORCE SPEED'",
     help="Dry friction near rest, and the speed at which it has fallen, such as '80mN 4mm/s'.",
 )
 @click.option(
     "--mode",
     "modes",
-    type=Together("20g 180Hz 0.02", "MASS", "FREQUENCY", "RATIO"),
+    type=Quantities("20g 180Hz 0.02", "MASS", "FREQUENCY", "RATIO"),
     metavar="'MASS FREQUENCY RATIO'",
     multiple=True,
     help="A part that swings on each key: its mass, frequency and damping ratio, such as "

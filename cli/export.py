@@ -18,7 +18,7 @@ from ergon.api.options import ReadOptions
 from . import options
 from .console import Console
 from .outcome import Refused
-from .summary import finer, rendered
+from .summary import print_finer_steps, print_rendered
 
 if TYPE_CHECKING:
     from ergon.exchange.midi import Meter
@@ -157,7 +157,7 @@ def _for_workstation(
     trust: bool,
 ) -> None:
     from ergon.exchange.markers import markers_csv
-    from ergon.exchange.safe import check_target, writing
+    from ergon.exchange.safe import check_target, open_for_writing
 
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
     staged = score.stage_piece(loaded, None, console)
@@ -176,18 +176,18 @@ def _for_workstation(
         marks_path: markers_csv(marks).encode(),
     }
     for path, content in files.items():
-        with writing(path, binary=True, force=force) as file:
+        with open_for_writing(path, binary=True, force=force) as file:
             file.write(content)
         _say(console, path)
     if stems:
-        from ergon.api.render import FileOptions, Prepared, job_of, write
+        from ergon.api.render import FileOptions, PreparedRender, job_of, write
 
         asked = FileOptions(stems=output / "stems", bits=bits, force=force)
         job = job_of(piece, staged.stage, str(output / "mix.wav"), asked)
         job = replace(job, inputs=loaded.inputs)
-        done = write(Prepared(loaded, staged.stage, job, staged.plan_s), console)
-        rendered(console, done)
-        finer(console, done.simulation)
+        done = write(PreparedRender(loaded, staged.stage, job, staged.plan_s), console)
+        print_rendered(console, done)
+        print_finer_steps(console, done.simulation)
 
 
 def _tempo_file(piece: Piece, end: float) -> bytes:

@@ -39,7 +39,7 @@ def fmt(console: Console, scores: tuple[str, ...], only_check: bool, diff: bool)
 
 
 def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
-    from ergon.exchange.safe import writing
+    from ergon.exchange.safe import open_for_writing
     from ergon.notation.text.errors import TextError
     from ergon.notation.text.format import formatted
     from ergon.notation.text.syntax import MAX_BYTES
@@ -70,7 +70,7 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
         _print(after)
     elif different and not only_check:
         # The score is the composer's own file, so it may be overwritten.
-        with writing(path, binary=False, force=True) as file:
+        with open_for_writing(path, binary=False, force=True) as file:
             file.write(after.encode())
     if console.json:
         console.record("fmt", file=path, changed=different)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from ergon.api.freeze import FreezeOptions, Prepared, prepare, write
+from ergon.api.freeze import FreezeOptions, PreparedFreeze, prepare, write
 from ergon.api.render import FileOptions
 
 from .console import Console, plural
 from .outcome import Refused
-from .summary import finer
+from .summary import print_finer_steps
 from .units import octets, seconds
 
 _EXCLUDED = ("from_", "to", "stems", "channels", "bits", "hands")
@@ -35,10 +35,10 @@ def freeze_parts(
         write(prepared, options, console)
     _say(console, prepared, dry=dry)
     if not dry:
-        finer(console, prepared.stage.simulation)
+        print_finer_steps(console, prepared.stage.simulation)
 
 
-def _say(console: Console, prepared: Prepared, *, dry: bool) -> None:
+def _say(console: Console, prepared: PreparedFreeze, *, dry: bool) -> None:
     taps, n_frames = prepared.taps, prepared.n_frames
     n_taps = sum(map(len, taps.values()))
     n_bytes = n_frames * n_taps * 8

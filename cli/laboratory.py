@@ -69,14 +69,14 @@ def workers(
     if on is None:
         yield None
         return
-    from ergon.api.cluster import opened
+    from ergon.api.cluster import open_cluster
     from ergon.api.score_bundle import bundled
     from ergon.lab.elsewhere import Workers
 
     if trust:
         raise Refused("--on excludes --trust; leave one of the two out")
     content = None if path is None or loaded is None else bundled(path, loaded)
-    with opened(on, console) as cluster:
+    with open_cluster(on, console) as cluster:
         yield Workers(cluster, content)
 
 

@@ -37,7 +37,7 @@ def import_layout(
     loudspeakers are is kept, and their order; gains, filters and imaginary ones are not.
     """
     from ergon.common.regular import read_bounded
-    from ergon.exchange.layout_files import FORMS, MOST, LayoutFileError, as_yaml
+    from ergon.exchange.layout_files import FILE_BYTES_MAX, FORMS, LayoutFileError, as_yaml
     from ergon.exchange.safe import write_text
 
     path = Path(file)
@@ -45,9 +45,9 @@ def import_layout(
     check_stdout(target, is_json=console.json)
     kind = form_of(path, form)
     far = None if radius is None else _metres(radius)
-    data = read_bounded(path, MOST)
-    if len(data) > MOST:
-        raise Refused(f"{file} is larger than {MOST >> 20} MB")
+    data = read_bounded(path, FILE_BYTES_MAX)
+    if len(data) > FILE_BYTES_MAX:
+        raise Refused(f"{file} is larger than {FILE_BYTES_MAX >> 20} MB")
     try:
         speakers = FORMS[kind].read(data)
     except LayoutFileError as error:

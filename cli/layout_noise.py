@@ -54,13 +54,13 @@ def noise(
     It is pink, and the same samples each time. A file says where its loudspeakers are (ADM).
     """
     from ergon.api.layouts import read_layout
-    from ergon.space.noise import burst
+    from ergon.space.noise import pink_noise_burst
 
     if (output is None) == (audio is None):
         raise Refused("give -o FILE.wav or --audio auto")
     ratio = _ratio(level)
     layout = read_layout(name, console)
-    sound = burst(seconds, rate, ratio)
+    sound = pink_noise_burst(seconds, rate, ratio)
     if output is not None:
         _write(console, layout, output, sound, rate, force=force)
     else:
@@ -81,7 +81,7 @@ def _write(
     from ergon import _core
     from ergon.api.layouts import chunks_of_layout
     from ergon.exchange import sound as files
-    from ergon.exchange.safe import writing
+    from ergon.exchange.safe import open_for_writing
     from ergon.exchange.wave_header import Stamp, WaveFormat
 
     n_speakers, gap = len(layout.speakers), int(_GAP * rate)
@@ -90,7 +90,7 @@ def _write(
     title = f"noise, {layout.title or layout.path.stem}"
     stamp = Stamp(title, chunks=chunks_of_layout(layout, n_speakers, title))
     files.check_format(output, format)
-    with writing(output, binary=True, force=force, inputs=(layout.path,)) as file:
+    with open_for_writing(output, binary=True, force=force, inputs=(layout.path,)) as file:
         writer = files.writer(output, file, format, n_speakers * n_each, stamp)
         for speaker in range(n_speakers):
             frames = np.zeros((n_each, n_speakers))

@@ -16,9 +16,9 @@ def lsp() -> None:
     try:
         import pygls  # noqa: F401
     except ImportError:
-        from ergon.common.extras import install
+        from ergon.common.extras import install_command
 
-        raise Refused(f"`ergon lsp` needs pygls: {install('lsp')}") from None
+        raise Refused(f"`ergon lsp` needs pygls: {install_command('lsp')}") from None
     from ergon.lsp.server import serve
 
     serve()

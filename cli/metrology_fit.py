@@ -122,7 +122,7 @@ def _cause(gestures: list[Gesture]) -> str:
 
 def gesture(console: Console, path: Path, hand: str | None) -> Gesture:
     """The gesture of a hand of a take. Raises Refused if the take cannot be used for measuring."""
-    from ergon.exchange.recording import about
+    from ergon.exchange.recording import read_description
     from ergon.metrology.gesture import MeasurementError, of_recording
 
     take = read(console, path)
@@ -131,7 +131,7 @@ def gesture(console: Console, path: Path, hand: str | None) -> Gesture:
         raise Refused(f"{path}: this take has several hands ({', '.join(names)}); choose by --hand")
     if hand is not None and hand not in names:
         raise Refused(f"{path}: there is no hand {hand!r}; the take has {', '.join(names)}")
-    is_of_wire = about(take).get("sent") == "wire"
+    is_of_wire = read_description(take).get("sent") == "wire"
     if not is_of_wire:
         console.say(f"{path}: an older take: its forces are those before the wire rounded them")
     number = 0 if hand is None else names.index(hand)
@@ -161,7 +161,7 @@ def _say(console: Console, stage: Stage, step: float | None) -> None:
         return
     sign = "- " if stage.is_removal else "+ "
     name = stage.name if stage.name == "M K Z" else sign + stage.name
-    what = _what(stage)
+    what = _added_part(stage)
     if stage.score is not None and not stage.kept and stage.score < SCORE_MIN:
         what = f"none: the highest score is {stage.score:.0f} of {SCORE_MIN:.0f}"
     elif stage.is_removal:
@@ -186,7 +186,7 @@ def _numbers(stage: Stage) -> dict[str, dict[str, float]]:
     }
 
 
-def _what(stage: Stage) -> str:
+def _added_part(stage: Stage) -> str:
     """What a stage added, in the units of a score."""
     from ergon.metrology.calibration_file import t60
     from ergon.metrology.parameters import INDEX, n_modes, of_mode
@@ -240,15 +240,15 @@ def _draw(
 
     after = replay(measured.fit.row, gesture)
     before = replay(measured.stages[0].fit.row, gesture)
-    written(console, picture(after, path.stem, before), path, force=force, dry=dry)
+    write_text_file(console, picture(after, path.stem, before), path, force=force, dry=dry)
 
 
-def written(console: Console, said: str, path: Path, *, force: bool, dry: bool) -> None:
+def write_text_file(console: Console, said: str, path: Path, *, force: bool, dry: bool) -> None:
     """Write a text file, or only say that it would be written."""
-    from ergon.exchange.safe import writing
+    from ergon.exchange.safe import open_for_writing
 
     if not dry:
-        with writing(path, binary=False, force=force) as file:
+        with open_for_writing(path, binary=False, force=force) as file:
             file.write(said.encode())
     event = "would write" if dry else "wrote"
     if console.json:
@@ -266,4 +266,4 @@ def _write(
 
     digests = [hashlib.sha256(take.read_bytes()).hexdigest() for take in takes]
     said = text(measured, digests, date.today().isoformat())
-    written(console, said, path, force=force, dry=dry)
+    write_text_file(console, said, path, force=force, dry=dry)

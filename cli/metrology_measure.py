@@ -85,8 +85,8 @@ def measure(
         check_target(path, force=force)
         check_target(path.with_suffix(".svg"), force=force)
     asked = metrology_score.path(console, score, key)
-    axis, url = opened(device, force_max=force_max, force_step=force_step, gated=not no_gate)
-    recorder = Recorder(path, about(url, axis.number))
+    axis, url = open_axis(device, force_max=force_max, force_step=force_step, gated=not no_gate)
+    recorder = Recorder(path, take_header(url, axis.number))
     try:
         try:
             ladder = _climbed(console, axis, seed)
@@ -111,7 +111,7 @@ def measure(
     )
 
 
-def opened(
+def open_axis(
     device: str,
     *,
     force_max: float | None = None,
@@ -156,7 +156,7 @@ def opened(
     )
 
 
-def about(url: str, number: int) -> str:
+def take_header(url: str, number: int) -> str:
     """The header of a take of an axis, as JSON."""
     from ergon import _core
     from ergon.live.boards import Board
@@ -249,7 +249,7 @@ def _taken(
     found: list[Take] = []
     said = []
     for kind in takes.KINDS:
-        length = takes.lasts(asked) if kind == "held-out" else seconds
+        length = takes.held_out_duration(asked) if kind == "held-out" else seconds
         each = takes.record(ladder, kind, length, recorder.target, seed, asked)
         lasted = sum(len(take.gesture.force) / take.gesture.rate for take in each)
         said.append(f"{kind} {lasted:.0f} s")

@@ -13,7 +13,7 @@ from . import metrology_score, options
 from .console import Console
 from .emulate import Quantity
 from .metrology_compare import calibration
-from .metrology_fit import gesture, written
+from .metrology_fit import gesture, write_text_file
 from .outcome import Refused
 from .view import serve_shown
 
@@ -94,7 +94,7 @@ def replay(
         from ergon.metrology.picture import picture
 
         title = f"{real} and {file}"
-        written(console, picture(found, title), Path(output), force=force, dry=dry)
+        write_text_file(console, picture(found, title), Path(output), force=force, dry=dry)
     if view or view_at is not None:
         _show(console, found, view_at)
 
@@ -105,14 +105,16 @@ def _pushed(
     """Push a key of a device with knocks, or with forces that lead it along a path."""
     from ergon.metrology.gesture import MeasurementError
     from ergon.metrology.ladder import climb
-    from ergon.metrology.takes import lasts, record
+    from ergon.metrology.takes import held_out_duration, record
 
-    from .metrology_measure import opened
+    from .metrology_measure import open_axis
 
-    axis, _ = opened(device, force_step=force_step, gated=gated)
+    axis, _ = open_axis(device, force_step=force_step, gated=gated)
     console.say("let go of the key: it is pushed now, gently at first")
     try:
-        takes = record(climb(axis), "held-out", lasts(path), lambda kind, part: None, path=path)
+        takes = record(
+            climb(axis), "held-out", held_out_duration(path), lambda kind, part: None, path=path
+        )
     except MeasurementError as error:
         raise Refused(f"{device}: {error}") from None
     finally:

@@ -58,7 +58,7 @@ def export(
     """
     from ergon.exchange.motion import instants
     from ergon.exchange.motion_space import NotMotionError
-    from ergon.exchange.safe import check_target, writing
+    from ergon.exchange.safe import check_target, open_for_writing
 
     if output is None:
         raise Refused("name the file to write, by -o x.npz, x.csv or x.gltf")
@@ -74,7 +74,7 @@ def export(
         if dry:
             check_target(Path(output), force=force, inputs=inputs)
         else:
-            with writing(output, binary=form == ".npz", force=force, inputs=inputs) as to:
+            with open_for_writing(output, binary=form == ".npz", force=force, inputs=inputs) as to:
                 _write(to, motion, form, at, exaggeration)
     except NotMotionError as error:
         raise Refused(f"{file}: {error}") from None

@@ -37,12 +37,12 @@ def read(path: Path) -> Motion:
 
 def motion(console: Console, path: Path) -> None:
     """Say what a motion file holds, and whether it is whole."""
-    from ergon.exchange.motion import about
+    from ergon.exchange.motion import read_manifest
     from ergon.exchange.motion_space import NotMotionError
 
     found = read(path)
     try:
-        manifest = about(found)
+        manifest = read_manifest(found)
     except NotMotionError as error:
         raise Refused(f"{path}: {error}") from None
     sizes: dict[int, int] = {}

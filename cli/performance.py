@@ -26,7 +26,7 @@ _SAY = 2.0  # [s] between two lines under --plain
 _AFTER = 10.0  # [s] that the sound in the ring buffer may take to be heard
 
 
-class Shown:
+class ShownPerformance:
     """A performance that is shown in the terminal, from its first frame to its last."""
 
     def __init__(

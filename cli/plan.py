@@ -85,7 +85,7 @@ def plan(
             console.record("plan_row", **_fields(row), only_seen=row in made.seen)
         for row in seen:
             console.record("plan_row", **_fields(row), only_seen=True)
-        correction = machine_speed.kept()
+        correction = machine_speed.read_correction()
         console.record(
             "plan",
             hash=made.hash,
@@ -110,11 +110,11 @@ def plan(
     elif why is not None:
         console.data("".join(f"{sentence}\n" for row in rows for sentence in _why(row)))
     elif output != "-":
-        shared = "" if shares is None else _shared(shares)
+        shared = "" if shares is None else _shares_text(shares)
         console.data(_table(rows) + _seen(seen) + _highest(made) + _summary(made) + shared)
 
 
-def _shared(shares: Shares) -> str:
+def _shares_text(shares: Shares) -> str:
     """The loads of the processes, and what bounds the time."""
     if shares.dearest is None:
         return "nothing to share: banks, and what costs less than its sound, are computed here\n"
@@ -237,7 +237,7 @@ def _highest(made: Plan) -> str:
 def _summary(made: Plan) -> str:
     from ergon.exchange import machine_speed
 
-    cost, correction = made.cost, machine_speed.kept()
+    cost, correction = made.cost, machine_speed.read_correction()
     times = f"{1 / cost:.3g} × real time on one core by the table" if cost > 0 else "nothing to do"
     if correction is not None and cost > 0:
         times += f", {1 / (cost * correction):.3g} × on this machine by `ergon doctor`"

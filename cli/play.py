@@ -99,7 +99,7 @@ def _play(console: Console, score_path: str, *, plain: bool, strict: bool, **giv
 
     from ergon.api.play import PlayOptions, begin, prepare, warn_of_scaled_forces
 
-    from .performance import Shown
+    from .performance import ShownPerformance
 
     asked = PlayOptions(**given)
     ready = prepare(score_path, asked, console)
@@ -107,7 +107,9 @@ def _play(console: Console, score_path: str, *, plain: bool, strict: bool, **giv
     try:
         while True:
             performance = begin(stage, config, console)
-            shown = Shown(console, stage, performance, ready.boards, strict=strict, plain=plain)
+            shown = ShownPerformance(
+                console, stage, performance, ready.boards, strict=strict, plain=plain
+            )
             shown.run(osc, config, partial(warn_of_scaled_forces, performance, stage, console))
             if not asked.loop or (osc is not None and osc.stopped):
                 return

@@ -15,7 +15,7 @@ from ergon.exchange.wave_header import CHANNELS_MAX
 from . import options
 from .console import Console, plural
 from .outcome import Findings, Outcome, Refused, check_stdout
-from .summary import dry_run, finer, rendered
+from .summary import dry_run, print_finer_steps, print_rendered
 
 if TYPE_CHECKING:
     from ergon.api.render import Completed
@@ -155,12 +155,12 @@ def _render_several(
     dry: bool,
     strict: bool,
 ) -> None:
-    from ergon.api.batch_render import render_several, staged
+    from ergon.api.batch_render import render_several, staged_scores
 
     from .app import explain
 
     if dry:
-        for prepared in staged(paths, folder, asked, console):
+        for prepared in staged_scores(paths, folder, asked, console):
             dry_run(console, prepared.stage, prepared.job)
         return
     failed: dict[str, Outcome] = {}
@@ -211,8 +211,8 @@ def _is_silent(done: Completed) -> bool:
 
 
 def _tell(console: Console, done: Completed) -> None:
-    rendered(console, done)
-    finer(console, done.simulation)
+    print_rendered(console, done)
+    print_finer_steps(console, done.simulation)
 
 
 def _watch(console: Console, path: str, output: str | None, asked: FileOptions) -> None:

@@ -7,15 +7,15 @@ from math import isnan
 from typing import TYPE_CHECKING
 
 from ergon.api import score
-from ergon.api.simulate import never_closed, never_stuck, simulate
-from ergon.api.strokes import closed_once
+from ergon.api.simulate import never_closed_warnings, never_stuck_warnings, simulate
+from ergon.api.strokes import closed_once_warnings
 
 from .console import Console, plural
 from .units import metres
 
 if TYPE_CHECKING:
     from ergon.rendering.follow import GestureFidelity
-    from ergon.rendering.mass_excursions import Closing, Swing
+    from ergon.rendering.mass_excursions import ContactClosings, Excursion
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
 
@@ -28,11 +28,15 @@ def simulated(console: Console, path: str, loaded: Loaded, piece: Piece) -> None
     _contacts(console, piece, done.rate, done.contacts)
     if done.left_out:
         console.say(f"{plural(done.left_out, 'more point and contact')} not measured")
-    found = [*never_closed(piece, done), *closed_once(piece, done), *never_stuck(done)]
+    found = [
+        *never_closed_warnings(piece, done),
+        *closed_once_warnings(piece, done),
+        *never_stuck_warnings(done),
+    ]
     score.show(console, loaded, found)
 
 
-def _swings(console: Console, moved: Sequence[Swing]) -> None:
+def _swings(console: Console, moved: Sequence[Excursion]) -> None:
     for one in moved:
         if one.point.is_fixed:
             continue
@@ -45,7 +49,9 @@ def _swings(console: Console, moved: Sequence[Swing]) -> None:
             console.data(f"{one.point.name}: does not move\n")
 
 
-def _contacts(console: Console, piece: Piece, rate: float, closed: Sequence[Closing]) -> None:
+def _contacts(
+    console: Console, piece: Piece, rate: float, closed: Sequence[ContactClosings]
+) -> None:
     for one in closed:
         names = f"{one.contact.a.name} on {one.contact.b.name}"
         if console.json:

@@ -57,9 +57,9 @@ def stats(
 
     suffix = Path(score_path).suffix.lower()
     if suffix == SUFFIX:
-        from .stats_take import tell
+        from .stats_take import print_hand_stats
 
-        tell(console, score_path, parts, cutoff)
+        print_hand_stats(console, score_path, parts, cutoff)
         return
     if suffix in SUFFIXES:
         raise Refused(

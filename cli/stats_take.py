@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _LISTED = 12  # instants of strikes that are listed
 
 
-def tell(console: Console, path: str, hands: tuple[str, ...], cutoff: str) -> None:
+def print_hand_stats(console: Console, path: str, hands: tuple[str, ...], cutoff: str) -> None:
     """Print the statistics of hands. Raises OptionError, and Refused where there is no take."""
     from ergon.scores.gesture.take_file import TakeError
 

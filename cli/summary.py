@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ergon.exchange.wave_header import BYTES
-from ergon.rendering.balance import outweighed
+from ergon.rendering.balance import dominant_instrument
 
 from .console import Console, plural
 from .units import decibels, level, octets, seconds
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _SHORT = 12  # digits of a hash that are shown
 
 
-def rendered(console: Console, completed: Completed) -> None:
+def print_rendered(console: Console, completed: Completed) -> None:
     """One line, or one JSON record, for the mix; one more for each instrument, motion file and
     stem.
     """
@@ -72,7 +72,7 @@ def rendered(console: Console, completed: Completed) -> None:
             f"{one.name}: peak {level(decibels(one.peak), 'dBFS')}, "
             f"loudness {level(one.loudness, 'LUFS')}"
         )
-    if (found := outweighed(done.instruments)) is not None:
+    if (found := dominant_instrument(done.instruments)) is not None:
         loudest, above = found
         console.warn(
             f"{loudest.name} is {above:.0f} dB louder than every other instrument; "
@@ -94,7 +94,7 @@ def rendered(console: Console, completed: Completed) -> None:
                 console.warn(f"{over}; lower the gain of its routes, or limit or normalise it")
 
 
-def finer(console: Console, simulation: Simulation) -> None:
+def print_finer_steps(console: Console, simulation: Simulation) -> None:
     """Say for which parts frames were computed in finer steps, one line or record for each."""
     for part, frames, most in simulation.finer():
         if console.json:

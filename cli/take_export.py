@@ -33,7 +33,7 @@ def export(console: Console, file: str, output: str | None, dry: bool, force: bo
     the audio rate, a channel for each axis, 1.0 for 1 m.
     """
     from ergon.exchange.recording import NotRecordingError
-    from ergon.exchange.safe import check_target, writing
+    from ergon.exchange.safe import check_target, open_for_writing
 
     if output is None:
         raise Refused("name the file to write, by -o x.csv, x.npz or x.wav")
@@ -46,7 +46,7 @@ def export(console: Console, file: str, output: str | None, dry: bool, force: bo
         check_target(Path(output), force=force, inputs=inputs)
     else:
         try:
-            with writing(output, binary=form != ".csv", force=force, inputs=inputs) as to:
+            with open_for_writing(output, binary=form != ".csv", force=force, inputs=inputs) as to:
                 _write(to, take, form)
         except NotRecordingError as error:
             raise Refused(f"{file}: {error}") from None

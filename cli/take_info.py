@@ -48,12 +48,12 @@ def take(console: Console, path: Path) -> None:
 
 
 def _recording(console: Console, path: Path) -> None:
-    from ergon.exchange.recording import about
+    from ergon.exchange.recording import read_description
 
     found = read_quietly(path)
     ticks = found.ticks()
     first = float(ticks[0]) * found.frames / found.rate if len(ticks) else None
-    summary = about(found)
+    summary = read_description(found)
     axes = _axes(found)
     if console.json:
         console.record(

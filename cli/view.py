@@ -123,10 +123,10 @@ def view(
 
 
 def _of_motion(console: Console, path: Path, sound: Path | None, folder: Path) -> Shown:
-    from ergon.api.viewing import Shown, beside, for_two_ears
+    from ergon.api.viewing import Shown, for_two_ears, sound_beside
     from ergon.exchange.wave_header import NotWaveError
 
-    found = sound or beside(path, console)
+    found = sound or sound_beside(path, console)
     try:
         return Shown(path, None if found is None else for_two_ears(found, folder, console))
     except NotWaveError as error:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 
 
-def install(extra: str) -> str:
+def install_command(extra: str) -> str:
     """The command that installs an extra: from the clone that this file lies in, else from the
     index.
     """

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
-from .xml_text import XmlError, parsed
+from .xml_text import XmlError, parse_xml
 
 if TYPE_CHECKING:
     from ergon.space.directions import Angles
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 _UID = struct.Struct("<H12s14s11sx")
 _FIRST = 0x1001  # first ID of definitions in the file itself
 _TYPES = {"DirectSpeakers": "0001", "HOA": "0004"}
-_MOST = 1024  # channels
-_FARTHEST = 1e4  # [m]
+_CHANNELS_MAX = 1024  # channels
+_DISTANCE_MAX = 1e4  # [m]
 
 
 @dataclass(frozen=True, slots=True)
-class Sounded:
+class ChannelLayout:
     """What the channels of a file are: loudspeakers, or Ambisonics of an order (ACN, SN3D)."""
 
     speakers: tuple[Angles, ...] = ()
@@ -41,7 +41,7 @@ class Sounded:
         return len(self.speakers) if self.order is None else (self.order + 1) ** 2
 
 
-def chunks(sounded: Sounded, title: str) -> bytes:
+def chunks(sounded: ChannelLayout, title: str) -> bytes:
     """The chunks `chna` and `axml`, to stand in a file before its samples."""
     return _chunk(b"chna", _chna(sounded)) + _chunk(b"axml", _axml(sounded, title).encode())
 
@@ -50,17 +50,17 @@ def _chunk(name: bytes, content: bytes) -> bytes:
     return name + struct.pack("<I", len(content)) + content + bytes(len(content) & 1)
 
 
-def _kind(sounded: Sounded) -> str:
+def _kind(sounded: ChannelLayout) -> str:
     return "DirectSpeakers" if sounded.order is None else "HOA"
 
 
-def _ids(sounded: Sounded) -> list[str]:
+def _ids(sounded: ChannelLayout) -> list[str]:
     """`00011001` …, one for each channel."""
     prefix = _TYPES[_kind(sounded)]
     return [f"{prefix}{_FIRST + i:04x}" for i in range(sounded.n_channels)]
 
 
-def _chna(sounded: Sounded) -> bytes:
+def _chna(sounded: ChannelLayout) -> bytes:
     pack = f"AP_{_TYPES[_kind(sounded)]}{_FIRST:04x}".encode()
     ids = _ids(sounded)
     rows = [
@@ -70,7 +70,7 @@ def _chna(sounded: Sounded) -> bytes:
     return struct.pack("<HH", len(ids), len(ids)) + b"".join(rows)
 
 
-def _axml(sounded: Sounded, title: str) -> str:
+def _axml(sounded: ChannelLayout, title: str) -> str:
     kind, ids = _kind(sounded), _ids(sounded)
     label = _TYPES[kind]
     pack = f"AP_{label}{_FIRST:04x}"
@@ -120,7 +120,7 @@ def _axml(sounded: Sounded, title: str) -> str:
     )
 
 
-def _block(sounded: Sounded, index: int, farthest: float) -> list[str]:
+def _block(sounded: ChannelLayout, index: int, farthest: float) -> list[str]:
     if sounded.order is not None:
         n = next(n for n in range(index + 1) if index < (n + 1) ** 2)
         degree = index - n * n - n
@@ -137,7 +137,7 @@ def _block(sounded: Sounded, index: int, farthest: float) -> list[str]:
     ]
 
 
-def read(info: WaveInfo) -> Sounded | None:
+def read(info: WaveInfo) -> ChannelLayout | None:
     """What a file says its channels are; None without a description, or for one not supported here.
 
     Raises XmlError for a description that cannot be read.
@@ -145,7 +145,7 @@ def read(info: WaveInfo) -> Sounded | None:
     if not info.axml or not info.chna:
         return None
     tracks = _tracks(info.chna, info.format.n_channels)
-    root = parsed(info.axml)
+    root = parse_xml(info.axml)
     formats = {one.get("audioChannelFormatID"): one for one in root.iter("audioChannelFormat")}
     # AT_yyyyxxxx_zz is the track of AC_yyyyxxxx (BS.2076, 6); a file may also name the AC directly.
     found = [formats.get(f"AC_{track[3:11]}") for track in tracks]
@@ -169,11 +169,11 @@ def _tracks(data: bytes, n_channels: int) -> list[str]:
         index, _, name, _ = _UID.unpack_from(data, at)
         if index:
             names.setdefault(index, name.rstrip(b"\0").decode("ascii", "replace"))
-    whole = range(1, min(n_channels, _MOST) + 1)
+    whole = range(1, min(n_channels, _CHANNELS_MAX) + 1)
     return [names[i] for i in whole] if set(names) == set(whole) else []
 
 
-def _ambisonics(channels: Sequence[ElementTree.Element]) -> Sounded | None:
+def _ambisonics(channels: Sequence[ElementTree.Element]) -> ChannelLayout | None:
     wanted = []
     for one in channels:
         block = one.find("audioBlockFormat")
@@ -182,10 +182,16 @@ def _ambisonics(channels: Sequence[ElementTree.Element]) -> Sounded | None:
         n, m = _number(block.findtext("order")), _number(block.findtext("degree"))
         wanted.append(n * n + n + m)
     order = next((n for n in range(8) if (n + 1) ** 2 == len(wanted)), None)
-    return Sounded(order=order) if order is not None and wanted == [*range(len(wanted))] else None
+    return (
+        ChannelLayout(order=order)
+        if order is not None and wanted == [*range(len(wanted))]
+        else None
+    )
 
 
-def _speakers(channels: Sequence[ElementTree.Element], root: ElementTree.Element) -> Sounded | None:
+def _speakers(
+    channels: Sequence[ElementTree.Element], root: ElementTree.Element
+) -> ChannelLayout | None:
     packs = (one.get("absoluteDistance") for one in root.iter("audioPackFormat"))
     far = next((_number(one) for one in packs if one), 1.0)
     speakers = []
@@ -200,10 +206,12 @@ def _speakers(channels: Sequence[ElementTree.Element], root: ElementTree.Element
             return None
         distance = _number(place.get("distance") or "1") * far
         azimuth, elevation = _number(place["azimuth"]), _number(place["elevation"])
-        if not (abs(azimuth) <= 360.0 and abs(elevation) <= 90.0 and 0.0 <= distance <= _FARTHEST):
+        if not (
+            abs(azimuth) <= 360.0 and abs(elevation) <= 90.0 and 0.0 <= distance <= _DISTANCE_MAX
+        ):
             raise XmlError("a loudspeaker lies out of range")
         speakers.append((azimuth, elevation, distance))
-    return Sounded(tuple(speakers))
+    return ChannelLayout(tuple(speakers))
 
 
 def _number(text: str | None) -> float:

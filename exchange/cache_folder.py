@@ -19,7 +19,7 @@ from pathlib import Path
 from ergon import _core
 from ergon.common.regular import read_bounded
 
-from .safe import FileRefusedError, writing
+from .safe import FileRefusedError, open_for_writing
 
 PLANS = "plans"  # a few megabytes at most, where rendered sound takes gigabytes
 
@@ -56,7 +56,7 @@ class CacheFolder:
             return False
         try:
             self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
-            with writing(self._path(key), binary=False, force=True, sync=False) as file:
+            with open_for_writing(self._path(key), binary=False, force=True, sync=False) as file:
                 file.write(content)
         except (OSError, FileRefusedError):
             return False

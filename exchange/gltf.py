@@ -8,8 +8,8 @@ import struct
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from .motion import about
-from .motion_space import NotMotionError, points_in_space, threads
+from .motion import read_manifest
+from .motion_space import NotMotionError, links_in_space, points_in_space
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,9 +33,9 @@ def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float | None) ->
     """
     import numpy as np
 
-    manifest, names = about(motion), motion.names
+    manifest, names = read_manifest(motion), motion.names
     in_space = points_in_space(manifest.get("space"), names)
-    links = threads(motion, in_space)
+    links = links_in_space(motion, in_space)
     space = {point.axes[0]: point for point in in_space}
     others = {p for point in space.values() for p in point.axes[1:]}
     if (n := len(names) - len(others) + len(links)) > _NODES_MAX:
@@ -44,7 +44,7 @@ def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float | None) ->
             f"{_NODES_MAX:,} at most; this has {n:,}: write npz"
         )
     if exaggeration is None:
-        exaggeration = _automatic(motion, manifest["parts"], others.union(space))
+        exaggeration = _automatic_exaggeration(motion, manifest["parts"], others.union(space))
     places, moved = motion.places(), motion.displacements(at.tolist())
     scene = _Scene(at)
     drawn: dict[int, tuple[int, NDArray[np.float64]]] = {}
@@ -78,7 +78,9 @@ def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float | None) ->
     return scene.text(str(manifest.get("title") or "ergon"), str(manifest.get("made_by")))
 
 
-def _automatic(motion: Motion, parts: list[dict[str, Any]], in_space: set[int]) -> float:
+def _automatic_exaggeration(
+    motion: Motion, parts: list[dict[str, Any]], in_space: set[int]
+) -> float:
     """The exaggeration at which the largest displacement of all is drawn as 5 cm.
 
     Parts in space are drawn as they are.
@@ -94,7 +96,7 @@ def _automatic(motion: Motion, parts: list[dict[str, Any]], in_space: set[int]) 
     return 0.05 / largest if largest > 0.0 else 1.0
 
 
-def _turned(places: NDArray[np.float64]) -> NDArray[np.float32]:
+def _to_gltf_axes(places: NDArray[np.float64]) -> NDArray[np.float32]:
     """Places of the room (…, 3) in the axes of glTF: right-handed with y up, (x, z, -y)."""
     import numpy as np
 
@@ -137,8 +139,8 @@ class _Scene:
         """Add a point that rests at (3,) and follows a path (n_instants, 3); returns its node
         number.
         """
-        turned = _turned(path)
-        made = self.node({"name": name, "mesh": 0, "translation": _turned(rest).tolist()})
+        turned = _to_gltf_axes(path)
+        made = self.node({"name": name, "mesh": 0, "translation": _to_gltf_axes(rest).tolist()})
         if (path != rest).any():
             self._move(made, "translation", self._sampler(self._times, turned))
         return made
@@ -151,7 +153,7 @@ class _Scene:
         """
         import numpy as np
 
-        apart = _turned(b[1] - a[1])
+        apart = _to_gltf_axes(b[1] - a[1])
         if until <= self.at[0]:
             apart[:] = 0.0
         made = self.node(

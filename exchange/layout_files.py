@@ -18,10 +18,10 @@ from ergon.common.errors import ErgonError
 from ergon.common.terminal import printable
 from ergon.space.directions import Angles, angles, point, unit_vectors
 
-from .xml_text import XmlError, parsed
+from .xml_text import XmlError, parse_xml
 
-MOST = 4 << 20  # bytes of a file
-MOST_SPEAKERS = 1024
+FILE_BYTES_MAX = 4 << 20  # bytes of a file
+SPEAKERS_MAX = 1024
 _FARTHEST = 100.0  # [m]
 _NEAREST = 0.01
 _MOST_DEPTH = 32
@@ -46,7 +46,7 @@ class Form:
 
 def _write_iem(speakers: Sequence[Angles], title: str) -> str:
     """An IEM layout, with the silent imaginary loudspeakers that close the hull."""
-    from ergon.space.panning import imaginary
+    from ergon.space.panning import imaginary_speakers
 
     rows = [
         {
@@ -60,7 +60,7 @@ def _write_iem(speakers: Sequence[Angles], title: str) -> str:
         for number, (azimuth, elevation, distance) in enumerate(speakers, 1)
     ]
     array = unit_vectors(point(azimuth, elevation, 1.0) for azimuth, elevation, _ in speakers)
-    for place in imaginary(array).tolist():
+    for place in imaginary_speakers(array).tolist():
         _, elevation, _ = angles(tuple(place))
         rows.append(
             {
@@ -166,7 +166,7 @@ def _write_spatgris(speakers: Sequence[Angles], title: str) -> str:
 def _read_spatgris(data: bytes) -> list[Angles]:
     """SPEAKER_n with a POSITION inside, as up to version 3, or SPEAKER in groups, as version 4."""
     try:
-        root = parsed(data)
+        root = parse_xml(data)
     except XmlError as error:
         raise LayoutFileError(str(error)) from None
     if root.tag != _SPATGRIS:
@@ -195,9 +195,9 @@ def _read_spatgris(data: bytes) -> list[Angles]:
 
 
 def _in_order(numbered: list[tuple[float, Angles]]) -> list[Angles]:
-    if not 1 <= len(numbered) <= MOST_SPEAKERS:
+    if not 1 <= len(numbered) <= SPEAKERS_MAX:
         raise LayoutFileError(
-            f"it has {len(numbered):,} loudspeakers; 1 to {MOST_SPEAKERS:,} are read"
+            f"it has {len(numbered):,} loudspeakers; 1 to {SPEAKERS_MAX:,} are read"
         )
     numbers = [number for number, _ in numbered]
     if len(set(numbers)) < len(numbers):

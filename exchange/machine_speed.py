@@ -17,13 +17,13 @@ from pathlib import Path
 from ergon.common.regular import read_bounded
 
 from .cache_folder import of_user
-from .safe import FileRefusedError, writing
+from .safe import FileRefusedError, open_for_writing
 
 _BYTES_MAX = 10_000
 _RANGE = (0.01, 100.0)  # beyond it nothing was measured
 
 
-def kept(environment: Mapping[str, str] = os.environ) -> float | None:
+def read_correction(environment: Mapping[str, str] = os.environ) -> float | None:
     """The correction stored on this processor; None if there is none."""
     path = _path(environment)
     if path is None:
@@ -32,28 +32,28 @@ def kept(environment: Mapping[str, str] = os.environ) -> float | None:
         content = json.loads(read_bounded(path, _BYTES_MAX))
     except (OSError, ValueError, RecursionError):
         return None
-    if not isinstance(content, dict) or content.get("processor") != processor():
+    if not isinstance(content, dict) or content.get("processor") != processor_name():
         return None
     correction = content.get("correction")
     is_one = isinstance(correction, float) and _RANGE[0] <= correction <= _RANGE[1]
     return correction if is_one else None
 
 
-def keep(correction: float, environment: Mapping[str, str] = os.environ) -> bool:
+def store_correction(correction: float, environment: Mapping[str, str] = os.environ) -> bool:
     """Store a correction for this processor; True if it was stored."""
     path = _path(environment)
     if path is None:
         return False
-    content = {"made by ergon": "doctor", "processor": processor(), "correction": correction}
+    content = {"made by ergon": "doctor", "processor": processor_name(), "correction": correction}
     with contextlib.suppress(OSError, FileRefusedError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with writing(path, binary=False, force=True, sync=False) as file:
+        with open_for_writing(path, binary=False, force=True, sync=False) as file:
             file.write(f"{json.dumps(content)}\n".encode())
         return True
     return False
 
 
-def processor() -> str:
+def processor_name() -> str:
     """The model name of the processor."""
     with contextlib.suppress(OSError, UnicodeDecodeError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():

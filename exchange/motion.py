@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from .motion_space import NotMotionError, points_in_space, threads
+from .motion_space import NotMotionError, links_in_space, points_in_space
 from .safe import MARK
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ NUMBERS_MAX = 1 << 28  # displacements of one export: 2 GiB
 _FPS_MAX = 1_000_000
 
 
-def about(motion: Motion) -> dict[str, Any]:
+def read_manifest(motion: Motion) -> dict[str, Any]:
     """The manifest at the beginning of the file (docs/motion.md). Raises NotMotionError."""
     manifest: dict[str, Any] = json.loads(motion.manifest)
     fps = manifest.get("fps")
@@ -41,7 +41,7 @@ def instants(motion: Motion, fps: float | None) -> NDArray[np.float64]:
     """
     import numpy as np
 
-    rate = fps or float(about(motion)["fps"])
+    rate = fps or float(read_manifest(motion)["fps"])
     count = math.floor(motion.duration * rate + 1e-6) + 1
     if count * max(1, len(motion.names)) > NUMBERS_MAX:
         raise NotMotionError(
@@ -63,11 +63,11 @@ def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
 
     places, moved = motion.places(), motion.displacements(at.tolist())
     arrays: dict[str, NDArray[Any]] = {}
-    if space := points_in_space(about(motion).get("space"), motion.names):
+    if space := points_in_space(read_manifest(motion).get("space"), motion.names):
         paths = [point.path(places, moved).astype(np.float32) for point in space]
         arrays["space_names"] = np.array([point.name for point in space])
         arrays["space_positions"] = np.stack(paths, axis=1)
-        links = threads(motion, space)
+        links = links_in_space(motion, space)
         arrays["space_links"] = np.array([link.ends for link in links], dtype=int).reshape(-1, 2)
         arrays["space_broken"] = np.array([link.broken for link in links])
     np.savez_compressed(

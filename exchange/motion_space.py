@@ -83,7 +83,7 @@ def points_in_space(table: object, names: Sequence[str]) -> list[SpacePoint]:
 
 
 @dataclass(frozen=True, slots=True)
-class Thread:
+class SpaceLink:
     """A link between two points in space, by their numbers, and when it broke [s]: inf if it is
     whole.
     """
@@ -92,7 +92,7 @@ class Thread:
     broken: float
 
 
-def threads(motion: Motion, space: Sequence[SpacePoint]) -> list[Thread]:
+def links_in_space(motion: Motion, space: Sequence[SpacePoint]) -> list[SpaceLink]:
     """The springs between points in space. Raises NotMotionError where one is damaged."""
     import numpy as np
 
@@ -117,7 +117,7 @@ def threads(motion: Motion, space: Sequence[SpacePoint]) -> list[Thread]:
     number[[point.axes[0] for point in space]] = np.arange(len(space))
     ends = number[pairs]
     drawn = np.flatnonzero((ends >= 0).all(axis=1))
-    return [Thread((int(ends[i, 0]), int(ends[i, 1])), float(broken[i])) for i in drawn]
+    return [SpaceLink((int(ends[i, 0]), int(ends[i, 1])), float(broken[i])) for i in drawn]
 
 
 def _is_point(number: object, n_points: int) -> bool:

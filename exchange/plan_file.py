@@ -19,7 +19,7 @@ from typing import NamedTuple
 from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
 
-from .safe import writing
+from .safe import open_for_writing
 
 VERSION = 1
 _SIZE_MAX = 50_000_000  # bytes: the numbers of ten million modes
@@ -28,7 +28,7 @@ _NUMBER_MAX = 2**32 - 1
 Choices = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
 
 Budget = Mapping[str, str | float]
-_WISHES = ("method", "error", "cents")  # one of these at most
+_BUDGET_KEYS = ("method", "error", "cents")  # one of these at most
 
 
 class PlanFile(NamedTuple):
@@ -62,7 +62,7 @@ def write(
     inputs: Sequence[Path] = (),
 ) -> None:
     """Write a plan; all of it or nothing."""
-    with writing(path, binary=True, force=force, inputs=inputs) as file:
+    with open_for_writing(path, binary=True, force=force, inputs=inputs) as file:
         file.write(text(choices, digest, budget=dict(budget)).encode())
 
 
@@ -81,14 +81,14 @@ def read(path: Path) -> PlanFile:
         raise NotPlanError(error.strerror or "cannot be read") from None
     except (ValueError, RecursionError):
         raise NotPlanError("not a plan; `ergon plan SCORE -o FILE` writes one") from None
-    return PlanFile(decided(content), _budget(content.get("budget")))
+    return PlanFile(parse_choices(content), _budget(content.get("budget")))
 
 
 def _budget(value: object) -> Budget | None:
     if value is None:
         return None
     if isinstance(value, dict) and all(map(_is_wish, value, value.values())):
-        is_one = sum(name in value for name in _WISHES) <= 1
+        is_one = sum(name in value for name in _BUDGET_KEYS) <= 1
         if is_one and ("cents" in value or "upto" not in value):
             return value
     raise NotPlanError('its budget is not valid; it must be one such as {"error": -60}')
@@ -102,7 +102,7 @@ def _is_wish(name: object, value: object) -> bool:
     return name in ("error", "cents", "upto") and isfinite(value)
 
 
-def decided(content: object) -> Choices:
+def parse_choices(content: object) -> Choices:
     """The choices in the parsed JSON of a file. Raises NotPlanError."""
     if not isinstance(content, dict) or content.get("ergon_plan") != VERSION:
         raise NotPlanError(f"not a plan of version {VERSION}")

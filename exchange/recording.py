@@ -27,7 +27,7 @@ class NotRecordingError(ErgonError, ValueError):
     """A recording does not have what was asked for, or one cannot be made of what was given."""
 
 
-def about(recording: Recording) -> dict[str, Any]:
+def read_description(recording: Recording) -> dict[str, Any]:
     """The description stored with the recording; empty if it is not a JSON object."""
     try:
         description = json.loads(recording.about)

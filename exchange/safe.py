@@ -90,7 +90,7 @@ class _Terminal(io.BytesIO):
 
 
 @contextlib.contextmanager
-def writing(
+def open_for_writing(
     target: str | Path,
     *,
     binary: bool,
@@ -124,7 +124,7 @@ def writing(
     paths: list[Path] = []
     try:
         try:
-            opened = temporary.opened(path, paths)
+            opened = temporary.open_temporary(path, paths)
         except OSError as error:
             raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
         part = paths[-1]
@@ -164,5 +164,5 @@ def write_text(
     """Write a whole text; its first lines must contain MARK if a later run is to recognise the
     file.
     """
-    with writing(target, binary=False, force=force, inputs=inputs) as file:
+    with open_for_writing(target, binary=False, force=force, inputs=inputs) as file:
         file.write(text.encode())

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon.common.errors import ErgonError
-from ergon.common.extras import install
+from ergon.common.extras import install_command
 from ergon.common.regular import read_bounded
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class SofaError(ErgonError, ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class HeadResponses:
     """`angles` (n, 2): azimuth and elevation [degrees]; `responses` (n, 2, n_samples), left first;
     `rate` [Hz]."""
 
@@ -37,12 +37,12 @@ class Measured:
     rate: float
 
 
-def read(path: Path) -> Measured:
+def read(path: Path) -> HeadResponses:
     """Responses of a SimpleFreeFieldHRIR file. Raises SofaError and OSError."""
     try:
         import h5py
     except ImportError:
-        raise SofaError(f"SOFA files are read by h5py; {install('head')}") from None
+        raise SofaError(f"SOFA files are read by h5py; {install_command('head')}") from None
     data = read_bounded(path, _MOST)
     if len(data) > _MOST:
         raise SofaError(f"{path} is larger than {_MOST >> 20} MB")
@@ -55,7 +55,7 @@ def read(path: Path) -> Measured:
         raise SofaError(f"{path} is not a SOFA file that can be read: {error}") from None
 
 
-def _responses(file: Any, path: Path) -> Measured:
+def _responses(file: Any, path: Path) -> HeadResponses:
     import numpy as np
 
     said = _text(file.attrs.get("SOFAConventions", b""))
@@ -75,7 +75,7 @@ def _responses(file: Any, path: Path) -> Measured:
         raise SofaError(f"{path}: a rate of {rate:g} Hz")
     if not (np.isfinite(places).all() and np.isfinite(responses).all()) or not responses.any():
         raise SofaError(f"{path}: responses are finite numbers, and not all 0")
-    return Measured(places[:, :2], responses, rate)
+    return HeadResponses(places[:, :2], responses, rate)
 
 
 def _values(file: Any, name: str, path: Path) -> NDArray[np.float64]:

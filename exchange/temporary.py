@@ -28,7 +28,7 @@ _serial = itertools.count()
 _swept: set[Path] = set()  # folders: each is swept once in a process
 
 
-def opened(path: Path, paths: list[Path]) -> BinaryIO:
+def open_temporary(path: Path, paths: list[Path]) -> BinaryIO:
     """A new file beside `path`, so that a rename is one step within one file system.
 
     Its name is appended to `paths` before the file exists: whatever interrupts the call, the
@@ -37,7 +37,7 @@ def opened(path: Path, paths: list[Path]) -> BinaryIO:
     folder = path.parent
     if folder not in _swept:
         _swept.add(folder)
-        sweep(folder)
+        remove_abandoned(folder)
     while True:
         name = f".{path.name[:200]}.{os.getpid()}-{next(_serial)}.part"
         while len(os.fsencode(name)) > _LONGEST:
@@ -49,14 +49,14 @@ def opened(path: Path, paths: list[Path]) -> BinaryIO:
         except FileExistsError:  # left by an earlier process with our number
             paths.pop()
             continue
-        file = _locked(handle)
+        file = _try_lock(handle)
         if file is None or (file and _is_at(handle, temporary)):
             return open(handle, "w+b")
         os.close(handle)  # somebody else swept it before it was locked
         paths.pop()
 
 
-def sweep(folder: Path) -> list[Path]:
+def remove_abandoned(folder: Path) -> list[Path]:
     """Remove temporary files whose writer has ended; returns their paths."""
     if not IS_LOCKED:
         return []
@@ -64,19 +64,19 @@ def sweep(folder: Path) -> list[Path]:
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         names = [entry.name for entry in entries if _OURS.fullmatch(entry.name)]
         for name in names:
-            if _swept_away(folder / name):
+            if _remove_if_abandoned(folder / name):
                 swept.append(folder / name)
     return swept
 
 
-def _swept_away(path: Path) -> bool:
+def _remove_if_abandoned(path: Path) -> bool:
     with contextlib.suppress(OSError):
         found = path.lstat()
         if not stat.S_ISREG(found.st_mode) or found.st_uid != os.geteuid():
             return False
         handle = os.open(path, _LOOK)
         try:
-            if _locked(handle) and _is_at(handle, path):
+            if _try_lock(handle) and _is_at(handle, path):
                 path.unlink()
                 return True
         finally:
@@ -84,7 +84,7 @@ def _swept_away(path: Path) -> bool:
     return False
 
 
-def _locked(handle: int) -> bool | None:
+def _try_lock(handle: int) -> bool | None:
     """Lock a file until it is closed; False if another process holds the lock, None if there are no
     locks.
     """

@@ -18,7 +18,7 @@ def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> Non
     is called for each path just before that, and raises if the file may not be written. Raises
     FileRefusedError, and what `check` raises.
     """
-    at = {path: _real(path) for path in files}  # a link stays a link
+    at = {path: _resolved_path(path) for path in files}  # a link stays a link
     new_folders = {folder for path in at.values() for folder in path.parents if not folder.exists()}
     replaced: list[tuple[Path, Path | None]] = []  # what was written, and what was there before
     path = Path()
@@ -27,13 +27,13 @@ def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> Non
             parts = {}
             for path, data in files.items():
                 at[path].parent.mkdir(parents=True, exist_ok=True)
-                parts[path] = _beside(at[path], data, stack)
+                parts[path] = _write_beside(at[path], data, stack)
             for path in files:
                 check(path)
             for path in files:
                 exists = at[path].exists()
-                old = _beside(at[path], at[path].read_bytes(), stack) if exists else None
-                _put(parts[path], at[path], is_new=old is None)
+                old = _write_beside(at[path], at[path].read_bytes(), stack) if exists else None
+                _move_to_target(parts[path], at[path], is_new=old is None)
                 replaced.append((at[path], old))
             _sync(path.parent for path in at.values())
         except BaseException as error:
@@ -49,10 +49,10 @@ def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> Non
             raise
 
 
-def _beside(target: Path, data: bytes, stack: contextlib.ExitStack) -> Path:
+def _write_beside(target: Path, data: bytes, stack: contextlib.ExitStack) -> Path:
     """Write and sync a temporary file beside the target; closing the stack removes it."""
     paths: list[Path] = []
-    file = temporary.opened(target, paths)
+    file = temporary.open_temporary(target, paths)
     part = paths[-1]
     stack.callback(part.unlink, missing_ok=True)
     stack.enter_context(file)
@@ -65,7 +65,7 @@ def _beside(target: Path, data: bytes, stack: contextlib.ExitStack) -> Path:
     return part
 
 
-def _put(part: Path, target: Path, *, is_new: bool) -> None:
+def _move_to_target(part: Path, target: Path, *, is_new: bool) -> None:
     """Move a file to its target; if `is_new`, the target must not exist by now."""
     if is_new:
         try:
@@ -90,7 +90,7 @@ def _sync(folders: Iterable[Path]) -> None:
                 os.close(handle)
 
 
-def _real(path: Path) -> Path:
+def _resolved_path(path: Path) -> Path:
     """The path with its links resolved. Raises FileRefusedError."""
     try:
         return path.resolve()

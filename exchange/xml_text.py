@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 
 from ergon.common.errors import ErgonError
 
-MOST = 4 << 20  # bytes
-MOST_ELEMENTS = 100_000
+BYTES_MAX = 4 << 20  # bytes
+ELEMENTS_MAX = 100_000
 _DEFINES = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 
 
@@ -17,14 +17,14 @@ class XmlError(ErgonError, ValueError):
     """The text is not XML, or not XML that is read here."""
 
 
-def parsed(data: bytes) -> ElementTree.Element:
+def parse_xml(data: bytes) -> ElementTree.Element:
     """The root of a document; its names are without namespaces. Raises XmlError.
 
     Only a document type can define entities, so a text without one can neither expand nor load
     files.
     """
-    if len(data) > MOST:
-        raise XmlError(f"the XML is larger than {MOST >> 20} MB")
+    if len(data) > BYTES_MAX:
+        raise XmlError(f"the XML is larger than {BYTES_MAX >> 20} MB")
     # A zero byte means UTF-16 or UTF-32, in which the search below would miss a document type.
     if b"\0" in data.rstrip(b"\0"):
         raise XmlError("the XML is not in UTF-8")
@@ -36,8 +36,8 @@ def parsed(data: bytes) -> ElementTree.Element:
         root: ElementTree.Element | None = None
         for count, event in enumerate(parser.read_events()):
             root = event[1]
-            if count >= MOST_ELEMENTS:
-                raise XmlError(f"the XML has more than {MOST_ELEMENTS:,} elements")
+            if count >= ELEMENTS_MAX:
+                raise XmlError(f"the XML has more than {ELEMENTS_MAX:,} elements")
             assert root is not None
             root.tag = root.tag.rpartition("}")[2]
         parser.close()

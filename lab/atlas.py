@@ -150,7 +150,9 @@ _PRESERVED = ((10.0, -75.0), (inf, -70.0))
 
 def _cut(name: str, key: slow_key_scene.Key, modes: str) -> Map:
     def case(stiffness: float, every: float) -> MapPoint:
-        return slow_key_scene.Slow(slow_key_scene.SlowKeyScene(key, 1e3 * stiffness, round(every)))
+        return slow_key_scene.SlowKeyPoint(
+            slow_key_scene.SlowKeyScene(key, 1e3 * stiffness, round(every))
+        )
 
     def load(stiffness: float, every: float) -> float:
         return slow_key_scene.load(key, 1e3 * stiffness)

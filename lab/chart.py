@@ -179,9 +179,9 @@ def measure(
     bench = _Bench(scene, max(2, round(seconds * scene.rate)), progress)
     has_energy = metric == "energy"
     if players is None:
-        played = _played(bench, wanted, has_energy=has_energy)
+        played = _play_settings(bench, wanted, has_energy=has_energy)
     else:
-        played = _played_by(players, bench, wanted, has_energy=has_energy)
+        played = _play_with(players, bench, wanted, has_energy=has_energy)
     heard = {one.point.setting: one.sound for one in played if one.sound is not None}
     sounds = dict(heard)
     reference = refine(sounds, bench.sound, doublings=_DOUBLINGS)
@@ -203,7 +203,7 @@ def measure(
     return Chart(marked, reference, floor, metric, seconds, scene.rate, doubtful, alike)
 
 
-def _played(bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool) -> list[Played]:
+def _play_settings(bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool) -> list[Played]:
     """All settings, in order. Their costs are those of interleaved rounds."""
     for setting in wanted:
         run = bench.begin(setting)
@@ -223,7 +223,7 @@ def _played(bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool) -> li
     return [found[setting] for setting in wanted]
 
 
-def _played_by(
+def _play_with(
     players: Players, bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool
 ) -> list[Played]:
     """All settings, in order, played by `players`."""

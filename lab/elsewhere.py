@@ -16,10 +16,10 @@ import numpy as np
 from ergon.api import score as scores
 from ergon.api.cluster import Cluster
 from ergon.api.cluster_worker import check_version, lock, version
-from ergon.api.score_bundle import ScoreBundle, at_home, unpacked
+from ergon.api.score_bundle import ScoreBundle, unpack, with_local_paths
 from ergon.lab import atlas
 from ergon.lab.chart import ROUNDS, Played, Point, played_beside, yardstick
-from ergon.lab.maps import Map, Spot, look
+from ergon.lab.maps import Map, Spot, compute_spot
 from ergon.lab.runs import Setting
 from ergon.lab.scene import Score
 from ergon.rendering.remote import ClusterError
@@ -122,12 +122,12 @@ def play(
     asks.
     """
     check_version(asked)
-    with lock, unpacked(content) as path:
+    with lock, unpack(content) as path:
         scene = Score(scores.piece_of(scores.read(path)))
         found, seconds = played_beside(scene, Setting(**setting), n_frames, has_energy=has_energy)
         own = {one.name: getattr(found.point, one.name) for one in fields(found.point)}
         del own["setting"]
-        own["reason"] = at_home(own["reason"], path, content)
+        own["reason"] = with_local_paths(own["reason"], path, content)
     sound = np.zeros((0, 1)) if found.sound is None else found.sound
     samples = sound.astype("<f8", copy=False).tobytes()
     return _Sound(point=own, samples=samples, n_channels=sound.shape[1], yardstick=seconds)
@@ -138,13 +138,13 @@ def survey(asked: list[Any], which: _Which, name: str, x: float) -> list[dict[st
     check_version(asked)
     with lock:
         found = _map(which, name)
-        return [asdict(look(found, x, y)) for y in found.ys]
+        return [asdict(compute_spot(found, x, y)) for y in found.ys]
 
 
 def _map(which: _Which, name: str) -> Map:
     content = which.get("content")
     if content is None:
         return atlas.maps(which["method"], None, which["seconds"], which["accurate"])[name]
-    with unpacked(content) as path:
+    with unpack(content) as path:
         piece = scores.piece_of(scores.read(path))
         return atlas.maps(which["method"], piece, which["seconds"], which["accurate"])[name]

@@ -87,7 +87,7 @@ def survey(found: Map, progress: Progress) -> list[Spot]:
     spots = []
     for y in found.ys:
         for x in found.xs:
-            spots.append(look(found, x, y))
+            spots.append(compute_spot(found, x, y))
             progress(len(spots))
     return spots
 
@@ -128,7 +128,7 @@ def _shifted(progress: Progress, shift: int, done: int) -> None:
     progress(shift + done)
 
 
-def look(found: Map, x: float, y: float) -> Spot:
+def compute_spot(found: Map, x: float, y: float) -> Spot:
     """Predict, run, and compare one spot."""
     spot, case, frames = predicted_and_run(found, x, y)
     return spot if case is None or frames is None else _judged(found, spot, case, frames)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon.common.errors import ErgonError
-from ergon.common.extras import install
-from ergon.exchange.safe import MARK, writing
+from ergon.common.extras import install_command
+from ergon.exchange.safe import MARK, open_for_writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +43,9 @@ def save(
     try:
         import matplotlib
     except ImportError:
-        raise MatplotlibMissingError(f"pictures need matplotlib: {install('lab')}") from None
+        raise MatplotlibMissingError(
+            f"pictures need matplotlib: {install_command('lab')}"
+        ) from None
     with matplotlib.rc_context(_STYLE):
         figure = draw()
         svg = _bytes(figure, "svg", {"Date": None, "Creator": "ergon"})
@@ -52,7 +54,7 @@ def save(
     svg = svg.replace(b"<svg ", b"<!-- " + MARK + b" -->\n<svg ", 1)
     paths = targets(stem)[1:] if png else targets(stem)[1:2]
     for path, content in zip(paths, (svg, pixels), strict=False):
-        with writing(path, binary=False, force=force) as file:
+        with open_for_writing(path, binary=False, force=force) as file:
             file.write(content)
     return paths
 

@@ -15,7 +15,7 @@ import numpy as np
 from ergon import _core
 from ergon.lab.metrics import Floats
 from ergon.lab.names import PRECISIONS
-from ergon.lab.scene import Scene, Set
+from ergon.lab.scene import NetworkAndTimeline, Scene
 
 if TYPE_CHECKING:
     from ergon.lab.names import Method
@@ -45,7 +45,7 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True)
-class Oversampled(Set):
+class Oversampled(NetworkAndTimeline):
     """A scene set up at `times` its rate.
 
     If `times` is above 1 its outputs are positions, from which `derivatives` makes speeds at the

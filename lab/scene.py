@@ -16,7 +16,7 @@ from ergon.scores.staging.preparing import prepare
 
 
 @dataclass(frozen=True, slots=True)
-class Set:
+class NetworkAndTimeline:
     """A scene set up at one rate."""
 
     network: _core.Network
@@ -30,7 +30,7 @@ class Scene(Protocol):
     def rate(self) -> float:
         """Frames a second at which it is heard [Hz]."""
 
-    def at(self, rate: float) -> Set:
+    def at(self, rate: float) -> NetworkAndTimeline:
         """The scene at a rate. Raises EngineError or StageError."""
 
     def hear(self, frames: Floats) -> Floats:
@@ -50,10 +50,10 @@ class Score:
         """The piece's own rate."""
         return self.piece.rate
 
-    def at(self, rate: float) -> Set:
+    def at(self, rate: float) -> NetworkAndTimeline:
         """The piece at another rate."""
         ready = prepare(replace(self.piece, rate=rate))
-        return Set(ready.network, ready.timeline)
+        return NetworkAndTimeline(ready.network, ready.timeline)
 
     def hear(self, frames: Floats) -> Floats:
         """Mix by the piece's own routes."""
@@ -71,11 +71,11 @@ class Bare:
     build: Callable[[_core.Network], None]
     rate: float = 44_100.0
 
-    def at(self, rate: float) -> Set:
+    def at(self, rate: float) -> NetworkAndTimeline:
         """Build the network anew."""
         network = _core.Network()
         self.build(network)
-        return Set(network, _core.Timeline(network, rate))
+        return NetworkAndTimeline(network, _core.Timeline(network, rate))
 
     def hear(self, frames: Floats) -> Floats:
         """Every output is a channel."""

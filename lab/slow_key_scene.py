@@ -14,7 +14,7 @@ import numpy as np
 from ergon import _core
 from ergon.lab.map_point import RUNAWAY_DB, Outcome
 from ergon.lab.metrics import Floats
-from ergon.lab.scene import Set
+from ergon.lab.scene import NetworkAndTimeline
 from ergon.lab.truth import EXACT_DB, Truth
 
 RATE = 44_100.0
@@ -57,7 +57,7 @@ class SlowKeyScene:
         """The one rate for which its numbers hold."""
         return RATE
 
-    def at(self, rate: float) -> Set:
+    def at(self, rate: float) -> NetworkAndTimeline:
         """Build the scene anew, at its own rate whatever `rate` is."""
         network = _core.Network()
         network.part("key", ca_rate=RATE, macrostep=self.every)
@@ -75,7 +75,7 @@ class SlowKeyScene:
         timeline.strike(row[0], _STRUCK, impulse=0.05)
         if self.hidden != 1.0:
             timeline.fade(joint, self.hidden, self.hidden, 0.0, 1.0)
-        return Set(network, timeline)
+        return NetworkAndTimeline(network, timeline)
 
     def hear(self, frames: Floats) -> Floats:
         """The string alone."""
@@ -95,7 +95,7 @@ def whole(key: Key, K: float, n_frames: int) -> Truth:
 
 
 @dataclass(frozen=True, slots=True)
-class Slow:
+class SlowKeyPoint:
     """A scene whose key is stepped by its exact flow (E4), once in `every` frames."""
 
     scene: SlowKeyScene
@@ -121,7 +121,7 @@ class Slow:
                 return self._ran(made, plan, n_frames)
         return Outcome(None, reason=reason)
 
-    def _ran(self, made: Set, plan: _core.Plan, n_frames: int) -> Outcome:
+    def _ran(self, made: NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> Outcome:
         frames = np.zeros((n_frames, 1))
         try:
             _core.Simulation(made.network, made.timeline, plan=plan).process(frames)
@@ -142,7 +142,7 @@ class Slow:
         return whole(self.scene.key, self.scene.K, n_frames)
 
 
-def _planned(scene: SlowKeyScene) -> tuple[Set, _core.Plan]:
+def _planned(scene: SlowKeyScene) -> tuple[NetworkAndTimeline, _core.Plan]:
     """The plan of the scene, with its key slow. Raises UnstableError if the plan does not allow
     that.
     """

@@ -171,7 +171,7 @@ def tried(url: str, number: int, before: Axis | None = None) -> Axis:
 
 def remember(url: str, number: int, axis: Axis) -> Path:
     """Write an axis into the user's list of devices; every other line stays. Raises BoardError."""
-    from ergon.exchange.safe import writing
+    from ergon.exchange.safe import open_for_writing
 
     path = config_path()
     before = read_config()
@@ -197,7 +197,7 @@ def remember(url: str, number: int, axis: Axis) -> Path:
         raise BoardError(
             f"{path} has a form that ergon cannot edit; add to it:\n" + ("\n".join(lines))
         )
-    with writing(path, binary=False, force=True) as file:
+    with open_for_writing(path, binary=False, force=True) as file:
         file.write(after.encode())
     return path
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 
 from ergon.common.errors import ErgonError
-from ergon.common.extras import install
+from ergon.common.extras import install_command
 
 MOST = 4096  # bytes of a datagram; what is longer is not for us
 _DEEPEST = 8  # bundles inside bundles
@@ -29,7 +29,7 @@ def require_python_osc() -> None:
         import pythonosc.osc_message  # noqa: F401
     except ImportError:
         raise PythonOscMissingError(
-            f"OSC needs python-osc; install it by: {install('osc')}"
+            f"OSC needs python-osc; install it by: {install_command('osc')}"
         ) from None
 
 

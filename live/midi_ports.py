@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ergon.common.errors import ErgonError
-from ergon.common.extras import install
+from ergon.common.extras import install_command
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -168,7 +168,9 @@ def _rtmidi() -> Any:
     try:
         import rtmidi
     except ImportError:
-        raise MidiError(f"MIDI needs python-rtmidi; install it by: {install('midi')}") from None
+        raise MidiError(
+            f"MIDI needs python-rtmidi; install it by: {install_command('midi')}"
+        ) from None
     return rtmidi
 
 

@@ -42,7 +42,7 @@ def read(path: Path, piece: Piece) -> Recorded:
     """A recording of hands that played this piece. Raises RecordingMismatchError."""
     import numpy as np
 
-    from ergon.exchange.recording import NotRecordingError, about, from_start
+    from ergon.exchange.recording import NotRecordingError, from_start, read_description
     from ergon.scores.staging.live import TICK
 
     try:
@@ -73,7 +73,7 @@ def read(path: Path, piece: Piece) -> Recorded:
                 f"{path}: its ticks last {recording.frames} frames, the score's {ticks}"
             )
         hands[player] = np.ascontiguousarray(positions[:, index])
-    said = about(recording)
+    said = read_description(recording)
     return Recorded(hands, _level(said), tuple(_warnings(recording, said, piece)))
 
 

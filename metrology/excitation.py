@@ -68,7 +68,9 @@ def framed(force: Floats, rate: float) -> tuple[Floats, int]:
     return np.concatenate([np.zeros(still), force]), still
 
 
-def within(force: Floats, rate: float, row: Floats, reach: float, least: float = 0.05) -> Floats:
+def scaled_to_reach(
+    force: Floats, rate: float, row: Floats, reach: float, least: float = 0.05
+) -> Floats:
     """The force, reduced until a key goes no farther than `reach` [m] from its rest.
 
     Quick forces move a key little, so the part of the force below 20 Hz is reduced first.
@@ -121,7 +123,7 @@ def knocks(row: Floats, rate: float, seconds: float, reach: float, most: float) 
     return _forces(reach * x, row, rate, most)
 
 
-def led(path: Floats, row: Floats, rate: float, reach: float, most: float) -> Floats:
+def forces_along_path(path: Floats, row: Floats, rate: float, reach: float, most: float) -> Floats:
     """Forces [N] that move a rough model of a key along a path (n,) [m] from its rest, (n,).
 
     A path that goes farther than `reach` [m] is scaled down as a whole.

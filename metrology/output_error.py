@@ -9,7 +9,7 @@ import numpy as np
 
 from ergon import _core
 
-from .parameters import START, moved, scale
+from .parameters import START, scale, step_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -205,7 +205,7 @@ def fit(
         for _ in range(_TRIALS):
             lifted = unit + damping * np.eye(len(unit))
             step = np.linalg.solve(lifted, slope / size) / size
-            to, at = moved(row, columns, step[:p]), from_ + step[p:forces]
+            to, at = step_parameters(row, columns, step[:p]), from_ + step[p:forces]
             pushed = _forced(gestures, step[forces:])
             new_left, new_off = _squares(to, pushed, at)
             fall = 1.0 - (new_left + variance * new_off) / (left + variance * off)

@@ -64,7 +64,7 @@ def scale(row: Floats, columns: Sequence[int]) -> Floats:
     return np.array([1.0 if index in _PLAIN else row[index] for index in columns])
 
 
-def moved(row: Floats, columns: Sequence[int], step: Floats) -> Floats:
+def step_parameters(row: Floats, columns: Sequence[int], step: Floats) -> Floats:
     """The row after a step of the fitted variables, (columns,), within the bounds of each
     parameter.
     """

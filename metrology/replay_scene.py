@@ -48,7 +48,9 @@ def write_scene(found: Replay, folder: Path) -> Path:
     columns, chains, told = {}, "", []
     for together in curves:
         unit, size = together[0].unit
-        a_centimetre = _rounded(max(float(np.abs(curve.values).max()) for curve in together) / size)
+        a_centimetre = _rounded_scale(
+            max(float(np.abs(curve.values).max()) for curve in together) / size
+        )
         names = " and ".join(curve.name for curve in together)
         told.append(f"{names} {a_centimetre:g} {unit} a cm")
         for curve in together:
@@ -67,7 +69,7 @@ def write_scene(found: Replay, folder: Path) -> Path:
     return score
 
 
-def _rounded(most: float) -> float:
+def _rounded_scale(most: float) -> float:
     """The value of one centimetre, of 1, 2, 5, 10 …, for which the greatest value fits the
     height.
     """

@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 FITTED_SHARE = 0.75  # of the last take, where none is held out
 MODES_MAX = 3
 _LINEAR = tuple(INDEX[name] for name in ("mass", "stiffness", "damping", "weight"))
-_ROUGHLY = 4  # iterations from each of several starts
+_ROUGH_ITERATIONS = 4  # iterations from each of several starts
 _UNKNOWN = 0.5  # of a part: a deviation by which it may as well not be there
 _DELAYS = (0.0, 1.0)  # ticks: of devices in lockstep and by their own clock; tried beside the guess
-_TRIED = 15  # iterations for what may not be there
-_ENOUGH = 1.02  # of the sensor's noise: nothing is left to explain
+_TRIAL_ITERATIONS = 15  # iterations for what may not be there
+_NOISE_RATIO = 1.02  # of the sensor's noise: nothing is left to explain
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ def measure(
         added = start(best.fit.row, guess)
         columns = (*best.fit.columns, *(INDEX[parameter] for parameter in added))
         row = _with(best.fit.row, added)
-        take(judge.stage(name, row, columns, best, iterations=_TRIED))
+        take(judge.stage(name, row, columns, best, iterations=_TRIAL_ITERATIONS))
     ticks = [{}, *({"delay": n / judge.gestures[0].rate} for n in _DELAYS)]
     rows = [_with(best.fit.row, added) for added in ticks]
     take(judge.best_of("delay", rows, (*best.fit.columns, INDEX["delay"]), best))
@@ -146,7 +146,7 @@ def _with(row: Floats, added: dict[str, float]) -> Floats:
 
 
 def _is_noise(fit: Fit, noise: float | None) -> bool:
-    return noise is not None and fit.rms <= _ENOUGH * noise
+    return noise is not None and fit.rms <= _NOISE_RATIO * noise
 
 
 def _mode(judge: _Judge, before: Stage) -> Stage:
@@ -229,7 +229,9 @@ class _Judge:
     ) -> Stage:
         """Fit several rows roughly, then fit and judge the best one as `stage` does."""
         fits = [
-            output_error.fit(self.recovered(before), row, columns, before.fit.starts, _ROUGHLY)
+            output_error.fit(
+                self.recovered(before), row, columns, before.fit.starts, _ROUGH_ITERATIONS
+            )
             for row in rows
         ]
         row = min(fits, key=lambda fit: fit.rms).row

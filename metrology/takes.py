@@ -25,7 +25,7 @@ _SHARES = {"strikes": 0.5, "rain": 0.8}  # of the force: what is quick
 _REACH, _TARGET = 0.4, 0.5  # of half the travel: enough, by the rough key too; what is aimed at
 _RUNG, _RUNGS_MAX = 1.0, 8  # s; until such a take is as strong as the key bears
 _MOST = 0.9  # of the force
-_WEAKER = 0.7  # where a safety stage held the axis at zero
+_FORCE_REDUCTION = 0.7  # where a safety stage held the axis at zero
 _PARTS_MAX = 6
 
 
@@ -38,7 +38,7 @@ class Take:
     gesture: Gesture
 
 
-def lasts(path: Floats | None) -> float:
+def held_out_duration(path: Floats | None) -> float:
     """The duration of a held-out gesture [s], along a path by ticks or with knocks."""
     return HELD_OUT if path is None else len(path) / TICK_RATE
 
@@ -61,7 +61,7 @@ def record(
     """
     axis, takes, left = ladder.axis, [], seconds
     guide = ladder.guide if ladder.needs_guide else ladder.guide.off
-    force = _borne(ladder, kind, guide, seed, path)
+    force = _bearable_force(ladder, kind, guide, seed, path)
     for part in range(1, _PARTS_MAX + 1):
         stream = _stream(ladder, kind, left, force, seed + part, path)
         framed, still = excitation.framed(stream, TICK_RATE)
@@ -73,14 +73,16 @@ def record(
             left -= (n - still) / TICK_RATE
         if excited.end not in DOUBTS or left < 1.0:
             break
-        force *= _WEAKER
+        force *= _FORCE_REDUCTION
     settle(axis, ladder.guide)
     if not takes:
         raise TakeEnded(excited.end)
     return takes
 
 
-def _borne(ladder: Ladder, kind: str, guide: Guide, seed: int, path: Floats | None) -> float:
+def _bearable_force(
+    ladder: Ladder, kind: str, guide: Guide, seed: int, path: Floats | None
+) -> float:
     """The force of such a take that the key can take [N], found by rungs as on the ladder."""
     axis, most = ladder.axis, _MOST * ladder.axis.most
     force = min(most, 0.5 * ladder.force)
@@ -89,7 +91,7 @@ def _borne(ladder: Ladder, kind: str, guide: Guide, seed: int, path: Floats | No
         settle(axis, ladder.guide)
         excited = push(axis, stream, guide, forgiven=True)
         if excited.end != "done" or excited.braked().any():
-            return _WEAKER * force
+            return _FORCE_REDUCTION * force
         share = float(np.abs(excited.positions() - guide.centre).max()) / guide.half
         if share >= _REACH or force >= most:
             break
@@ -110,7 +112,7 @@ def _stream(
         guided[INDEX["damping"]] += damping
     if kind == "held-out" and path is not None:
         own = np.concatenate([path, np.full(max(0, n - len(path)), path[-1])])[:n]
-        stream = excitation.led(own, rough, TICK_RATE, reach, force)
+        stream = excitation.forces_along_path(own, rough, TICK_RATE, reach, force)
     elif kind == "held-out":
         stream = excitation.knocks(rough, TICK_RATE, seconds, reach, force)
     else:
@@ -120,4 +122,4 @@ def _stream(
             else excitation.strikes(n, TICK_RATE, chance)
         )
         stream = force * excitation.mixed(n, TICK_RATE, chance, quick, _SHARES[kind])
-    return excitation.within(stream, TICK_RATE, guided, reach)
+    return excitation.scaled_to_reach(stream, TICK_RATE, guided, reach)

@@ -6,7 +6,7 @@ from math import inf, nextafter
 _TRIES = 8  # neighbours of a number that are tried for one that gives another exactly
 
 
-def nudged(guess: float, made: Callable[[float], float], goal: float) -> float:
+def nudge_to_goal(guess: float, made: Callable[[float], float], goal: float) -> float:
     """The number near `guess` from which `made` computes exactly `goal`; `guess` if there is
     none.
     """

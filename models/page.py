@@ -28,7 +28,7 @@ class Line:
     def written(self, indent: str) -> Iterator[str]:
         """The line as it stands in a score, after its comments."""
         yield from (f"{indent}# {printable(line)}" for line in self.before)
-        yield f"{indent}{self.name}: {self.text}{behind(self.comment)}"
+        yield f"{indent}{self.name}: {self.text}{trailing_comment(self.comment)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ class Page:
             yield "  route:"
         for out in self.outs:
             row = f"{{from: model.{out.name}, to: {out.channel}{out.options}}}"
-            yield f"    - {row}{behind(out.comment)}"
+            yield f"    - {row}{trailing_comment(out.comment)}"
         yield "accuracy: {method: ca, guard: off}"
         yield "render: {bits: float, tail: 10s}"
 
@@ -139,7 +139,7 @@ def number(value: float) -> str:
     return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
 
 
-def behind(comment: str) -> str:
+def trailing_comment(comment: str) -> str:
     """A comment at the end of a line; nothing where it is empty."""
     return f"  # {printable(comment)}" if comment else ""
 

@@ -56,7 +56,7 @@ class BrowserError(ErgonError, RuntimeError):
     """The browser is missing, has ended, or refuses; the message says what to do."""
 
 
-def find(program: str | None = None) -> str:
+def find_browser(program: str | None = None) -> str:
     """The path of Chromium or Chrome: `program`, or the first that is installed.
 
     Raises BrowserError.
@@ -251,10 +251,10 @@ class Browser:
 
 
 @contextlib.contextmanager
-def running(program: str | None = None, flags: Sequence[str] = ()) -> Iterator[Browser]:
+def launch_browser(program: str | None = None, flags: Sequence[str] = ()) -> Iterator[Browser]:
     """A browser that ends with this context. Raises BrowserError."""
     with tempfile.TemporaryDirectory(prefix="ergon-browser-", ignore_cleanup_errors=True) as folder:
-        browser = Browser(find(program), folder, flags)
+        browser = Browser(find_browser(program), folder, flags)
         try:
             yield browser
         finally:

@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import IO, TYPE_CHECKING, Any, cast
 
 from ergon.common.errors import ErgonError
-from ergon.common.extras import install
+from ergon.common.extras import install_command
 
 if TYPE_CHECKING:
     import numpy as np
@@ -45,12 +45,12 @@ class Sound:
     n_out: int
 
 
-def check() -> None:
+def check_pyav() -> None:
     """Raise VideoError where PyAV is not installed."""
     try:
         import av  # noqa: F401
     except ImportError:
-        reason = f"films need PyAV: {install('movie')}; or write pictures: --movie FOLDER/"
+        reason = f"films need PyAV: {install_command('movie')}; or write pictures: --movie FOLDER/"
         raise VideoError(reason) from None
 
 
@@ -64,7 +64,7 @@ class VideoFile:
 
         Raises VideoError where PyAV is not installed or lacks a codec.
         """
-        check()
+        check_pyav()
         import av
 
         self._av = av

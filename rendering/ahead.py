@@ -10,7 +10,7 @@ from typing import TypeVar
 from ergon._core import Work
 
 T = TypeVar("T")
-_AHEAD = 4  # blocks that may wait: enough to even out the two, little memory
+_QUEUE_BLOCKS = 4  # blocks that may wait: enough to even out the two, little memory
 _PATIENCE = 0.1  # [s] between checks whether the consumer is gone
 
 
@@ -21,7 +21,7 @@ def ahead(source: Iterator[T]) -> Generator[T, None, None]:
     """
     # An entry is a list with one item, an empty list at the end, or the exception that ended the
     # source.
-    waiting: queue.Queue[list[T] | BaseException] = queue.Queue(_AHEAD)
+    waiting: queue.Queue[list[T] | BaseException] = queue.Queue(_QUEUE_BLOCKS)
     gone = threading.Event()
     computing = Work()
 

@@ -11,8 +11,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-ALONE = 20.0  # [LU] by which one instrument hides all others
-MOST = 256  # instruments times channels: beyond that measuring costs more than mixing
+DOMINANCE_LU = 20.0  # [LU] by which one instrument hides all others
+MEASURED_OUTPUTS_MAX = (
+    256  # instruments times channels: beyond that measuring costs more than mixing
+)
 _GATE = -70.0  # [LUFS] absolute gate of BS.1770-4: quieter blocks do not count
 _RELATIVE = -10.0  # [LU] relative gate, from the mean of the other blocks
 
@@ -84,7 +86,7 @@ class Balance:
         return InstrumentLevel(self._name, self._meter.peak * gain, float(loudness))
 
 
-def outweighed(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLevel, float] | None:
+def dominant_instrument(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLevel, float] | None:
     """The instrument that hides all others, and how much louder it is than the second [LU]; or
     None.
     """
@@ -95,7 +97,7 @@ def outweighed(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLevel, floa
         return None
     loudest = heard[-1]
     above = loudest.loudness - heard[-2].loudness
-    return (loudest, above) if above > ALONE else None
+    return (loudest, above) if above > DOMINANCE_LU else None
 
 
 def _mean(blocks: NDArray[np.float64]) -> float:

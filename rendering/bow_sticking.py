@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
     from ergon.scores.staging.probes import Rubbing
 
-_LEAST = 5e-4  # [s] that ends must stay together to count as sticking
-_FASTEST = 10.0  # [m/s] up to which friction is examined
+_STICK_TIME_MIN = 5e-4  # [s] that ends must stay together to count as sticking
+_SPEED_MAX = 10.0  # [m/s] up to which friction is examined
 _STEPS = 20_001
-_FALLS = 0.95  # of its maximum: a bow's friction falls below this at the highest speed
+_FALLING_RATIO = 0.95  # of its maximum: a bow's friction falls below this at the highest speed
 
 
 @dataclass(slots=True)
@@ -39,7 +39,7 @@ class Sliding:
         first = apart[0] if self._apart is None else self._apart
         speeds = np.diff(apart, prepend=first) * rate
         self._apart = float(apart[-1])
-        least = max(1, int(_LEAST * rate))
+        least = max(1, int(_STICK_TIME_MIN * rate))
         for holds in ((speeds > self.low) & (speeds < self.high)).tolist():
             if not holds:
                 self.has_slipped, self._held = True, 0
@@ -48,15 +48,15 @@ class Sliding:
                 self.has_stuck = self.has_stuck or self._held >= least
 
 
-def sliding(rubbing: Rubbing) -> Sliding | None:
+def sticking_detector(rubbing: Rubbing) -> Sliding | None:
     """A detector for a link whose friction falls beyond a maximum, as a bow's does; None for other
     links.
     """
-    band = holding(rubbing.module.fields)
+    band = friction_extremes(rubbing.module.fields)
     return None if band is None else Sliding(rubbing, *band)
 
 
-def holding(fields: Any) -> tuple[float, float] | None:
+def friction_extremes(fields: Any) -> tuple[float, float] | None:
     """The speeds [m/s] of the lowest and the highest friction, if friction falls beyond both."""
     import numpy as np
 
@@ -68,13 +68,13 @@ def holding(fields: Any) -> tuple[float, float] | None:
         law = _core.Law(None, fields["damping"], fields.get("constants") or {})
     except (ValueError, _core.LawError):
         return None
-    speeds = np.linspace(-_FASTEST, _FASTEST, _STEPS)
+    speeds = np.linspace(-_SPEED_MAX, _SPEED_MAX, _STEPS)
     forces = np.zeros(_STEPS)
     law.forces(np.zeros(_STEPS), speeds, forces)
     if not np.isfinite(forces).all():
         return None
     low, high = int(np.argmin(forces)), int(np.argmax(forces))
-    falls = forces[-1] < _FALLS * forces[high] and forces[0] > _FALLS * forces[low]
+    falls = forces[-1] < _FALLING_RATIO * forces[high] and forces[0] > _FALLING_RATIO * forces[low]
     if not (low < high and forces[high] > 0.0 > forces[low] and falls):
         return None
     return float(speeds[low]), float(speeds[high])

@@ -35,7 +35,7 @@ class GestureFidelity:
     first_points_missed: int
 
 
-def followed(stage: Any) -> list[GestureFidelity]:
+def gesture_fidelities(stage: Any) -> list[GestureFidelity]:
     """The reports of a staged piece that was run to its end."""
     simulation = stage.simulation
     groups: dict[tuple[str, str, str], list[Report]] = {}
@@ -43,10 +43,10 @@ def followed(stage: Any) -> list[GestureFidelity]:
         gesture = stage.gestures[report.gesture]
         groups.setdefault((gesture.player, gesture.name, gesture.key), []).append(report)
     keys = stage.piece.keys
-    return [_together(*who, reports, keys[who[2]].reach) for who, reports in groups.items()]
+    return [_merged_fidelity(*who, reports, keys[who[2]].reach) for who, reports in groups.items()]
 
 
-def _together(
+def _merged_fidelity(
     player: str, name: str, key: str, reports: list[Report], reach: float
 ) -> GestureFidelity:
     # The engine moves a key as the piece sees it, `reach` times as far; results are those of the

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from ergon.exchange.frozen import MANIFEST, Frozen, Source, Stem, text
-from ergon.exchange.safe import check_target, writing
+from ergon.exchange.safe import check_target, open_for_writing
 from ergon.exchange.sound import WAVE
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import CHANNELS_MAX, Stamp, WaveFormat
@@ -49,10 +49,12 @@ def write(
     stamp = Stamp(source.title, source.score, source.plan)
     with contextlib.ExitStack() as stack:
         # Entered first, so that the manifest gets its name last.
-        manifest = stack.enter_context(writing(folder / MANIFEST, binary=True, force=force))
+        manifest = stack.enter_context(
+            open_for_writing(folder / MANIFEST, binary=True, force=force)
+        )
         writers = []
         for (_, own), path in zip(pieces, paths, strict=True):
-            file = stack.enter_context(writing(path, binary=True, force=force))
+            file = stack.enter_context(open_for_writing(path, binary=True, force=force))
             format = WaveFormat(int(source.rate), len(own), "double")
             writers.append(WaveWriter(file, format, n_frames, stamp))
         at = 0

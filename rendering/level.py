@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from ergon.exchange.wave_header import WaveFormat
 
-from .silence import Silence, silenced
+from .silence import Silence, apply_silences
 
 if TYPE_CHECKING:
     import numpy as np
@@ -184,7 +184,7 @@ class MasterChain:
         self._at += len(frames)
         if not len(kept):
             return
-        kept = np.ascontiguousarray(silenced(kept, first, self._silences, self._rate))
+        kept = np.ascontiguousarray(apply_silences(kept, first, self._silences, self._rate))
         self._meter.process(kept)
         bits = self._writer.format.bits
         if bits == "float":

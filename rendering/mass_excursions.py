@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Any
 
-from .bow_sticking import Sliding, sliding
+from .bow_sticking import Sliding, sticking_detector
 from .render import frames_of
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _BLOCK = 1024
 
 
 @dataclass(slots=True)
-class Swing:
+class Excursion:
     """The lowest and highest position of a point [m]."""
 
     point: Point
@@ -30,7 +30,7 @@ class Swing:
 
 
 @dataclass(slots=True)
-class Closing:
+class ContactClosings:
     """How often a contact closed, from frame `first` to `last`, and its deepest penetration [m].
 
     If it never closed the penetration is negative: its size is the least distance, at frame
@@ -67,13 +67,13 @@ class Closing:
             self.deepest, self.deepest_at = float(depth[deepest]), at + deepest
 
 
-def swings(
+def measure_excursions(
     stage: Any, probed: Probed, progress: Callable[[int], None]
-) -> tuple[list[Swing], list[Closing], list[Sliding]]:
+) -> tuple[list[Excursion], list[ContactClosings], list[Sliding]]:
     """Run the stage of a probed piece to its end; what its points, contacts and bows did."""
-    moved = [Swing(point) for point in probed.points]
-    closed = [Closing(contact) for contact in probed.contacts]
-    bows = [bow for bow in map(sliding, probed.rubbings) if bow is not None]
+    moved = [Excursion(point) for point in probed.points]
+    closed = [ContactClosings(contact) for contact in probed.contacts]
+    bows = [bow for bow in map(sticking_detector, probed.rubbings) if bow is not None]
     at = 0
     for frames in frames_of(stage.simulation, stage.n_looked_at, _BLOCK):
         for swing, low, high in zip(moved, frames.min(axis=0), frames.max(axis=0), strict=True):

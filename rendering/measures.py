@@ -100,7 +100,7 @@ def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> f
     lag = first + int(below[0])
     while lag + 1 < longest - 1 and normal[lag + 1] < normal[lag]:
         lag += 1
-    return rate / _between(-difference[lag - 1 : lag + 2], lag)
+    return rate / _parabola_peak(-difference[lag - 1 : lag + 2], lag)
 
 
 def _partial(x: NDArray[np.float64], rate: float) -> float | None:
@@ -113,10 +113,10 @@ def _partial(x: NDArray[np.float64], rate: float) -> float | None:
     if len(magnitude) < low + 2 or not magnitude[low:-1].any():
         return None
     at = low + int(magnitude[low:-1].argmax())
-    return _between(np.log(np.maximum(magnitude[at - 1 : at + 2], 1e-300)), at) * rate / size
+    return _parabola_peak(np.log(np.maximum(magnitude[at - 1 : at + 2], 1e-300)), at) * rate / size
 
 
-def _between(three: NDArray[np.float64], at: int) -> float:
+def _parabola_peak(three: NDArray[np.float64], at: int) -> float:
     """Position of the maximum of the parabola through three values; the middle one is at `at`."""
     a, b, c = (float(y) for y in three)
     curve = a - 2.0 * b + c

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NotRequired, Protocol, TypedDict
 
 from ergon.common.errors import ErgonError
 
-from .resumed import STRETCH, is_dear
+from .resumed import STRETCH_FRAMES, is_dear
 
 if TYPE_CHECKING:
     import numpy as np
@@ -120,7 +120,7 @@ class _Chain:
         return sum(part.island.cost for part in self.parts)
 
 
-def grouped(costs: Sequence[float], count: int) -> list[list[int]]:
+def group_by_cost(costs: Sequence[float], count: int) -> list[list[int]]:
     """Indices of costs in at most `count` groups: each cost, largest first, goes to the cheapest
     group.
     """
@@ -132,7 +132,7 @@ def grouped(costs: Sequence[float], count: int) -> list[list[int]]:
     return [sorted(own) for _, own in groups if own]
 
 
-def chains(count: int, simulation: Simulation | None = None) -> int:
+def chain_count(count: int, simulation: Simulation | None = None) -> int:
     """The largest number of chains for `count` workers; with a simulation, the number of its
     chains, at least 1.
 
@@ -162,7 +162,7 @@ class RemoteSimulation:
         self._n_frames, self._at = n_frames, 0
         self.n_recalled = self.n_computed = 0
         dear = [(i, one) for i, one in enumerate(simulation.storable()) if is_dear(one)]
-        groups = grouped([one.cost for _, one in dear], _GROUPS_EACH * workers.count)
+        groups = group_by_cost([one.cost for _, one in dear], _GROUPS_EACH * workers.count)
         self._chains = []
         for group in groups:
             parts = []
@@ -185,13 +185,15 @@ class RemoteSimulation:
     def process(self, out: NDArray[np.float64]) -> None:
         """Fill (n_frames, n_out) with the next frames. Raises DivergedError and ClusterError."""
         while len(out):
-            if self._at % STRETCH == 0:
+            if self._at % STRETCH_FRAMES == 0:
                 self._begin()
-            n_frames = min(len(out), STRETCH - self._at % STRETCH, self._n_frames - self._at)
+            n_frames = min(
+                len(out), STRETCH_FRAMES - self._at % STRETCH_FRAMES, self._n_frames - self._at
+            )
             self._simulation.process(out[:n_frames])
             self._at += n_frames
             out = out[n_frames:]
-            if self._at % STRETCH == 0 or self._at == self._n_frames:
+            if self._at % STRETCH_FRAMES == 0 or self._at == self._n_frames:
                 self._end()
 
     def _begin(self) -> None:
@@ -222,7 +224,7 @@ class RemoteSimulation:
             answer, chain.asked = self._workers.answer(chain.asked), None
             self._take(chain, answer)
         while chain.asked is None and not chain.is_home and self._is_wanted(chain):
-            stop = min(chain.at + STRETCH, self._n_frames)
+            stop = min(chain.at + STRETCH_FRAMES, self._n_frames)
             chain.keys = [
                 self._simulation.island_key(part.island, chain.at, stop, part.key)
                 for part in chain.parts
@@ -231,7 +233,7 @@ class RemoteSimulation:
                 chain.asked = self._workers.submit(self._request(chain, stop))
 
     def _is_wanted(self, chain: _Chain) -> bool:
-        return chain.at < min(self._n_frames, self._at + _LEAD * STRETCH)
+        return chain.at < min(self._n_frames, self._at + _LEAD * STRETCH_FRAMES)
 
     def _request(self, chain: _Chain, stop: int) -> Request:
         islands = [
@@ -242,16 +244,16 @@ class RemoteSimulation:
 
     def _recall(self, chain: _Chain, stop: int) -> bool:
         """Take the stretch from the store, if all of it is there."""
-        if self._store is None or stop - chain.at < STRETCH:
+        if self._store is None or stop - chain.at < STRETCH_FRAMES:
             return False
         found = []
         for part, key in zip(chain.parts, chain.keys, strict=True):
             known = self._store.get(key)
-            if known is None or len(known.sound) != STRETCH * part.island.n_out:
+            if known is None or len(known.sound) != STRETCH_FRAMES * part.island.n_out:
                 return False
             found.append(known)
         self._keep(chain, stop, [one.sound for one in found], [one.state for one in found])
-        self.n_recalled += STRETCH * len(found)
+        self.n_recalled += STRETCH_FRAMES * len(found)
         return True
 
     def _take(self, chain: _Chain, answer: Answer) -> None:
@@ -262,7 +264,7 @@ class RemoteSimulation:
         if answer.get("diverged"):
             chain.is_home = True  # from the state that `_end` restores
             return
-        stop = min(chain.at + STRETCH, self._n_frames)
+        stop = min(chain.at + STRETCH_FRAMES, self._n_frames)
         n_frames = stop - chain.at
         sizes = [8 * n_frames * part.island.n_out for part in chain.parts]
         if [len(sound) for sound in answer["sounds"]] != sizes or len(answer["states"]) != len(
@@ -270,7 +272,7 @@ class RemoteSimulation:
         ):
             raise ClusterError(f"worker {answer['worker']} sent sounds of another length")
         sounds = [np.frombuffer(one, dtype="<f8").astype(np.float64) for one in answer["sounds"]]
-        if self._store is not None and n_frames == STRETCH:
+        if self._store is not None and n_frames == STRETCH_FRAMES:
             for key, sound, state in zip(chain.keys, sounds, answer["states"], strict=True):
                 self._store.put(key, sound, state)
         self.n_computed += n_frames * len(sizes)

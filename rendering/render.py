@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, BinaryIO, Protocol
 
 from ergon import _core
 from ergon.exchange import sound
-from ergon.exchange.safe import check_target, writing
+from ergon.exchange.safe import check_target, open_for_writing
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .ahead import ahead
-from .balance import MOST, Balance, InstrumentLevel
+from .balance import MEASURED_OUTPUTS_MAX, Balance, InstrumentLevel
 from .filmed import Film, FilmedSimulation
 from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
 from .remote import RemoteSimulation, Workers
@@ -191,7 +191,7 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
         mixers += [(str(path), mixer, None) for path, (_, mixer) in zip(paths, stems, strict=True)]
         tracks = []
         for name, mixer, limit in mixers:
-            to = writing(name, binary=True, force=job.force, inputs=job.inputs)
+            to = open_for_writing(name, binary=True, force=job.force, inputs=job.inputs)
             file = stack.enter_context(to)
 
             def written_to(
@@ -238,14 +238,16 @@ def _filmed(
     if job.film is None or not isinstance(simulation, _core.Simulation):
         return None
     path = job.film.path
-    file = stack.enter_context(writing(path, binary=True, force=job.force, inputs=job.inputs))
+    file = stack.enter_context(
+        open_for_writing(path, binary=True, force=job.force, inputs=job.inputs)
+    )
     return FilmedSimulation(simulation, job.film, stage.mixer(reference=reference), file)
 
 
 def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
     """A balance for each instrument, if there are several and not too many."""
     stems = stage.stems(highpass=job.level.highpass, reference=job.level.reference)
-    if not 1 < len(stems) <= MOST // max(1, stage.n_channels):
+    if not 1 < len(stems) <= MEASURED_OUTPUTS_MAX // max(1, stage.n_channels):
         return []
     return [
         Balance(name, mixer, stage.rate, stage.n_channels, job.start, job.stop)

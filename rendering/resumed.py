@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ergon._core import Simulation, StorableIsland
     from ergon.exchange.stretch_store import StretchStore
 
-STRETCH = 1 << 17  # frames, 3 s at 44.1 kHz: an edit costs half as much again on the average
+STRETCH_FRAMES = 1 << 17  # frames, 3 s at 44.1 kHz: an edit costs half as much again on the average
 # Reading and writing a sample of an output takes some 20 ns: what takes less to compute is
 # computed.
 _NS_PER_SAMPLE = 100.0
@@ -71,13 +71,13 @@ class ResumedSimulation:
     def process(self, out: NDArray[np.float64]) -> None:
         """Fill (n_frames, n_out) with the next frames. Raises DivergedError."""
         while len(out):
-            if self._at % STRETCH == 0:
-                self._begin(self._at + STRETCH)
-            n_frames = min(len(out), STRETCH - self._at % STRETCH)
+            if self._at % STRETCH_FRAMES == 0:
+                self._begin(self._at + STRETCH_FRAMES)
+            n_frames = min(len(out), STRETCH_FRAMES - self._at % STRETCH_FRAMES)
             self._simulation.process(out[:n_frames])
             self._at += n_frames
             out = out[n_frames:]
-            if self._at % STRETCH == 0:
+            if self._at % STRETCH_FRAMES == 0:
                 self._end()
 
     def _begin(self, stop: int) -> None:
@@ -89,18 +89,18 @@ class ResumedSimulation:
             # The last stretch is always computed, so that reports of the islands are available at
             # the end.
             known = self._store.get(part.key) if stop < self._n_frames else None
-            n_samples = STRETCH * part.island.n_out
+            n_samples = STRETCH_FRAMES * part.island.n_out
             if known is not None and len(known.sound) == n_samples:
                 self._simulation.recall(part.island, known.sound)
                 part.is_recalled, part.state = True, known.state
-                self.n_recalled += STRETCH
+                self.n_recalled += STRETCH_FRAMES
                 continue
             if part.state is not None:
                 self._simulation.set_state(part.island, part.state)
             part.is_recalled, part.state = False, None
             if is_whole and self._is_kept:
                 self._simulation.record(part.island)
-            self.n_computed += min(stop, self._n_frames) - (stop - STRETCH)
+            self.n_computed += min(stop, self._n_frames) - (stop - STRETCH_FRAMES)
 
     def _end(self) -> None:
         """Keep what was computed."""
@@ -110,7 +110,7 @@ class ResumedSimulation:
             stretch = self._simulation.recorded(part.island)
             # A folder that takes nothing now will take nothing later.
             self._is_kept = self._store.put(part.key, stretch.sound, stretch.state)
-        if self._at + STRETCH > self._n_frames:
+        if self._at + STRETCH_FRAMES > self._n_frames:
             self._store.forget()
 
 

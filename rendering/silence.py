@@ -23,7 +23,7 @@ class Silence:
     stop: int | None = None
 
 
-def silenced(
+def apply_silences(
     frames: NDArray[np.float64], at: int, silences: Sequence[Silence], rate: float
 ) -> NDArray[np.float64]:
     """Frames (n_frames, n_channels), of which the first is number `at`, with the silences applied.

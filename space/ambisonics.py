@@ -20,7 +20,7 @@ from .panning import vbap
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-MOST = 7  # order: 64 channels
+ORDER_MAX = 7  # order: 64 channels
 _VIRTUAL = 5200  # directions by which a decoder is made, as many as a t-design of order 100 has
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 TAPS = 128
-SHIPPED = Path(__file__).with_name("kemar.csv")
+KEMAR_PATH = Path(__file__).with_name("kemar.csv")
 FULL_SCALE = 8192.0  # of a coefficient of the shipped file
 _RATE = 44_100.0  # [Hz] of the shipped file
 _REACH = 16  # samples on either side that make a resampled one
@@ -107,7 +107,7 @@ def _windowed_sinc(at: float, band: float, reach: float) -> float:
 def kemar() -> Head:
     """The head that ships: 24 pairs, for the directions of the dome 12 + 8 + 4."""
     directions, delays, filters = [], [], []
-    with SHIPPED.open(newline="", encoding="utf-8") as file:
+    with KEMAR_PATH.open(newline="", encoding="utf-8") as file:
         rows = csv.reader(line for line in file if not line.startswith("#"))
         for azimuth, elevation, left, right, *taps in rows:
             directions.append(point(float(azimuth), float(elevation), 1.0))
@@ -134,7 +134,7 @@ def prepared(
     size = max(_POINTS, 1 << (responses.shape[2] - 1).bit_length())
     magnitude = np.abs(np.fft.rfft(responses, size))
     level = np.maximum(magnitude, magnitude.max() * 1e-5) / _diffuse(directions, magnitude, rate)
-    level = level ** _trusted(size, rate)
+    level = level ** _kept_level_shares(size, rate)
     delays = np.array([[_delay(h, rate) for h in pair] for pair in responses])
     filters, lates = [], []
     for towards in wanted:
@@ -163,7 +163,7 @@ def _diffuse(
     return np.sqrt(_smooth(power))
 
 
-def _trusted(size: int, rate: float) -> NDArray[np.float64]:
+def _kept_level_shares(size: int, rate: float) -> NDArray[np.float64]:
     """The share of a level in dB that is kept, by frequency: a head does not affect long waves, and
     what is measured there is the loudspeaker and the room.
     """

@@ -18,7 +18,7 @@ _POLES = ((0.99765, 0.0990460), (0.96300, 0.2965164), (0.57000, 1.0526913))
 _DIRECT = 0.1848
 
 
-def burst(seconds: float, rate: float, level: float) -> NDArray[np.float64]:
+def pink_noise_burst(seconds: float, rate: float, level: float) -> NDArray[np.float64]:
     """Pink noise of an rms level [ratio of full scale], faded in and out, (n_frames,)."""
     import numpy as np
 

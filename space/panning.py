@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _CLOSED = 0.5  # cosine of that angle
 _FLAT = 1e-9  # of a unit: points of one facet lie in one plane
 _INSIDE = -1e-9  # least gain of a source on the edge of a triangle
-MOST = 64  # loudspeakers
+SPEAKERS_MAX = 64  # loudspeakers
 
 
 class ArrayError(ErgonError, ValueError):
@@ -45,7 +45,7 @@ def _products(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.floa
     return a[:, None, 0] * b[:, 0] + a[:, None, 1] * b[:, 1] + a[:, None, 2] * b[:, 2]
 
 
-def imaginary(array: NDArray[np.float64]) -> NDArray[np.float64]:
+def imaginary_speakers(array: NDArray[np.float64]) -> NDArray[np.float64]:
     """Directions of the imaginary loudspeakers that close the hull of an array, (n, 3)."""
     added = [
         (0.0, 0.0, z) for z in (-1.0, 1.0) if not len(array) or (array[:, 2] * z).max() < _CLOSED
@@ -61,8 +61,8 @@ def triangles(points: NDArray[np.float64]) -> NDArray[np.intp]:
     diagonal is preferred. Raises ArrayError if there are too many points, or if no facet has the
     middle of the room on its inner side.
     """
-    if len(points) > MOST + 2:
-        raise ArrayError(f"an array for panning has at most {MOST} loudspeakers")
+    if len(points) > SPEAKERS_MAX + 2:
+        raise ArrayError(f"an array for panning has at most {SPEAKERS_MAX} loudspeakers")
     triples = np.array([*combinations(range(len(points)), 3)], np.intp).reshape(-1, 3)
     a, b, c = (points[triples[:, i]] for i in range(3))
     normals = _cross(b - a, c - a)
@@ -101,7 +101,7 @@ def vbap(
     `keeps_imaginary` they are not scaled, so that sources fade towards a hole. If a facet has
     more than three corners, the gains of its triangles are averaged. Raises ArrayError.
     """
-    points = np.vstack([array, imaginary(array)])
+    points = np.vstack([array, imaginary_speakers(array)])
     corners = triangles(points)
     a, b, c = (points[corners[:, i]] for i in range(3))
     volume = (a * _cross(b, c)).sum(1)
@@ -118,12 +118,12 @@ def vbap(
         found += inside
     if not found.all():
         raise ArrayError("these loudspeakers do not surround the middle of the room")
-    gains = _whole(gains)
+    gains = _unit_energy(gains)
     gains = gains[:, : len(array)]
-    return gains if keeps_imaginary else _whole(gains)
+    return gains if keeps_imaginary else _unit_energy(gains)
 
 
-def _whole(gains: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit_energy(gains: NDArray[np.float64]) -> NDArray[np.float64]:
     """Gains scaled to energy 1; a row of zeros stays zero."""
     energy = np.zeros(len(gains))
     for column in gains.T:

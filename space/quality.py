@@ -15,7 +15,7 @@ import numpy as np
 
 from .ambisonics import allrad, harmonics
 from .directions import spread_directions, unit_vectors
-from .panning import ArrayError, imaginary, nearest_gains, triangles, vbap
+from .panning import ArrayError, imaginary_speakers, nearest_gains, triangles, vbap
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -98,7 +98,7 @@ def quality(
 def holes(places: tuple[Point, ...]) -> list[tuple[int, int, float]]:
     """Neighbours at or above the horizon that are far apart: (index, index, angle [degrees])."""
     array = unit_vectors(places)
-    points = np.vstack([array, imaginary(array)])
+    points = np.vstack([array, imaginary_speakers(array)])
     try:
         corners_of_all = triangles(points).tolist()
     except ArrayError:
@@ -119,7 +119,7 @@ def holes(places: tuple[Point, ...]) -> list[tuple[int, int, float]]:
 
 def is_open_above(places: tuple[Point, ...]) -> bool:
     """Whether no loudspeaker lies within 60° of the zenith."""
-    return bool((imaginary(unit_vectors(places))[:, 2] > 0.0).any())
+    return bool((imaginary_speakers(unit_vectors(places))[:, 2] > 0.0).any())
 
 
 def is_symmetric(places: tuple[Point, ...]) -> bool:

@@ -14,8 +14,8 @@ import yaml
 
 from ergon import _core
 from ergon.api import render as rendering
-from ergon.api.simulate import never_closed, never_stuck, simulate
-from ergon.api.strokes import closed_once
+from ergon.api.simulate import never_closed_warnings, never_stuck_warnings, simulate
+from ergon.api.strokes import closed_once_warnings
 from ergon.common.report import Report
 from ergon.notation.text.errors import Diagnostic, full
 from ergon.scores.reading.load import Loaded, load
@@ -77,8 +77,10 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
             return [*reports, *passes_limit(loaded.piece, played.built, played.paths)], loaded
         if entry.code in ("W320", "W323", "W334"):
             done = simulate(loaded.piece, NAME)
-            reports += never_closed(loaded.piece, done) + closed_once(loaded.piece, done)
-            return [*reports, *never_stuck(done)], loaded
+            reports += never_closed_warnings(loaded.piece, done) + closed_once_warnings(
+                loaded.piece, done
+            )
+            return [*reports, *never_stuck_warnings(done)], loaded
         if entry.code in ("W324", "W325"):
             done_file = rendered(loaded)
             return [*reports, *done_file.faint], loaded

@@ -17,9 +17,9 @@ from ergon.models.naming import times
 from ergon.models.refused import REFUSED
 from ergon.notation.text.errors import quote
 
-MOST_MASSES = 2_000_000
-MOST_ROWS = 2_000
-MOST_SIDE = 801  # masses of a PLATE
+MASSES_MAX = 2_000_000
+ROWS_MAX = 2_000
+SIDE_MAX = 801  # masses of a PLATE
 _NEAR = 1e-9  # of a mass: what rounding leaves of 0.7·(N - 1)
 
 
@@ -156,10 +156,10 @@ def size(one: Statement) -> tuple[int, int]:
             raise ModelError(few, one.line)
     if one.keyword in ("mesh", "closedMesh"):
         sides = max(rows, columns) - 2 * (one.keyword == "closedMesh")
-        if sides > MOST_SIDE:
-            message = f"{one.keyword}: a side has {MOST_SIDE} masses at most in a score"
+        if sides > SIDE_MAX:
+            message = f"{one.keyword}: a side has {SIDE_MAX} masses at most in a score"
             raise ModelError(message, one.line)
-    if rows * columns > MOST_MASSES or (one.keyword == "cornerMesh" and rows > MOST_ROWS):
+    if rows * columns > MASSES_MAX or (one.keyword == "cornerMesh" and rows > ROWS_MAX):
         message = f"{one.keyword}: {rows * columns:,} masses are more than a score holds"
         raise ModelError(message, one.line)
     return rows, columns

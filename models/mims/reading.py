@@ -16,9 +16,9 @@ from ergon.notation.tables.expressions import Amount
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 
-MOST_BYTES = 16 << 20
-MOST_LINES = 200_000
-MOST_CHARACTERS = 1_000  # of a line that says something
+BYTES_MAX = 16 << 20
+LINES_MAX = 200_000
+CHARACTERS_MAX = 1_000  # of a line that says something
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _NAME = re.compile(r"@[A-Za-z_]\w{0,63}")
 _V2_WORD = re.compile(r"[^\s\[\]]+|\[[^\[\]]*\]")
@@ -37,9 +37,9 @@ def text_of(path: Path) -> str:
 
 
 def _text_of(path: Path) -> str:
-    data = read_bounded(path, MOST_BYTES)
-    if len(data) > MOST_BYTES:
-        raise ModelError(f"it is larger than {MOST_BYTES >> 20} MB")
+    data = read_bounded(path, BYTES_MAX)
+    if len(data) > BYTES_MAX:
+        raise ModelError(f"it is larger than {BYTES_MAX >> 20} MB")
     if b"\0" in data:
         raise ModelError(
             "it is not text: it has null bytes", data[: data.index(b"\0")].count(10) + 1
@@ -63,8 +63,8 @@ def parse(text: str, dialect: Dialect, file: str = "", given: Mapping[str, str] 
     """A model in one dialect; `given` are values of parameters by name. Raises ModelError."""
     words = _v1_words if dialect == "v1" else _v2_words
     lines = _LINE_END.split(text)
-    if len(lines) > MOST_LINES:
-        raise ModelError(f"it has more than {MOST_LINES:,} lines", MOST_LINES + 1)
+    if len(lines) > LINES_MAX:
+        raise ModelError(f"it has more than {LINES_MAX:,} lines", LINES_MAX + 1)
     try:
         rows = [(at, row) for at, line in enumerate(lines, 1) if (row := words(line, at))]
         if not rows:
@@ -74,7 +74,7 @@ def parse(text: str, dialect: Dialect, file: str = "", given: Mapping[str, str] 
         macros = {row[0][1:] for _, row in rows if _family(row, dialect) == "macro"}
         statements = tuple(_statement(at, row, dialect, macros) for at, row in rows)
         model = Model(file, dialect, statements)
-        _no_two_of_a_name(model)
+        _refuse_duplicate_names(model)
         model.params = _params(model, given)
         _known_points(model, macros)
         for one in statements:
@@ -115,8 +115,8 @@ def _v2_words(line: str, at: int) -> tuple[str, ...]:
 
 
 def _bounded(words: tuple[str, ...], line: str, at: int) -> tuple[str, ...]:
-    if words and len(line) > MOST_CHARACTERS:
-        raise ModelError(f"a line has at most {MOST_CHARACTERS:,} characters", at)
+    if words and len(line) > CHARACTERS_MAX:
+        raise ModelError(f"a line has at most {CHARACTERS_MAX:,} characters", at)
     return words
 
 
@@ -205,7 +205,7 @@ def _height(text: str, line: int) -> str:
 # --- what statements mean together --------------------------------------------------------------
 
 
-def _no_two_of_a_name(model: Model) -> None:
+def _refuse_duplicate_names(model: Model) -> None:
     seen: dict[str, int] = {}
     for one in model.statements:
         if model.dialect == "v1" and one.family == "link":

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ergon.models.errors import ModelError
-from ergon.models.exact_numbers import nudged
+from ergon.models.exact_numbers import nudge_to_goal
 from ergon.models.naming import Names
 from ergon.models.page import RATE, Input, Line, Out, Page, gain, number
 from ergon.models.pmpd.bang import first_bang
@@ -95,7 +95,7 @@ def _masses(own: _Writing) -> None:
 def _string(own: _Writing, row: Row, one: Mass, word: str) -> None:
     n = row.count
     _within(one)
-    M = nudged(n * one.M, lambda whole: whole / n, one.M)
+    M = nudge_to_goal(n * one.M, lambda whole: whole / n, one.M)
     fields = [f"masses: {n}", "ends: free", f"M: {number(M)}", f"K: {number(row.link.K)}"]
     fields += [f"Z: {number(row.link.D)}", *_start(one)]
     name = own.add(word, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first} and on")

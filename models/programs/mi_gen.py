@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from ergon.models.exact_numbers import nudged
+from ergon.models.exact_numbers import nudge_to_goal
 from ergon.models.mims.laws import LINKS
 from ergon.models.naming import Names
 from ergon.models.page import RATE
@@ -115,7 +115,7 @@ class _Writing:
         ties = f"{_number(body.K)} {_number(body.z)} 0 0"
         if body.kind == "STRING":
             count = across
-            mass = nudged(mass, lambda m: count * m / count, mass)
+            mass = nudge_to_goal(mass, lambda m: count * m / count, mass)
             self.called[body.points[0]] = name
             word = "string" if body.is_held else "chain"
             self.lines.append(f"@{name} {word} {count + more} {_number(mass)} {ties}")
@@ -169,8 +169,8 @@ class _Writing:
         if point.rest and (point.kappa or point.zeta):
             self._resting(name, number, point, m)
             return
-        k = nudged(point.kappa * m, lambda k: k / m, point.kappa)
-        z = nudged(point.zeta * m, lambda z: z / m, point.zeta)
+        k = nudge_to_goal(point.kappa * m, lambda k: k / m, point.kappa)
+        z = nudge_to_goal(point.zeta * m, lambda z: z / m, point.zeta)
         if k < 0.0 or z < 0.0:
             self.refuse(point.place, f"{point.name}: {_NEGATIVE}")
         word = f"osc {_number(m)} {_number(k)} {_number(z)}" if k or z else f"mass {_number(m)}"
@@ -192,16 +192,16 @@ class _Writing:
         if z == m:
             self.refuse(point.place, f"{point.name}: it is damped within one sample")
             return
-        g = nudged(-point.weight * RATE, lambda g: g / RATE, -point.weight)
+        g = nudge_to_goal(-point.weight * RATE, lambda g: g / RATE, -point.weight)
         step = point.d0
-        x0 = nudged(point.x0 - step, lambda x: (point.x0 - x) * RATE / RATE, step)
+        x0 = nudge_to_goal(point.x0 - step, lambda x: (point.x0 - x) * RATE / RATE, step)
         first = (step + (g / RATE + k * x0) / m) / (1.0 - z / m)
 
         def begun(v0: float) -> float:
             before = x0 - v0 / RATE
             return (2.0 - (k + z) / m) * x0 + (z / m - 1.0) * before - g / RATE / m
 
-        v0 = nudged(first * RATE, begun, point.x0)
+        v0 = nudge_to_goal(first * RATE, begun, point.x0)
         weight = f" {_number(g)}" if g else ""
         self.lines.append(f"@{name} {word}{weight} {_number(x0)} {_number(v0)}")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.exchange.safe import FileRefusedError, writing
+from ergon.exchange.safe import FileRefusedError, open_for_writing
 from ergon.notation.text.files import is_below
 from ergon.repl.session.version import NotTakenError
 
@@ -84,7 +84,7 @@ class Captures:
             own.n_missing = span[1] - span[0] - len(found.ticks())
             if not is_below(target, folder):
                 raise FileRefusedError(f"{target} is outside the folder of the score")
-            with writing(target, binary=True) as file:
+            with open_for_writing(target, binary=True) as file:
                 file.write(found.to_bytes())
         except (FileRefusedError, _core.EngineError, OSError) as error:
             raise NotTakenError(f"the take {own.name} was not written: {error}") from None

@@ -11,10 +11,10 @@ from motions import Piece
 
 from ergon import _core
 from ergon.api.render import FileOptions, render
-from ergon.api.viewing import beside, for_two_ears, render_view
+from ergon.api.viewing import for_two_ears, render_view, sound_beside
 from ergon.common.report import Report
 from ergon.exchange import sound
-from ergon.exchange.safe import writing
+from ergon.exchange.safe import open_for_writing
 from ergon.exchange.wave_header import Bits, Stamp, WaveFormat
 
 SCORE = """\
@@ -46,7 +46,7 @@ def written(path: Path, frames: np.ndarray, bits: Bits = "float") -> Path:
     """A WAV file without a word of what its channels are."""
     format = WaveFormat(8000, frames.shape[1], bits)
     kind = np.float64 if bits == "double" else np.float32
-    with writing(str(path), binary=True, force=True, inputs=()) as file:
+    with open_for_writing(str(path), binary=True, force=True, inputs=()) as file:
         writer = sound.writer(str(path), file, format, len(frames), Stamp("x"))
         writer.write(np.ascontiguousarray(frames, kind))
         writer.close()
@@ -102,13 +102,13 @@ def test_sound_beside_a_motion_file_is_that_of_its_score(tmp_path: Path) -> None
     path = score(tmp_path)
     shown = render_view(path, tmp_path, FileOptions(motion=True), Report())
     said = Said()
-    assert beside(shown.motion, said) == shown.motion.with_suffix(".wav")
+    assert sound_beside(shown.motion, said) == shown.motion.with_suffix(".wav")
     assert said.sentences == []
     other = Piece().write(tmp_path / "other.motion")
-    assert beside(other, said) is None
+    assert sound_beside(other, said) is None
     assert said.sentences == []
     (tmp_path / "other.wav").write_bytes(shown.motion.with_suffix(".wav").read_bytes())
-    assert beside(other, said) is None
+    assert sound_beside(other, said) is None
     assert "is not the sound of" in said.sentences[0]
     (tmp_path / "other.wav").write_bytes(b"RIFF")
-    assert beside(other, said) is None
+    assert sound_beside(other, said) is None

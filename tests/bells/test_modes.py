@@ -7,7 +7,7 @@ import pytest
 from struck import RATE, church, matched, others
 from sweep import few
 
-from ergon.bells.modes import find, uncertainty
+from ergon.bells.modes import find_modes, uncertainty
 
 DURATION = 6.0
 
@@ -16,7 +16,7 @@ def analysed(struck, noise_db, seed, duration=DURATION):
     clean = struck.sound(duration)
     deviation = np.abs(clean).max() * 10 ** (noise_db / 20)
     sound = clean + deviation * np.random.default_rng(seed).standard_normal(clean.size)
-    modes, rest = find(sound, RATE)
+    modes, rest = find_modes(sound, RATE)
     told = uncertainty(modes, rest, RATE)
     return modes, told, deviation, clean.size
 

@@ -36,7 +36,7 @@ NOT_STABLE = (
 @pytest.fixture(autouse=True)
 def folder(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("ERGON_CACHE", "plans")
-    monkeypatch.setattr(remote, "STRETCH", 4096)
+    monkeypatch.setattr(remote, "STRETCH_FRAMES", 4096)
     monkeypatch.setattr(resumed, "_NS_PER_SAMPLE", 0.0)
     monkeypatch.setattr(cluster_worker, "_ready", [])
     Path("a.yaml").write_text(BELL.format(**FEW))

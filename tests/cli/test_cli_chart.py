@@ -11,7 +11,7 @@ from sweep import few
 
 from ergon.cli import app
 from ergon.cli.laboratory import FORMS
-from ergon.common.extras import install
+from ergon.common.extras import install_command
 from ergon.lab.names import METHODS
 from ergon.lab.pictures import targets
 
@@ -149,7 +149,7 @@ def test_without_matplotlib_there_is_the_table(
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert app.run(typed) == 2
-    assert f"{install('lab')}; x.csv is written" in capsys.readouterr().err
+    assert f"{install_command('lab')}; x.csv is written" in capsys.readouterr().err
     assert [path.exists() for path in targets(here / "x")] == [True, False, False]
     assert rows(here / "x.csv")
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ergon.api.work_shares import Piece, shares
+from ergon.api.work_shares import WorkPiece, share_out
 from ergon.cli import app
 
 GONGS = """\
@@ -66,9 +66,9 @@ def test_a_plan_says_what_bounds_the_time(capsys: pytest.CaptureFixture[str]):
 
 
 def test_shares_by_hand():
-    own = [Piece(("a",), 4.0), Piece(("b",), 3.0), Piece(("c", "d"), 2.0)]
-    found = shares(own, 10.0, 2)
+    own = [WorkPiece(("a",), 4.0), WorkPiece(("b",), 3.0), WorkPiece(("c", "d"), 2.0)]
+    found = share_out(own, 10.0, 2)
     assert sorted(found.loads) == [4.0, 5.0]
     assert (found.home, found.whole, found.longest, found.bound) == (1.0, 10.0, 5.0, 2.5)
     assert found.dearest == own[0]
-    assert shares([], 2.0, 4).longest == 2.0
+    assert share_out([], 2.0, 4).longest == 2.0

@@ -14,10 +14,12 @@ from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import RIFF_LIMIT, Stamp, WaveFormat, WaveInfo, parse
 from ergon.space.directions import angles
 
-SPEAKERS = adm.Sounded(tuple(angles(place) for place in dome()))
+SPEAKERS = adm.ChannelLayout(tuple(angles(place) for place in dome()))
 
 
-def written(sounded: adm.Sounded, title: str = "A piece", limit: int = RIFF_LIMIT) -> WaveInfo:
+def written(
+    sounded: adm.ChannelLayout, title: str = "A piece", limit: int = RIFF_LIMIT
+) -> WaveInfo:
     file = BytesIO()
     stamp = Stamp(title, chunks=adm.chunks(sounded, title))
     format = WaveFormat(48_000, sounded.n_channels, 24)
@@ -29,8 +31,10 @@ def written(sounded: adm.Sounded, title: str = "A piece", limit: int = RIFF_LIMI
 
 
 @pytest.mark.parametrize("limit", [RIFF_LIMIT, 100], ids=["RIFF", "RF64"])
-@pytest.mark.parametrize("sounded", [SPEAKERS, adm.Sounded(order=1), adm.Sounded(order=7)])
-def test_what_is_written_is_read(sounded: adm.Sounded, limit: int):
+@pytest.mark.parametrize(
+    "sounded", [SPEAKERS, adm.ChannelLayout(order=1), adm.ChannelLayout(order=7)]
+)
+def test_what_is_written_is_read(sounded: adm.ChannelLayout, limit: int):
     info = written(sounded, limit=limit)
     assert (info.n_frames, info.container) == (5, "RIFF" if limit == RIFF_LIMIT else "RF64")
     found = adm.read(info)
@@ -40,7 +44,7 @@ def test_what_is_written_is_read(sounded: adm.Sounded, limit: int):
 
 
 def test_distances_are_kept():
-    sounded = adm.Sounded(((0.0, 0.0, 2.0), (90.0, 10.0, 4.5), (-90.0, 10.0, 4.0)))
+    sounded = adm.ChannelLayout(((0.0, 0.0, 2.0), (90.0, 10.0, 4.5), (-90.0, 10.0, 4.0)))
     found = adm.read(written(sounded))
     assert found is not None
     np.testing.assert_allclose(found.speakers, sounded.speakers, atol=1e-5)
@@ -56,7 +60,7 @@ def test_any_title_is_text():
 def test_every_track_is_a_channel_that_is_described():
     """As BS.2076 wants it: chna names tracks, these a stream, this a channel of the pack."""
     info = written(SPEAKERS)
-    root = xml_text.parsed(info.axml)
+    root = xml_text.parse_xml(info.axml)
     n_tracks, n_uids = struct.unpack_from("<HH", info.chna)
     assert (n_tracks, n_uids, len(info.chna)) == (24, 24, 4 + 24 * 40)
     streams = {one.get("audioStreamFormatID"): one for one in root.iter("audioStreamFormat")}
@@ -88,14 +92,14 @@ def test_a_file_without_a_description_says_nothing():
         (b"", "empty|well formed"),
         ("<a/>".encode("utf-16"), "UTF-8"),
         (b"<a>" + b"<b/>" * 100_001 + b"</a>", "elements"),
-        (b" " * (xml_text.MOST + 1), "larger"),
+        (b" " * (xml_text.BYTES_MAX + 1), "larger"),
         (b'<?xml version="1.0" encoding="nonsense"?><a/>', "cannot be read|well formed"),
         (b"&xxe;", "well formed"),
     ],
 )
 def test_xml_of_strangers_is_refused(text: bytes, words: str):
     with pytest.raises(xml_text.XmlError, match=words):
-        xml_text.parsed(text)
+        xml_text.parse_xml(text)
 
 
 def test_places_out_of_range_are_refused():

@@ -37,13 +37,13 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_correction_belongs_to_its_processor(cache: Path, monkeypatch: pytest.MonkeyPatch):
-    assert machine_speed.kept() is None
-    assert machine_speed.keep(2.8)
-    assert machine_speed.kept() == 2.8
-    monkeypatch.setattr(machine_speed, "processor", lambda: "another")
-    assert machine_speed.kept() is None
+    assert machine_speed.read_correction() is None
+    assert machine_speed.store_correction(2.8)
+    assert machine_speed.read_correction() == 2.8
+    monkeypatch.setattr(machine_speed, "processor_name", lambda: "another")
+    assert machine_speed.read_correction() is None
     monkeypatch.setenv("ERGON_CACHE", "off")
-    assert not machine_speed.keep(1.0)
+    assert not machine_speed.store_correction(1.0)
     assert json.loads(cache.read_text())["correction"] == 2.8
 
 
@@ -51,11 +51,11 @@ def test_a_correction_belongs_to_its_processor(cache: Path, monkeypatch: pytest.
 def test_what_is_broken_counts_as_none(cache: Path, text: str):
     cache.parent.mkdir(parents=True)
     cache.write_text(text)
-    assert machine_speed.kept() is None
+    assert machine_speed.read_correction() is None
     for correction in ("1e9", "0.0", "NaN", "true", '"2"', "-1.0"):
-        own = json.dumps(machine_speed.processor())
+        own = json.dumps(machine_speed.processor_name())
         cache.write_text(f'{{"processor": {own}, "correction": {correction}}}')
-        assert machine_speed.kept() is None
+        assert machine_speed.read_correction() is None
 
 
 def test_it_changes_what_is_shown_and_never_what_is_computed(capsys: Capture):
@@ -73,7 +73,7 @@ def test_it_changes_what_is_shown_and_never_what_is_computed(capsys: Capture):
     assert plain["cost_here"] is None
     assert "on this machine" not in said
     assert "W402" not in said
-    assert machine_speed.keep(50.0)
+    assert machine_speed.store_correction(50.0)
     corrected, said = planned()
     assert corrected["hash"] == plain["hash"]
     assert corrected["cost"] == plain["cost"]
@@ -99,7 +99,7 @@ def test_doctor_keeps_what_it_measures(monkeypatch: pytest.MonkeyPatch, capsys: 
     monkeypatch.setattr(fitness, "speed", speed)
     assert app.run(["doctor", "--no-audio", "--seconds", "0.1"]) == 0
     assert "speed    measured" in capsys.readouterr().out
-    assert machine_speed.kept() == 1.5
+    assert machine_speed.read_correction() == 1.5
 
 
 def test_a_speed_is_a_ratio_of_times():

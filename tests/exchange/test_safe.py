@@ -13,7 +13,7 @@ import soundfile
 from patience import PATIENCE
 
 from ergon.exchange import temporary, together
-from ergon.exchange.safe import MARK, FileRefusedError, is_ours, write_text, writing
+from ergon.exchange.safe import MARK, FileRefusedError, is_ours, open_for_writing, write_text
 from ergon.exchange.together import write_all
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import Stamp, WaveFormat
@@ -21,7 +21,7 @@ from ergon.exchange.wave_header import Stamp, WaveFormat
 
 def test_nothing_is_seen_until_the_end(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "x.bin"
-    with writing(path, binary=True) as file:
+    with open_for_writing(path, binary=True) as file:
         file.write(b"abc")
         assert not path.exists()
     assert path.read_bytes() == b"abc"
@@ -34,7 +34,7 @@ def test_an_early_end_leaves_the_old_file(tmp_path: Path, error: type[BaseExcept
     write_text(path, "made by ergon: old")
 
     def fail() -> None:
-        with writing(path, binary=True) as file:
+        with open_for_writing(path, binary=True) as file:
             file.write(b"half")
             raise error
 
@@ -45,7 +45,7 @@ def test_an_early_end_leaves_the_old_file(tmp_path: Path, error: type[BaseExcept
 
 
 def test_an_early_end_leaves_no_new_folder(tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt), writing(tmp_path / "a/b/x.txt", binary=False):
+    with pytest.raises(KeyboardInterrupt), open_for_writing(tmp_path / "a/b/x.txt", binary=False):
         raise KeyboardInterrupt
     assert list(tmp_path.iterdir()) == []
 
@@ -108,17 +108,17 @@ def test_permissions_are_kept_and_new_files_follow_the_umask(tmp_path: Path) -> 
 
 
 def test_devices_are_written_straight() -> None:
-    with writing("/dev/null", binary=True) as file:
+    with open_for_writing("/dev/null", binary=True) as file:
         file.write(b"abc")
     assert Path("/dev/null").is_char_device()
 
 
 SLOW = """
 import sys, time
-from ergon.exchange.safe import writing
+from ergon.exchange.safe import open_for_writing
 from ergon.cli.signals import Terminated, signals_as_exceptions
 try:
-    with signals_as_exceptions(), writing(sys.argv[1], binary=True) as file:
+    with signals_as_exceptions(), open_for_writing(sys.argv[1], binary=True) as file:
         file.write(b"half")
         file.flush()
         print("ready", flush=True)
@@ -145,9 +145,9 @@ def test_signals_leave_no_half_file(tmp_path: Path, number: signal.Signals) -> N
 def test_a_reader_that_has_seen_enough_ends_the_writing_quietly() -> None:
     code = (
         "from ergon.cli import app\n"
-        "from ergon.exchange.safe import writing\n"
+        "from ergon.exchange.safe import open_for_writing\n"
         "def flood(*_, **__):\n"
-        "    with writing('-', binary=True) as file:\n"
+        "    with open_for_writing('-', binary=True) as file:\n"
         "        while True: file.write(bytes(100_000))\n"
         "app.invoke = flood\n"
         "app.main([])"
@@ -165,14 +165,14 @@ def test_a_reader_that_has_seen_enough_ends_the_writing_quietly() -> None:
 
 def test_no_binary_data_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
-    with pytest.raises(FileRefusedError, match="terminal"), writing("-", binary=True):
+    with pytest.raises(FileRefusedError, match="terminal"), open_for_writing("-", binary=True):
         pass
 
 
 KILLED = """
 import os, signal, sys
-from ergon.exchange.safe import writing
-with writing(sys.argv[1], binary=True) as file:
+from ergon.exchange.safe import open_for_writing
+with open_for_writing(sys.argv[1], binary=True) as file:
     file.write(b"half")
     file.flush()
     print("ready", flush=True)
@@ -194,7 +194,7 @@ def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path: Path) -> 
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
         (part,) = {*tmp_path.iterdir()} - kept
-        assert temporary.sweep(tmp_path) == []  # its writer lives
+        assert temporary.remove_abandoned(tmp_path) == []  # its writer lives
         assert part.exists()
         process.stdin.write(b"x")
         process.stdin.close()
@@ -208,9 +208,9 @@ def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path: Path) -> 
 
 
 def test_a_file_that_is_being_written_is_not_swept(tmp_path: Path) -> None:
-    with writing(tmp_path / "x.bin", binary=True) as file:
+    with open_for_writing(tmp_path / "x.bin", binary=True) as file:
         file.write(b"abc")
-        assert temporary.sweep(tmp_path) == []
+        assert temporary.remove_abandoned(tmp_path) == []
     assert (tmp_path / "x.bin").read_bytes() == b"abc"
 
 
@@ -245,14 +245,14 @@ def test_who_makes_a_new_file_first_keeps_it(
 ) -> None:
     old, new = tmp_path / "a.txt", tmp_path / "b.txt"
     old.write_text("before")
-    put = together._put
+    put = together._move_to_target
 
     def raced(part: Path, target: Path, *, is_new: bool) -> None:
         if target == new:
             new.write_text("theirs")
         put(part, target, is_new=is_new)
 
-    monkeypatch.setattr(together, "_put", raced)
+    monkeypatch.setattr(together, "_move_to_target", raced)
     with pytest.raises(FileRefusedError, match="File exists"):
         write_all({old: b"after", new: b"ours"}, lambda path: None)
     assert (old.read_text(), new.read_text()) == ("before", "theirs")

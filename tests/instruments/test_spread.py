@@ -7,7 +7,7 @@ import pytest
 from checked import check, codes, found
 from edited import opened, piece_of, value
 
-from ergon.api.simulate import never_closed, simulate
+from ergon.api.simulate import never_closed_warnings, simulate
 from ergon.scores.edits import matter
 from ergon.scores.staging.built_network import build_network
 from ergon.scores.staging.implausible import implausible
@@ -211,11 +211,11 @@ def test_all_points_pull_on_an_obstacle_that_moves():
 
 def test_a_contact_closes_where_one_of_its_points_does():
     piece = check(SCORE % (SOL, over(3, 7, "[9mm, 9mm, 10um, 9mm, 9mm]"), "c")).piece
-    assert never_closed(piece, simulate(piece, "test")) == []
+    assert never_closed_warnings(piece, simulate(piece, "test")) == []
     piece = check(SCORE % (SOL, over(3, 7, "[9mm, 8mm, 7mm, 6mm, 9mm]"), "c")).piece
     done = simulate(piece, "test")
     assert [one.contact.name for one in done.contacts] == [f"s.c.{i}" for i in range(5)]
-    (told,) = never_closed(piece, done)
+    (told,) = never_closed_warnings(piece, done)
     assert told.code == "W320"
     assert "contact 's.c' never closes" in told.message
     assert "s.body.6" in told.message  # the nearest

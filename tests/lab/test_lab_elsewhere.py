@@ -77,7 +77,7 @@ def elsewhere_cluster():  # type: ignore[no-untyped-def]
     from ergon.api import cluster
     from ergon.common.report import Report
 
-    return cluster.opened("local:2", Report())
+    return cluster.open_cluster("local:2", Report())
 
 
 @pytest.mark.parametrize(

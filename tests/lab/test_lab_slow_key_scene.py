@@ -9,7 +9,7 @@ from sweep import few
 from ergon import _core
 from ergon.lab import atlas, map_table, maps, slow_key_scene
 from ergon.lab.names import CUTS, SLOW
-from ergon.lab.slow_key_scene import QUICK, RATE, SOFT, Slow, SlowKeyScene
+from ergon.lab.slow_key_scene import QUICK, RATE, SOFT, SlowKeyPoint, SlowKeyScene
 
 KEYS = {"soft": SOFT, "quick": QUICK}
 
@@ -55,7 +55,7 @@ def test_the_formula_is_the_border_of_what_goes_at_every_frame(name: str):
         middle = (low * high) ** 0.5
         low, high = (middle, high) if slow_key_scene.load(key, middle) < 1.0 else (low, middle)
     for every in (2, 4):
-        assert Slow(SlowKeyScene(key, low * 0.998, every)).refused() == ""
+        assert SlowKeyPoint(SlowKeyScene(key, low * 0.998, every)).refused() == ""
     bare = replace(key, K=(1e-3, 1e-3, 1e-3, 1e-3), Z=(0.0, 0.0, 0.0, 0.0))
     made = SlowKeyScene(bare, low * (1.0 - 1e-5), None).at(RATE)
     made.network.certify(RATE)
@@ -68,7 +68,7 @@ def test_a_factor_that_no_certificate_sees_changes_no_bit():
     """So what is refused is run as it would be, were it not."""
 
     def frames(scene: SlowKeyScene) -> np.ndarray:
-        found = Slow(scene).run(8820).frames
+        found = SlowKeyPoint(scene).run(8820).frames
         assert found is not None
         return found
 

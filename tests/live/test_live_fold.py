@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sweep import few
 
 from ergon import _core
-from ergon.api.play import PlayOptions, Prepared, prepare
+from ergon.api.play import PlayOptions, PreparedPlay, prepare
 from ergon.cli import app
 from ergon.common.report import Report
 from ergon.rendering.level import HIGHPASS
@@ -43,7 +43,7 @@ def score(own_folder: Path) -> None:
     Path("six.yaml").write_text(SIX)
 
 
-def prepared(to: str) -> Prepared:
+def prepared(to: str) -> PreparedPlay:
     return prepare("s.yaml", PlayOptions(audio="null", gain=GAIN, to=to), Report())
 
 

@@ -25,7 +25,7 @@ from sweep import few
 
 from ergon import _core
 from ergon.cli import app
-from ergon.common.extras import install
+from ergon.common.extras import install_command
 from ergon.live.datagrams import MOST, MalformedDatagramError, messages, written
 from ergon.live.osc import Osc, OscError, place
 from ergon.live.osc_in import alone
@@ -460,7 +460,7 @@ def test_without_python_osc_it_is_said_how_to_get_it(
     monkeypatch.setitem(sys.modules, "pythonosc", None)
     assert app.run(["play", str(path), "--osc", "0"]) == 2
     said = capsys.readouterr().err
-    assert install("osc") in said
+    assert install_command("osc") in said
     # What was said is typed in a clone: its folder has the extra.
     assert (Path(__file__).parents[2] / "pyproject.toml").is_file()
     assert f"pip install -e '{Path(__file__).parents[2]}[osc]'" in said

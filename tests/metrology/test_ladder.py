@@ -161,7 +161,7 @@ def test_forces_lead_a_key_along_a_path():
     s = np.clip((np.arange(2000) - 200) / 600, 0, 1)
     path = 0.001 + 0.004 * s**3 * (10 - 15 * s + 6 * s * s)
     for reach, share in ((0.01, 1.0), (0.002, 0.5)):
-        force = excitation.led(path, row, rate, reach, 10.0)
+        force = excitation.forces_along_path(path, row, rate, reach, 10.0)
         went = _core.key_path(row, force, rate, columns=())[0]
         assert np.abs(went - share * (path - path[0])).max() < 0.01 * share * 0.004
-    assert np.abs(excitation.led(path, row, rate, 0.01, 0.1)).max() == 0.1
+    assert np.abs(excitation.forces_along_path(path, row, rate, 0.01, 0.1)).max() == 0.1

@@ -9,7 +9,7 @@ from ergon.api.model import ModelOptions, import_model
 from ergon.instruments.module_kinds import MAX_MODULES, MAX_RADIUS
 from ergon.models.errors import DialectError, ModelError
 from ergon.models.mims import places
-from ergon.models.mims.reading import MOST_BYTES, parse
+from ergon.models.mims.reading import BYTES_MAX, parse
 from ergon.models.mims.score import written
 
 M = "@g ground 0\n@m mass 1 0 0\n"
@@ -105,7 +105,7 @@ def test_what_no_score_says(line: int, dialect: str, text: str, message: str):
     ("data", "message"),
     [
         (b"@m mass 1 0 0\n\0\0\x7fELF", "null bytes"),
-        (b"#" * (MOST_BYTES + 1), "larger than 16 MB"),
+        (b"#" * (BYTES_MAX + 1), "larger than 16 MB"),
         (b"\n" * 300_000, "more than 200,000 lines"),
     ],
     ids=["binary", "large", "lines"],
@@ -138,8 +138,8 @@ def test_the_dialect_that_gets_farther_says_what_is_wrong(tmp_path: Path):
 
 
 def test_the_largest_macros_are_those_of_a_score():
-    assert places.MOST_SIDE == 2 * MAX_RADIUS + 1
-    assert places.MOST_MASSES == MAX_MODULES
+    assert places.SIDE_MAX == 2 * MAX_RADIUS + 1
+    assert places.MASSES_MAX == MAX_MODULES
 
 
 def test_an_input_that_is_none(tmp_path: Path):

@@ -10,7 +10,7 @@ from sweep import few
 from ergon import _core
 from ergon.cli import app
 from ergon.lab import metrics
-from ergon.lab.scene import Score, Set
+from ergon.lab.scene import NetworkAndTimeline, Score
 from ergon.scores.reading.load import load
 
 RATE = 44_100.0
@@ -54,14 +54,14 @@ def score(gong: str = TAMTAM, impulse: float = HARD) -> str:
     return GONG.format(asked=ASKED_DB, gong=gong, struck=STRUCK, impulse=impulse)
 
 
-def scene(gong: str = TAMTAM, impulse: float = HARD) -> Set:
+def scene(gong: str = TAMTAM, impulse: float = HARD) -> NetworkAndTimeline:
     Path("a.yaml").write_text(score(gong, impulse))
     piece = load("a.yaml").piece
     assert piece is not None
     return Score(piece).at(RATE)
 
 
-def error_of(of: Set, **budget: float) -> _core.PlanRow:
+def error_of(of: NetworkAndTimeline, **budget: float) -> _core.PlanRow:
     """The row of the gong that has an error."""
     rows = _core.Plan(of.network, of.timeline, **budget).rows()
     return next(row for row in rows if row.error_db is not None)
@@ -75,7 +75,7 @@ def finer(plan: _core.Plan) -> list[tuple[int, int, int, list[list[int]]]]:
     ]
 
 
-def play(of: Set, plan: _core.Plan) -> metrics.Floats:
+def play(of: NetworkAndTimeline, plan: _core.Plan) -> metrics.Floats:
     simulation = _core.Simulation(of.network, of.timeline, plan=plan)
     sound = np.empty((round((STRUCK + PILOT) * RATE), simulation.n_out))
     simulation.process(sound)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ergon._core import Meter, Mixer
-from ergon.rendering.balance import Balance, InstrumentLevel, outweighed
+from ergon.rendering.balance import Balance, InstrumentLevel, dominant_instrument
 
 RATE = 44_100
 
@@ -60,7 +60,7 @@ def test_silence():
 )
 def test_one_that_hides_all_others(levels: list[float], loudest: int | None):
     each = [InstrumentLevel(f"i{at}", 0.1, level) for at, level in enumerate(levels)]
-    found = outweighed(each)
+    found = dominant_instrument(each)
     if loudest is None:
         assert found is None
     else:

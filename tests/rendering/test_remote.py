@@ -17,11 +17,11 @@ from ergon import _core
 from ergon.api import cluster, cluster_worker
 from ergon.api import score as scores
 from ergon.api.cluster_worker import Job
-from ergon.api.render import Prepared, RenderOptions, prepare
+from ergon.api.render import PreparedRender, RenderOptions, prepare
 from ergon.common.report import Report
 from ergon.exchange.stretch_store import StretchStore
 from ergon.rendering import remote, resumed
-from ergon.rendering.remote import Answer, ClusterError, RemoteSimulation, Request, grouped
+from ergon.rendering.remote import Answer, ClusterError, RemoteSimulation, Request, group_by_cost
 
 from .test_resumed import SCENES, text
 
@@ -94,18 +94,18 @@ class Workers:
 def small(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Stretches of 4,096 frames, of islands of any cost."""
     monkeypatch.setenv("ERGON_CACHE", "plans")
-    monkeypatch.setattr(remote, "STRETCH", 4096)
+    monkeypatch.setattr(remote, "STRETCH_FRAMES", 4096)
     monkeypatch.setattr(resumed, "_NS_PER_SAMPLE", 0.0)
     monkeypatch.setattr(cluster_worker, "_ready", [])
 
 
-def prepared(score: str, **options: object) -> Prepared:
+def prepared(score: str, **options: object) -> PreparedRender:
     Path("a.yaml").write_text(score)
     asked = RenderOptions(threads=1, **options)  # type: ignore[arg-type]
     return prepare(scores.read("a.yaml", asked), "-", asked, Report())
 
 
-def job_of(home: Prepared) -> Job:
+def job_of(home: PreparedRender) -> Job:
     options = home.options
     return cluster.job_of(home.loaded, home.stage, options.rate, options.seed)
 
@@ -117,7 +117,7 @@ def frames(of: object, n_frames: int, block: int = 1000) -> NDArray[np.float64]:
     return out
 
 
-def told(home: Prepared) -> str:
+def told(home: PreparedRender) -> str:
     """What the gestures' reports say, to the last digit."""
     names = [name for name in dir(_core.Report) if name[0] != "_"]
     reports = home.stage.simulation.reports()
@@ -271,9 +271,9 @@ def test_sounds_of_another_length_are_refused():
 
 def test_groups_are_even():
     costs = [5.0, 3.0, 3.0, 2.0, 2.0, 1.0]
-    groups = grouped(costs, 3)
+    groups = group_by_cost(costs, 3)
     assert sorted(i for group in groups for i in group) == list(range(6))
     # The least possible: 16 by 3.
     assert max(sum(costs[i] for i in group) for group in groups) == 6.0
-    assert grouped([1.0], 4) == [[0]]
-    assert grouped([], 4) == []
+    assert group_by_cost([1.0], 4) == [[0]]
+    assert group_by_cost([], 4) == []

@@ -106,7 +106,7 @@ def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Counted:
     """Stretches of 4,096 frames, of islands of any cost, in a folder of the test's own."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(resumed, "STRETCH", 4096)
+    monkeypatch.setattr(resumed, "STRETCH_FRAMES", 4096)
     monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
     monkeypatch.setattr(resumed, "_NS_PER_SAMPLE", 0.0)
     return Counted(monkeypatch)
@@ -231,7 +231,7 @@ import ergon
 from ergon.exchange.stretch_store import StretchStore
 from ergon.rendering import resumed
 
-resumed.STRETCH, resumed._WORK_MIN, resumed._NS_PER_SAMPLE = 4096, 0.0, 0.0
+resumed.STRETCH_FRAMES, resumed._WORK_MIN, resumed._NS_PER_SAMPLE = 4096, 0.0, 0.0
 left, put = int(sys.argv[1]), StretchStore.put
 
 def counted(*of):

@@ -212,7 +212,7 @@ def test_a_full_disk_changes_nothing(
     at.ok("set k1.M 500g")
     at.ok("set ring.m.M 3g")
     at.ok("set bell.hum.t60 x0.5")
-    count, put = 0, together._put
+    count, put = 0, together._move_to_target
 
     def failing(part: Path, target: Path, *, is_new: bool) -> None:
         nonlocal count
@@ -223,7 +223,7 @@ def test_a_full_disk_changes_nothing(
 
     before = files(tmp_path)
     with monkeypatch.context() as patch:
-        patch.setattr(together, "_put", failing)
+        patch.setattr(together, "_move_to_target", failing)
         reply = at.type("save")
     assert "No space left" in reply.text
     assert files(tmp_path) == before

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sweep import few
 
 from ergon import _core
-from ergon.cli.demo import about, bundled
+from ergon.cli.demo import bundled, score_title
 from ergon.notation.tables import value_kinds
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
@@ -175,7 +175,7 @@ def test_every_instrument_that_ships_can_be_heard() -> None:
 def test_every_score_has_a_title_a_length_and_comments() -> None:
     assert set(bundled()) == set(SECONDS)
     for path in bundled().values():
-        assert about(path)
+        assert score_title(path)
         text = path.read_text(encoding="utf-8")
         assert sum("# " in line for line in text.splitlines()) >= 6
         assert max(map(len, text.splitlines())) <= 120

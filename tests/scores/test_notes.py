@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from checked import check, found
 
-from ergon.api.simulate import never_closed, simulate
+from ergon.api.simulate import never_closed_warnings, simulate
 from ergon.notation.tables import notes
 from ergon.notation.text.errors import TextError
 from ergon.scores.edits.matter import set_value
@@ -250,9 +250,11 @@ def test_notes_that_are_not_played_are_no_warnings_where_others_are():
     made = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n")
     said = [d.message.split(":")[0] for d in unused(made) if d.code == "W322"]
     assert said == ["nothing moves 'cell'"]
-    assert not never_closed(made, simulate(made, "s.yaml"))
+    assert not never_closed_warnings(made, simulate(made, "s.yaml"))
     soft = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n".replace("20mNs", "1uNs"))
-    said = [d.message.split(" never")[0] for d in never_closed(soft, simulate(soft, "s.yaml"))]
+    said = [
+        d.message.split(" never")[0] for d in never_closed_warnings(soft, simulate(soft, "s.yaml"))
+    ]
     notes_ = ("D3", "F#3", "A3")
     assert {f"contact 'string.{note}.felt'" for note in notes_} <= {*said}
 

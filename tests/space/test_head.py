@@ -102,7 +102,7 @@ def test_a_made_up_head_is_found_again():
 
 
 def test_the_file_says_whose_measurements_these_are():
-    text = Path(head.SHIPPED).read_text(encoding="utf-8")
+    text = Path(head.KEMAR_PATH).read_text(encoding="utf-8")
     assert "Bill Gardner and Keith Martin" in text
     assert "Copyright 1994 by the MIT Media Laboratory" in text
     assert head.kemar().filters.shape == (24, 2, head.TAPS)

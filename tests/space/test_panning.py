@@ -14,7 +14,7 @@ SOURCES = spread_directions(4000, lowest=0.0)
 
 @pytest.fixture(scope="module")
 def theirs() -> Theirs:
-    return Theirs(ARRAY, panning.imaginary(ARRAY))
+    return Theirs(ARRAY, panning.imaginary_speakers(ARRAY))
 
 
 def same_table(ours: np.ndarray, gains: np.ndarray) -> None:

@@ -20,10 +20,10 @@ def running(*flags: str) -> Iterator[Browser]:
     with a message.
     """
     try:
-        program = chromium.find()
+        program = chromium.find_browser()
     except BrowserError as error:
         if os.environ.get("CI"):
             pytest.fail(str(error))
         pytest.skip(str(error))
-    with chromium.running(program, ("--use-angle=swiftshader", *flags)) as found:
+    with chromium.launch_browser(program, ("--use-angle=swiftshader", *flags)) as found:
         yield found

@@ -52,5 +52,5 @@ def use(monkeypatch: pytest.MonkeyPatch, count: int = 2) -> Client:
         yield own
         own.tell(report)
 
-    monkeypatch.setattr(cluster, "opened", opened)
+    monkeypatch.setattr(cluster, "open_cluster", opened)
     return client

@@ -14,7 +14,7 @@ from accuracy.random_scenes import text as random_text
 from ergon import _core
 from ergon.lab import metrics
 from ergon.lab.runs import Oversampled
-from ergon.lab.scene import Score, Set
+from ergon.lab.scene import NetworkAndTimeline, Score
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging import planning
@@ -252,7 +252,7 @@ def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[P
         yield Plain(method, times, reals, planning.cost(plan))
 
 
-def _play(scene: Ready | Set, plan: _core.Plan, n_frames: int) -> np.ndarray:
+def _play(scene: Ready | NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> np.ndarray:
     simulation = _core.Simulation(scene.network, scene.timeline, plan=plan)
     sound = np.empty((n_frames, simulation.n_out))
     simulation.process(sound)
