@@ -31,6 +31,8 @@ pub(crate) struct Body {
     pub(crate) outside: Vec<f64>,
     /// The state one frame before, if a frame may have to be computed again in finer steps.
     pub(crate) previous: Option<Box<PreviousState>>,
+    /// How many exact contacts and frictions were solved in rounds after the first, in all frames so far.
+    pub(crate) solved_again: u64,
 }
 
 crate::archive::state!(Body {
@@ -83,6 +85,7 @@ impl Body {
             inner: Vec::new(),
             outside: Vec::new(),
             previous: None,
+            solved_again: 0,
             x,
             d,
         }

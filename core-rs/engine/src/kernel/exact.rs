@@ -46,9 +46,10 @@ fn solve(
     is_solved: impl Fn(&Run) -> bool,
 ) {
     let rounds = if scheme.exact_coupled { ROUNDS_MAX } else { 1 };
-    for _ in 0..rounds {
+    for round in 0..rounds {
         let mut change = 0.0_f64;
         for run in scheme.exact.iter().filter(|run| is_solved(run)) {
+            body.solved_again += u64::from(round > 0);
             let before = body.link[run.first];
             // Subtract the force of the last round, so that the run is solved given all other forces.
             body.link[run.first] = -before;

@@ -203,7 +203,9 @@ impl<'a> Meter<'a> {
     fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
         let fine = island.fine_work();
         let added = 1e-9
-            * (Costs::of("kick") * fine.instants as f64 + Costs::of("port") * fine.products as f64)
+            * (Costs::of("kick") * fine.instants as f64
+                + Costs::of("port") * fine.products as f64
+                + Costs::of("contact") * island.solved_again() as f64)
             + self.step * island.guard_steps() as f64;
         let more = added - self.added;
         self.added = added;
