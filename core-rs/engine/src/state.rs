@@ -2,6 +2,7 @@
 
 mod contact_history;
 
+use crate::maths::Mixing;
 use crate::scheme::{Kind, Scheme};
 pub(crate) use contact_history::ContactHistory;
 
@@ -33,6 +34,8 @@ pub(crate) struct Body {
     pub(crate) previous: Option<Box<PreviousState>>,
     /// How many exact contacts and frictions were solved in rounds after the first, in all frames so far.
     pub(crate) solved_again: u64,
+    /// Room for rounds over exact contacts and frictions that share a MAT.
+    pub(crate) mixing: Mixing,
 }
 
 crate::archive::state!(Body {
@@ -86,6 +89,11 @@ impl Body {
             outside: Vec::new(),
             previous: None,
             solved_again: 0,
+            mixing: Mixing::new(if scheme.exact_coupled {
+                scheme.exact.len()
+            } else {
+                0
+            }),
             x,
             d,
         }
