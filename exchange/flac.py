@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+_MAGIC = b"fLaC"  # RFC 9639, section 8
 CHANNELS_MAX = 8  # RFC 9639, section 9.1.3
 RATE_MAX = 655_350  # [Hz]; RFC 9639, section 8.2, as libFLAC writes it
 _MADE_BY = "made by ergon;"  # this mark identifies a file of ergon
@@ -125,7 +127,7 @@ def read_info(path: Path) -> WaveInfo:
     """What the file says it holds. Raises NotWaveError or OSError."""
     import soundfile
 
-    with open_regular(path) as file:
+    with _open(path) as file:
         try:
             with soundfile.SoundFile(file) as sound:
                 bits = _BITS.get(sound.subtype)
@@ -146,6 +148,16 @@ def read_info(path: Path) -> WaveInfo:
             raise NotWaveError(f"the file is not FLAC: {error}") from None
 
 
+@contextmanager
+def _open(path: Path) -> Iterator[BinaryIO]:
+    """A file that begins as FLAC does: no other decoder of libsndfile sees a stranger's bytes."""
+    with open_regular(path) as file:
+        if file.read(len(_MAGIC)) != _MAGIC:
+            raise NotWaveError("the file is not FLAC")
+        file.seek(0)
+        yield file
+
+
 def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     """The samples as (n_frames, n_channels) blocks, scaled so that full scale is 1."""
     for block in _integers(path):
@@ -164,7 +176,7 @@ def hash_samples(path: Path) -> str:
 def _integers(path: Path) -> Iterator[NDArray[np.int32]]:
     import soundfile
 
-    with open_regular(path) as file:
+    with _open(path) as file:
         try:
             with soundfile.SoundFile(file) as sound:
                 yield from sound.blocks(_BLOCK, dtype="int32", always_2d=True)

@@ -10,6 +10,7 @@ mix depends on which parts were frozen.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -133,7 +134,7 @@ def read(folder: Path) -> Frozen:
             str(manifest["title"]),
             str(manifest["score"]),
             int(manifest["seed"]),
-            float(manifest["rate"]),
+            _rate(manifest["rate"]),
             str(manifest["made"]).removeprefix(f"{MARK.decode()} "),
             str(manifest["plan"]),
         )
@@ -146,6 +147,13 @@ def read(folder: Path) -> Frozen:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         raise NotFrozenError(f"{path}: not a manifest of frozen parts") from None
+
+
+def _rate(value: Any) -> float:
+    rate = float(value)
+    if not math.isfinite(rate):  # JSON in Python has Infinity and NaN, and 1e999
+        raise ValueError
+    return rate
 
 
 def _stem(folder: Path, entry: Any) -> Stem:

@@ -98,7 +98,10 @@ def read_info(path: Path) -> WaveInfo:
 
 
 def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
-    """The samples as (n_frames, n_channels) blocks; integers are scaled so that full scale is 1."""
+    """The samples as (n_frames, n_channels) blocks; integers are scaled so that full scale is 1.
+
+    Raises NotWaveError or OSError.
+    """
     import numpy as np
 
     info = read_info(path)
@@ -108,10 +111,11 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
         n_frames = info.n_frames
         while n_frames:
             count = min(n_frames, _BLOCK)
-            data = file.read(count * info.format.frame_bytes)
+            data = _exactly(file, count * info.format.frame_bytes)
             if bits in ("float", "double"):
                 form = "<f4" if bits == "float" else "<f8"
-                flat = np.frombuffer(data, form).astype(np.float64)
+                with np.errstate(invalid="ignore"):  # a signalling NaN of a stranger's file
+                    flat = np.frombuffer(data, form).astype(np.float64)
             else:
                 width = BYTES[bits]
                 octets = np.zeros((count * n_channels, 4), np.uint8)
@@ -121,15 +125,25 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
             n_frames -= count
 
 
+def _exactly(file: BinaryIO, n_bytes: int) -> bytes:
+    data = file.read(n_bytes)
+    if len(data) < n_bytes:
+        raise NotWaveError("this file became shorter while it was read")
+    return data
+
+
 def hash_samples(path: Path) -> str:
-    """SHA-256 of the sample bytes, as `WaveWriter.sha256` gives it."""
+    """SHA-256 of the sample bytes, as `WaveWriter.sha256` gives it.
+
+    Raises NotWaveError or OSError.
+    """
     info = read_info(path)
     digest = hashlib.sha256()
     with open_regular(path) as file:
         file.seek(info.offset)
         n_bytes = info.n_frames * info.format.frame_bytes
         while n_bytes:
-            data = file.read(min(n_bytes, 1 << 20))
+            data = _exactly(file, min(n_bytes, 1 << 20))
             digest.update(data)
             n_bytes -= len(data)
     return digest.hexdigest()

@@ -18,7 +18,7 @@ if "CI" not in os.environ:
 # Most of a short run is planning, and the same scores run hundreds of times: all share the plans of
 # one run of the tests, but for these folders, which are about planning or about determinism.
 _PLAN_ANEW = ("contracts", "engine", "lab", "plan")
-# Each worker has one processor: four that each solve with four threads wait for one another.
+# Each worker has about one processor: four that each solve with four threads wait for one another.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 # Versions of scores are large trees without cycles: the search for cycles in them took a sixth of
 # the tests of sessions.
@@ -36,6 +36,7 @@ _FIRST = (
     "house/test_wheel.py",
     "metrology/test_stages.py",
     "lab/test_lab_maps.py",
+    "view/test_page.py",
     "robust/test_conditions.py",
     "rendering/test_resumed.py",
     "house/test_docs.py",
@@ -53,6 +54,12 @@ _FIRST = (
     "cli/test_every_command.py",
     "repl/test_repl_random_devices.py",
 )
+
+
+def pytest_xdist_auto_num_workers() -> int | None:
+    """One worker more than processors: tests of devices, servers and browsers often wait."""
+    own = "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ
+    return None if own else (os.cpu_count() or 1) + 1
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

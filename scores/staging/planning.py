@@ -22,7 +22,8 @@ _DRAFT = -20.0
 # Methods of meshes, whose errors are known only from trials.
 _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
 
-# What accuracy by ear allows for pitches, T60 and third octaves.
+# What accuracy by ear allows for the waveform, where no more is known, or for pitches, T60 and third octaves.
+_INAUDIBLE = -60.0  # [dB]
 _BY_EAR = (3.0, 0.05, 1.0)  # [cents, of T60, dB]
 # Mean difference of third octaves that rounding alone causes in a chaotic motion [dB]: ALIKE in
 # core-rs/engine/src/plan/trial/search.rs.
@@ -174,7 +175,7 @@ def make(
     if accuracy.method is None and accuracy.error is None:
         missed += _missed_by_ear(made, accuracy.cents)
     notes = [("W403", sentence) for sentence in missed]
-    notes += [("W403", sentence) for sentence in _cut_short(made, accuracy.error)]
+    notes += [("W403", sentence) for sentence in _cut_short(made, accuracy)]
     told = 1.0 if is_free else correction
     if accuracy.cpu is None or (not is_free and told * cost(made) <= accuracy.cpu):
         return Planned(made, accuracy, tuple(notes), planner.finish())
@@ -219,13 +220,15 @@ def _percent(part: float) -> str:
     return f"{shown.rstrip('0').rstrip('.') if '.' in shown else shown}%"
 
 
-def _cut_short(plan: _core.Plan, error: float | None) -> list[str]:
+def _cut_short(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
     """A sentence for parts whose trials ended at the work limit, with what is known of their
-    error.
+    error. Nothing is said of parts that are known to be exact enough: they may cost more than
+    others would.
     """
+    error = accuracy.error
     found: dict[tuple[float | None, float | None], list[str]] = {}
     for row in plan.rows():
-        if row.cut_short:
+        if row.cut_short and not _is_met(row, accuracy):
             found.setdefault((row.error_db, row.error_s), []).extend(row.parts)
     said = []
     for (db, over), parts in found.items():
@@ -239,6 +242,15 @@ def _cut_short(plan: _core.Plan, error: float | None) -> list[str]:
         names = " + ".join(dict.fromkeys(parts))
         said.append(f"{names}: planning reached its work limit; {known}")
     return said
+
+
+def _is_met(row: _core.PlanRow, accuracy: Accuracy) -> bool:
+    """Whether the error of a row was measured to its end and is within the accuracy."""
+    db, heard = row.error_db, row.audible
+    if accuracy.error is None and heard is not None:
+        return _is_allowed(heard, _allowed_by_ear(accuracy.cents))
+    most = _INAUDIBLE if accuracy.error is None else accuracy.error
+    return db is not None and db <= most and row.spectral_db is None
 
 
 def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list[str]:
@@ -281,14 +293,13 @@ def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list
 
 def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
     """A sentence for parts whose audible error is above what is allowed by ear, or in cents."""
-    share = 1.0 if cents is None else cents / _BY_EAR[0]
-    most_cents, most_t60, most_db = allowed = [share * value for value in _BY_EAR]
+    most_cents, most_t60, most_db = allowed = _allowed_by_ear(cents)
     islands: dict[str, list[str]] = {}
     for row in plan.rows():
         heard, over, spectral = row.audible, row.error_s, row.spectral_db
         if over is None or row.cut_short:
             continue
-        if heard is not None and any(own > most for own, most in zip(heard, allowed, strict=True)):
+        if heard is not None and not _is_allowed(heard, allowed):
             sentence = (
                 f"over the first {over:.2g} s {said_of(heard)}, above the {most_cents:.2g} cents, "
                 f"{100 * most_t60:.2g}% and {most_db:.2g} dB that are allowed"
@@ -305,6 +316,16 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
     return [
         f"{' + '.join(dict.fromkeys(parts))}: {sentence}" for sentence, parts in islands.items()
     ]
+
+
+def _allowed_by_ear(cents: float | None) -> list[float]:
+    """What is allowed by ear: pitch [cents], T60 [1] and audible third octaves [dB]."""
+    share = 1.0 if cents is None else cents / _BY_EAR[0]
+    return [share * value for value in _BY_EAR]
+
+
+def _is_allowed(heard: _core.AudibleError, allowed: list[float]) -> bool:
+    return all(own <= most for own, most in zip(heard, allowed, strict=True))
 
 
 def said_of(heard: _core.AudibleError) -> str:

@@ -5,11 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from one_bell import SCORE
+from tests.fuzz.render_targets import frozen_parts, renders
 
 from ergon import _core
 from ergon.common.errors import ErgonError
+from ergon.exchange import frozen, sound, wave
+from ergon.exchange.frozen import MANIFEST, NotFrozenError
 from ergon.exchange.safe import FileRefusedError
 from ergon.exchange.together import write_all
+from ergon.exchange.wave_header import NotWaveError
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
@@ -170,3 +174,48 @@ def test_links_in_a_circle_are_not_written_to(tmp_path: Path):
     with pytest.raises(FileRefusedError, match="a symbolic link in a circle"):
         write_all({tmp_path / "a": b"", tmp_path / "c": b""}, lambda path: None)
     assert not (tmp_path / "c").exists()
+
+
+def test_frozen_parts_have_a_finite_rate(tmp_path: Path):
+    """`1e999` is JSON, and its rate was turned into a whole number."""
+    manifest, files = frozen_parts()
+    (tmp_path / MANIFEST).write_text(manifest.replace("44100.0", "1e999"))
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    with pytest.raises(NotFrozenError, match="not a manifest of frozen parts"):
+        frozen.read(tmp_path)
+
+
+def test_a_file_of_another_kind_is_shown_to_no_other_decoder(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    """A damaged FLAC file went to a decoder of MP3, which wrote to the terminal."""
+    path = tmp_path / "render.flac"
+    (whole, _) = renders(".flac")
+    path.write_bytes(b"ID3" + whole[3:])
+    with pytest.raises(NotWaveError, match="is not FLAC"):
+        sound.read_info(path)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_sound_file_that_shrinks_while_it_is_read_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A hash of it never ended."""
+    path = tmp_path / "render.wav"
+    (whole, *_) = renders(".wav")
+    path.write_bytes(whole)
+    info = sound.read_info(path)
+    path.write_bytes(whole[:-40])
+    monkeypatch.setattr(wave, "read_info", lambda _: info)
+    for read in (sound.hash_samples, lambda path: list(sound.read_blocks(path))):
+        with pytest.raises(NotWaveError, match="became shorter"):
+            read(path)
+
+
+def test_a_signalling_nan_is_no_warning(tmp_path: Path):
+    path = tmp_path / "render.wav"
+    (_, _, float_render, *_) = renders(".wav")
+    path.write_bytes(float_render[:-4] + b"\x01\x00\x80\x7f")
+    (block,) = sound.read_blocks(path)
+    assert np.isnan(block[-1, -1])

@@ -7,8 +7,12 @@ from pathlib import Path
 
 import pytest
 from tests.fuzz.harness import Target, fuzz
+from tests.fuzz.render_targets import frozen_parts, read_folder, reader, renders
 from tests.fuzz.targets import BY_NAME, TARGETS
 from tests.scores.test_corrupted_takes import FORMATS
+
+from ergon.exchange import sound
+from ergon.exchange.frozen import MANIFEST
 
 NAMES = [target.name for target in TARGETS]
 # Each long run has cases of its own; FUZZ_FROM repeats those of another.
@@ -32,6 +36,15 @@ def test_a_reader_answers_or_refuses(name: str, tmp_path: Path) -> None:
 def test_a_reader_answers_or_refuses_for_long(name: str, tmp_path: Path) -> None:
     target = BY_NAME[name]
     holds(target, target.long, tmp_path, FIRST)
+
+
+def test_renders_and_frozen_parts_that_are_whole_are_read(tmp_path: Path) -> None:
+    for suffix in sound.SUFFIXES:
+        for data in renders(suffix):
+            assert next(reader(suffix)(data, tmp_path)) == "a bell"
+    manifest, files = frozen_parts()
+    whole = {MANIFEST: manifest.encode(), **files}
+    assert list(read_folder(whole, tmp_path)) == ["bell gong"]
 
 
 def cut_or_flipped(data: bytes):

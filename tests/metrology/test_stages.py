@@ -46,7 +46,7 @@ def errors_of(seeds: range) -> Floats:
 
 
 def test_a_key_is_measured():
-    errors = errors_of(range(2))
+    errors = errors_of(range(1))  # a seed takes 12 s; the long test below takes 50
     assert (np.abs(errors) < 4).all(), errors
 
 

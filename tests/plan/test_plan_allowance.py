@@ -15,8 +15,8 @@ from ergon.scores.staging.planning import _percent
 
 Capture = pytest.CaptureFixture[str]
 
-# A seed whose plan takes all of the allowance.
-HOSTILE = 2
+# A seed whose plan takes all of the allowance before it is exact enough.
+HOSTILE = 3
 STARVED = "{error: -60dB, cpu: 0.0001%}"
 
 

@@ -184,6 +184,11 @@ impl Island {
         fine.map_or_else(fine::FineWork::default, fine::Fine::work)
     }
 
+    /// How many exact contacts and frictions were solved in rounds after the first, so far.
+    pub(crate) fn solved_again(&self) -> u64 {
+        self.state.body.solved_again
+    }
+
     /// Sum over parts of their finer frames so far times the most steps that one such frame took.
     pub(crate) fn guard_steps(&self) -> u64 {
         let each = self.finer();

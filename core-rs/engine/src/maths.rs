@@ -1,7 +1,10 @@
 //! Transcendental functions that give the same bits on every machine (`libm`, compiled with the engine).
 
 pub(crate) mod lanes;
+mod mixing;
 pub(crate) mod wide;
+
+pub(crate) use mixing::Mixing;
 
 pub use libm::{
     asin, atan2, cos, exp, expm1, floor, fma, log, log1p, log2, log10, pow, sin, sincos, sqrt, tanh,

@@ -2,6 +2,7 @@
 
 mod contact_history;
 
+use crate::maths::Mixing;
 use crate::scheme::{Kind, Scheme};
 pub(crate) use contact_history::ContactHistory;
 
@@ -31,6 +32,10 @@ pub(crate) struct Body {
     pub(crate) outside: Vec<f64>,
     /// The state one frame before, if a frame may have to be computed again in finer steps.
     pub(crate) previous: Option<Box<PreviousState>>,
+    /// How many exact contacts and frictions were solved in rounds after the first, in all frames so far.
+    pub(crate) solved_again: u64,
+    /// Room for rounds over exact contacts and frictions that share a MAT.
+    pub(crate) mixing: Mixing,
 }
 
 crate::archive::state!(Body {
@@ -83,6 +88,12 @@ impl Body {
             inner: Vec::new(),
             outside: Vec::new(),
             previous: None,
+            solved_again: 0,
+            mixing: Mixing::new(if scheme.exact_coupled {
+                scheme.exact.len()
+            } else {
+                0
+            }),
             x,
             d,
         }

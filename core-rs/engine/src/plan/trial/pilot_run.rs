@@ -203,7 +203,9 @@ impl<'a> Meter<'a> {
     fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
         let fine = island.fine_work();
         let added = 1e-9
-            * (Costs::of("kick") * fine.instants as f64 + Costs::of("port") * fine.products as f64)
+            * (Costs::of("kick") * fine.instants as f64
+                + Costs::of("port") * fine.products as f64
+                + Costs::of("contact") * island.solved_again() as f64)
             + self.step * island.guard_steps() as f64;
         let more = added - self.added;
         self.added = added;
@@ -332,7 +334,7 @@ mod tests {
     use crate::gesture::profile::Curve;
     use crate::gesture::script::{Gesture, Manner};
     use crate::gesture::written::{Approach, Written};
-    use crate::network::{But, Network, Term, Tie};
+    use crate::network::{But, Dry, Network, Term, Tie};
     use crate::plan::{Budget, Method, Plan, Unit};
     use crate::timeline::Timeline;
     use crate::units::Rate;
@@ -422,5 +424,64 @@ mod tests {
                 assert_eq!(n_islands, 1);
             }
         }
+    }
+
+    /// Without guesses it takes 102 rounds a frame.
+    #[test]
+    fn friction_that_holds_masses_in_a_ring_takes_few_rounds() {
+        let mut network = Network::new();
+        network.part("ring", None);
+        let cells = [
+            (4.4e-3, 771.0),
+            (1.57e-2, 274.0),
+            (1.09e-2, 437.0),
+            (1.37e-2, 722.0),
+            (3.7e-3, 84.0),
+            (1.7e-2, 423.0),
+        ];
+        let mut mats = Vec::new();
+        for (index, (mass, f)) in cells.into_iter().enumerate() {
+            let tie = Tie::Tuned { f, t60: Some(1.0) };
+            let speed = if index == 0 { 0.05 } else { 0.0 };
+            let name = format!("m{index}");
+            mats.push(network.cel(&name, mass, tie, 0.0, speed, 0.0).unwrap());
+        }
+        let levels = [0.272, 0.029, 0.027, 0.172, 0.283, 0.127, 0.223];
+        let pairs = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 0), (1, 3)];
+        for (index, ((a, b), level)) in pairs.into_iter().zip(levels).enumerate() {
+            let dry = Dry {
+                level,
+                static_level: level,
+                speed: 0.02,
+            };
+            network
+                .dry(&format!("d{index}"), mats[a], mats[b], dry)
+                .unwrap();
+        }
+        let term = Term::Position {
+            first: mats[0],
+            len: 1,
+            weight: 1.0,
+        };
+        network.listen("o", vec![term]).unwrap();
+        let timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+        let plan = Plan::new(
+            Arc::new(network),
+            &timeline,
+            &Budget::Method(Method::Ca),
+            None,
+        )
+        .unwrap();
+        let Some(Unit::IslandPlan(island_plan)) = plan.units.first() else {
+            panic!("no island");
+        };
+        let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
+        let n_frames = 13_230;
+        let mut sound = vec![0.0; n_frames];
+        island
+            .compute(&mut sound, n_frames, &mut ThreadTeam::alone())
+            .unwrap();
+        let rounds = island.solved_again() as f64 / (n_frames * levels.len()) as f64;
+        assert!(rounds < 20.0, "{rounds}");
     }
 }
