@@ -22,7 +22,8 @@ _DRAFT = -20.0
 # Methods of meshes, whose errors are known only from trials.
 _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
 
-# What accuracy by ear allows for the waveform, where no more is known, or for pitches, T60 and third octaves.
+# What accuracy by ear allows for pitches, T60 and third octaves, or for the waveform where nothing
+# else is known.
 _INAUDIBLE = -60.0  # [dB]
 _BY_EAR = (3.0, 0.05, 1.0)  # [cents, of T60, dB]
 # Mean difference of third octaves that rounding alone causes in a chaotic motion [dB]: ALIKE in
