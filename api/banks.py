@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ergon.models.programs.bank import Bank, Way
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
-    from ergon.scores.staging.preparing import Ready
+    from ergon.scores.staging.preparing import PreparedPiece
 
     from .modes import PartModes
 
@@ -30,7 +30,7 @@ def is_heard(piece: Piece, part: str) -> bool:
     return instrument is not None and any(one.is_movement for one in instrument.outputs)
 
 
-def bank_of(piece: Piece, ready: Ready, found: PartModes, most: int) -> Bank:
+def bank_of(piece: Piece, ready: PreparedPiece, found: PartModes, most: int) -> Bank:
     """A part as resonators, `most` at most: one for each mode from each input to each output.
 
     Raises OptionError if there are more, or if no motion of the part is heard.
@@ -72,7 +72,7 @@ def bank_of(piece: Piece, ready: Ready, found: PartModes, most: int) -> Bank:
 
 
 def _inputs(
-    piece: Piece, ready: Ready, found: PartModes
+    piece: Piece, ready: PreparedPiece, found: PartModes
 ) -> list[tuple[str, NDArray[np.complex128], list[tuple[float, float]]]]:
     """The inputs of a bank: points that are struck, then those that links and contacts touch.
 

@@ -59,7 +59,7 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     if loaded.piece is None:
         return None, []
     from ergon import _core
-    from ergon.scores.staging.highest_modes import highest_modes, passes_limit, stops_low
+    from ergon.scores.staging.highest_modes import highest_modes, warn_low_modes, warn_over_limit
     from ergon.scores.staging.implausible import implausible
     from ergon.scores.staging.preparing import prepare
     from ergon.scores.staging.refusals import StageError
@@ -69,15 +69,15 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     try:
         staged = stage_as_checked(loaded.piece, report)
         found = [*unused(loaded.piece), *implausible(loaded.piece), *staged.diagnostics]
-        found += stops_low(highest_modes(loaded.piece, staged.built))
-        found += passes_limit(loaded.piece, staged.built, staged.paths)
+        found += warn_low_modes(highest_modes(loaded.piece, staged.built))
+        found += warn_over_limit(loaded.piece, staged.built, staged.paths)
     except StageError as error:
         found = list(error.diagnostics)
         if loaded.piece.automation and any(one.code == "E309" for one in found):
             # If the engine refuses the network itself, there is nothing to look at.
             with contextlib.suppress(_core.EngineError):
                 ready = prepare(loaded.piece)
-                found += passes_limit(loaded.piece, ready.built, ready.paths)
+                found += warn_over_limit(loaded.piece, ready.built, ready.paths)
     scores.show(report, loaded, found)
     return staged, found
 

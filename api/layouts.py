@@ -24,7 +24,7 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
 
     Raises NoLayoutError, and ScoreError where the file has mistakes.
     """
-    from ergon.notation.text.bounds import SHIPPED, Bounds
+    from ergon.notation.text.bounds import SHIPPED, FileBounds
     from ergon.notation.text.errors import Collector, quote
     from ergon.notation.text.files import Files, is_file
     from ergon.notation.text.spelling import nearest
@@ -42,7 +42,7 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
             raise NoLayoutError(message.replace("; The", "; the"))
         path = shipped[path.name]
     collector = Collector()
-    files = Files(collector, path.parent, bounds=Bounds.around(path.parent, trust=True))
+    files = Files(collector, path.parent, bounds=FileBounds.around(path.parent, trust=True))
     layout = build.layout(path.name, path.parent, Place(str(path), 1, 1), files)
     is_refused = collector.has_errors()
     found = collector.finish()

@@ -20,7 +20,7 @@ from .errors import DivergedError, OptionError, ScoreError
 from .options import AccuracyOptions, ReadOptions
 
 if TYPE_CHECKING:
-    from ergon.notation.text.bounds import Bounds
+    from ergon.notation.text.bounds import FileBounds
     from ergon.notation.text.errors import Diagnostic
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
@@ -59,11 +59,11 @@ def read(
     return loaded
 
 
-def bounds(path: str, trust: bool) -> Bounds:
+def bounds(path: str, trust: bool) -> FileBounds:
     """The bounds of the files that a score may name."""
-    from ergon.notation.text.bounds import Bounds
+    from ergon.notation.text.bounds import FileBounds
 
-    return Bounds.around(Path(path).parent, trust=trust)
+    return FileBounds.around(Path(path).parent, trust=trust)
 
 
 def piece_of(loaded: Loaded) -> Piece:

@@ -52,7 +52,7 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     report = report or Report()
     points = probed(piece)
     stage = stage_as_checked(points.piece, report)
-    with report.progress(task, stage.n_looked_at, stage.rate) as progress:
+    with report.progress(task, stage.n_analysed_frames, stage.rate) as progress:
         moved, closed, bows = measure_excursions(stage, points, progress.at)
     heard = gesture_fidelities(stage)
     return Simulated(heard, moved, closed, stage.rate, points.left_out, bows, stage)

@@ -49,10 +49,10 @@ def compile_score(
     quiet = Console(quiet=console.quiet or console.json or output in (None, "-"))
     with (
         open_for_writing(output or "-", binary=False, force=force, inputs=loaded.inputs) as file,
-        quiet.progress("compiling", stage.n_looked_at, stage.rate) as progress,
+        quiet.progress("compiling", stage.n_analysed_frames, stage.rate) as progress,
     ):
         head = header(form, title=piece.title, rate=stage.rate, score=piece.digest())
         file.write(head.encode())
-        for text, at in stream(stage.simulation, stage.n_looked_at, form, names):
+        for text, at in stream(stage.simulation, stage.n_analysed_frames, form, names):
             file.write(text.encode())
             progress.at(at)

@@ -162,7 +162,7 @@ def _for_workstation(
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
     staged = score.stage_piece(loaded, None, console)
     piece = staged.piece
-    end = staged.stage.n_looked_at / staged.stage.rate
+    end = staged.stage.n_analysed_frames / staged.stage.rate
     tempo_path, marks_path = output / "tempo.mid", output / "marks.csv"
     for path in (tempo_path, marks_path):
         check_target(path, force=force, inputs=loaded.inputs)

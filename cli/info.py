@@ -114,7 +114,7 @@ def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
 def _score(console: Console, path: str, trust: bool) -> None:
     ready = score.stage_piece(score.read(path, ReadOptions(trust=trust), console), None, console)
     piece, staged = ready.piece, ready.stage
-    duration = staged.n_looked_at / staged.rate
+    duration = staged.n_analysed_frames / staged.rate
     end = score.where(piece, duration)
     groups = {
         "players": list(piece.players),

@@ -294,9 +294,9 @@ def _why(row: PlanRow) -> list[str]:
         over = f"over the first {row.error_s:.2g} s"
         said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
     if row.audible is not None:
-        from ergon.scores.staging.planning import said_of
+        from ergon.scores.staging.planning import error_text
 
-        said.append(f"  Of that {said_of(row.audible)}.")
+        said.append(f"  Of that {error_text(row.audible)}.")
     if row.cut_short:
         said.append("  Planning ended there: its trials had done all the work that they may.")
     if row.spectral_db is not None:

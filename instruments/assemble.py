@@ -69,7 +69,7 @@ class Assembly:
             if module.kind in HOLDERS and module.kind not in FOLLOWERS:
                 fields = _seen(module.fields, reach)
                 n_links = self.network.n_lia
-                with self._gathering():
+                with self._collecting_refusals():
                     if space is None:
                         first = _MATS[module.kind](self, module.name, fields)
                     else:
@@ -87,7 +87,7 @@ class Assembly:
                     if "X0" in fields and module.kind in GENERATORS:
                         self._starts(first, fields)
 
-    def followers(
+    def add_followers(
         self, name: str, modules: Iterable[Module], *, ca_rate: float | None = None
     ) -> None:
         """Add a part's proxies and surfaces; the masses of all parts must exist.
@@ -97,11 +97,11 @@ class Assembly:
         self.network.part(name, ca_rate=ca_rate)
         for module in modules:
             if module.kind == "PROXY" and self._are_there(proxies.targets(module.fields)):
-                with self._gathering():
+                with self._collecting_refusals():
                     own = module.name, module.fields
                     self.mats[name, module.name] = proxies.add(self.network, *own, self.members)
             if module.kind == "SURFACE" and self._are_there([module.fields["of"]]):
-                with self._gathering():
+                with self._collecting_refusals():
                     masses = self.members(module.fields["of"])
                     firsts = add_surface(self.network, module.name, module.fields, masses)
                     self.points[name, module.name] = firsts
@@ -129,7 +129,7 @@ class Assembly:
                 continue
             if module.kind == "MAS":
                 for _, by in following.values(module, self.mat):
-                    with self._gathering():
+                    with self._collecting_refusals():
                         mat = self.mats[name, module.name]
                         self.network.follow_mass(module.name, mat, by)
             if module.kind not in LINKS:
@@ -138,7 +138,7 @@ class Assembly:
             if self.refused and any((end.part, end.module) not in self.mats for end in ends):
                 continue
             first = self.network.n_lia
-            with self._gathering():
+            with self._collecting_refusals():
                 own = list(singles(module))
                 for one in own:
                     self.link(name, one, *one.fields["between"], reach=reach)
@@ -191,7 +191,7 @@ class Assembly:
         return lambda member: _core.Chance(self.seed, "place", name, member, 0)
 
     @contextmanager
-    def _gathering(self) -> Iterator[None]:
+    def _collecting_refusals(self) -> Iterator[None]:
         """Collect what the engine refuses in this context, or raise it if refusals are not
         collected.
         """

@@ -85,14 +85,14 @@ class Bending(Shape):
         """Read a node."""
         if isinstance(node, document.Mapping):
             return _BENDING.read(node, name, context)
-        is_bending = k.TRUTH.read(node, name, context)
+        is_bending = k.BOOLEAN.read(node, name, context)
         if is_bending is MISSING:
             return MISSING
         return POISSON if is_bending else None
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
-        return Either(k.TRUTH, _BENDING).schema()
+        return Either(k.BOOLEAN, _BENDING).schema()
 
     def words(self) -> str:
         """In words."""

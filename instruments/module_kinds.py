@@ -166,7 +166,7 @@ def _but(ca: bool) -> tuple[Field, ...]:
         ),
         Field("restitution", k.UNIT_RATIO, "speed after a rebound over speed before (magic)", 1.0),
         Field("exponent", k.EXPONENT, "power of the penetration (1.5: Hertz)", 1.0),
-        Field("clamp", k.TRUTH, "never pull at the exit", False),
+        Field("clamp", k.BOOLEAN, "never pull at the exit", False),
         Field("steps", k.integer(2, 1000, "4"), "samples that a magic contact lasts", 2),
     )
 
@@ -436,7 +436,7 @@ def tables(form: Form, names: tuple[str, ...] = tuple(KINDS)) -> dict[str, Recor
     return {name: KINDS[name].tables[form] for name in names if form in KINDS[name].tables}
 
 
-def partly(table: Record) -> Record:
+def with_optional_fields(table: Record) -> Record:
     """The table with all fields optional: others may come from `like:` or `from:`."""
     fields = tuple(replace(field, required=False) for field in table.fields)
     return replace(table, fields=fields)

@@ -30,14 +30,14 @@ def speed_up(network: _core.Network, n_frames: int) -> int:
     entries = [
         (index, address(rows))
         for index, (rows, alone, in_runs) in enumerate(network.laws())
-        if is_worth_it(rows, alone, in_runs, n_frames)
+        if is_worth_compiling(rows, alone, in_runs, n_frames)
     ]
     if entries:
         network.native(entries)
     return len(entries)
 
 
-def is_worth_it(rows: Sequence[Row], alone: int, in_runs: int, n_frames: int) -> bool:
+def is_worth_compiling(rows: Sequence[Row], alone: int, in_runs: int, n_frames: int) -> bool:
     """Whether native code saves more time than compiling takes; depends on the score alone, not on
     a clock.
 

@@ -11,7 +11,7 @@ from ergon.instruments import checks
 from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
-from ergon.instruments.module_kinds import GENERATORS, HOLDERS, KINDS, partly, tables
+from ergon.instruments.module_kinds import GENERATORS, HOLDERS, KINDS, tables, with_optional_fields
 from ergon.instruments.outputs import Outputs
 from ergon.instruments.space import Space
 from ergon.instruments.space.checks import check as check_in_space
@@ -46,7 +46,7 @@ def module_table(form: Form) -> Record:
     No field is required here, because `like:` or `from:` may supply it; `whole` checks the rest
     later.
     """
-    kinds = {name: partly(table) for name, table in tables(form).items()}
+    kinds = {name: with_optional_fields(table) for name, table in tables(form).items()}
     return Record("module", "one module", (), kinds=kinds, kind_required=True)
 
 
@@ -58,7 +58,7 @@ def member_table(form: Form) -> Record:
         Field("t60", k.DURATIONS, "another decay for a single generator"),
         Field("M", k.MASS, "another mass for a single generator"),
     )
-    kinds = {name: partly(table) for name, table in tables(form, HOLDERS).items()}
+    kinds = {name: with_optional_fields(table) for name, table in tables(form, HOLDERS).items()}
     return Record("member", "what one note has of its own", fields, kinds=kinds)
 
 
@@ -129,7 +129,7 @@ def instrument_table(form: Form) -> Record:
         Field("space", k.integer(1, 3, "3"), "how many axes its masses move along", 1),
         Field("gravity", k.GRAVITY, "gravity in space, against the last axis", shown="none"),
     )
-    kinds = {name: partly(table) for name, table in tables(form, HOLDERS).items()}
+    kinds = {name: with_optional_fields(table) for name, table in tables(form, HOLDERS).items()}
     return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=kinds)
 
 
@@ -216,11 +216,11 @@ def modules(values: Values, axes: int = 1) -> tuple[Module, ...]:
         own
         for name, kind, body in made
         if body is not None and whole(kind, body, axes)
-        for own in grounded(module(name, kind, body, axes))
+        for own in with_ground_point(module(name, kind, body, axes))
     )
 
 
-def grounded(own: Module) -> tuple[Module, ...]:
+def with_ground_point(own: Module) -> tuple[Module, ...]:
     """A module; for a DRY with `to`, preceded by the fixed point on which it rubs."""
     to = own.fields.get("to")
     if own.kind != "DRY" or to is None:

@@ -50,11 +50,13 @@ def modules(
         elif module.kind in GENERATORS and part.axes == 1:
             _starts(module, who, part_names.collector)
         resolved = following_names.resolve(replace(module, fields=fields), part, part_names, who)
-        result.append(lawful(resolved, laws, bodies.get(module.name), who, part_names.collector))
+        result.append(
+            with_checked_law(resolved, laws, bodies.get(module.name), who, part_names.collector)
+        )
     return tuple(result)
 
 
-def lawful(
+def with_checked_law(
     module: Module,
     laws: Mapping[str, LawText],
     body: Values | None,
@@ -80,7 +82,7 @@ def _ends(module: Module, part: Part, part_names: PartNames, who: str) -> tuple[
     found = (part_names.target(name, wanted, who, part) for name in names)
     ends = tuple(end for end in found if end is not None)
     if spread.is_pairwise(module.kind, module.fields, ends):
-        spread.may_meet(
+        spread.may_touch_all(
             module.kind, ends, spread.has_wall(module.fields), who, part_names.collector
         )
     else:

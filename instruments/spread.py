@@ -158,7 +158,7 @@ def is_fitting(ends: Sequence[Target], who: str, collector: Collector) -> bool:
     return True
 
 
-def may_meet(
+def may_touch_all(
     kind: str, ends: Sequence[Target], is_wall: bool, who: str, collector: Collector
 ) -> bool:
     """Whether a contact or an attraction may act between all points of both ends; reports an error

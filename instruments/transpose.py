@@ -140,7 +140,7 @@ def _cents(frequency: float) -> int | None:
 _POWERS = {"t60": -1, "K": 2, "Z": 1, "V0": 1, "hardening": 2, "stretching": 2}
 
 
-def sounding_at(base: Values, own: Values, *, is_root: bool) -> Values:
+def at_own_pitch(base: Values, own: Values, *, is_root: bool) -> Values:
     """The base of an instrument, at the pitch that the instrument's own `f` and `transpose` ask
     for.
 

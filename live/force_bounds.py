@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.live.automated import MAX_SETS, RATIO, SHORT, Values, felt, value_sets
-from ergon.scores.staging.built_network import OVER, acting
+from ergon.scores.staging.built_network import COUPLING_ENDED, acting
 from ergon.scores.staging.version_glides import Glide
 
 if TYPE_CHECKING:
@@ -278,8 +278,8 @@ def _end(stage: Stage, until: float | None) -> float:
     """The frame from which a coupling no longer acts; infinite if it has no end."""
     if until is None:
         return math.inf
-    if until == OVER:
-        return OVER
+    if until == COUPLING_ENDED:
+        return COUPLING_ENDED
     return _on_grid(stage, until) + -(-int(_FADE * stage.rate) // _core.GRID) * _core.GRID
 
 

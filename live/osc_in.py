@@ -60,7 +60,7 @@ def table(
         return lambda ratio: _heeded([performance.part_gain(group, ratio) for group in mine])
 
     owned = alone(stage.piece, parts)
-    inputs = (name for name, take in stage.piece.takes.items() if take.is_told)
+    inputs = (name for name, take in stage.piece.takes.items() if take.is_from_osc)
     return {
         "/ergon/cmd": text_of(command),
         "/ergon/panic": pressed(performance.panic),

@@ -65,7 +65,7 @@ def _values(shape: Shape | None, known: Catalogue, number: str) -> Iterator[Comp
     elif isinstance(shape, Text):
         for choice in shape.choices:
             yield Completion(str(choice), "value", shape.words())
-        if shape is k.TRUTH:
+        if shape is k.BOOLEAN:
             yield from (Completion(word, "value", shape.words()) for word in ("true", "false"))
         if shape is k.PITCH:
             yield from (Completion(note, "value", f"{hertz(note):.2f} Hz") for note in _NOTES)

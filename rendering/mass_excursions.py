@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ergon.scores.staging.probes import Contact, Point, Probed
+    from ergon.scores.staging.probes import Contact, Point, ProbedPiece
 
 # Frames of a block: few enough that 256 points fit into the processor's cache.
 _BLOCK = 1024
@@ -68,14 +68,14 @@ class ContactClosings:
 
 
 def measure_excursions(
-    stage: Any, probed: Probed, progress: Callable[[int], None]
+    stage: Any, probed: ProbedPiece, progress: Callable[[int], None]
 ) -> tuple[list[Excursion], list[ContactClosings], list[Sliding]]:
     """Run the stage of a probed piece to its end; what its points, contacts and bows did."""
     moved = [Excursion(point) for point in probed.points]
     closed = [ContactClosings(contact) for contact in probed.contacts]
     bows = [bow for bow in map(sticking_detector, probed.rubbings) if bow is not None]
     at = 0
-    for frames in frames_of(stage.simulation, stage.n_looked_at, _BLOCK):
+    for frames in frames_of(stage.simulation, stage.n_analysed_frames, _BLOCK):
         for swing, low, high in zip(moved, frames.min(axis=0), frames.max(axis=0), strict=True):
             swing.low, swing.high = min(swing.low, float(low)), max(swing.high, float(high))
         for closing in closed:

@@ -19,7 +19,7 @@ from ergon.api.strokes import closed_once_warnings
 from ergon.common.report import Report
 from ergon.notation.text.errors import Diagnostic, full
 from ergon.scores.reading.load import Loaded, load
-from ergon.scores.staging.highest_modes import highest_modes, passes_limit, stops_low
+from ergon.scores.staging.highest_modes import highest_modes, warn_low_modes, warn_over_limit
 from ergon.scores.staging.implausible import implausible
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import stage
@@ -72,9 +72,9 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
         reports = [*loaded.diagnostics, *unused(loaded.piece), *implausible(loaded.piece)]
         reports += played.diagnostics
         if entry.code == "W331":
-            return [*reports, *stops_low(highest_modes(loaded.piece, played.built))], loaded
+            return [*reports, *warn_low_modes(highest_modes(loaded.piece, played.built))], loaded
         if entry.code == "W332":
-            return [*reports, *passes_limit(loaded.piece, played.built, played.paths)], loaded
+            return [*reports, *warn_over_limit(loaded.piece, played.built, played.paths)], loaded
         if entry.code in ("W320", "W323", "W334"):
             done = simulate(loaded.piece, NAME)
             reports += never_closed_warnings(loaded.piece, done) + closed_once_warnings(

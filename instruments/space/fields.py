@@ -265,7 +265,7 @@ def tables(
             shown="none",
         ),
         Field("exponent", k.EXPONENT, "power of the depth (1.5: Hertz)", 1.0),
-        Field("clamp", k.TRUTH, "never pull at the exit", False),
+        Field("clamp", k.BOOLEAN, "never pull at the exit", False),
         Field(
             "friction",
             k.FRICTION,

@@ -10,13 +10,13 @@ from ergon.notation.text.values import Time
 NEVER = 1e9
 
 
-class Elsewhere(TempoMap):
+class OffsetTempoMap(TempoMap):
     """A tempo map that does not begin at the engine's first frame: some beats may be past when the
     engine begins.
     """
 
 
-class Shifted(Elsewhere):
+class ShiftedTempoMap(OffsetTempoMap):
     """The beats of a piece at instants `by` seconds later."""
 
     def __init__(self, of: TempoMap, by: float) -> None:
@@ -37,7 +37,7 @@ class Shifted(Elsewhere):
         return self.seconds(start_beats + time.beats) + time.seconds
 
 
-class Standing(Elsewhere):
+class StoppedTempoMap(OffsetTempoMap):
     """A piece that is stopped at a beat: earlier beats are over, later ones never come."""
 
     def __init__(self, of: TempoMap, at: float, now: float) -> None:

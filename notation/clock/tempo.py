@@ -69,7 +69,7 @@ def parse_bpm(text: str) -> tuple[float, float | None]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Stretch:
+class _Segment:
     """From beat `start` (`seconds` into the piece) the tempo goes b0 → b1 over `span` beats."""
 
     start: float
@@ -104,7 +104,7 @@ class TempoMap:
         """Place the entries, which must be in order of time. Raises TempoError or TextError."""
         self.bars = Bars()
         self._marks = dict(marks or {})
-        self._stretches = [_Stretch(0.0, 0.0, 60.0, 60.0, MAX_TIME)]
+        self._stretches = [_Segment(0.0, 0.0, 60.0, 60.0, MAX_TIME)]
         self._starts = [0.0]
         self._instants = [0.0]
         self._ramp_end = 0.0
@@ -225,9 +225,9 @@ class TempoMap:
         return beats + over.seconds * b0 / (60.0 * _log_ratio((b1 - b0) / b0))
 
     def _append(self, at: float, b0: float, b1: float, span: float) -> None:
-        stretch = _Stretch(at, self.seconds(at), b0, b1, span)
+        stretch = _Segment(at, self.seconds(at), b0, b1, span)
         if at <= self._starts[-1] + SAME:  # nothing has passed since the last one began
-            stretch = _Stretch(self._starts[-1], self._instants[-1], b0, b1, span)
+            stretch = _Segment(self._starts[-1], self._instants[-1], b0, b1, span)
             del self._stretches[-1], self._starts[-1], self._instants[-1]
         self._stretches.append(stretch)
         self._starts.append(stretch.start)

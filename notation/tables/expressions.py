@@ -302,26 +302,26 @@ def looks_like(text: str, names: Mapping[str, Amount]) -> bool:
 
 
 @dataclass(slots=True)
-class Lets:
+class NamedAmounts:
     """The named values of a document, and what is wrong with them."""
 
     names: dict[str, Amount]
     wrong: list[tuple[Scalar, TextError]]
 
 
-def lets(of: Document) -> Lets:
+def lets(of: Document) -> NamedAmounts:
     """The values that `let:` of a document names; read once."""
     if of.lets is None:
         root, node = of.root, of.let
         if node is None and isinstance(root, document.Mapping) and "let" in root.entries:
             node = root.entries["let"][1]
-        of.lets = _read(node) if isinstance(node, document.Mapping) else Lets({}, [])
-    found: Lets = of.lets
+        of.lets = _read(node) if isinstance(node, document.Mapping) else NamedAmounts({}, [])
+    found: NamedAmounts = of.lets
     return found
 
 
-def _read(section: document.Mapping) -> Lets:
-    found = Lets({}, [])
+def _read(section: document.Mapping) -> NamedAmounts:
+    found = NamedAmounts({}, [])
     for number, (word, (key, node)) in enumerate(section.entries.items()):
         if number >= MAX_NAMES:
             message = f"`let:` has more than {MAX_NAMES:,} names"
@@ -349,7 +349,7 @@ def _read(section: document.Mapping) -> Lets:
     return found
 
 
-def with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
+def parse_with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
     """Read a text of several words, in which names of `let:` may stand for values.
 
     The text is parsed as written; if that fails, words such as `low`, `low@2` or `2*low` are

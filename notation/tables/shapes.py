@@ -130,7 +130,7 @@ class Text(Shape):
             if self.is_position:
                 return expressions.position(node.text, node.document, self.parse)
             if self.has_values:
-                return expressions.with_names(node, self.parse)
+                return expressions.parse_with_names(node, self.parse)
             return self.parse(node.text)
         except TextError as error:
             if self.is_value:

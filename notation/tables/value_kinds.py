@@ -214,4 +214,4 @@ BPM = Text(
 TITLE = Text(_title, "a text", types=("string", "number", "boolean"))
 PATH = Text(_path, "the name of a file", types=("string",))
 TIMES = Text(_cached(parse_times), "how often, such as 8", "^[0-9]+$", is_value=True)
-TRUTH = Text(_truth, "true or false", types=("boolean",))
+BOOLEAN = Text(_truth, "true or false", types=("boolean",))

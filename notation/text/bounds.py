@@ -21,7 +21,7 @@ SHIPPED = _PACKAGE / "scores" / "library"
 
 
 @dataclass(frozen=True, slots=True)
-class Bounds:
+class FileBounds:
     """Folders, without links in their names, whose files a score may name; None stands for any
     folder.
     """
@@ -29,14 +29,14 @@ class Bounds:
     folders: tuple[Path, ...] | None
 
     @classmethod
-    def around(cls, folder: Path, *, trust: bool = False) -> Bounds:
+    def around(cls, folder: Path, *, trust: bool = False) -> FileBounds:
         """The bounds of a score in a folder; with `trust` it may name any file."""
         if trust:
             return cls(None)
         return cls((_project(_real(folder)), _real(INSTRUMENTS), _real(SHIPPED)))
 
     @property
-    def trusts(self) -> bool:
+    def allows_any_file(self) -> bool:
         """Whether any file may be named."""
         return self.folders is None
 

@@ -335,14 +335,14 @@ class _Composer:
 
     def scalar(self, event: yaml.ScalarEvent) -> None:
         start = _start(event)
-        self.no_tag(event)
+        self.refuse_tag(event)
         self.count(1, start)
         style = event.style if event.style in _STYLES else None  # libyaml calls plain ''
         node = Scalar(self.document, start, _end(event), event.value, style)
         self.add(node, event.anchor, 1, 1)
 
     def open(self, event: yaml.CollectionStartEvent) -> None:
-        self.no_tag(event)
+        self.refuse_tag(event)
         self.count(1, _start(event))
         if len(self.stack) >= MAX_DEPTH:
             raise _Refused("E105", TOO_DEEP, _start(event))
@@ -408,7 +408,7 @@ class _Composer:
                 entries[key.text] = (key, value)
         return entries
 
-    def no_tag(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
+    def refuse_tag(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
         if event.tag is not None and event.tag != "!":
             message = f"tag {quote(event.tag)} is not allowed in a score; remove it"
             raise _Refused("E104", message, _start(event))

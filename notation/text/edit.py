@@ -15,7 +15,7 @@ from typing import Any
 from ergon.notation.text import document
 from ergon.notation.text.document import Document, Node, Scalar, compose
 from ergon.notation.text.errors import Collector, quote
-from ergon.notation.text.spans import Layout, Span, Splice, layout, spliced
+from ergon.notation.text.spans import Layout, Span, Splice, apply_splices, layout
 from ergon.notation.text.splices import Changes, named
 from ergon.notation.text.splices import EditError as EditError
 from ergon.notation.text.splices import Path as Path
@@ -84,7 +84,7 @@ def append(document: Document, path: Path, text: str, order: Sequence[str] = ())
     if node.kind == "sequence":
         splices = edit.changes.item(node, text)
         return edit.checked(splices, _with(edit.tree, path, lambda old: [*(old or ()), value]))
-    splices = edit.changes.wrapped(chain[-2], node, text)
+    splices = edit.changes.wrap_in_list(chain[-2], node, text)
     return edit.checked(splices, _with(edit.tree, path, lambda old: [old, value]))
 
 
@@ -254,7 +254,7 @@ class _Edit:
 
     def checked(self, splices: list[Splice], expected: Tree) -> str:
         """The new text. Raises EditError if its values are not `expected`."""
-        text = spliced(self.layout.text, splices)
+        text = apply_splices(self.layout.text, splices)
         reread = read(text, self.document.file)
         if tree(reread.root) != expected:
             raise EditError(
@@ -264,7 +264,7 @@ class _Edit:
 
     def checked_rows(self, splices: list[Splice], path: Path, lines: list[str]) -> str:
         """The new text, in which the table has these lines."""
-        text = spliced(self.layout.text, splices)
+        text = apply_splices(self.layout.text, splices)
         node = read(text, self.document.file).root
         for name in path:
             node = _child(node, name)

@@ -11,11 +11,11 @@ from itertools import islice
 from pathlib import Path, PurePosixPath
 
 from ergon.common.regular import read_bounded
-from ergon.notation.text.bounds import INSTRUMENTS, SHIPPED, Bounds
+from ergon.notation.text.bounds import INSTRUMENTS, SHIPPED, FileBounds
 from ergon.notation.text.document import Document, compose
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.memory import Memory
-from ergon.notation.text.sections import remembered
+from ergon.notation.text.sections import compose_with_memory
 from ergon.notation.text.spelling import nearest
 from ergon.notation.text.syntax import MAX_BYTES, Decoder, decode
 from ergon.notation.text.values import Place
@@ -78,7 +78,7 @@ class Files:
         home: Path,
         overlay: Mapping[str, str] | None = None,
         memory: Memory | None = None,
-        bounds: Bounds | None = None,
+        bounds: FileBounds | None = None,
         *,
         sealed: bool = False,
     ) -> None:
@@ -89,7 +89,7 @@ class Files:
         self.memory = memory
         self.documents: dict[str, Document] = {}
         self.home = home
-        self.bounds = Bounds.around(home) if bounds is None else bounds
+        self.bounds = FileBounds.around(home) if bounds is None else bounds
         self._overlay = {str(Path(name)): text for name, text in (overlay or {}).items()}
         self._sealed = sealed
 
@@ -152,7 +152,7 @@ class Files:
         self.collector.file(name)
         text = text.removeprefix("\ufeff")
         if self.memory is not None:
-            document = remembered(text, name, folder, self.collector, self.memory)
+            document = compose_with_memory(text, name, folder, self.collector, self.memory)
         else:
             document = compose(text, name, self.collector)
         document.folder = folder

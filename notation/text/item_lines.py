@@ -58,7 +58,7 @@ class _Run(NamedTuple):
         return accumulate([len(word) + self.gap for word in self.words[:-1]], initial=self.first)
 
 
-def by_lines(
+def compose_by_lines(
     text: str, file: str, folder: Path, row: int, known: Mapping[str, Line]
 ) -> tuple[Document, dict[str, Line]] | None:
     """The nodes of a text, and the lines of its lists and mappings; lines that are `known` are not

@@ -11,7 +11,7 @@ from pathlib import Path
 from ergon.notation.text import document
 from ergon.notation.text.document import MAX_NODES, Document, Node, Scalar, compose
 from ergon.notation.text.errors import Collector
-from ergon.notation.text.item_lines import by_lines
+from ergon.notation.text.item_lines import compose_by_lines
 from ergon.notation.text.memory import Memory
 
 # A line that begins at the margin with a name: in a block mapping only its own names begin there.
@@ -42,7 +42,7 @@ def names(text: str) -> list[tuple[str, int, int]]:
 
 def alone(text: str, file: str, folder: Path, name: str, memory: Memory) -> Section | None:
     """A section, if it can be read without the others; `memory` then also has it for
-    `remembered`.
+    `compose_with_memory`.
     """
     own = lines(text, name)
     if own is None:
@@ -65,7 +65,7 @@ def _cut(text: str) -> Iterator[tuple[str, int, int]]:
         yield match.group()[:-1].rstrip(), match.start(), end
 
 
-def remembered(
+def compose_with_memory(
     text: str, file: str, folder: Path, collector: Collector, memory: Memory
 ) -> Document:
     """The nodes of a text, as `compose` makes them, with those of sections that are known.
@@ -101,7 +101,7 @@ def _section(text: str, file: str, folder: Path, row: int, memory: Memory) -> Se
     collector = Collector()
     name = file, text.partition(":")[0]
     known = memory.lines.get(name, {})
-    found = by_lines(text, file, folder, row, known) if memory.is_loose else None
+    found = compose_by_lines(text, file, folder, row, known) if memory.is_loose else None
     if found is None:
         section = compose(text, file, collector, row)
     else:

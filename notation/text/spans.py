@@ -139,7 +139,7 @@ class Layout:
         return not self.text[self.line_start(index) : self.line_end(index)].strip()
 
 
-def spliced(text: str, splices: Iterable[Splice]) -> str:
+def apply_splices(text: str, splices: Iterable[Splice]) -> str:
     """A text with all replacements made."""
     pieces: list[str] = []
     at = 0

@@ -177,7 +177,7 @@ class Changes:
             )
         return [Splice(start, start, f"{text}, ")]
 
-    def wrapped(self, parent: Span, node: Span, text: str) -> list[Splice]:
+    def wrap_in_list(self, parent: Span, node: Span, text: str) -> list[Splice]:
         """Make a lone value the first item of a list of two."""
         lay = self.layout
         if node.flow or parent.flow or node.kind == "scalar":

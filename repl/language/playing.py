@@ -12,7 +12,7 @@ from ergon.notation.text.errors import TextError
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import Plays, When, Word
 from ergon.repl.language.scope import Scope
-from ergon.scores.edits.entries import of_play
+from ergon.scores.edits.entries import entry_of_play
 from ergon.scores.gesture.transforms import ARITY, Transform
 from ergon.scores.pattern import words as play_words
 from ergon.scores.reading.part import PLAY, SHAPES
@@ -142,7 +142,7 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
         options.get("until"),
         play.do,
         playing_options(options),
-        of_play(play.written, words["play"].text).with_fields(at=None),
+        entry_of_play(play.written, words["play"].text).with_fields(at=None),
         when=at or when,
         words=said,
     )

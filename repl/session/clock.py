@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
-from ergon.notation.clock.shifted import Shifted, Standing
+from ergon.notation.clock.shifted import ShiftedTempoMap, StoppedTempoMap
 
 if TYPE_CHECKING:
     from ergon.notation.clock.positions import Length
@@ -31,8 +31,8 @@ class Clock:
     def tempo(self, tempo: TempoMap, now: float) -> TempoMap:
         """The tempo map in seconds of the engine, which is at second `now`."""
         if self.by is not None:
-            return Shifted(tempo, self.by)
-        return Standing(tempo, self.at, now)
+            return ShiftedTempoMap(tempo, self.by)
+        return StoppedTempoMap(tempo, self.at, now)
 
     def beat(self, tempo: TempoMap, seconds: float) -> float:
         """The beat of the piece at a second of the engine."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ergon.notation.text.bounds import Bounds
+from ergon.notation.text.bounds import FileBounds
 from ergon.rendering.silence import Silence
 from ergon.repl.session.block_rules import Rule, read_rules, rules_field
 from ergon.repl.session.disk import Disk
@@ -297,7 +297,7 @@ class _FileLocations:
             }
         except JournalNameError as error:
             event.wrong(str(error))
-        bounds = Bounds.around(path.parent, trust=self.trust)
+        bounds = FileBounds.around(path.parent, trust=self.trust)
         return Texts(str(path), event.get("text", str), overlay, sealed=True, bounds=bounds)
 
     def hashes(self, event: Event) -> dict[str, str]:

@@ -66,7 +66,7 @@ class SessionOsc:
         if address.startswith(_INPUT):
             name = address.removeprefix(_INPUT)
             take = self._session.commits.head.piece.takes.get(name)
-            return None if take is None or not take.is_told else self._told.of(name)
+            return None if take is None or not take.is_from_osc else self._told.of(name)
         match = _GAIN.fullmatch(address)
         if match is None:
             return None

@@ -10,10 +10,10 @@ from ergon.notation.clock.positions import Length, Position
 from ergon.repl.session.frozen_parts import HeldPart, placed, still_frozen
 from ergon.repl.session.midi_maps import strike_points
 from ergon.repl.session.rehearsing import keys_for
-from ergon.scores.reading.piece import UNSAID, Play
+from ergon.scores.reading.piece import NO_OPTIONS, Play
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.preparing import Span
-from ergon.scores.staging.stage import Going, stage
+from ergon.scores.staging.stage import StageTakeover, stage
 from ergon.scores.staging.version_glides import Glide, LeavingLink, glides, leaving, with_leaving
 
 if TYPE_CHECKING:
@@ -90,7 +90,9 @@ def rehearsal(piece: Piece) -> Piece:
                 continue
             at, place = Position(plus=Length(beats=beat)), gesture.place
             plays.append(
-                Play(player.name, gesture.name, at, None, 1, None, (), UNSAID, place, place, None)
+                Play(
+                    player.name, gesture.name, at, None, 1, None, (), NO_OPTIONS, place, place, None
+                )
             )
             starts.append((beat,))
             beat += max(1.0, gesture.points[-1].at.beats + gesture.points[-1].at.seconds)
@@ -199,7 +201,7 @@ def _staged(
         real=real,
         silent=frozenset(part.name for part in frozen),
         on_fault="mute",
-        going=Going(spans, like, start, moving, strike_points(version)),
+        going=StageTakeover(spans, like, start, moving, strike_points(version)),
         is_seen=is_seen,
     )
     staged.placed = placed(frozen, staged.listening, clock, staged.rate)

@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.notation.text.bounds import Bounds
+from ergon.notation.text.bounds import FileBounds
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.files import is_file
 from ergon.notation.text.spelling import nearest
@@ -38,7 +38,9 @@ def scene_of(texts: Texts, name: str) -> Scene:
             f"there is no scene {name} beside the score; `keep 8bar as {name}` makes one",
             None if near is None else f"scene {near}",
         )
-    bounds = Bounds.around(folder, trust=texts.bounds is not None and texts.bounds.trusts)
+    bounds = FileBounds.around(
+        folder, trust=texts.bounds is not None and texts.bounds.allows_any_file
+    )
     try:
         scene, files = _read(_stamps([path]), bounds)
         if _stamps(map(Path, [name for name, *_ in files])) != files:
@@ -52,7 +54,7 @@ def scene_of(texts: Texts, name: str) -> Scene:
 
 
 @lru_cache(maxsize=8)  # a scene of 100 modules takes 40 ms to read
-def _read(stamps: _Stamps, bounds: Bounds) -> tuple[Scene, _Stamps]:
+def _read(stamps: _Stamps, bounds: FileBounds) -> tuple[Scene, _Stamps]:
     """The scene in a file, and the stamps of all files from which it was read."""
     texts = Texts.read(stamps[0][0], bounds)
     scene = Scene.of(texts, piece_of(texts))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.notation.text.bounds import Bounds
+from ergon.notation.text.bounds import FileBounds
 from ergon.notation.text.edit import EditError
 from ergon.repl.language import commands as c
 from ergon.repl.session import block_edits as block_edits
@@ -32,7 +32,7 @@ from ergon.scores.edits import (
     strikes,
     times,
 )
-from ergon.scores.edits.scenes import sounds_from
+from ergon.scores.edits.scenes import has_events_from
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture import space_path
 from ergon.scores.staging.automating import value_on
@@ -259,11 +259,11 @@ def _load(command: c.Load) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         if not files:
             before = version.texts.bounds
-            trust = before is not None and before.trusts
+            trust = before is not None and before.allows_any_file
             folder = Path(command.file).parent
-            files.append(_file(command.file, Bounds.around(folder, trust=trust)))
+            files.append(_file(command.file, FileBounds.around(folder, trust=trust)))
         made = replace(with_texts(version, files[0]), read=files[0], base=files[0], renames=())
-        return replace(made, enters=beat if sounds_from(made.piece, beat) else 0.0)
+        return replace(made, enters=beat if has_events_from(made.piece, beat) else 0.0)
 
     return edit
 
@@ -295,7 +295,7 @@ def _reload(command: c.Reload) -> VersionEdit:
     return edit
 
 
-def _file(path: str, bounds: Bounds | None) -> Texts:
+def _file(path: str, bounds: FileBounds | None) -> Texts:
     try:
         return Texts.read(path, bounds)
     except OSError as error:

@@ -106,12 +106,12 @@ def finish(texts: Texts, piece: Piece, at: float) -> Texts:
 def end_all(texts: Texts, piece: Piece, at: float) -> Texts:
     """Give every parameter its own value from a beat on."""
     for number in reversed(range(len(piece.automation))):
-        if leads_from(piece, piece.automation[number], at):
+        if is_automated_from(piece, piece.automation[number], at):
             texts = _ended_one(texts, piece, at, number)
     return texts
 
 
-def leads_from(piece: Piece, one: Automation, at: float) -> bool:
+def is_automated_from(piece: Piece, one: Automation, at: float) -> bool:
     """Whether automation changes its parameter on a beat, or later."""
     return ending(piece, one) > at + SAME
 

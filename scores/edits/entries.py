@@ -93,15 +93,15 @@ class Line:
         return self.entry.with_fields(**starts.part(first, last, at))
 
 
-def of_words(text: str) -> Entry:
+def parse_entry(text: str) -> Entry:
     """The entry that the words of a line describe, without its position. Raises EditError."""
     try:
-        return of_play(words.parse(text), text)
+        return entry_of_play(words.parse(text), text)
     except TextError as error:
         raise EditError(error.message) from None
 
 
-def of_play(play: words.PlayWords, text: str) -> Entry:
+def entry_of_play(play: words.PlayWords, text: str) -> Entry:
     """The entry of a play that was read from a text, without its position."""
     options = {name: word.text for name, word in play.options.items()}
     do = tuple(text[t.offset : t.offset + t.length] for t in play.do)
@@ -141,7 +141,7 @@ def _lines(texts: Texts, piece: Piece, player: str, numbers: Iterable[int]) -> I
         for row, offset in words.rows(node.text):
             number, done = number + node.text.count("\n", done, offset), offset
             read = words.parse_row(row, offset)
-            rows.append((number, of_play(read.play, node.text).at(read.at.text), row))
+            rows.append((number, entry_of_play(read.play, node.text).at(read.at.text), row))
     for number in numbers:
         play, starts = plays[number]
         begin = piece.tempo_map.resolve(play.at)

@@ -279,7 +279,7 @@ def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
 
 def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) -> Changes:
     """The fields to write for a value, and those to remove because they contradict it."""
-    now = _now(owner, piece)
+    now = _current_values(owner, piece)
     changes: dict[str, str | None] = {}
     others = _OTHERS.get(name, ()) if owner.kind in ("", "CEL") else ()
     if owner.said.written(*others):
@@ -315,7 +315,7 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
     return {**changes, name: _text(amount * factor, name, owner)}
 
 
-def _now(owner: _Owner, piece: Piece) -> Mapping[str, object]:
+def _current_values(owner: _Owner, piece: Piece) -> Mapping[str, object]:
     """The current values in SI units, including those of a measured key."""
     made = piece.keys.get(owner.part) or piece.instruments.get(owner.part)
     for module in made.modules if made is not None else ():

@@ -14,7 +14,7 @@ from ergon.scores.edits import automation, entries, strikes
 from ergon.scores.edits.entries import Entry, PartEdit
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
-from ergon.scores.gesture.transforms import Middle, apply
+from ergon.scores.gesture.transforms import MidpointChance, apply
 from ergon.scores.pattern import words
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.patterns import PATTERN_FIELDS
@@ -141,5 +141,5 @@ def _under_way(line: entries.Line, piece: Piece, at: float) -> entries.Line | No
     if begin >= at - SAME or gesture is None:
         return None
     beat = 60.0 / tempo.bpm(begin)
-    points, _ = apply(gesture.points, (*gesture.do, *line.play.do), Middle(), beat)
+    points, _ = apply(gesture.points, (*gesture.do, *line.play.do), MidpointChance(), beat)
     return line if tempo.instant(begin, points[-1].at) > tempo.seconds(at) else None

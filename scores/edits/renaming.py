@@ -14,7 +14,7 @@ from ergon.notation.text import document
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
-from ergon.scores.edits.structure import written_in
+from ergon.scores.edits.structure import definition_path
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern import words
 from ergon.scores.reading.melody import Entries, WhatShape
@@ -36,7 +36,7 @@ def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
 
     Raises EditError.
     """
-    section, _ = written_in(texts, old)
+    section, _ = definition_path(texts, old)
     if section not in _RENAMED or "." in old:
         raise EditError(
             f"{old} is not the name of a gesture, phrase, take, player, block, key or instrument"

@@ -89,7 +89,7 @@ def released(piece: Piece, scene: Scene, at: float) -> list[str]:
     itself.
     """
     own = {one.name for one in scene.piece.automation}
-    found = (one.name for one in piece.automation if automation.leads_from(piece, one, at))
+    found = (one.name for one in piece.automation if automation.is_automated_from(piece, one, at))
     return [name for name in dict.fromkeys(found) if name not in own]
 
 
@@ -113,7 +113,7 @@ def tuned(texts: Texts, piece: Piece, scene: Scene) -> Texts:
     return texts
 
 
-def sounds_from(piece: Piece, beat: float) -> bool:
+def has_events_from(piece: Piece, beat: float) -> bool:
     """Whether anything of a piece begins or ends on a beat or later; True also for a piece without
     events.
     """

@@ -86,7 +86,7 @@ def remove(texts: Texts, piece: Piece, name: str) -> Texts:
     A player is removed with the part, a key with its couplings, an instrument with its routes.
     Raises EditError.
     """
-    section, path = written_in(texts, name)
+    section, path = definition_path(texts, name)
     if section == "players" and _has(texts, ("parts", name)):
         texts = texts.remove(("parts", name))
     if section == "keys":
@@ -124,7 +124,7 @@ def routed(texts: Texts, piece: Piece) -> Texts:
     return texts
 
 
-def written_in(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
+def definition_path(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
     """The section in which the score itself defines a name, and its path. Raises EditError."""
     part, _, module = name.partition(".")
     for section in (

@@ -10,14 +10,14 @@ from pathlib import Path
 
 from ergon.common.regular import read_bounded
 from ergon.notation.text import document, edit
-from ergon.notation.text.bounds import Bounds
+from ergon.notation.text.bounds import FileBounds
 from ergon.notation.text.document import Document, Node
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files
 from ergon.notation.text.memory import Memory
 from ergon.notation.text.sections import Section, alone, lines, names
-from ergon.notation.text.spans import Splice, spliced
+from ergon.notation.text.spans import Splice, apply_splices
 from ergon.notation.text.syntax import MAX_BYTES, decode
 from ergon.notation.text.window import Window, last_items, one_line
 from ergon.scores.reading.load import Loaded, load
@@ -62,10 +62,10 @@ class Texts:
     overlay: Mapping[str, str] = field(default_factory=dict)
     sealed: bool = field(default=False, compare=False)
     memory: Memory = field(default_factory=_remembering, repr=False, compare=False)
-    bounds: Bounds | None = None
+    bounds: FileBounds | None = None
 
     @classmethod
-    def read(cls, path: str | Path, bounds: Bounds | None = None) -> Texts:
+    def read(cls, path: str | Path, bounds: FileBounds | None = None) -> Texts:
         """The score in a file and the files that it uses, with line breaks as they are.
 
         Later changes of the files have no effect. Raises OSError or EditError.
@@ -204,7 +204,7 @@ class Texts:
             text = self.text[slice(*own)]
             found = [self._splice(text, section, *one) for one in edits]
             left = [change for change, splice in zip(left, found, strict=True) if splice is None]
-            text = spliced(text, [splice for splice in found if splice is not None])
+            text = apply_splices(text, [splice for splice in found if splice is not None])
             texts = self.changed(self.text[: own[0]] + text + self.text[own[1] :])
         for change in left:
             texts = texts.edited(name, partial(_whole, change), file)

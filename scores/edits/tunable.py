@@ -105,7 +105,7 @@ class TunablePart:
         points = [module for module in modules if module.kind in HOLDERS]
         space = own.space if isinstance(own, Instrument) else None
         assembly.part(self.name, points, ca_rate=ca_rate, reach=reach, space=space)
-        assembly.followers(self.name, points, ca_rate=ca_rate)
+        assembly.add_followers(self.name, points, ca_rate=ca_rate)
         links = [module for module in modules if self._is_inside(module, assembly)]
         assembly.joins(self.name, links, ca_rate=ca_rate, reach=reach)
         for other, module in self.piece.modules():

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture.motion import BLOCK, Motion, judged, unlike
+from ergon.scores.gesture.motion import BLOCK, Motion, judged, unique_names
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     MAX_SAMPLES,
@@ -93,7 +93,7 @@ def read(path: Path) -> Motion:
                 left -= len(rows)
                 yield _places(joints, np.array(rows).reshape(len(rows), n_channels))
 
-    return judged(Motion(unlike([j.name for j in joints]), n, rate, None, blocks), path)
+    return judged(Motion(unique_names([j.name for j in joints]), n, rate, None, blocks), path)
 
 
 def _hierarchy(text: _Text) -> tuple[list[_Joint], int]:

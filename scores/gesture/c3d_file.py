@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture.motion import BLOCK, Motion, judged, unlike
+from ergon.scores.gesture.motion import BLOCK, Motion, judged, unique_names
 from ergon.scores.gesture.points import METRE
 from ergon.scores.gesture.take_file import Floats, TakeError, opened
 
@@ -194,4 +194,4 @@ def _labels(values: dict[tuple[str, str], _Value], n: int) -> tuple[str, ...]:
         text, width = _text(values, *label), max(1, dimensions[0] if dimensions else 1)
         names += [text[i : i + width].strip(" \0") for i in range(0, len(text), width)]
         number += 1
-    return unlike([*names, *[""] * n][:n])
+    return unique_names([*names, *[""] * n][:n])

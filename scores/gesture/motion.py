@@ -53,7 +53,7 @@ def judged(motion: Motion, path: Path) -> Motion:
     return motion
 
 
-def unlike(names: Sequence[str]) -> tuple[str, ...]:
+def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     """The names; a name that is empty or taken gets its number, from 1."""
     taken: set[str] = set()
     told = []

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unlike
+from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
 from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened
 
 _FIRST = b"Format Version,"
@@ -65,7 +65,7 @@ def read(path: Path) -> Motion:
     said = next((header[name] for name in _COUNTS if header.get(name)), None)
     n = sum(1 for _ in _frames(rows)) if said is None else _count(said, path)
     metres = _METRES.get(header.get("Length Units", "").lower())
-    return judged(Motion(unlike(rows.names), n, _rate(header, path), metres, blocks), path)
+    return judged(Motion(unique_names(rows.names), n, _rate(header, path), metres, blocks), path)
 
 
 def _frames(rows: _Rows) -> Iterator[tuple[str, int]]:

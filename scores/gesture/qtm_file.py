@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unlike
+from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
 from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened
 
 _FIRST = (b"FILE_VERSION", b"NO_OF_FRAMES")
@@ -70,7 +70,7 @@ def read(path: Path) -> Motion:
             yield from map(_seen, in_blocks(values, n, path))
 
     rate = _rate(header.get("FREQUENCY", []), path)
-    return judged(Motion(unlike(rows.names), n, rate, 1e-3, blocks), path)
+    return judged(Motion(unique_names(rows.names), n, rate, 1e-3, blocks), path)
 
 
 def _header(path: Path) -> tuple[dict[str, list[str]], _Rows]:

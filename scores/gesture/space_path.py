@@ -31,7 +31,7 @@ class _Brackets(NamedTuple):
     parts: tuple[tuple[int, str], ...]
 
 
-class _Stood(NamedTuple):
+class _PositionInText(NamedTuple):
     """A position in the text: where its brackets begin, where it begins itself, and its length."""
 
     start: int
@@ -96,13 +96,13 @@ def _along(text: str, points: Sequence[_Brackets], axis: int, curve: str, most: 
     pieces: list[str] = []
     end = 0
     # By the offset of a position in the text that is parsed: where it is in the text as written.
-    begins: dict[int, _Stood] = {}
+    begins: dict[int, _PositionInText] = {}
     for start, stop, parts in points:
         at, part = parts[axis]
         # The replacement has the same length, with the position next to its time, so that other
         # offsets stay.
         pieces += (text[end:start], part.rjust(stop - start))
-        begins[stop - len(part)] = _Stood(start, at, len(part))
+        begins[stop - len(part)] = _PositionInText(start, at, len(part))
         end = stop
     try:
         read = notation.parse("".join((*pieces, text[end:])), curve, most)

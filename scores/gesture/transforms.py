@@ -35,7 +35,7 @@ class Chance(Protocol):
         """Draw a number between `low` and `high`."""
 
 
-class Middle:
+class MidpointChance:
     """Draws the middle of each range: for lengths, which must not depend on chance."""
 
     def uniform(self, low: float, high: float) -> float:
@@ -70,7 +70,7 @@ class TakeTransform:
     back: float = 0.0
 
 
-class _Shaped(NamedTuple):
+class _TransformResult(NamedTuple):
     points: tuple[Point, ...]
     note: str | None = None
 
@@ -162,21 +162,23 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
     return TakeTransform(scale, stretch, reverse, shift, *left_out)
 
 
-def _scale(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _Shaped:
-    return _Shaped(tuple(_moved(p, p.at, p.x * t.amount) for p in points))
+def _scale(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
+    return _TransformResult(tuple(_moved(p, p.at, p.x * t.amount) for p in points))
 
 
-def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _Shaped:
-    return _Shaped(tuple(_moved(p, p.at, 0.0 - p.x) for p in points))
+def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _TransformResult:
+    return _TransformResult(tuple(_moved(p, p.at, 0.0 - p.x) for p in points))
 
 
-def _stretch(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _Shaped:
+def _stretch(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
     s = t.amount
-    return _Shaped(tuple(_moved(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in points))
+    return _TransformResult(
+        tuple(_moved(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in points)
+    )
 
 
-def _shift(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _Shaped:
-    return _Shaped(
+def _shift(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
+    return _TransformResult(
         tuple(
             _moved(p, Time(p.at.beats + t.time.beats, p.at.seconds + t.time.seconds), p.x)
             for p in points
@@ -184,7 +186,7 @@ def _shift(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _Sh
     )
 
 
-def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _Shaped:
+def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _TransformResult:
     """Leave out the points before an instant, which becomes the start; the last point stays.
 
     The first point that is left gets the curve of the gesture's first point.
@@ -194,15 +196,15 @@ def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _S
     first = next(later, None)
     if first is None:
         end = _moved(points[-1], NOW, points[-1].x)
-        return _Shaped(
+        return _TransformResult(
             (end,), "from: the start lies after the last point, so only the last position remains"
         )
     at = [Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds) for p in points[first:]]
     moved = [_moved(p, where, p.x) for p, where in zip(points[first:], at, strict=True)]
-    return _Shaped((replace(moved[0], curve=points[0].curve), *moved[1:]))
+    return _TransformResult((replace(moved[0], curve=points[0].curve), *moved[1:]))
 
 
-def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _Shaped:
+def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _TransformResult:
     """Play the points backward, between the first and the last point's instants.
 
     The curve that led into point i now leads into point i-1.
@@ -210,7 +212,7 @@ def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) ->
     first, last = points[0].at, points[-1].at
     beats, seconds = first.beats + last.beats, first.seconds + last.seconds
     curves = [points[0].curve, *(p.curve for p in reversed(points[1:]))]
-    return _Shaped(
+    return _TransformResult(
         tuple(
             Point(Time(beats - p.at.beats, seconds - p.at.seconds), p.x, curve, p.offset, p.length)
             for p, curve in zip(reversed(points), curves, strict=True)
@@ -218,7 +220,9 @@ def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) ->
     )
 
 
-def _jitter(points: tuple[Point, ...], t: Transform, chance: Chance, beat: float) -> _Shaped:
+def _jitter(
+    points: tuple[Point, ...], t: Transform, chance: Chance, beat: float
+) -> _TransformResult:
     """Move every point but the first by a draw in time, then one in position.
 
     A point moves at most JITTER_ROOM of the way to a neighbour, so that a tenth of the way stays
@@ -236,10 +240,10 @@ def _jitter(points: tuple[Point, ...], t: Transform, chance: Chance, beat: float
             dt = min(dt, JITTER_ROOM * (clock[i + 1] - clock[i]))
         x = moved[-1].x if p.curve == "hold" else p.x + dx
         moved.append(_moved(p, Time(p.at.beats, p.at.seconds + dt), x))
-    return _Shaped(tuple(moved))
+    return _TransformResult(tuple(moved))
 
 
-def _quantise(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _Shaped:
+def _quantise(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _TransformResult:
     """Move points to the nearest multiple of q beats, halves later; merge those that meet.
 
     The merged point has the position of the last; its curve is the last that is not a hold.
@@ -255,9 +259,9 @@ def _quantise(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -
         result.append(Point(at, p.x, curve, p.offset, p.length))
     n_lost = len(points) - len(result)
     if not n_lost:
-        return _Shaped(tuple(result))
+        return _TransformResult(tuple(result))
     plural = "points fall" if n_lost > 1 else "point falls"
-    return _Shaped(
+    return _TransformResult(
         tuple(result), f"quantise {q:g}: {n_lost} {plural} on the time of the next point"
     )
 
@@ -312,7 +316,7 @@ def _misread(word: str, offset: int, kind: str, example: str) -> TextError:
     )
 
 
-_Act = Callable[[tuple[Point, ...], Transform, Chance, float], _Shaped]
+_Act = Callable[[tuple[Point, ...], Transform, Chance, float], _TransformResult]
 _Read = Callable[[str, int, str], float | Time]
 
 

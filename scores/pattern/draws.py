@@ -25,11 +25,11 @@ class Draws:
     seed: int
     who: str
 
-    def chooses(self, site: int, turn: int, count: int) -> int:
+    def choose(self, site: int, turn: int, count: int) -> int:
         """One of `count` items."""
         return _one_of(self._chance("choose", site, turn), count)
 
-    def shuffles(self, site: int, turn: int, count: int) -> list[int]:
+    def shuffle(self, site: int, turn: int, count: int) -> list[int]:
         """All of `count` items in some order."""
         chance = self._chance("shuffle", site, turn)
         order = list(range(count))
@@ -38,7 +38,7 @@ class Draws:
             order[last], order[other] = order[other], order[last]
         return order
 
-    def walks(self, site: int, turn: int, count: int) -> int:
+    def walk_position(self, site: int, turn: int, count: int) -> int:
         """The position of a random walk among `count` items: it starts at the first, and each turn
         moves it by -1, 0 or +1; a step beyond an end is reflected.
         """

@@ -126,7 +126,7 @@ def parse(text: str, called: Called | None = None) -> Group:
     if len(stack) > 1:
         raise TextError("this group is not closed; write ( … )", offset=stack[-1].offset)
     _not_empty(stack[0], len(text))
-    return _Maker().group(stack[0], 1)
+    return _GroupBuilder().group(stack[0], 1)
 
 
 def plain(name: str) -> Group:
@@ -174,7 +174,7 @@ def _not_empty(group: _Open, length: int = 1) -> None:
         raise TextError(message, offset=group.offset, length=max(1, length))
 
 
-class _Maker:
+class _GroupBuilder:
     """Expands repetition counts, and numbers the groups."""
 
     def __init__(self) -> None:

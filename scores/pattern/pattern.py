@@ -54,7 +54,7 @@ class Place(NamedTuple):
     name: str | None = None
 
 
-class Course:
+class PlaceSequence:
     """The places of a pattern, numbered from 0, without end.
 
     What happens in a place depends on the pattern, the draws and the place's number alone.
@@ -143,13 +143,13 @@ def _names(item: Leaf | Group, draws: Draws, turn: int) -> Iterator[str | None]:
         return
     count = len(item.items)
     if item.way in ("choose", "walk"):
-        draw = draws.chooses if item.way == "choose" else draws.walks
+        draw = draws.choose if item.way == "choose" else draws.walk_position
         chosen = item.items[draw(item.site, turn, count)]
         yield from _names(chosen, draws, turn)
         yield from (None for _ in range(item.places - chosen.places))
         return
     is_drawn = item.way == "shuffle"
-    for index in draws.shuffles(item.site, turn, count) if is_drawn else range(count):
+    for index in draws.shuffle(item.site, turn, count) if is_drawn else range(count):
         yield from _names(item.items[index], draws, turn)
 
 
@@ -168,7 +168,7 @@ def _of(
     if item.way in ("choose", "walk"):
         index = 0
         if draws is not None:
-            draw = draws.chooses if item.way == "choose" else draws.walks
+            draw = draws.choose if item.way == "choose" else draws.walk_position
             index = draw(item.site, turn, len(item.items))
         last = at
         chosen = item.items[index]
@@ -180,7 +180,7 @@ def _of(
         return
     members = range(len(item.items))
     if item.way == "shuffle" and draws is not None:
-        order: Sequence[int] = draws.shuffles(item.site, turn, len(item.items))
+        order: Sequence[int] = draws.shuffle(item.site, turn, len(item.items))
     else:
         order = members
     each = width / item.steps

@@ -15,7 +15,7 @@ from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.values import Time
 from ergon.scores.pattern.order import Leaf
-from ergon.scores.pattern.pattern import Course
+from ergon.scores.pattern.pattern import PlaceSequence
 from ergon.scores.pattern.rhythm import EVEN
 from ergon.scores.pattern.search import first_from
 
@@ -30,10 +30,10 @@ class Steps(Sequence[float]):
 
     def __init__(
         self,
-        course: Course,
+        course: PlaceSequence,
         beat: Callable[[int], float],
         count: int,
-        again: Callable[[Course], Steps],
+        again: Callable[[PlaceSequence], Steps],
     ) -> None:
         """Take `count` places, each on the beat that `beat` gives; `last` becomes the beat of the
         last one.
@@ -51,7 +51,7 @@ class Steps(Sequence[float]):
         course = self.course
         if course.draws.seed == seed:
             return self
-        return self._again(Course(course.pattern, replace(course.draws, seed=seed)))
+        return self._again(PlaceSequence(course.pattern, replace(course.draws, seed=seed)))
 
     def __len__(self) -> int:
         """How many places there are."""
@@ -88,7 +88,7 @@ class Steps(Sequence[float]):
 def steps(
     tempo: TempoMap,
     at: float,
-    course: Course,
+    course: PlaceSequence,
     *,
     every: Length | None = None,
     times: int | None = None,
@@ -121,7 +121,7 @@ def steps(
     if most > room:
         raise TextError(_TOO_MANY)
 
-    def again(other: Course) -> Steps:
+    def again(other: PlaceSequence) -> Steps:
         return steps(
             tempo, at, other, every=every, times=times, until=until, length=length, room=room
         )
@@ -129,7 +129,9 @@ def steps(
     return Steps(course, beat, most, again)
 
 
-def _even(tempo: TempoMap, at: float, course: Course, every: Length) -> Callable[[int], float]:
+def _even(
+    tempo: TempoMap, at: float, course: PlaceSequence, every: Length
+) -> Callable[[int], float]:
     """Steps of the length `every`; if places are skipped, the first one that is left begins at
     `at`.
     """
@@ -144,7 +146,7 @@ def _even(tempo: TempoMap, at: float, course: Course, every: Length) -> Callable
 def _end_to_end(
     tempo: TempoMap,
     at: float,
-    course: Course,
+    course: PlaceSequence,
     length: Callable[[str], Time | None],
     most: int,
     until: float | None,

@@ -11,14 +11,14 @@ from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
-from ergon.notation.tables.expressions import literal, with_names
+from ergon.notation.tables.expressions import literal, parse_with_names
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Reference, Text, choice
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.values import Place, Time
 from ergon.scores.pattern.draws import Draws
-from ergon.scores.pattern.pattern import Course, Pattern
+from ergon.scores.pattern.pattern import Pattern, PlaceSequence
 from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount, parse_values
 from ergon.scores.reading.automatable import reader
@@ -71,7 +71,7 @@ class Automation:
         """When a pattern sets values. Raises TextError."""
         assert self.pattern is not None
         until = None if self.until is None else tempo.resolve(self.until)
-        course = Course(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
+        course = PlaceSequence(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
         at = tempo.resolve(self.at)
         return steps(tempo, at, course, every=self.every, times=self.times, until=until)
 
@@ -156,7 +156,7 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
     try:
         if v.written("set") and is_curve(v["to"]):
             read = reader(module, parameter)
-            points = with_names(_node(v, "to"), lambda text: parse_curve(text, read))
+            points = parse_with_names(_node(v, "to"), lambda text: parse_curve(text, read))
         elif v["over"] is not None:
             node = v.nodes["to"]
             value = (literal(node) if isinstance(node, Scalar) else None) or v["to"]
@@ -166,7 +166,7 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
                 return None
         elif v.written("set"):
             read, is_pitch = reader(module, parameter), parameter == "f"
-            order, amounts = with_names(
+            order, amounts = parse_with_names(
                 _node(v, "to"), lambda text: parse_values(text, read, is_pitch=is_pitch)
             )
             pattern = pattern_of(v.given, order)
@@ -180,7 +180,7 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
                 return None
         else:
             read = reader(module, parameter)
-            low, high = with_names(_node(v, "range"), lambda text: parse_range(text, read))
+            low, high = parse_with_names(_node(v, "range"), lambda text: parse_range(text, read))
             swing = Swing(low, high, v["period"], v["shape"], v["phase"])
             if not max(swing.period.bars, swing.period.beats, swing.period.seconds) > 0.0:
                 v.error("E202", "automation: the period must be above 0", "period")

@@ -12,7 +12,7 @@ from ergon.instruments.read import module
 from ergon.instruments.read import modules as read_modules
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import value_kinds as k
-from ergon.notation.tables.expressions import with_names
+from ergon.notation.tables.expressions import parse_with_names
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context
 from ergon.notation.tables.value_kinds import AXES
@@ -95,7 +95,7 @@ def key(values: Values, files: Files) -> Key:
         message = f"{values.context.of('X0')}: the key begins outside its travel"
         values.error("E202", message, "X0")
     struck = values["struck"] or ""
-    known = None if measured is None else calibration.of_hand(measured)
+    known = None if measured is None else calibration.key_constants(measured)
     own = values.context.name, modules, struck, travel, values["reach"], values.place
     return Key(*own, measured=known)
 
@@ -120,7 +120,9 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
         return (parse_one(said, values["curve"], room),)
 
     try:
-        read = with_names(text, lambda said: [_at_start(one, said, text) for one in parse(said)])
+        read = parse_with_names(
+            text, lambda said: [_at_start(one, said, text) for one in parse(said)]
+        )
     except TextError as error:
         values.context.text_error(error, text, name, inside=True)
         return None
@@ -279,7 +281,7 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         node = v.nodes["notes"]
         assert isinstance(node, Scalar)
         try:
-            order, notes = with_names(node, _pitches)
+            order, notes = parse_with_names(node, _pitches)
         except TextError as error:
             v.context.text_error(error, node, "notes", inside=False)
     has_pattern = v.written(*PATTERN_FIELDS, "notes")

@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import log, pi
 
 from ergon.instruments.model import Module
-from ergon.instruments.read import grounded
+from ergon.instruments.read import with_ground_point
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context, Name
 from ergon.notation.text.files import Files
@@ -68,7 +68,7 @@ def whole(cel: Module, measured: Values) -> tuple[Module, ...]:
     return tuple(made)
 
 
-def of_hand(measured: Values) -> tuple[float, float, float | None] | None:
+def key_constants(measured: Values) -> tuple[float, float, float | None] | None:
     """Mass without modes [kg], damping [N·s/m] and delay [s] of the real key."""
     modes = [mode for mode in measured["modes"] or () if mode is not MISSING]
     mass, damping = measured["M"], measured["Z"]
@@ -107,7 +107,7 @@ def _dry(measured: Values) -> tuple[Module, ...]:
         "static": static or None,
         "speed": measured["static_speed"] or 0.001,
     }
-    return grounded(Module("dry", "DRY", fields, place))
+    return with_ground_point(Module("dry", "DRY", fields, place))
 
 
 def _inside(place: Place, values: Values) -> bool:

@@ -18,8 +18,8 @@ from ergon.scores.reading import automatable, automation, build, melodies
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
-from ergon.scores.reading.matter import Matter
-from ergon.scores.reading.melody import Voices
+from ergon.scores.reading.matter import PartsReader
+from ergon.scores.reading.melody import NoteTargets
 from ergon.scores.reading.piece import (
     Coupling,
     Piece,
@@ -45,7 +45,7 @@ class Checker:
         self.collector = uses.collector
         self.part_names = PartNames(self.collector)
         self.gestures_and_takes = GesturesAndTakes(names, uses)
-        self.matter = Matter(names, uses, self.part_names, self.gestures_and_takes)
+        self.matter = PartsReader(names, uses, self.part_names, self.gestures_and_takes)
 
     def piece(self) -> Piece:
         """The whole piece; its values are valid only if no error was reported."""
@@ -200,7 +200,7 @@ class Checker:
         who = f"strikes {quote(values.context.name)}"
         names = values["to"] or ()
         if values["along"] is not None and not kind:
-            return self._aslant(values, names, who)
+            return self._along_direction(values, names, who)
         targets = tuple(t for name in names for t in self.part_names.targets(name, "mats", who))
         for target in targets:
             if self.part_names.parts[target.part].modules[target.module].kind == "PROXY":
@@ -215,12 +215,14 @@ class Checker:
             return made
         made = build.strikes(values, targets)
         if made.notes and names and all(self.part_names.family(name) for name in names):
-            return melodies.voiced(made, values, Voices(self.part_names, names), who)
+            return melodies.strikes_of_pattern(
+                made, values, NoteTargets(self.part_names, names), who
+            )
         for target in made.to if made.notes else ():
             self._has_pitch(target, who)
         return made
 
-    def _aslant(self, values: Values, names: Sequence[Name], who: str) -> Strikes | None:
+    def _along_direction(self, values: Values, names: Sequence[Name], who: str) -> Strikes | None:
         """Strikes on points along a direction: each coordinate gets its share; None if an error was
         reported.
         """
@@ -344,7 +346,9 @@ class Checker:
             return None
         laws = self.matter.laws((made.link,), self.names)
         who = f"{made.link.kind} of a coupling"
-        link = rules.lawful(made.link, laws, values.given[values.kind], who, self.collector)
+        link = rules.with_checked_law(
+            made.link, laws, values.given[values.kind], who, self.collector
+        )
         if "gap" in link.fields:
             gap = spread.gaps(link, 1, who, self.collector)
             link = replace(link, fields={**link.fields, "gap": gap})

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ergon.notation.text.bounds import Bounds
+from ergon.notation.text.bounds import FileBounds
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, Diagnostic, Severity
 from ergon.notation.text.files import Files
@@ -47,7 +47,7 @@ def load(
     text: str | None = None,
     overlay: Mapping[str, str] | None = None,
     memory: Memory | None = None,
-    bounds: Bounds | None = None,
+    bounds: FileBounds | None = None,
     sealed: bool = False,
 ) -> Loaded:
     """Check a score. With `text`, `path` only names it (and its folder); `-` is standard input.

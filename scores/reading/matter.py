@@ -31,7 +31,7 @@ from ergon.scores.reading.uses import Entry, Names, Uses, called
 MAX_MATS = 4_000_000  # of all instruments: about 1 GB of state and parameters
 
 
-class Matter:
+class PartsReader:
     """The keys and instruments of a score, and those of other files that it reaches."""
 
     def __init__(

@@ -20,7 +20,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.files import Files
 from ergon.scores.gesture.midi_file import SUFFIXES, MidiNotes, read_notes
 from ergon.scores.gesture.take_file import TakeError
-from ergon.scores.reading.melody import Row, Voices, length_of, transformed
+from ergon.scores.reading.melody import NoteTargets, Row, length_of, transformed
 from ergon.scores.reading.piece import Hit, Strikes
 
 _PASSING = ("to", "at", "for", "every", "times", "until", "chance", "impulse", "mass", "speed")
@@ -70,8 +70,8 @@ def hits_of(
     """The hits of a melody and, of a phrase, its length; None if an error was reported."""
     who = f"strikes {quote(values.context.name)}"
     if kind_of(values) == "entries":
-        voices = Voices(part_names, values["to"] or ())
-        rows = _strong(values["entries"], values["impulse"], values)
+        voices = NoteTargets(part_names, values["to"] or ())
+        rows = _with_impulses(values["entries"], values["impulse"], values)
         return None if rows is None else (_hits(rows, voices, who), None)
     phrase = phrases.get(values["play"])
     if not isinstance(phrase, Values):
@@ -81,13 +81,13 @@ def hits_of(
             values.error("E301", message, "play", word=str(values["play"]), names=names)
         return None
     to = values["to"] or (() if is_midi(phrase) else phrase["to"] or ())
-    found = played(phrase, values, Voices(part_names, to), files)
+    found = played(phrase, values, NoteTargets(part_names, to), files)
     return None if found is None else (_hits(found[0], found[1], who), found[2])
 
 
 def played(
-    phrase: Values, values: Values, voices: Voices, files: Files
-) -> tuple[Sequence[Row], Voices, Length] | None:
+    phrase: Values, values: Values, voices: NoteTargets, files: Files
+) -> tuple[Sequence[Row], NoteTargets, Length] | None:
     """The rows of a phrase as strikes play them, with the notes they may name and the phrase's
     length; None if an error was reported.
     """
@@ -96,9 +96,9 @@ def played(
     if is_midi(phrase):
         if (tune := midi_rows(phrase, files)) is None:
             return None
-        rows, length = _strong(tune[0], values["impulse"], phrase), tune[1]
+        rows, length = _with_impulses(tune[0], values["impulse"], phrase), tune[1]
     else:
-        rows = _strong(phrase["entries"], values["impulse"] or phrase["impulse"], phrase)
+        rows = _with_impulses(phrase["entries"], values["impulse"] or phrase["impulse"], phrase)
         length = length_of(rows or (), phrase["length"])
     if rows is None:
         return None
@@ -126,7 +126,7 @@ def played(
     return rows, voices, length
 
 
-def voiced(made: Strikes, values: Values, voices: Voices, who: str) -> Strikes:
+def strikes_of_pattern(made: Strikes, values: Values, voices: NoteTargets, who: str) -> Strikes:
     """Strikes whose pattern of notes says which notes of an instrument are struck."""
     place = values.place_of("notes")
     found: dict[str, tuple[Target, ...]] = {}
@@ -186,7 +186,7 @@ def between(velocity: int, ends: tuple[float, float]) -> float:
     return float(low + (high - low) * (velocity - 1) / 126)
 
 
-def _strong(rows: Sequence[Row], impulse: Any, values: Values) -> tuple[Row, ...] | None:
+def _with_impulses(rows: Sequence[Row], impulse: Any, values: Values) -> tuple[Row, ...] | None:
     """Rows, each with an impulse: its own, or that of the row before."""
     found = []
     for row in rows:
@@ -203,7 +203,7 @@ def _strong(rows: Sequence[Row], impulse: Any, values: Values) -> tuple[Row, ...
     return tuple(found)
 
 
-def _hits(rows: Sequence[Row], voices: Voices, who: str) -> tuple[Hit, ...]:
+def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]:
     found = []
     for row in rows:
         what, impulse = " ".join(row.what), row.impulse or (0.0, 0.0)

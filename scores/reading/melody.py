@@ -227,7 +227,7 @@ def transformed(
         if transform.word == "stretch":
             length = length.times(transform.amount)
         if transform.word == "from":
-            length = _less(length, transform)
+            length = _length_after(length, transform)
             if not found or not max(length.bars, length.beats, length.seconds) > 0.0:
                 message = "'from' begins after the last entry of this phrase"
                 raise TextError(message, offset=transform.offset, length=transform.length)
@@ -277,12 +277,12 @@ def _from(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     already.
     """
     for row in rows:
-        later = _less(_length(row), t)
+        later = _length_after(_length(row), t)
         if min(later.beats, later.seconds) >= 0.0:
             yield replace(row, at=later)
 
 
-def _less(length: Length, t: Transform) -> Length:
+def _length_after(length: Length, t: Transform) -> Length:
     """A length minus the time of `from`, in the same unit."""
     other = length.seconds if t.time.beats else length.beats
     if length.bars or other:
@@ -319,7 +319,7 @@ _ACTS: Mapping[str, Callable[[Sequence[Row], Transform], Iterator[Row]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Voices:
+class NoteTargets:
     """The targets of the words of a melody: notes of the instruments `to`, or modules by full
     names.
     """

@@ -9,7 +9,7 @@ from ergon.notation.text.files import Files
 from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.midi_file import MidiNote
 from ergon.scores.reading.melodies import between, midi_notes
-from ergon.scores.reading.piece import UNSAID, Gesture
+from ergon.scores.reading.piece import NO_OPTIONS, Gesture
 
 _REACH = 0.125  # [beats] from rest to the depth of a note, and back
 _ROOM = 0.45  # at most this share of the way to the next note
@@ -28,7 +28,7 @@ def gesture(take: Values, files: Files, room: int) -> Gesture | None:
     if len(points) > room:
         take.error("E105", f"{who}: the gestures have more points than a piece may have", "file")
         return None
-    return Gesture(take.context.name, points, (), (), UNSAID, take.place)
+    return Gesture(take.context.name, points, (), (), NO_OPTIONS, take.place)
 
 
 def _points(

@@ -27,7 +27,7 @@ _EXCLUSIVE: Mapping[str, tuple[tuple[tuple[str, ...], ...], ...]] = {
 _LAW = ("law", "damping", "points")
 
 
-def overlaid(base: Values, own: Values) -> Values:
+def overlay_fields(base: Values, own: Values) -> Values:
     """The base's fields under one's own, also within modules; transformations are appended.
 
     An `f` of one's own is moved by one's own `transpose`; that of the base is moved already.
@@ -76,7 +76,7 @@ def at(values: Values, note: str) -> Values:
     base, own = at_note(values, note), member(values, number(note) or 0)
     if own is None:
         return base
-    said = overlaid(base, own)
+    said = overlay_fields(base, own)
     return replace(said, record=base.record, node=base.node, context=base.context)
 
 

@@ -21,7 +21,7 @@ from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern.draws import Draws
-from ergon.scores.pattern.pattern import Course, Pattern
+from ergon.scores.pattern.pattern import Pattern, PlaceSequence
 from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
@@ -95,14 +95,14 @@ class PlayingOptions:
 
     def over(self, other: PlayingOptions) -> PlayingOptions:
         """These options; those that are None are taken from `other`."""
-        if self == UNSAID:
+        if self == NO_OPTIONS:
             return other
         pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
         return PlayingOptions(*(mine if mine is not None else theirs for mine, theirs in pairs))
 
 
-UNSAID = PlayingOptions()
-DEFAULT_MANNER = PlayingOptions("open", "event", None, 0.02, None, False)
+NO_OPTIONS = PlayingOptions()
+DEFAULT_OPTIONS = PlayingOptions("open", "event", None, 0.02, None, False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +168,7 @@ class TakeFile:
         return None if self.input is None else self.input.channel
 
     @property
-    def is_told(self) -> bool:
+    def is_from_osc(self) -> bool:
         """Whether its values come by OSC."""
         return self.input is not None and self.input.channel is None
 
@@ -260,7 +260,7 @@ class Strikes:
         until = None if self.until is None else tempo.resolve(self.until)
         if self.span is not None:
             until = tempo.after(at, self.span)
-        course = Course(self.pattern, Draws(piece.seed, self.who))
+        course = PlaceSequence(self.pattern, Draws(piece.seed, self.who))
         return steps(tempo, at, course, every=self.every, times=self.times, until=until)
 
 
@@ -321,10 +321,10 @@ class Play:
         turns = () if self.pattern is None else self.pattern.turns
         return (self.do, *((*self.do, *turn.do) for turn in turns))
 
-    def course(self, seed: int) -> Course:
+    def course(self, seed: int) -> PlaceSequence:
         """What a pattern plays in each of its places, with all chance derived from `seed`."""
         assert self.pattern is not None
-        return Course(self.pattern, Draws(seed, f"{self.player}/{self.what}"))
+        return PlaceSequence(self.pattern, Draws(seed, f"{self.player}/{self.what}"))
 
 
 @dataclass(frozen=True, slots=True)

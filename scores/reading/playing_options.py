@@ -10,7 +10,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Either, ListOf, Text, choice
 from ergon.scores.gesture.transforms import parse_chain, parse_do
-from ergon.scores.reading.piece import UNSAID, PlayingOptions
+from ergon.scores.reading.piece import NO_OPTIONS, PlayingOptions
 
 DO = Either(
     scalar=Text(
@@ -35,7 +35,7 @@ OF_GESTURE = (
     Field("grain", k.DURATION, "time between ergons", shown="every audio sample"),
     Field("join", k.PAUSE, "duration of the path from the key to the first point", shown="20ms"),
     Field("force_limit", k.FORCE, "the strongest force of one ergon", shown="none"),
-    Field("layer", k.TRUTH, "play over the earlier gesture instead of cutting it", shown="false"),
+    Field("layer", k.BOOLEAN, "play over the earlier gesture instead of cutting it", shown="false"),
 )
 OF_ENTRY = tuple(replace(field, shown=None) for field in OF_GESTURE)  # default: the gesture's own
 _NAMES = frozenset(field.name for field in OF_GESTURE)
@@ -44,5 +44,5 @@ _NAMES = frozenset(field.name for field in OF_GESTURE)
 def playing_options(given: Mapping[str, Any]) -> PlayingOptions:
     """The options that were written; an option that was not is None."""
     if _NAMES.isdisjoint(given):  # most rows of most tables
-        return UNSAID
+        return NO_OPTIONS
     return PlayingOptions(**{name: value for name, value in given.items() if name in _NAMES})

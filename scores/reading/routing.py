@@ -53,11 +53,11 @@ def _route(
         part_names.collector.error("E301", message, route.place, word=str(route.part), names=known)
     part_names.reached.add(part)
     found = replace(route, part=part, out=out)
-    _treated(found, instrument, rooms, part_names)
+    _check_route(found, instrument, rooms, part_names)
     return found
 
 
-def _treated(
+def _check_route(
     route: Route, instrument: Instrument, rooms: Sequence[Room], part_names: PartNames
 ) -> None:
     """Check a route: its rooms must exist, `radiate` needs accelerations, and `nearest` needs

@@ -11,7 +11,7 @@ from ergon.notation.clock.occurrences import MAX_OCCURRENCES, starts
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Time
 from ergon.scores.gesture.notation import BarCheck
-from ergon.scores.gesture.transforms import Middle, Transform, apply, apply_to_take
+from ergon.scores.gesture.transforms import MidpointChance, Transform, apply, apply_to_take
 from ergon.scores.pattern.steps import steps
 from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.piece import Gesture, Piece, Play, Strikes
@@ -73,10 +73,10 @@ def _line(
         length, notes = _length(piece, gesture, play, at, lengths)
     for note in notes:
         collector.error("W315", f"{quote(play.what)}: {note}", play.place)
-    if gesture is not None or (_take_can(play, collector) and play.every is not None):
+    if gesture is not None or (_check_take_transforms(play, collector) and play.every is not None):
         beats = _beats(piece, play, at, length, room, collector)
     if gesture is not None and gesture.bar_checks and not play.do:
-        _bars(piece, gesture, beats[:1] if beats else [], collector)
+        _check_bar_lines(piece, gesture, beats[:1] if beats else [], collector)
     return beats
 
 
@@ -95,7 +95,7 @@ def _pattern(
         gesture = piece.gestures.get(name)
         if gesture is None:
             for chain in play.chains:
-                _take_can(replace(play, what=name, do=chain), collector)
+                _check_take_transforms(replace(play, what=name, do=chain), collector)
             continue
         own[name], notes = _length(piece, gesture, play, at, lengths)
         for note in notes:
@@ -190,7 +190,7 @@ def _left(strikes: Strikes, count: float, left: float, collector: Collector) -> 
     return 0.0
 
 
-def _take_can(play: Play, collector: Collector) -> bool:
+def _check_take_transforms(play: Play, collector: Collector) -> bool:
     try:
         apply_to_take(play.do)
     except TextError as error:
@@ -213,12 +213,14 @@ def _length(
     beat = 60.0 / piece.tempo_map.bpm(at)
     memo = gesture.name, play.do, beat
     if memo not in lengths:
-        points, lost = apply(gesture.points, chain, Middle(), beat)
+        points, lost = apply(gesture.points, chain, MidpointChance(), beat)
         lengths[memo] = points[-1].at, lost
     return lengths[memo]
 
 
-def _bars(piece: Piece, gesture: Gesture, found: list[float], collector: Collector) -> None:
+def _check_bar_lines(
+    piece: Piece, gesture: Gesture, found: list[float], collector: Collector
+) -> None:
     """Check that each '|' in a notation is on a bar line when the gesture is first played."""
     tempo = piece.tempo_map
     for start in found:

@@ -112,7 +112,7 @@ KEY = Record(
     (
         Field("like", Reference("a key", ("keys",)), "begin with another key's values"),
         Field("calib", k.PATH, "a file of what the key is made of, as measured"),
-        Field("simple", k.TRUTH, "take M, K and Z alone from that file", False),
+        Field("simple", k.BOOLEAN, "take M, K and Z alone from that file", False),
         Field("M", k.MASS, "mass"),
         Field("K", k.STIFFNESS, "stiffness of its spring"),
         Field("Z", k.DAMPING, "viscosity", 0.0),

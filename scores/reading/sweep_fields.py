@@ -75,7 +75,7 @@ def _point(text: str) -> Point:
         raise TextError(message, length=max(1, len(text)), code="E201")
     radius = q.quantity(words[0], q.RADIUS)
     try:
-        return radius, q.quantity(words[1], q.WAY_ROUND)
+        return radius, q.quantity(words[1], q.PATH_AZIMUTH)
     except TextError as error:
         error.offset += text.index(words[1], text.index(words[0]) + len(words[0]))
         raise

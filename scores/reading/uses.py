@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import Any, TypeVar
 
 from ergon.instruments.model import Instrument
-from ergon.instruments.transpose import sounding_at
+from ergon.instruments.transpose import at_own_pitch
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context, Name
 from ergon.notation.tables.value_kinds import PATH
@@ -17,7 +17,7 @@ from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.reading.include import YIELDING, Include, includes, transposed
-from ergon.scores.reading.overlay import overlaid
+from ergon.scores.reading.overlay import overlay_fields
 from ergon.scores.reading.piece import Gesture, Key, Piece, TakeFile
 from ergon.scores.reading.sections import SCORE
 
@@ -94,15 +94,15 @@ class Uses:
                 names.tables[section][name] = Entry(values, names)
         self._open.append((document.file, asked))
         for file, place, prefix in _files(score):
-            self._bring(names, file, place, prefix)
+            self._add_file(names, file, place, prefix)
         for one in includes(score):
-            used = self._bring(names, one.file, one.place, one.prefix, one)
+            used = self._add_file(names, one.file, one.place, one.prefix, one)
             if used is not None:
                 names.included.append((one, used))
         self._open.pop()
         return names
 
-    def _bring(
+    def _add_file(
         self, names: Names, file: str, place: Place, prefix: str, include: Include | None = None
     ) -> Names | None:
         """Bring in the names of a file, and return them; None if an error was reported."""
@@ -203,11 +203,11 @@ class Uses:
         result = chain[-1]
         is_instrument = section == "instruments"
         if is_instrument:
-            result = sounding_at(result, result, is_root=True)
+            result = at_own_pitch(result, result, is_root=True)
         for values in reversed(chain[:-1]):
             if is_instrument:
-                result = sounding_at(result, values, is_root=False)
-            result = overlaid(result, values)
+                result = at_own_pitch(result, values, is_root=False)
+            result = overlay_fields(result, values)
         return result, frozenset(values.context.name for values in chain)
 
     def _base(self, section: str, values: Values, home: Names) -> Entry | None:

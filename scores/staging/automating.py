@@ -14,7 +14,7 @@ from itertools import pairwise
 from ergon import _core
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
-from ergon.notation.clock.shifted import NEVER, Shifted, Standing
+from ergon.notation.clock.shifted import NEVER, ShiftedTempoMap, StoppedTempoMap
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.pattern.search import first_from, n_before
 from ergon.scores.reading.automatable import moved
@@ -177,7 +177,7 @@ def _notes(piece: Piece) -> Iterator[Automation]:
             yield Automation(*said, None, one.place, one.place, one.who)
 
 
-def led_on(
+def takeover_points(
     before: Mapping[Where, Points], after: Mapping[Where, Points], piece: Piece, start: float
 ) -> dict[Where, Points]:
     """The points of a stage that takes over at `start` [s] from one with other points.
@@ -293,9 +293,9 @@ def _set(piece: Piece, one: Automation, curve: _Curve, stop: float, since: float
 def _glide(piece: Piece, one: Automation, curve: _Curve, begin: float, stop: float) -> None:
     """Add a glide or a written curve up to the beat `stop`; afterwards the value stays."""
     tempo, here = piece.tempo_map, piece.tempo_map.seconds(begin)
-    if isinstance(tempo, Standing):
+    if isinstance(tempo, StoppedTempoMap):
         if here < NEVER:  # the value on the beat at which the piece stands
-            goes = Shifted(tempo, 0.0)
+            goes = ShiftedTempoMap(tempo, 0.0)
             moving = _Curve(curve.own, [goes.seconds(begin)], [curve.at(here)])
             _glide(replace(piece, tempo_map=goes), one, moving, begin, stop)
             curve.to(here, moving.at(goes.seconds(tempo.at)))

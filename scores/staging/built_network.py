@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.module_kinds import member_count
-from ergon.notation.clock.shifted import Elsewhere
+from ergon.notation.clock.shifted import OffsetTempoMap
 from ergon.scores.reading.piece import Piece, is_same_matter
 from ergon.scores.staging.listening import Listening, fades, listen
 
-OVER = -math.inf  # the end of a coupling that acts no longer
+COUPLING_ENDED = -math.inf  # the end of a coupling that acts no longer
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
     for name, made in piece.instruments.items():
         assembly.part(name, made.modules, ca_rate=made.ca_rate, every=made.every, space=made.space)
     for name, made in piece.instruments.items():
-        assembly.followers(name, made.modules, ca_rate=made.ca_rate)
+        assembly.add_followers(name, made.modules, ca_rate=made.ca_rate)
     for name, key in piece.keys.items():
         assembly.joins(name, key.modules, reach=key.reach)
     for name, made in piece.instruments.items():
@@ -91,10 +91,10 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
 
 
 def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
-    """When each coupling begins and ends to act [s]; the end is `OVER` if it has ended already."""
+    """When each coupling begins and ends to act [s]; the end is `COUPLING_ENDED` if it is over."""
     tempo = piece.tempo_map
     for coupling in piece.duet:
         until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
         at = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
-        is_over = until is not None and until <= at and isinstance(tempo, Elsewhere)
-        yield at, OVER if is_over else until
+        is_over = until is not None and until <= at and isinstance(tempo, OffsetTempoMap)
+        yield at, COUPLING_ENDED if is_over else until

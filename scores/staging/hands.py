@@ -18,12 +18,12 @@ from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.points import Curve
 from ergon.scores.gesture.sampled import refused_point, sentence
-from ergon.scores.gesture.transforms import Chance, Middle, Transform, apply, apply_to_take
+from ergon.scores.gesture.transforms import Chance, MidpointChance, Transform, apply, apply_to_take
 from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import (
-    DEFAULT_MANNER,
-    UNSAID,
+    DEFAULT_OPTIONS,
+    NO_OPTIONS,
     Gesture,
     Piece,
     Play,
@@ -74,7 +74,7 @@ class StagedGesture(NamedTuple):  # there may be a million: a tuple is made four
         return tuple(i for i, curve in enumerate(self.curves) if i and curve == "throw")
 
 
-class Sources(Sequence[Place]):
+class ErgonPlaces(Sequence[Place]):
     """Places in the score by the number that each ergon carries; they are computed on demand."""
 
     def __init__(self) -> None:
@@ -135,7 +135,7 @@ class Hands:
     takes: Takes
     collector: Collector
     window: Window = ALL
-    sources: Sources = field(default_factory=Sources)
+    sources: ErgonPlaces = field(default_factory=ErgonPlaces)
     gestures: list[StagedGesture] = field(default_factory=list)
     _keys: dict[str, tuple[int, int]] = field(default_factory=dict)
     _occurrences: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -348,10 +348,10 @@ class Hands:
                 name = f"{play.player}/{play.what}"
                 chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence)
             return self._shaped(play, gesture, chain, start, chance)
-        manner = None if play.manner is UNSAID else play.manner
+        manner = None if play.manner is NO_OPTIONS else play.manner
         key = (*who, play.do, manner, self.piece.tempo_map.bpm(start) if chain else 0.0)
         if key not in self._shapes:
-            self._shapes[key] = self._shaped(play, gesture, chain, start, Middle())
+            self._shapes[key] = self._shaped(play, gesture, chain, start, MidpointChance())
         return self._shapes[key]
 
     def _shaped(
@@ -379,11 +379,11 @@ class Hands:
         """The options by which a line plays a gesture; lines without options of their own share one
         object.
         """
-        if play.manner is not UNSAID:
-            return self._options(play, play.manner.over(gesture.manner).over(DEFAULT_MANNER))
+        if play.manner is not NO_OPTIONS:
+            return self._options(play, play.manner.over(gesture.manner).over(DEFAULT_OPTIONS))
         key = play.player, gesture.name
         if key not in self._manners:
-            self._manners[key] = self._options(play, gesture.manner.over(DEFAULT_MANNER))
+            self._manners[key] = self._options(play, gesture.manner.over(DEFAULT_OPTIONS))
         return self._manners[key]
 
     def _put_take(self, play: Play, take: _core.Take, start: float) -> None:
@@ -393,7 +393,7 @@ class Hands:
         stop = at + (take.duration - shape.front - shape.back) * shape.stretch
         if stop <= self.window.after:
             return
-        options = self._options(play, play.manner.over(DEFAULT_MANNER))
+        options = self._options(play, play.manner.over(DEFAULT_OPTIONS))
         index, struck = self._keys[self._key_of(play)]
         try:
             if shape.front or shape.back:

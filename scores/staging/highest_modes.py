@@ -53,7 +53,7 @@ def _each(piece: Piece, built: BuiltNetwork) -> Iterator[HighestMode]:
             yield HighestMode(name, module, assembly.network.highest_mode(first))
 
 
-def stops_low(modes: list[HighestMode]) -> list[Diagnostic]:
+def warn_low_modes(modes: list[HighestMode]) -> list[Diagnostic]:
     """Report W331 for each body whose highest mode is below 5 kHz, with the number of masses that
     would suffice.
 
@@ -76,7 +76,7 @@ def stops_low(modes: list[HighestMode]) -> list[Diagnostic]:
     return found
 
 
-def passes_limit(
+def warn_over_limit(
     piece: Piece, built: BuiltNetwork, paths: Mapping[Where, Points]
 ) -> list[Diagnostic]:
     """Report W332 for each body that automation leads beyond what one step a frame can follow.

@@ -111,7 +111,7 @@ def check_rooms(piece: Piece, collector: Collector) -> None:
 
 def heard(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
     """The outputs that reach loudspeakers, each with its route and its instrument."""
-    routes = piece.mix.routes or tuple(_unsaid(piece))
+    routes = piece.mix.routes or tuple(_default_routes(piece))
     return [(route, *one) for route in routes for one in _of(piece, route)]
 
 
@@ -150,7 +150,7 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
     return listening
 
 
-def _unsaid(piece: Piece) -> Iterator[Route]:
+def _default_routes(piece: Piece) -> Iterator[Route]:
     """The default routes: every output has a channel of its own, in the order written.
 
     The notes of an instrument share its channels.

@@ -302,8 +302,9 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
             continue
         if heard is not None and not _is_allowed(heard, allowed):
             sentence = (
-                f"over the first {over:.2g} s {said_of(heard)}, above the {most_cents:.2g} cents, "
-                f"{100 * most_t60:.2g}% and {most_db:.2g} dB that are allowed"
+                f"over the first {over:.2g} s {error_text(heard)}, above the "
+                f"{most_cents:.2g} cents, {100 * most_t60:.2g}% and {most_db:.2g} dB that are "
+                "allowed"
             )
         elif spectral is not None and spectral > _ALIKE:
             sentence = (
@@ -329,7 +330,7 @@ def _is_allowed(heard: _core.AudibleError, allowed: list[float]) -> bool:
     return all(own <= most for own, most in zip(heard, allowed, strict=True))
 
 
-def said_of(heard: _core.AudibleError) -> str:
+def error_text(heard: _core.AudibleError) -> str:
     """The audible error as part of a sentence."""
     return (
         f"pitches are off by up to {heard.cents:.2g} cents, T60 by {100 * heard.t60:.2g}% and "

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
-from ergon.notation.clock.shifted import NEVER, Standing
+from ergon.notation.clock.shifted import NEVER, StoppedTempoMap
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.lasting import lasting
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.automating import automated, led_on
-from ergon.scores.staging.built_network import OVER, BuiltNetwork, acting, build_network
+from ergon.scores.staging.automating import automated, takeover_points
+from ergon.scores.staging.built_network import COUPLING_ENDED, BuiltNetwork, acting, build_network
 from ergon.scores.staging.drives import drive, sounds_in
 from ergon.scores.staging.hands import ALL, Hands, Window
 from ergon.scores.staging.listening import check_rooms
@@ -35,7 +35,7 @@ LONGEST_TAIL = 60.0  # [s] of a score whose tail is `auto`
 MAX_SECONDS = 24 * 3600.0  # a day; a longer piece is a mistake
 
 
-class Earlier(Protocol):
+class EarlierStage(Protocol):
     """A stage that was prepared before, whose results may be reused."""
 
     built: BuiltNetwork
@@ -51,7 +51,7 @@ class Span(NamedTuple):
 
 
 @dataclass(slots=True)
-class Ready:
+class PreparedPiece:
     """A piece without its simulation. `collector` holds warnings and notes."""
 
     built: BuiltNetwork
@@ -75,9 +75,9 @@ def prepare(
     real: Real | None = None,
     silent: Container[str] = (),
     spans: Sequence[Span] | None = None,
-    like: Earlier | None = None,
+    like: EarlierStage | None = None,
     start: int = 0,
-) -> Ready:
+) -> PreparedPiece:
     """Build the network and the timeline of a piece. Raises StageError with every mistake found.
 
     `real`: players whose hands are real, with their position at every tick if it is known;
@@ -111,7 +111,7 @@ def prepare(
         n_frames = _frames(piece, end, collector) if spans is None else 0
         paths = _automate(piece, spans, n_frames, collector)
         if like is not None:
-            paths = led_on(like.paths, paths, piece, start / piece.rate)
+            paths = takeover_points(like.paths, paths, piece, start / piece.rate)
         for where, points in paths.items():
             if led := Led.of(piece, where):
                 try:
@@ -123,7 +123,7 @@ def prepare(
     if collector.has_errors():
         raise StageError(collector.finish())
     fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
-    return Ready(built, timeline, n_frames, hands, collector, live, paths, fades_from)
+    return PreparedPiece(built, timeline, n_frames, hands, collector, live, paths, fades_from)
 
 
 def _automate(
@@ -135,7 +135,7 @@ def _automate(
         return {}
     if spans is None:
         return automated(piece, -math.inf, tempo.beats(n_frames / piece.rate), collector)
-    if isinstance(tempo, Standing) or not spans:
+    if isinstance(tempo, StoppedTempoMap) or not spans:
         here = tempo.beats(0.0)
         return automated(piece, here, here, collector)
     window = spans[-1].window
@@ -178,7 +178,7 @@ def _play(
             striking = Striking(played, timeline, strikes, mats, source, within, assembly)
             ends.append(striking.play(hands.collector))
     for link, (at, until) in zip(couplings, acting(piece), strict=True):
-        if until == OVER:
+        if until == COUPLING_ENDED:
             at, until = NEVER, None
         timeline.couple(link, at, until)
     return max(ends, default=0.0)

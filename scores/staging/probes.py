@@ -41,7 +41,7 @@ class Contact:
 
 
 @dataclass(frozen=True, slots=True)
-class Rubbing:
+class FrictionLink:
     """An LNL with friction, in SI units; its elongation is x_b - x_a."""
 
     name: str
@@ -52,7 +52,7 @@ class Rubbing:
 
 
 @dataclass(frozen=True, slots=True)
-class Probed:
+class ProbedPiece:
     """The piece with outputs at its points; `left_out` counts contacts and points without an
     output.
     """
@@ -61,10 +61,10 @@ class Probed:
     points: tuple[Point, ...]
     contacts: tuple[Contact, ...]
     left_out: int
-    rubbings: tuple[Rubbing, ...] = ()
+    rubbings: tuple[FrictionLink, ...] = ()
 
 
-def probed(piece: Piece) -> Probed:
+def probed(piece: Piece) -> ProbedPiece:
     """The piece with an output for each end of a contact, each single mass and each member that is
     heard.
     """
@@ -86,7 +86,7 @@ def probed(piece: Piece) -> Probed:
     for name, whole, module in rubbings:
         a, b = (points.get(_identity(end)) for end in module.fields["between"])
         if a is not None and b is not None:
-            rubbed.append(Rubbing(name, whole, module, a, b))
+            rubbed.append(FrictionLink(name, whole, module, a, b))
     outputs = tuple(
         Output(str(number), "SOX", (target,), None, piece.place)
         for number, (_, target) in enumerate(kept)
@@ -95,7 +95,7 @@ def probed(piece: Piece) -> Probed:
     mix = replace(piece.mix, routes=(Route(_NAME, None, (1,), 1.0, None, piece.place),))
     heard = replace(piece, instruments={**piece.instruments, _NAME: listener}, mix=mix)
     left_out = len(targets) - len(kept) + len(contacts) - len(measured)
-    return Probed(heard, tuple(points.values()), tuple(measured), left_out, tuple(rubbed))
+    return ProbedPiece(heard, tuple(points.values()), tuple(measured), left_out, tuple(rubbed))
 
 
 def _identity(target: Target) -> tuple[str, str, int | str]:

@@ -35,7 +35,7 @@ class Link(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Tie:
+class FreezeObstacle:
     """Why `part` cannot be frozen: `links` lead from it to a live `player`, or to another
     instrument `other`.
     """
@@ -59,9 +59,9 @@ class Tie:
         return f"{self.part} cannot be frozen without {self.other}: {way}"
 
 
-def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[Tie]:
+def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[FreezeObstacle]:
     """Reasons why instruments cannot be frozen; empty if they can. `players` have live hands."""
-    web = _Web(piece)
+    web = _LinkGraph(piece)
     hands = {}
     for player in players:
         key = piece.keys[piece.players[player].key]
@@ -76,7 +76,7 @@ def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[T
     return [tie for tie in found if tie is not None]
 
 
-class _Web:
+class _LinkGraph:
     """Points and the links between them, as a graph.
 
     A string, a plate or a module in space is one point, because it moves as a whole.
@@ -164,7 +164,7 @@ class _Web:
         start: set[int],
         hands: Mapping[int, tuple[str, str]],
         others: Mapping[int, str],
-    ) -> Tie | None:
+    ) -> FreezeObstacle | None:
         """The shortest path to a live hand, or else to an instrument that is not frozen."""
         came: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start))
         queue = deque(came)
@@ -172,9 +172,9 @@ class _Web:
         while queue:
             mat = queue.popleft()
             if mat in hands:
-                return Tie(part, _way(mat, came), *hands[mat])
+                return FreezeObstacle(part, _way(mat, came), *hands[mat])
             if mat in others and path is None:
-                path = Tie(part, _way(mat, came), other=others[mat])
+                path = FreezeObstacle(part, _way(mat, came), other=others[mat])
             if mat in self._held:
                 continue
             for other, link in self._links.get(mat, ()):

@@ -12,12 +12,12 @@ from ergon.notation.text.errors import Collector, Diagnostic, quote
 from ergon.notation.text.lasting import lasting
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging.built_network import BuiltNetwork
-from ergon.scores.staging.hands import Sources, StagedGesture
+from ergon.scores.staging.hands import ErgonPlaces, StagedGesture
 from ergon.scores.staging.listening import Listening
 from ergon.scores.staging.live import LiveHand
 from ergon.scores.staging.parameter_values import Points, Where
 from ergon.scores.staging.planning import Pins, Store, Watched, make
-from ergon.scores.staging.preparing import Ready, Span, prepare
+from ergon.scores.staging.preparing import PreparedPiece, Span, prepare
 from ergon.scores.staging.refusals import place_of, refused
 from ergon.scores.staging.version_glides import Glide
 
@@ -43,7 +43,7 @@ class Stage:
     simulation: _core.Simulation
     n_frames: int
     gestures: list[StagedGesture]
-    sources: Sources
+    sources: ErgonPlaces
     diagnostics: list[Diagnostic]
     plan: _core.Plan | None = None
     is_plan_kept: bool = False
@@ -72,7 +72,7 @@ class Stage:
         return self.piece.rate
 
     @property
-    def n_looked_at(self) -> int:
+    def n_analysed_frames(self) -> int:
         """Frames that are analysed: all, or up to 5 s after the last event if the tail is
         `auto`.
         """
@@ -157,7 +157,7 @@ class Placed(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Going:
+class StageTakeover:
     """A stage that takes over from the running stage `like`, at frame `start`.
 
     `spans` is what parts of this piece and of earlier ones play; None: all of it. `glides` are
@@ -187,7 +187,7 @@ def stage(
     real: Real | None = None,
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
-    going: Going | None = None,
+    going: StageTakeover | None = None,
     correction: float = 1.0,
     is_draft: bool = False,
     is_seen: bool = False,
@@ -208,7 +208,7 @@ def stage(
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
-    going = going or Going()
+    going = going or StageTakeover()
     like = going.like
     ready = prepare(piece, real, silent, going.spans, like, going.start)
     native.speed_up(ready.network, ready.n_frames)
@@ -270,7 +270,7 @@ def stage(
     )
 
 
-def _add_glides(piece: Piece, ready: Ready, going: Going) -> None:
+def _add_glides(piece: Piece, ready: PreparedPiece, going: StageTakeover) -> None:
     try:
         for glide in going.glides:
             if glide.written in ready.paths:
@@ -280,7 +280,7 @@ def _add_glides(piece: Piece, ready: Ready, going: Going) -> None:
         raise refused(piece, ready.collector, error) from error
 
 
-def _add_strike_points(piece: Piece, ready: Ready, going: Going) -> None:
+def _add_strike_points(piece: Piece, ready: PreparedPiece, going: StageTakeover) -> None:
     """Register the MATs that may be struck while the stage plays."""
     assembly = ready.built.assembly
     try:

@@ -205,11 +205,11 @@ def test_a_score_sounds_the_same_with_native_laws(monkeypatch: pytest.MonkeyPatc
 
 def test_only_much_work_is_compiled():
     rows = law(*CHAIN[0]).rows() or []
-    assert not native.is_worth_it(rows, 1, 0, int(60 * RATE))
-    assert native.is_worth_it(rows, 1000, 0, int(10 * RATE))
-    assert not native.is_worth_it(rows, 0, 1000, int(10 * RATE))
-    assert native.is_worth_it(rows, 0, 100_000, int(10 * RATE))
-    assert not native.is_worth_it(law("tanh(d)").rows() or [], 10**6, 0, int(RATE))
+    assert not native.is_worth_compiling(rows, 1, 0, int(60 * RATE))
+    assert native.is_worth_compiling(rows, 1000, 0, int(10 * RATE))
+    assert not native.is_worth_compiling(rows, 0, 1000, int(10 * RATE))
+    assert native.is_worth_compiling(rows, 0, 100_000, int(10 * RATE))
+    assert not native.is_worth_compiling(law("tanh(d)").rows() or [], 10**6, 0, int(RATE))
 
 
 def test_a_usual_render_loads_no_compiler(tmp_path: Path):

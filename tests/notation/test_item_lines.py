@@ -91,14 +91,14 @@ def test_nodes_are_those_of_the_whole_text(lists, row):
     )
     collector = Collector()
     whole = compose(text, "score.yaml", collector, row)
-    found = item_lines.by_lines(text, "score.yaml", Path(), row, {})
+    found = item_lines.compose_by_lines(text, "score.yaml", Path(), row, {})
     if found is None:
         return
     own, lines = found
     assert not collector.told
     _same(own.root, whole.root)
     assert own.size == whole.size
-    again, _ = item_lines.by_lines(text, "score.yaml", Path(), row, lines)
+    again, _ = item_lines.compose_by_lines(text, "score.yaml", Path(), row, lines)
     _same(again.root, whole.root)
 
 
@@ -107,12 +107,12 @@ def test_of_lines_that_are_known_none_is_composed(monkeypatch, n_lines):
     text = "parts:\n  ada:\n" + "".join(
         f"    - {{at: {bar}|1, play: knock}}\n" for bar in range(1, n_lines)
     )
-    _, lines = item_lines.by_lines(text, "score.yaml", Path(), 0, {})
+    _, lines = item_lines.compose_by_lines(text, "score.yaml", Path(), 0, {})
     composed = []
     monkeypatch.setattr(
         item_lines, "compose", lambda *of: (composed.append(of[0]), compose(*of))[1]
     )
-    item_lines.by_lines(text + "    - {at: 900|1, play: lean}\n", "s", Path(), 0, lines)
+    item_lines.compose_by_lines(text + "    - {at: 900|1, play: lean}\n", "s", Path(), 0, lines)
     assert composed == [
         "parts:\n  ada:\n    - lines\n",
         "    - {at: 900|1, play: lean}\n",
@@ -121,7 +121,7 @@ def test_of_lines_that_are_known_none_is_composed(monkeypatch, n_lines):
 
 def test_a_text_that_looks_like_a_list_is_none():
     rows = "    - {at: 1|1, play: knock}\n" * 9
-    assert item_lines.by_lines(f"parts:\n  ada: |\n{rows}", "s", Path(), 0, {}) is None
+    assert item_lines.compose_by_lines(f"parts:\n  ada: |\n{rows}", "s", Path(), 0, {}) is None
 
 
 @settings(max_examples=300)
@@ -136,16 +136,16 @@ def test_entries_of_mappings_are_those_of_the_whole_text(parts, row):
     )
     collector = Collector()
     whole = compose(text, "score.yaml", collector, row)
-    found = item_lines.by_lines(text, "score.yaml", Path(), row, {})
+    found = item_lines.compose_by_lines(text, "score.yaml", Path(), row, {})
     if found is None:
         return
     own, lines = found
     assert not collector.told
     _same(own.root, whole.root)
     assert own.size == whole.size
-    again, _ = item_lines.by_lines(text, "score.yaml", Path(), row, lines)
+    again, _ = item_lines.compose_by_lines(text, "score.yaml", Path(), row, lines)
     _same(again.root, whole.root)
-    lower, _ = item_lines.by_lines(text, "score.yaml", Path(), row + 5, lines)
+    lower, _ = item_lines.compose_by_lines(text, "score.yaml", Path(), row + 5, lines)
     _same(lower.root, compose(text, "score.yaml", Collector(), row + 5).root)
 
 
@@ -154,17 +154,17 @@ ROWS = [f"      m{n}: {{MAS: {{M: {n + 1}g}}}}\n" for n in range(12)]
 
 def test_of_entries_that_are_known_none_is_composed(monkeypatch):
     text = "instruments:\n  bell:\n    modules:\n"
-    _, lines = item_lines.by_lines(text + "".join(ROWS), "s", Path(), 0, {})
+    _, lines = item_lines.compose_by_lines(text + "".join(ROWS), "s", Path(), 0, {})
     changed = ROWS[5].replace("6g", "60g")
     composed = []
     monkeypatch.setattr(
         item_lines, "compose", lambda *of: (composed.append(of[0]), compose(*of))[1]
     )
     rows = "".join([*ROWS[:5], changed, *ROWS[6:]])
-    item_lines.by_lines(text + rows, "s", Path(), 0, lines)
+    item_lines.compose_by_lines(text + rows, "s", Path(), 0, lines)
     assert composed == [f"{text}      lines0: {{}}\n", changed]
 
 
 def test_a_name_that_stands_twice_is_left_to_the_whole_text():
     rows = "".join([*ROWS, ROWS[3]])
-    assert item_lines.by_lines(f"instruments:\n  bell:\n{rows}", "s", Path(), 0, {}) is None
+    assert item_lines.compose_by_lines(f"instruments:\n  bell:\n{rows}", "s", Path(), 0, {}) is None

@@ -11,7 +11,7 @@ from sweep import few
 
 from ergon import _core
 from ergon.scores.reading.load import load
-from ergon.scores.staging.preparing import Ready, prepare
+from ergon.scores.staging.preparing import PreparedPiece, prepare
 
 EXACT_DB = -120.0
 RATE = 44_100.0
@@ -31,7 +31,7 @@ def score(modules: str, out: str, more: str = "") -> str:
     return f"{HEAD.lstrip()}{lines}    out: {out}\n{more}{TAIL}"
 
 
-def ready(text: str) -> Ready:
+def ready(text: str) -> PreparedPiece:
     loaded = load("scene.yaml", text=text)
     assert loaded.piece is not None, loaded.diagnostics
     return prepare(loaded.piece)

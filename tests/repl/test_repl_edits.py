@@ -9,7 +9,7 @@ from sweep import crossed
 
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import excerpt, keys, matter, names, parts, scenes, times
-from ergon.scores.edits.entries import of_words
+from ergon.scores.edits.entries import parse_entry
 from ergon.scores.edits.scenes import Scene
 from ergon.scores.edits.texts import Texts
 
@@ -59,7 +59,7 @@ def some_line(choice, texts, piece, at):
     tempo = choice([("72",), ("60 -> 90", "2bar")])
     pair = [*piece.keys][:2]
     edits = {
-        "play": lambda: parts.play(texts, piece, player, at, of_words(words)),
+        "play": lambda: parts.play(texts, piece, player, at, parse_entry(words)),
         "transform": lambda: parts.transform(texts, piece, player, at, ["scale 0.9", "mirror"]),
         "define": lambda: names.define(texts, name, "0@0 smooth 5@60ms 0@120ms"),
         "set": lambda: matter.set_value(texts, piece, target, "x1.1"),

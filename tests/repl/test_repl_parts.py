@@ -8,12 +8,12 @@ from sweep import crossed, few
 
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import parts
-from ergon.scores.edits.entries import of_words
+from ergon.scores.edits.entries import parse_entry
 
 
 def test_a_line_goes_on_from_its_beat():
     texts, piece = opened(DUET)
-    after = parts.play(texts, piece, "ada", 8.0, of_words("roll every 2"))
+    after = parts.play(texts, piece, "ada", 8.0, parse_entry("roll every 2"))
     assert lines(texts, after) == (
         [
             "    - {at: A, play: knock, every: 1, times: 16}",
@@ -33,13 +33,13 @@ def test_a_line_goes_on_from_its_beat():
 def test_a_table_stays_a_table():
     texts, piece = opened(DUET)
     after = parts.play(
-        texts, piece, "remi", 8.0, of_words("lean every 4 times 2 layer do scale 0.5, mirror")
+        texts, piece, "remi", 8.0, parse_entry("lean every 4 times 2 layer do scale 0.5, mirror")
     )
     assert lines(texts, after)[1] == [
         "A      lean every 8 times 2 until 3|1",
         "3|1    lean every 4 times 2 layer do scale 0.5, mirror",
     ]
-    again = parts.play(after, piece_of(after), "remi", 10.0, of_words("lean"))
+    again = parts.play(after, piece_of(after), "remi", 10.0, parse_entry("lean"))
     assert lines(after, again)[1] == [
         "3|1    lean every 4 times 2 layer do scale 0.5, mirror until 3|3",
         "3|3    lean",
@@ -58,7 +58,7 @@ def test_a_table_stays_a_table():
 )
 def test_words_become_fields(words, written):
     texts, piece = opened(TWO)
-    after = parts.play(texts, piece, "ada", 8.5, of_words(words))
+    after = parts.play(texts, piece, "ada", 8.5, parse_entry(words))
     assert lines(texts, after)[1][-1] == f"- {written}"
     piece_of(after)
 
@@ -66,10 +66,10 @@ def test_words_become_fields(words, written):
 def test_a_player_without_a_part_gets_one():
     text = Path(TWO).read_text().split("parts:")[0] + "parts:\n  ada:\n"
     texts, piece = opened(TWO, text)
-    after = parts.play(texts, piece, "remi", 0.0, of_words("tap"))
+    after = parts.play(texts, piece, "remi", 0.0, parse_entry("tap"))
     assert lines(texts, after) == ([], ["remi:", "- {at: 1|1, play: tap}"])
     texts, piece = opened(TWO, text.replace("parts:\n  ada:\n", ""))
-    after = parts.play(texts, piece, "remi", 0.0, of_words("tap"))
+    after = parts.play(texts, piece, "remi", 0.0, parse_entry("tap"))
     assert lines(texts, after) == ([], ["parts:", "remi:", "- {at: 1|1, play: tap}", ""])
 
 
@@ -77,7 +77,7 @@ def test_a_player_without_a_part_gets_one():
 def test_words_that_say_nothing_are_refused(words):
     texts, piece = opened(TWO)
     with pytest.raises(EditError):
-        parts.play(texts, piece, "ada", 8.0, of_words(words))
+        parts.play(texts, piece, "ada", 8.0, parse_entry(words))
 
 
 def test_what_plays_goes_on_otherwise_and_in_time():
@@ -96,7 +96,7 @@ def test_what_plays_goes_on_otherwise_and_in_time():
 
 def test_a_gesture_under_way_begins_again_transformed():
     texts, piece = opened(DUET)
-    texts = parts.play(texts, piece, "ada", 4.0, of_words("lean"))
+    texts = parts.play(texts, piece, "ada", 4.0, parse_entry("lean"))
     after = parts.transform(texts, piece_of(texts), "ada", 6.0, ["mirror"])
     assert begun(piece_of(after), "ada")[-2:] == [(4.0, "lean", ()), (6.0, "lean", ("mirror",))]
     with pytest.raises(EditError, match="plays nothing"):
@@ -106,7 +106,7 @@ def test_a_gesture_under_way_begins_again_transformed():
 @pytest.mark.parametrize(("score", "what"), [(DUET, "lean"), (TWO, "tap")])
 def test_what_begins_just_there_begins_transformed(score, what):
     texts, piece = opened(score)
-    texts = parts.play(texts, piece, "ada", 8.0, of_words(f"{what} every 2 times 3 do mirror"))
+    texts = parts.play(texts, piece, "ada", 8.0, parse_entry(f"{what} every 2 times 3 do mirror"))
     once = parts.transform(texts, piece_of(texts), "ada", 8.0, ["scale 0.5"])
     twice = parts.transform(once, piece_of(once), "ada", 8.0, ["reverse"])
     before, after = begun(piece_of(texts), "ada"), begun(piece_of(twice), "ada")
@@ -154,8 +154,8 @@ def test_after_hush_no_ergon_begins(at):
 
 def test_what_is_saved_has_an_end():
     texts, piece = opened(TWO)
-    texts = parts.play(texts, piece, "ada", 8.0, of_words("tap every 1"))
-    texts = parts.play(texts, piece_of(texts), "remi", 30.0, of_words("tap every 1"))
+    texts = parts.play(texts, piece, "ada", 8.0, parse_entry("tap every 1"))
+    texts = parts.play(texts, piece_of(texts), "remi", 30.0, parse_entry("tap every 1"))
     after = parts.finish(texts, piece_of(texts), 20.0)
     assert "999|1" not in after.text
     assert begun(piece_of(after), "ada")[-1][0] == 19.0
@@ -165,7 +165,7 @@ def test_what_is_saved_has_an_end():
 def test_a_long_session_has_no_last_bar():
     texts, piece = opened(TWO)
     at = 950 * 4.0
-    after = piece_of(parts.play(texts, piece, "ada", at, of_words("tap every 4")))
+    after = piece_of(parts.play(texts, piece, "ada", at, parse_entry("tap every 4")))
     assert begun(after, "ada")[-1][0] > at + 4000
 
 

@@ -419,7 +419,7 @@ def test_a_scene_ends_automation_that_is_not_its_own(at: Stepped):
     )
     at.run(4.0)
     piece = at.session.commits.running.version.piece
-    running = [one for one in piece.automation if automation.leads_from(piece, one, 40.0)]
+    running = [one for one in piece.automation if automation.is_automated_from(piece, one, 40.0)]
     assert [one.name for one in running] == ["drum.m.K"]
     assert running[0].swing is not None
     assert running[0].swing.phase == 0.0  # bar 3: a whole period has passed
@@ -430,7 +430,7 @@ def test_a_scene_ends_automation_that_is_not_its_own(at: Stepped):
     at.ok("undo")
     at.run(1.3)
     back = at.session.commits.running.version.piece
-    ended = {one.name for one in back.automation if automation.leads_from(back, one, 60.0)}
+    ended = {one.name for one in back.automation if automation.is_automated_from(back, one, 60.0)}
     assert ended == {"drum.m.K", "bell.m.K", "drum.m.M", "bell.b.K"}
     at.close()
     assert np.array_equal(at.again(), at.sound)

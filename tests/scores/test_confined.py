@@ -8,7 +8,7 @@ import pytest
 from commands import forked
 
 from ergon.cli import app
-from ergon.notation.text.bounds import MARKER, Bounds
+from ergon.notation.text.bounds import MARKER, FileBounds
 from ergon.repl.language.commands import Load, Reload
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.journal_content import read_journal
@@ -73,7 +73,7 @@ def test_what_lies_outside_is_refused(piece, what, way):
     codes = [code for code, _ in found(text.format(name))]
     assert "E112" in codes
     assert "E107" not in codes
-    trusted = [c for c, _ in found(text.format(name), bounds=Bounds.around(piece, trust=True))]
+    trusted = [c for c, _ in found(text.format(name), bounds=FileBounds.around(piece, trust=True))]
     assert "E112" not in trusted
     assert ("E107" in trusted) == (way == "missing" and content is not None)
 
@@ -198,7 +198,7 @@ def test_a_session_trusts_as_its_first_line_did(piece):
     text = "ergon: 1\nuse: [../x.yaml]\n" + PLAYED
     Path("s.yaml").write_text(text)
     assert [d.code for d in Texts.read("s.yaml").load().diagnostics] == ["E112"]
-    trusted = Texts.read("s.yaml", Bounds.around(piece, trust=True))
+    trusted = Texts.read("s.yaml", FileBounds.around(piece, trust=True))
     assert trusted.load().piece is not None
     assert "g" in trusted.names()[0].names("gestures")
     assert "g" not in Texts.read("s.yaml").names()[0].names("gestures")
@@ -257,7 +257,7 @@ def test_a_score_that_is_loaded_has_its_own_folder(piece):
     (other / "x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
     (piece / "s.yaml").write_text("ergon: 1\n" + PLAYED)
     for trust in (False, True):
-        texts = Texts.read("s.yaml", Bounds.around(piece, trust=trust))
+        texts = Texts.read("s.yaml", FileBounds.around(piece, trust=trust))
         version = Version(0, "", texts, texts.load().piece)
         (other / "s.yaml").write_text("ergon: 1\nuse: [x.yaml]\n" + PLAYED)
         loaded = VERSION_EDITS[Load](Load(str(other / "s.yaml")))(version, 0.0)

@@ -7,7 +7,7 @@ import pytest
 from checked import check
 
 from ergon.api import check as api_check
-from ergon.scores.staging.highest_modes import highest_modes, stops_low
+from ergon.scores.staging.highest_modes import highest_modes, warn_low_modes
 from ergon.scores.staging.preparing import prepare
 
 SCORE = "ergon: 1\ninstruments:\n  s: {modules: {body: {%s}}}\n"
@@ -35,7 +35,7 @@ def test_the_highest_mode_of_a_row_is_that_of_its_formula():
     ],
 )
 def test_a_body_that_stops_low_says_what_would_reach_and_that_does(body, low, enough):
-    (warning,) = stops_low(modes(body % low))
+    (warning,) = warn_low_modes(modes(body % low))
     assert warning.code == "W331"
     said = re.fullmatch(
         r"(?:`masses: (\d+)`|[\d,]+ masses \((\d+) rings\)) would reach about 5 kHz", warning.help
@@ -43,11 +43,11 @@ def test_a_body_that_stops_low_says_what_would_reach_and_that_does(body, low, en
     number = int(said[1] or said[2])
     assert low < number <= enough
     assert modes(body % number)[0].hertz > 0.93 * 5000.0
-    assert stops_low(modes(body % (number + 4))) == []
+    assert warn_low_modes(modes(body % (number + 4))) == []
 
 
 def test_a_rectangle_says_its_masses():
-    (warning,) = stops_low(
+    (warning,) = warn_low_modes(
         modes("PLATE: {shape: rectangle, sides: [9, 7], M: 1g, f: 100Hz, bending: true}")
     )
     across, up = map(int, re.search(r"\((\d+) by (\d+)\)", warning.help).groups())

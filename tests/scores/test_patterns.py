@@ -15,15 +15,15 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.values import Time
 from ergon.scores.pattern import order, rhythm, turns, words
 from ergon.scores.pattern.draws import Draws
-from ergon.scores.pattern.pattern import Course, Pattern
+from ergon.scores.pattern.pattern import Pattern, PlaceSequence
 from ergon.scores.pattern.steps import steps
 
 FLAT = TempoMap()
 RAMP = TempoMap([Entry(parse_position("0"), 60.0, 120.0, Length(beats=64))])
 
 
-def course(text: str, seed: int = 7, **more) -> Course:
-    return Course(Pattern(order.parse(text), **more), Draws(seed, f"ada/{text}"))
+def course(text: str, seed: int = 7, **more) -> PlaceSequence:
+    return PlaceSequence(Pattern(order.parse(text), **more), Draws(seed, f"ada/{text}"))
 
 
 def played(text: str, rounds: int = 1, seed: int = 7, **more) -> list[tuple[float, str]]:
@@ -194,7 +194,7 @@ def test_draws_depend_on_the_seed_and_on_who_plays_what():
     one = played("choose a b", 40)
     assert one == played("choose a b", 40)
     assert one != played("choose a b", 40, seed=8)
-    other = Course(Pattern(order.parse("choose a b")), Draws(7, "leo/choose a b"))
+    other = PlaceSequence(Pattern(order.parse("choose a b")), Draws(7, "leo/choose a b"))
     assert [name for _, name in one] != [other.played(n) for n in range(40)]
 
 
@@ -355,6 +355,6 @@ def test_any_text_is_read_or_refused(text):
     except TextError as error:
         assert 0 <= error.offset <= len(text)  # noqa: PT017
         return
-    one = Course(Pattern(found), Draws(1, ""))
+    one = PlaceSequence(Pattern(found), Draws(1, ""))
     at = [one.position(n) for n in range(3 * found.places)]
     assert at == sorted(at)

@@ -13,7 +13,7 @@ from ergon.scores.staging.hands import ALL
 from ergon.scores.staging.preparing import Span
 from ergon.scores.staging.recording_stages import solo
 from ergon.scores.staging.refusals import StageError
-from ergon.scores.staging.stage import Going, Stage, stage
+from ergon.scores.staging.stage import Stage, StageTakeover, stage
 
 TAKES = Path(__file__).parents[2] / "scores/library/takes"
 PLAYED = """\
@@ -121,7 +121,7 @@ def test_a_stage_after_another_reads_a_take_again_when_its_file_has_changed(tmp_
         text = PLAYED.format(plays="{at: 6|1, play: t}", takes=tmp_path)
         piece = load(tmp_path / "s.yaml", text=text).piece
         assert piece is not None
-        return stage(piece, planned=True, going=Going((Span(piece, ALL),), before))
+        return stage(piece, planned=True, going=StageTakeover((Span(piece, ALL),), before))
 
     copied = tmp_path / "hand-point-1.csv"
     copied.write_bytes((TAKES / copied.name).read_bytes())

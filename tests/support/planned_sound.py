@@ -7,16 +7,16 @@ import numpy as np
 
 from ergon import _core
 from ergon.scores.reading.load import load
-from ergon.scores.staging.preparing import Ready, prepare
+from ergon.scores.staging.preparing import PreparedPiece, prepare
 
 
-def ready(text: str) -> Ready:
+def ready(text: str) -> PreparedPiece:
     loaded = load("scene.yaml", text=text)
     assert loaded.piece is not None, loaded.diagnostics
     return prepare(loaded.piece)
 
 
-def _plan(text: str, **wishes: Any) -> tuple[Ready, _core.Plan]:
+def _plan(text: str, **wishes: Any) -> tuple[PreparedPiece, _core.Plan]:
     stage = ready(text)
     return stage, _core.Plan(stage.network, stage.timeline, **wishes)
 

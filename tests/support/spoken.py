@@ -14,7 +14,7 @@ from ergon.repl.language.triggers import parse_condition, parse_every
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.transforms import parse_chain
 from ergon.scores.reading.load import load
-from ergon.scores.reading.piece import UNSAID, PlayingOptions
+from ergon.scores.reading.piece import NO_OPTIONS, PlayingOptions
 
 ROOT = Path(__file__).parents[2]
 ONE = Length(beats=1.0)
@@ -56,7 +56,7 @@ def chain(text: str, start: int = 0):
 
 def plays(what: str, **more) -> c.Plays:
     nothing = dict.fromkeys(("every", "times", "until"))
-    return c.Plays("ada", what, **{**nothing, "do": (), "manner": UNSAID, **more})
+    return c.Plays("ada", what, **{**nothing, "do": (), "manner": NO_OPTIONS, **more})
 
 
 # The example session of the design, and every form that it does not use.

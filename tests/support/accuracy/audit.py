@@ -18,7 +18,7 @@ from ergon.lab.scene import NetworkAndTimeline, Score
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging import planning
-from ergon.scores.staging.preparing import Ready, prepare
+from ergon.scores.staging.preparing import PreparedPiece, prepare
 from ergon.scores.staging.refusals import StageError
 
 BY_EAR = None
@@ -252,7 +252,7 @@ def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[P
         yield Plain(method, times, reals, planning.cost(plan))
 
 
-def _play(scene: Ready | NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> np.ndarray:
+def _play(scene: PreparedPiece | NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> np.ndarray:
     simulation = _core.Simulation(scene.network, scene.timeline, plan=plan)
     sound = np.empty((n_frames, simulation.n_out))
     simulation.process(sound)
