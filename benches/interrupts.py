@@ -74,7 +74,7 @@ COMMANDS = {
         "check score.yaml",
         "_rehearsed",
     ),
-    "check --simulate": (_THROWN, "check --simulate score.yaml", "swings"),
+    "check --simulate": (_THROWN, "check --simulate score.yaml", "measure_excursions"),
     "check, a large plate": (_LARGE, "check score.yaml", "add_parts"),
     "plan": (_THROWN, "plan score.yaml", "plan"),
     "render, its plan": (_THROWN, "render score.yaml -o out.wav", "plan"),
