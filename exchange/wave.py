@@ -19,6 +19,7 @@ from .wave_header import (
     WaveInfo,
     pack,
     parse,
+    read_exactly,
 )
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _BLOCK = 65_536  # frames read at once
+_CUT_SAMPLES = "this file became shorter while it was read"
 
 
 class WaveWriter:
@@ -111,7 +113,7 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
         n_frames = info.n_frames
         while n_frames:
             count = min(n_frames, _BLOCK)
-            data = _exactly(file, count * info.format.frame_bytes)
+            data = read_exactly(file, count * info.format.frame_bytes, _CUT_SAMPLES)
             if bits in ("float", "double"):
                 form = "<f4" if bits == "float" else "<f8"
                 with np.errstate(invalid="ignore"):  # a signalling NaN of a stranger's file
@@ -125,13 +127,6 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
             n_frames -= count
 
 
-def _exactly(file: BinaryIO, n_bytes: int) -> bytes:
-    data = file.read(n_bytes)
-    if len(data) < n_bytes:
-        raise NotWaveError("this file became shorter while it was read")
-    return data
-
-
 def hash_samples(path: Path) -> str:
     """SHA-256 of the sample bytes, as `WaveWriter.sha256` gives it.
 
@@ -143,7 +138,7 @@ def hash_samples(path: Path) -> str:
         file.seek(info.offset)
         n_bytes = info.n_frames * info.format.frame_bytes
         while n_bytes:
-            data = _exactly(file, min(n_bytes, 1 << 20))
+            data = read_exactly(file, min(n_bytes, 1 << 20), _CUT_SAMPLES)
             digest.update(data)
             n_bytes -= len(data)
     return digest.hexdigest()

@@ -34,6 +34,7 @@ _FMT = struct.Struct("<HHIIHHHHI")
 _BEXT = struct.Struct("<256s32s32s10s8sQH254s")
 _DATE, _TIME = b"1970-01-01", b"00:00:00"  # never the clock: same score, same bytes
 _DESCRIPTION_MAX = 4 << 20  # bytes of a description of channels; longer ones are ignored
+_CUT_HEADER = "this WAVE file ends within its header"
 _SCORE = re.compile(r"\bscore ([0-9a-f]{64})\b")
 _PLAN = re.compile(r"\bplan ([0-9a-f]{64})\b")
 
@@ -178,22 +179,23 @@ def parse(file: BinaryIO) -> WaveInfo:
             return WaveInfo(container, format, n_frames, offset, size, *said)
         start = file.tell()
         if name == b"ds64":
-            long_size = _DS64.unpack(_exactly(file, _DS64.size))[1]
+            long_size = _DS64.unpack(read_exactly(file, _DS64.size))[1]
         elif name == b"fmt ":
-            format = _parse_format(_exactly(file, min(size, 40)))
+            format = _parse_format(read_exactly(file, min(size, 40)))
         elif name == b"bext" and size >= _BEXT.size:
-            text, origin, *_ = _BEXT.unpack(_exactly(file, _BEXT.size))
+            text, origin, *_ = _BEXT.unpack(read_exactly(file, _BEXT.size))
             description, originator = _text(text), _text(origin)
         elif name in more and size <= _DESCRIPTION_MAX:
-            more[name] = _exactly(file, size)
+            more[name] = read_exactly(file, size)
         file.seek(start + size + (size & 1))
     raise NotWaveError("this WAVE file holds no samples")
 
 
-def _exactly(file: BinaryIO, n_bytes: int) -> bytes:
+def read_exactly(file: BinaryIO, n_bytes: int, refusal: str = _CUT_HEADER) -> bytes:
+    """So many bytes of a file. Raises NotWaveError, saying `refusal`, if there are fewer."""
     data = file.read(n_bytes)
     if len(data) < n_bytes:
-        raise NotWaveError("this WAVE file ends within its header")
+        raise NotWaveError(refusal)
     return data
 
 
