@@ -39,7 +39,7 @@ def gain_of(
 
     `staged` returns the stage for the preflight. Raises OptionError.
     """
-    from ergon.live.preflight import length, level
+    from ergon.live.preflight import find_gain, preflight_frames
 
     if asked is not None:
         return asked_gain(asked)
@@ -47,9 +47,9 @@ def gain_of(
     if master is None or master.normalise is None:
         return 1.0
     stage = staged()
-    with report.progress("listening beforehand", length(stage), stage.rate) as progress:
+    with report.progress("listening beforehand", preflight_frames(stage), stage.rate) as progress:
         reference = piece.mix.reference()
-        found = level(stage, HIGHPASS, reference, master.normalise or 1.0, frozen, progress.at)
+        found = find_gain(stage, HIGHPASS, reference, master.normalise or 1.0, frozen, progress.at)
     heard = "the piece" if found.seconds is None else f"its first {found.seconds:.0f} s"
     gained = f"{20 * log10(found.gain):+.1f} dB"
     report.say(

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 def boards_of(piece: Piece, live: Sequence[str]) -> list[Board]:
     """Devices of `PLAYER=DEVICE` texts, each under a player's key. Raises OptionError."""
-    from ergon.live.boards import BoardError, boards, names, parse
+    from ergon.live.boards import BoardError, boards, device_urls, parse_live_options
 
     try:
-        asked = parse(live)
+        asked = parse_live_options(live)
         for name in asked:
             if name not in piece.players:
                 raise OptionError("live", no_player_message(piece, name))
-        return boards(asked, names() if asked else {})
+        return boards(asked, device_urls() if asked else {})
     except BoardError as error:
         raise OptionError("live", str(error)) from None
 
@@ -37,11 +37,11 @@ def calibrated_board(board: Board, unchecked: bool, report: Report) -> Board:
     """
     from ergon import _core
     from ergon.live.boards import BoardError
-    from ergon.live.calibration import certain, known
+    from ergon.live.calibration import known_axes, own_axes
 
     try:
-        calibrations = known(board.url)
-        sure = certain(board.url)
+        calibrations = known_axes(board.url)
+        sure = own_axes(board.url)
         for number, player in board.axes:
             if board.has_motor and not unchecked and number not in sure:
                 _try(board, number, player, calibrations, report)
@@ -49,7 +49,7 @@ def calibrated_board(board: Board, unchecked: bool, report: Report) -> Board:
         raise OptionError("live", str(error)) from None
     except _core.EngineError as error:
         raise DeviceError(str(error)) from None
-    return replace(board, known=calibrations)
+    return replace(board, calibrations=calibrations)
 
 
 def _try(
@@ -57,7 +57,7 @@ def _try(
 ) -> None:
     """Push an axis a little, and put its direction into `calibrations`."""
     from ergon import _core
-    from ergon.live.calibration import key, remember, tried
+    from ergon.live.calibration import axis_key, find_direction, store_axis
 
     before = calibrations.get(number)
     sign = 1 if before is None else before.sign
@@ -65,39 +65,39 @@ def _try(
         f"{player}: let go of the key: a small pulse of force finds the direction of its motor"
     )
     try:
-        axis = tried(board.url, number, before)
-        if board.emulated and axis.sign != sign:  # perhaps a hand moved the key with the pulse
-            axis = tried(board.url, number, before)
+        axis = find_direction(board.url, number, before)
+        if board.is_emulated and axis.sign != sign:  # perhaps a hand moved the key with the pulse
+            axis = find_direction(board.url, number, before)
     except _core.UnsureError as error:
-        if board.emulated:
+        if board.is_emulated:
             report.warn(f"{player}: {error}; the key is emulated, so it plays all the same")
             return
         raise OptionError(
             "live", f"{error} (--unchecked plays without a trial)", value=player
         ) from None
-    if axis.sign != sign and board.emulated:
+    if axis.sign != sign and board.is_emulated:
         raise OptionError(
             "live",
             f"the motor pushes the wrong way; `ergon devices calibrate {board.url} "
             f"--axis {number}` corrects that (--unchecked plays without a trial)",
             value=player,
         )
-    if axis is before or board.emulated:
+    if axis is before or board.is_emulated:
         return
     if before is not None:
         report.warn(
-            f"{player}: {key(board.url, number)} moves against the direction of its calibration, "
-            "so it is taken for another board, whose ends are not known"
+            f"{player}: {axis_key(board.url, number)} moves against the direction of its "
+            "calibration, so it is taken for another board, whose ends are not known"
         )
     calibrations[number] = axis
-    remember(board.url, number, axis)
+    store_axis(board.url, number, axis)
 
 
 def guide_stiffnesses(
     piece: Piece, boards: Sequence[Board], asked: Sequence[str]
 ) -> dict[str, float]:
     """Stiffness of the guide [N/m] of each player in `PLAYER[=STIFFNESS]`. Raises OptionError."""
-    from ergon.live.perform import GUIDE
+    from ergon.live.perform import GUIDANCE_MAX
     from ergon.notation.tables.quantities import STIFFNESS, quantity
     from ergon.notation.text.errors import TextError
 
@@ -111,7 +111,7 @@ def guide_stiffnesses(
             reason = f"{player} has no device; --live {player}=DEVICE gives one"
             raise OptionError("guide", reason, value=text)
         try:
-            found[player] = quantity(stiffness, STIFFNESS) if is_said else GUIDE[0]
+            found[player] = quantity(stiffness, STIFFNESS) if is_said else GUIDANCE_MAX[0]
         except TextError as error:
             raise OptionError("guide", error.message, value=text) from None
     return found

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
     from ergon.repl.session.engine import Engine
-    from ergon.repl.session.frozen_parts import FrozenFolder, HeldPart
+    from ergon.repl.session.frozen_parts import FrozenFolder, LoadedPart
     from ergon.repl.session.history import PastVersions
     from ergon.repl.session.journal_content import SessionStart
     from ergon.repl.session.session import Session
@@ -53,8 +53,8 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     """
     from ergon import _core
     from ergon.exchange.plan_store import of_user
-    from ergon.repl.prompt.signals import left_to_me
-    from ergon.repl.session.journal import Journal, JournalError, free
+    from ergon.repl.prompt.signals import signals_blocked_in_threads
+    from ergon.repl.session.journal import Journal, JournalError, free_path
     from ergon.repl.session.live import LiveEngine
     from ergon.repl.session.osc import SessionOsc
     from ergon.repl.session.session import Session
@@ -72,11 +72,11 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     osc = osc_of(options.osc, options.osc_to, report)
     pages = pages_of(options, report)
     try:
-        journal = Journal.begun(Path(options.journal))
+        journal = Journal.begin(Path(options.journal))
     except JournalError as error:
         raise OptionError("journal", str(error)) from None
     try:
-        hands = free(journal.path.with_suffix(".take")) if real else None
+        hands = free_path(journal.path.with_suffix(".take")) if real else None
         about = {"journal": journal.path.name}
         config = replace(config, record=hands, about=about, pages=pages)
         make, opening = _engine(
@@ -103,7 +103,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         journal.path.unlink(missing_ok=True)  # nothing has begun
         raise
     began = opening(session.commits.engine.tick_frames, hands).fields()
-    journal.tell("session", **began, disk=session.disk.hashes_by_name(version.texts))
+    journal.append("session", **began, disk=session.disk.hashes_by_name(version.texts))
     engine = session.commits.engine
     assert isinstance(engine, LiveEngine)
     attach_midi(session, engine.performance, ports)
@@ -116,7 +116,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     sys.setswitchinterval(_SWITCH)
     # In a notebook Ctrl-C ends a call, not the session; hands are let go until `release`.
     _core.stop_on_signals([signal.SIGINT], ends=False)
-    with left_to_me():
+    with signals_blocked_in_threads():
         session.run()
     return session
 
@@ -142,7 +142,7 @@ def _beginning(path: str | None, options: SessionOptions, report: Report) -> _Be
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.journal import JournalError
     from ergon.repl.session.journal_content import read_journal
-    from ergon.repl.session.replay import resumed
+    from ergon.repl.session.replay import resumed_state
     from ergon.repl.session.version import NotTakenError, Version
     from ergon.scores.edits.texts import Texts
 
@@ -154,9 +154,9 @@ def _beginning(path: str | None, options: SessionOptions, report: Report) -> _Be
             )
         try:
             replay = read_journal(resume, path, resumes=True, trust=options.trust)
-            opening = replay.opening
+            opening = replay.start
             heard = opening.gain, opening.reference
-            return _Beginning(*resumed(replay), heard, replay.disk, opening.frozen)
+            return _Beginning(*resumed_state(replay), heard, replay.disk, opening.frozen)
         except JournalError as error:
             raise OptionError("resume", str(error)) from None
         except NotTakenError as error:
@@ -175,12 +175,12 @@ def _frozen(
     real: Collection[str],
     options: SessionOptions,
     report: Report,
-) -> tuple[FrozenFolder | None, tuple[HeldPart, ...]]:
+) -> tuple[FrozenFolder | None, tuple[LoadedPart, ...]]:
     """The folder of frozen parts (of the resumed session, or the one asked for), and the parts that
     the version plays from it. Raises OptionError.
     """
     from ergon.exchange.frozen import NotFrozenError
-    from ergon.repl.session.frozen_parts import held, of_frozen
+    from ergon.repl.session.frozen_parts import frozen_folder, load_frozen
     from ergon.scores.staging.built_network import build_network
 
     piece, option = version.piece, "frozen" if folder is None else "resume"
@@ -192,8 +192,8 @@ def _frozen(
             frozen = freeze.read(piece, path, None, report)
             freeze.are_free(piece, frozen, real)
             listening = build_network(piece, frozenset(frozen.parts)).listening
-            folder = of_frozen(path, frozen, piece, listening)
-        parts = held(folder, version, real)
+            folder = frozen_folder(path, frozen, piece, listening)
+        parts = load_frozen(folder, version, real)
     except NotFrozenError as error:
         raise OptionError(option, str(error)) from None
     names = [part.name for part in parts]
@@ -211,7 +211,7 @@ def _config(
     options: SessionOptions,
     boards: Sequence[Board],
     heard: _Heard | None,
-    frozen: Sequence[HeldPart],
+    frozen: Sequence[LoadedPart],
     report: Report,
 ) -> PlaybackConfig:
     from ergon.live.perform import PlaybackConfig
@@ -238,13 +238,13 @@ def _config(
     )
 
 
-def _preflight_stage(piece: Piece, frozen: Sequence[HeldPart]) -> Stage:
+def _preflight_stage(piece: Piece, frozen: Sequence[LoadedPart]) -> Stage:
     """The stage of a preflight: the piece from its beginning, or a rehearsal if nothing plays in
     it.
     """
     from ergon.exchange.plan_store import of_user
     from ergon.repl.session.clock import Clock
-    from ergon.repl.session.frozen_parts import placed
+    from ergon.repl.session.frozen_parts import place_samples
     from ergon.repl.session.running import rehearsal
     from ergon.scores.staging.stage import stage
 
@@ -252,7 +252,7 @@ def _preflight_stage(piece: Piece, frozen: Sequence[HeldPart]) -> Stage:
         piece, frozen = rehearsal(piece), ()
     silent = frozenset(part.name for part in frozen)
     staged = stage(piece, planned=True, store=of_user(), silent=silent, on_fault="mute")
-    staged.placed = placed(frozen, staged.listening, Clock(0.0), staged.rate)
+    staged.placed = place_samples(frozen, staged.listening, Clock(0.0), staged.rate)
     return staged
 
 
@@ -267,14 +267,14 @@ def _engine(
     is_seen: bool,
 ) -> tuple[Callable[[Stage], Engine], Callable[[int, Path | None], SessionStart]]:
     from ergon import _core
-    from ergon.repl.prompt.signals import left_to_me
+    from ergon.repl.prompt.signals import signals_blocked_in_threads
     from ergon.repl.session.journal_content import SessionStart
     from ergon.repl.session.journal_hands import JournalHand, JournalTake
     from ergon.repl.session.live import LiveEngine
 
     def make(stage: Stage) -> Engine:
         try:
-            with left_to_me():  # threads of the physics must not get these signals
+            with signals_blocked_in_threads():  # threads of the physics must not get these signals
                 engine = LiveEngine(stage, config)
         except _core.EngineError as error:
             raise not_begun(error, str(error)) from None
@@ -296,7 +296,7 @@ def _engine(
             take = JournalTake(hands, tuple(axes))
         return SessionStart(
             version.texts,
-            clock.at,
+            clock.stopped_beat,
             version.faders,
             every,
             *heard,

@@ -76,12 +76,12 @@ def attach_midi(session: Session, performance: _core.Performance, ports: MidiPor
         session.attach(ClockOut(session.commits, performance, ports.clock_to))
     if ports.clock_from is not None:
         ear = HearingClock(session.commits.rate, 0)
-        clock = ClockIn(session, ear.when, ports.clock_from)
+        clock = ClockIn(session, ear.instant_of, ports.clock_from)
         session.attach(clock, partial(_followed, ear, clock, performance))
 
 
 def _followed(
     ear: HearingClock, clock: ClockIn, performance: _core.Performance, now: float
 ) -> None:
-    ear.look(performance.status(), now)
-    clock.turn(now)
+    ear.update(performance.status(), now)
+    clock.follow(now)

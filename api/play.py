@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.exchange.frozen import VerifiedStem
     from ergon.live.boards import Board
-    from ergon.live.osc import Osc
+    from ergon.live.osc import OscServer
     from ergon.live.perform import PlaybackConfig
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
@@ -64,7 +64,7 @@ class PreparedPlay:
     stage: Stage
     boards: Sequence[Board]
     config: PlaybackConfig
-    osc: Osc | None
+    osc: OscServer | None
 
 
 def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedPlay:
@@ -105,9 +105,9 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
 
 def _refuse_felt_automation(stage: Stage, real: Collection[str]) -> None:
     """Raise OptionError if automation changes what a hand feels, whose stability is not checked."""
-    from ergon.live.automated import automation_felt
+    from ergon.live.automated import felt_modules
 
-    for player, names in automation_felt(stage, real).items():
+    for player, names in felt_modules(stage, real).items():
         raise OptionError(
             "live",
             f"the automation of {', '.join(names)} can change the force on the key of {player}, "
@@ -218,11 +218,11 @@ def _about(
 ) -> dict[str, object]:
     """The description at the beginning of a recording."""
     from ergon import _core
-    from ergon.live.calibration import as_recorded
-    from ergon.live.recorded import about
+    from ergon.live.calibration import axis_header
+    from ergon.live.recorded import level_header
 
     devices = {
-        player: as_recorded(board, number)
+        player: axis_header(board, number)
         for board in config.boards
         for number, player in board.axes
     }
@@ -232,7 +232,7 @@ def _about(
         "score": {"sha256": piece.digest(), "title": piece.title},
         "seed": piece.seed if options.seed is None else options.seed,
         "plan": stage.plan.hash if stage.plan else "",
-        "level": about(config),
+        "level": level_header(config),
         "axes": [devices.get(hand.player, {"device": None}) for hand in stage.live],
     }
 

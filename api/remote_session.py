@@ -22,7 +22,7 @@ from .local_session import begin
 from .options import SessionOptions
 
 if TYPE_CHECKING:
-    from ergon.repl.wire.remote import Remote
+    from ergon.repl.wire.remote import RemoteSession
 
 _LOOK = 0.05  # [s] between two looks whether the engine answers
 # Options that the engine's process gets in another way.
@@ -35,7 +35,7 @@ def serve(path: str | None, options: SessionOptions, report: Report) -> None:
         _serve(path, options, _place(options), report)
 
 
-def join(path: str | None, options: SessionOptions, report: Report) -> Remote:
+def join(path: str | None, options: SessionOptions, report: Report) -> RemoteSession:
     """Join the session that is served; if there is none, start one that outlives this process.
 
     Raises OptionError, and EngineExitError where the new process ends before it answers.
@@ -58,10 +58,10 @@ def _refused() -> Iterator[None]:
 
 
 def _place(options: SessionOptions) -> Path:
-    from ergon.repl.wire.local_socket import default
+    from ergon.repl.wire.local_socket import default_path
 
     if not options.socket:
-        return default()
+        return default_path()
     if options.socket.endswith((".yaml", ".yml")):
         raise OptionError(
             "socket",
@@ -95,13 +95,13 @@ def _serve(path: str | None, options: SessionOptions, here: Path, report: Report
 # --- the prompt's process ------------------------------------------------------------------------
 
 
-def _join(path: str | None, options: SessionOptions, here: Path, report: Report) -> Remote:
+def _join(path: str | None, options: SessionOptions, here: Path, report: Report) -> RemoteSession:
     from ergon.repl.wire.local_socket import NoSessionError
     from ergon.repl.wire.protocol import ProtocolError
-    from ergon.repl.wire.remote import Remote
+    from ergon.repl.wire.remote import RemoteSession
 
     try:
-        remote = Remote(here, _command(options))
+        remote = RemoteSession(here, _command(options))
     except NoSessionError as error:
         if path is None and options.resume is None:
             raise OptionError(
@@ -121,13 +121,13 @@ def _join(path: str | None, options: SessionOptions, here: Path, report: Report)
     return remote
 
 
-def _start(path: str | None, options: SessionOptions, here: Path, report: Report) -> Remote:
+def _start(path: str | None, options: SessionOptions, here: Path, report: Report) -> RemoteSession:
     """Start the engine's process, in a process session of its own (setsid); pass on its stderr
     until it answers.
     """
     from ergon.repl.wire.local_socket import NoSessionError
     from ergon.repl.wire.protocol import ProtocolError
-    from ergon.repl.wire.remote import Remote
+    from ergon.repl.wire.remote import RemoteSession
 
     command = [sys.executable, "-m", "ergon.cli", "repl", *([path] if path is not None else [])]
     command += [
@@ -149,7 +149,7 @@ def _start(path: str | None, options: SessionOptions, here: Path, report: Report
                     log.unlink()
                     raise EngineExitError(abs(code))
                 with contextlib.suppress(NoSessionError):
-                    remote = Remote(here, _command(options))
+                    remote = RemoteSession(here, _command(options))
                     break
                 time.sleep(_LOOK)
             _pass_on(said.read())
@@ -168,9 +168,9 @@ def _start(path: str | None, options: SessionOptions, here: Path, report: Report
 
 def _log(path: Path) -> IO[bytes]:
     """A new file under the first free one of its names: each of several engines gets its own."""
-    from ergon.repl.session.journal import names
+    from ergon.repl.session.journal import numbered_paths
 
-    for found in names(path):
+    for found in numbered_paths(path):
         with contextlib.suppress(FileExistsError):
             return found.open("xb")
     raise AssertionError  # names do not end

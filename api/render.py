@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon._core import Network, Simulation
-    from ergon.live.recorded import Recorded
+    from ergon.live.recorded import HandRecording
     from ergon.notation.text.errors import Diagnostic
     from ergon.rendering.render import RenderedFiles, RenderJob
     from ergon.scores.reading.load import Loaded
@@ -339,16 +339,16 @@ def _with_inputs(loaded: Loaded, options: RenderOptions) -> Loaded:
     return replace(loaded, piece=replace(piece, takes=takes))
 
 
-def _recorded(loaded: Loaded, options: RenderOptions, report: Report) -> Recorded | None:
+def _recorded(loaded: Loaded, options: RenderOptions, report: Report) -> HandRecording | None:
     """The recorded hands, if a recording is given. Raises OptionError."""
     if options.hands is None:
         return None
-    from ergon.live.recorded import RecordingMismatchError, read
+    from ergon.live.recorded import RecordingMismatchError, read_hand_recording
 
     piece = scores.piece_of(loaded)
     played = piece if options.rate is None else replace(piece, rate=options.rate)
     try:
-        recorded = read(Path(options.hands), played)
+        recorded = read_hand_recording(Path(options.hands), played)
     except RecordingMismatchError as error:
         raise OptionError("hands", str(error)) from None
     for warning in recorded.warnings:

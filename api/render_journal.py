@@ -53,13 +53,13 @@ def render_journal(
         raise OptionError("motion", "a journal has no motion file; render its score")
     with _played(path):
         replay = read_journal(path, trust=options.trust)
-        with scores.staging(replay.opening.texts.load, report):
+        with scores.staging(replay.start.texts.load, report):
             again = ReplayedSession(replay)
     for warning in again.warnings:
         report.warn(warning)
     if not again.n_frames:
         raise ErgonError(f"{path}: the session played nothing")
-    opening, running = replay.opening, again.running
+    opening, running = replay.start, again.running
     piece, plan = running.version.piece, running.stage.plan
     job = RenderJob(
         target=str(out) if out is not None else path.with_suffix(".wav").name,

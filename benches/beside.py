@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benches.native import Loops
-from ergon.live.fitness import PERIOD
+from ergon.live.fitness import TICK_SECONDS
 
 # Below the priorities of the physics thread (78) and the card's (65): it delays no tick of what
 # runs beside it.
@@ -46,7 +46,7 @@ def bare(loops: Loops | None) -> Iterator[Bare | None]:
         return
     found, going, told = Bare(), np.ones(1, dtype=np.int64), np.zeros(4, dtype=np.int64)
     # It has its own thread: the call releases the GIL as long as it lasts.
-    loop = threading.Thread(target=loops.call, args=("ticks", _PRIORITY, PERIOD, going, told))
+    loop = threading.Thread(target=loops.call, args=("ticks", _PRIORITY, TICK_SECONDS, going, told))
     loop.start()
     try:
         yield found

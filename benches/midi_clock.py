@@ -22,7 +22,7 @@ from ergon.live.midi_ports import ProcessPort
 from ergon.live.midi_sender import ECHO, TimedSender
 from ergon.live.osc_out import HearingClock
 from ergon.live.perform import PlaybackConfig
-from ergon.live.trouble import gaps
+from ergon.live.trouble import gap_count
 from ergon.repl.session.live import LiveEngine
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
@@ -52,7 +52,7 @@ def _heard_beats(session: Session, ear: HearingClock, beats: np.ndarray) -> np.n
     tempo = running.version.piece.tempo_map
     rate = session.commits.rate
     seconds = [running.clock.seconds(tempo, float(beat)) for beat in beats]
-    return np.array([ear.when(int(second * rate + 0.5)) for second in seconds])
+    return np.array([ear.instant_of(int(second * rate + 0.5)) for second in seconds])
 
 
 def _pass_on(sender: TimedSender, wire: ProcessPort, sent: list[tuple[float, bytes]]) -> None:
@@ -62,7 +62,7 @@ def _pass_on(sender: TimedSender, wire: ProcessPort, sent: list[tuple[float, byt
         message = bytes.fromhex(data.decode())
         if message == b"\xf8":
             sent.append((int(at) / 1e9, message))
-        wire.hand_on(message, int(at) / 1e9)
+        wire.deliver(message, int(at) / 1e9)
 
 
 def midi_clock(minutes: float = 1.0) -> list[Row]:
@@ -85,7 +85,7 @@ def midi_clock(minutes: float = 1.0) -> list[Row]:
             while time.monotonic() < ends:
                 now = time.monotonic()
                 for ear, engine in zip(ears, (telling, following), strict=True):
-                    ear.look(engine.performance.status(), now)
+                    ear.update(engine.performance.status(), now)
                 if now >= due:
                     told.submit(f"set bells.b0.K {700 + len(apart) % 200}N/m now")
                     due += 1.0
@@ -104,7 +104,7 @@ def midi_clock(minutes: float = 1.0) -> list[Row]:
                     apart.append(both[1] - both[0])
                 done = max(done, beat)
                 time.sleep(0.003)
-            gaps_in_sound = [gaps(one.performance.status()) for one in (telling, following)]
+            gaps_in_sound = [gap_count(one.performance.status()) for one in (telling, following)]
             instants = np.array([at for at, _ in sent])
         finally:
             told.close()

@@ -124,7 +124,7 @@ def _stepped(folder: Path, typed: Sequence[str], seconds: int) -> tuple[list[Hel
     version = Version(0, "", texts, piece_of(texts))
     written = Journal(journal)
     opening = SessionStart(texts, 0.0, version.faders, _TICK, 1.0, 1.0, None)
-    written.tell("session", **opening.fields())
+    written.append("session", **opening.fields())
     engines: list[SteppedEngine] = []
 
     def begin(stage):  # type: ignore[no-untyped-def]

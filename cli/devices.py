@@ -51,14 +51,14 @@ def _sound(console: Console) -> None:
 
 
 def _named(console: Console) -> None:
-    from ergon.live.boards import BoardError, config_path, names, resolve
-    from ergon.live.calibration import known
+    from ergon.live.boards import BoardError, config_path, device_urls, resolve
+    from ergon.live.calibration import known_axes
 
     try:
-        table = names()
+        table = device_urls()
         for name, text in table.items():
             url, _ = resolve(text, {})
-            tested = sorted(known(url))
+            tested = sorted(known_axes(url))
             if console.json:
                 console.record("device", name=name, url=text, tested=tested)
             else:

@@ -69,11 +69,11 @@ def calibrate(
     states.
     """
     from ergon import _core
-    from ergon.live.boards import BoardError, names, resolve
-    from ergon.live.calibration import key, plain, remember
+    from ergon.live.boards import BoardError, device_urls, resolve
+    from ergon.live.calibration import axis_key, store_axis, uncalibrated_axis
 
     try:
-        url, first = resolve(device, {} if ":" in device else names())
+        url, first = resolve(device, {} if ":" in device else device_urls())
     except BoardError as error:
         raise Refused(str(error)) from None
     number = first if axis is None else axis
@@ -83,27 +83,27 @@ def calibrate(
         raise DeviceMissing(str(error)) from None
     try:
         console.say("let go of the key: it gets a small pulse to one side, then to the other")
-        found = plain(own, int(own.direction(number, _PERIOD)))
+        found = uncalibrated_axis(own, int(own.direction(number, _PERIOD)))
         if seconds > 0:
             found = _ended(console, own, found, number, seconds, travel)
         elif travel is not None:
             raise Refused("--travel needs the ends of the axis, which --seconds 0 does not measure")
     except _core.EngineError as error:
-        raise Refused(f"{key(url, number)}: {error}") from None
+        raise Refused(f"{axis_key(url, number)}: {error}") from None
     finally:
         own.close()
     found = _as_asked(found, turned, force_max)
     try:
-        path = remember(url, number, found)
+        path = store_axis(url, number, found)
     except BoardError as error:
         raise Refused(str(error)) from None
-    _say(console, key(url, number), found, own.unit, str(path))
+    _say(console, axis_key(url, number), found, own.unit, str(path))
 
 
 def _ended(
     console: Console, own: Device, axis: Axis, number: int, seconds: float, travel: float | None
 ) -> Axis:
-    from ergon.live.calibration import between
+    from ergon.live.calibration import axis_between_ends
 
     console.say(f"move the key from end to end, for {seconds:g} s")
     low, high = own.ends(seconds, _PERIOD)[number].tolist()
@@ -113,7 +113,7 @@ def _ended(
             f"the key moved {high - low:.2g} {own.unit} in {seconds:g} s, too little to find "
             "its ends; --seconds 0 takes the ends that the device states"
         )
-    return between(axis, low, high, high - low if travel is None else travel)
+    return axis_between_ends(axis, low, high, high - low if travel is None else travel)
 
 
 def _as_asked(axis: Axis, turned: bool, force_max: float | None) -> Axis:

@@ -83,11 +83,11 @@ def doctor(
 def _safety(console: Console) -> None:
     from ergon.live import faults
 
-    rows = faults.measured()
+    rows = faults.measure_faults()
     exceeding = []
     for row in rows:
         if not console.json:
-            console.data(f"{row.fault}  (bound: {faults.bound(row)})\n")
+            console.data(f"{row.fault}  (bound: {faults.bounds_text(row)})\n")
         for cell in row.cells:
             if cell.exceeds:
                 exceeding.append(f"{row.fault}, {cell.device}")
@@ -108,22 +108,22 @@ def _findings(audio: str, no_audio: bool, seconds: float) -> Iterator[Finding]:
     from ergon.exchange import machine_speed
     from ergon.live import fitness
 
-    yield fitness.machine()
-    speed = fitness.speed(min(seconds, 1.0))
+    yield fitness.describe_machine()
+    speed = fitness.measure_speed(min(seconds, 1.0))
     machine_speed.store_correction(float(str(speed.numbers["correction"])))
     yield speed
-    found = _core.checkup(seconds, fitness.PERIOD)
-    yield from fitness.rights(found)
-    yield fitness.waking(found)
+    found = _core.checkup(seconds, fitness.TICK_SECONDS)
+    yield from fitness.describe_thread(found)
+    yield fitness.measure_wakeups(found)
     if not no_audio:
-        yield fitness.sound(audio)
+        yield fitness.measure_sound(audio)
 
 
 def _urls(devices: tuple[str, ...]) -> list[str]:
-    from ergon.live.boards import BoardError, names, resolve
+    from ergon.live.boards import BoardError, device_urls, resolve
 
     try:
-        table = names() if devices else {}
+        table = device_urls() if devices else {}
         return [resolve(text, table)[0] for text in devices]
     except BoardError as error:
         raise Refused(f"--device: {error}") from None
@@ -134,7 +134,7 @@ def _device(console: Console, url: str, seconds: float) -> None:
     from ergon.live import fitness
 
     try:
-        for finding in fitness.device(url, seconds):
+        for finding in fitness.measure_device(url, seconds):
             _tell(console, finding)
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None

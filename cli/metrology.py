@@ -30,10 +30,10 @@ class _Measuring(LazyGroup):
 
 def _is_named(word: str) -> bool:
     """Whether a word names a device of the user's list, also with an axis: tgr0.3."""
-    from ergon.live.boards import BoardError, names
+    from ergon.live.boards import BoardError, device_urls
 
     try:
-        return word.partition(".")[0] in names()
+        return word.partition(".")[0] in device_urls()
     except BoardError:
         return False
 

@@ -122,13 +122,13 @@ def open_axis(
     DeviceMissing.
     """
     from ergon import _core
-    from ergon.live.boards import BoardError, names, resolve
-    from ergon.live.calibration import known
+    from ergon.live.boards import BoardError, device_urls, resolve
+    from ergon.live.calibration import known_axes
     from ergon.metrology.ladder import Axis
 
     try:
-        url, number = resolve(device, {} if ":" in device else names())
-        calibrated: dict[int, Known] = known(url)
+        url, number = resolve(device, {} if ":" in device else device_urls())
+        calibrated: dict[int, Known] = known_axes(url)
     except BoardError as error:
         raise Refused(str(error)) from None
     try:
@@ -160,14 +160,14 @@ def take_header(url: str, number: int) -> str:
     """The header of a take of an axis, as JSON."""
     from ergon import _core
     from ergon.live.boards import Board
-    from ergon.live.calibration import as_recorded, known
+    from ergon.live.calibration import axis_header, known_axes
 
     return json.dumps(
         {
             "made": f"by ergon {_core.__version__}",
             "day": time.strftime("%Y-%m-%d %H:%M:%S"),
             "sent": "wire",
-            "axes": [as_recorded(Board(url, (), known(url)), number)],
+            "axes": [axis_header(Board(url, (), known_axes(url)), number)],
         }
     )
 

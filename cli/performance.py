@@ -17,7 +17,7 @@ from .outcome import Late, Refused
 if TYPE_CHECKING:
     from ergon import _core
     from ergon.live.boards import Board
-    from ergon.live.osc import Osc
+    from ergon.live.osc import OscServer
     from ergon.live.perform import PlaybackConfig
     from ergon.scores.staging.stage import Stage
 
@@ -40,21 +40,21 @@ class ShownPerformance:
         plain: bool,
     ) -> None:
         """Show a stage that is played on boards."""
-        from ergon.live.display import Watcher
+        from ergon.live.display import PerformanceViewer
 
         self._console, self._stage, self._performance = console, stage, performance
-        self._watcher = Watcher(stage)
+        self._watcher = PerformanceViewer(stage)
         self._players = [hand.player for hand in stage.live]
-        self._boards = [board.shown for board in boards]
+        self._boards = [board.display_name for board in boards]
         self._strict = strict
         self._redraws = not (plain or console.json or console.quiet) and sys.stderr.isatty()
         self._drawn = 0
         self._said = 0.0
         self._troubled = False
         self._sound_events = 0
-        self._osc: Osc | None = None
+        self._osc: OscServer | None = None
 
-    def run(self, osc: Osc | None, config: PlaybackConfig, begin: Callable[[], None]) -> None:
+    def run(self, osc: OscServer | None, config: PlaybackConfig, begin: Callable[[], None]) -> None:
         """Play to the end. However it ends, forces are then zero and nothing sounds."""
         from ergon import _core
 
@@ -91,7 +91,7 @@ class ShownPerformance:
 
     def _rest(self) -> None:
         if self._osc is not None:
-            self._osc.rest()
+            self._osc.stop_serving()
             self._remark()
 
     def _remark(self) -> None:
@@ -111,7 +111,7 @@ class ShownPerformance:
         return self._performance.granted()
 
     def _show(self, *, last: bool = False) -> None:
-        from ergon.live.display import lines, record
+        from ergon.live.display import view_lines, view_record
 
         performance, console = self._performance, self._console
         self._tell(performance.events())
@@ -123,19 +123,19 @@ class ShownPerformance:
         recording = performance.recording_trouble()
         self._doubt(recording)
         status = performance.status()
-        view = self._watcher.look(status, recording)
+        view = self._watcher.view(status, recording)
         now = time.monotonic()
         if console.json:
             if last or now - self._said >= 1.0:
                 self._said = now
-                console.record("playing", **record(view, status.frame))
+                console.record("playing", **view_record(view, status.frame))
         elif self._redraws:
             import shutil
 
-            self._draw(lines(view, shutil.get_terminal_size().columns - 1))
+            self._draw(view_lines(view, shutil.get_terminal_size().columns - 1))
         elif last or now - self._said >= _SAY:
             self._said = now
-            console.say(" | ".join(line.strip() for line in lines(view, 200)))
+            console.say(" | ".join(line.strip() for line in view_lines(view, 200)))
 
     def _draw(self, lines: Sequence[str]) -> None:
         up = f"\x1b[{self._drawn}F" if self._drawn else ""
@@ -163,7 +163,7 @@ class ShownPerformance:
             self._console.say(sentence)
 
     def _finish(self, status: _core.Status, heard: _core.SoundInput) -> None:
-        from ergon.live.trouble import gaps as gaps_of
+        from ergon.live.trouble import gap_count as gaps_of
 
         self._clear()
         late, seconds, n_gaps = status.late, status.frame / self._stage.rate, gaps_of(status)

@@ -12,7 +12,7 @@ from .console import Console
 from .outcome import Findings
 
 if TYPE_CHECKING:
-    from ergon.repl.prompt.signals import Watch
+    from ergon.repl.prompt.signals import SignalWatch
     from ergon.repl.session_protocol import SessionProtocol
 
 
@@ -95,15 +95,15 @@ def repl(
         remote_session.serve(score_path, asked, console)
     else:
         try:
-            from ergon.repl.prompt.signals import unwatched
+            from ergon.repl.prompt.signals import watch_nothing
 
             remote = remote_session.join(score_path, asked, console)
         except EngineExitError as ended:  # the terminal shows the reason
             raise click.exceptions.Exit(ended.exit_code) from None
-        _prompt(remote, unwatched, plain=plain, strict=strict)
+        _prompt(remote, watch_nothing, plain=plain, strict=strict)
 
 
-def _prompt(session: SessionProtocol, watch: Watch, *, plain: bool, strict: bool) -> None:
+def _prompt(session: SessionProtocol, watch: SignalWatch, *, plain: bool, strict: bool) -> None:
     """Read lines until the user leaves."""
     from ergon.repl.prompt.run import history_of_user, run
 

@@ -93,12 +93,12 @@ def _until_over(console: Console, performance: _core.Performance) -> None:
 def _boards(live: tuple[str, ...]) -> list[Board]:
     from dataclasses import replace
 
-    from ergon.live.boards import BoardError, boards, names, parse
-    from ergon.live.calibration import known
+    from ergon.live.boards import BoardError, boards, device_urls, parse_live_options
+    from ergon.live.calibration import known_axes
 
     try:
-        found = boards(parse(_named(live)), names())
-        return [replace(board, known=known(board.url)) for board in found]
+        found = boards(parse_live_options(_named(live)), device_urls())
+        return [replace(board, calibrations=known_axes(board.url)) for board in found]
     except BoardError as error:
         raise Refused(f"--live: {error}") from None
 

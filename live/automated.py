@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Values:
+class AutomatedValues:
     """(MAT, K [N/m], Z [N·s/m], M [kg]) of CELs, and (LIA, factor of its force) of links."""
 
     ties: tuple[tuple[int, float, float, float], ...] = ()
@@ -25,20 +25,20 @@ class Values:
 MAX_SETS = 64  # combinations of values that are checked against each key, at most
 # A change shorter than this [s] is too short for an oscillation to grow that is stable at both
 # ends.
-SHORT = 0.05
+SHORT_CHANGE = 0.05
 # A longer change is also checked on its way, at each change of a value by this ratio.
-RATIO = 1.2
-_OTHER = 3.0  # a factor of stiffness and mass that shows whether a hand feels a CEL
+CHECK_RATIO = 1.2
+_PROBE_FACTOR = 3.0  # a factor of stiffness and mass that shows whether a hand feels a CEL
 
 
-def felt(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
+def felt_paths(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
     """The automation of modules that a hand on the MAT `mat` can feel, as points in time.
 
     `held` are the MATs of all hands.
     """
 
     def key(where: Where, numbers: Sequence[float]) -> bytes:
-        values = _applied(stage, [where], [numbers])
+        values = _engine_values(stage, [where], [numbers])
         reached = stage.network.reachable_network(
             mat, stage.rate, held=list(held), ties=list(values.ties), factors=list(values.factors)
         )
@@ -47,12 +47,14 @@ def felt(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
     found = {}
     for where, points in stage.paths.items():
         own = points[0][1:]
-        if key(where, own) != key(where, [_OTHER * x + 1.0 for x in own]):
+        if key(where, own) != key(where, [_PROBE_FACTOR * x + 1.0 for x in own]):
             found[where] = points
     return found
 
 
-def _applied(stage: Stage, modules: Sequence[Where], numbers: Sequence[Sequence[float]]) -> Values:
+def _engine_values(
+    stage: Stage, modules: Sequence[Where], numbers: Sequence[Sequence[float]]
+) -> AutomatedValues:
     """Values of modules as the engine takes them. No hand feels the automation of a BANK."""
     assembly = stage.built.assembly
     ties, factors = [], []
@@ -62,23 +64,25 @@ def _applied(stage: Stage, modules: Sequence[Where], numbers: Sequence[Sequence[
             ties.append((assembly.mats[where], k, z, m))
         else:
             factors += [(link, max(own)) for link in assembly.links_of(where)]
-    return Values(tuple(ties), tuple(factors))
+    return AutomatedValues(tuple(ties), tuple(factors))
 
 
-def automation_felt(stage: Stage, players: Collection[str]) -> dict[str, list[str]]:
+def felt_modules(stage: Stage, players: Collection[str]) -> dict[str, list[str]]:
     """The modules with automation that real hands can feel, by player; players that feel none are
     left out."""
     hands = [hand for hand in stage.live if hand.player in players]
     mats = [hand.mat for hand in hands]
     found = {
-        hand.player: [".".join(filter(None, where)) for where in felt(stage, hand.mat, mats)]
+        hand.player: [".".join(filter(None, where)) for where in felt_paths(stage, hand.mat, mats)]
         for hand in hands
         if stage.paths
     }
     return {player: names for player, names in found.items() if names}
 
 
-def value_sets(stage: Stage, paths: Mapping[Where, Points], since: float) -> Iterator[Values]:
+def value_sets(
+    stage: Stage, paths: Mapping[Where, Points], since: float
+) -> Iterator[AutomatedValues]:
     """The combinations of values that modules take from the instant `since` [s] on, each once.
 
     They include every combination that is held; along a change, enough of them that any other
@@ -88,14 +92,14 @@ def value_sets(stage: Stage, paths: Mapping[Where, Points], since: float) -> Ite
     rows = list(paths.values())
     instants = sorted({since, *(p[0] for points in rows for p in points if p[0] > since)})
     known: set[object] = set()
-    for values, stays in _values(rows, instants):
-        key = tuple(values) if stays else tuple(_place(x) for one in values for x in one)
+    for values, stays in _values_along(rows, instants):
+        key = tuple(values) if stays else tuple(_ratio_step(x) for one in values for x in one)
         if key not in known:
             known.add(key)
-            yield _applied(stage, modules, values)
+            yield _engine_values(stage, modules, values)
 
 
-def _values(
+def _values_along(
     rows: Sequence[Points], instants: Sequence[float]
 ) -> Iterator[tuple[list[tuple[float, ...]], bool]]:
     """Values at each instant and on the way between two of them, and whether they are held
@@ -105,19 +109,19 @@ def _values(
     for end in instants[1:]:
         now = [value_at(points, end) for points in rows]
         yield last, now == last
-        if end - begin > SHORT and now != last:
-            n = max(1, math.ceil(math.log(_widest(last, now)) / math.log(RATIO)))
+        if end - begin > SHORT_CHANGE and now != last:
+            n = max(1, math.ceil(math.log(_largest_ratio(last, now)) / math.log(CHECK_RATIO)))
             for place in range(1, n):
-                yield _between(last, now, place / n), False
+                yield _interpolated(last, now, place / n), False
         begin, last = end, now
     yield last, True
 
 
-def _place(x: float) -> int | None:
-    return None if x <= 0.0 else round(math.log(x) / math.log(RATIO))
+def _ratio_step(x: float) -> int | None:
+    return None if x <= 0.0 else round(math.log(x) / math.log(CHECK_RATIO))
 
 
-def _widest(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> float:
+def _largest_ratio(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> float:
     pairs = [
         pair
         for one, other in zip(a, b, strict=True)
@@ -127,7 +131,7 @@ def _widest(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> float
     return max((max(pair) / min(pair) for pair in pairs), default=1.0)
 
 
-def _between(
+def _interpolated(
     a: Sequence[Sequence[float]], b: Sequence[Sequence[float]], share: float
 ) -> list[tuple[float, ...]]:
     return [

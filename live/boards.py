@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .calibration import Axis
 
 # The name of a device in the user's file, with an optional axis, such as tgr0.3.
-_NAMED = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
+_DEVICE_NAME = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
 _MAX_BYTES = 1 << 20  # a list of devices is small; what is larger is another file
 
 
@@ -33,11 +33,11 @@ class Board:
 
     url: str
     axes: tuple[tuple[int, str], ...]
-    known: Mapping[int, Axis] = field(default_factory=dict)
+    calibrations: Mapping[int, Axis] = field(default_factory=dict)
     name: str = ""
 
     @property
-    def shown(self) -> str:
+    def display_name(self) -> str:
         """Its name, or its address without options, for messages."""
         return self.name or self.url.partition("?")[0]
 
@@ -55,7 +55,7 @@ class Board:
         return self.kind != "emul" and not where.startswith("/dev/pts/")
 
     @property
-    def emulated(self) -> bool:
+    def is_emulated(self) -> bool:
         """Whether it is an emulator, surely or probably: datagrams to this machine count as one."""
         where = self.url.partition("?")[0].partition(":")[2].removeprefix("//")
         return not self.has_motor or (self.kind == "frame+udp" and where.startswith("127."))
@@ -80,7 +80,7 @@ def read_config() -> dict[str, Any]:
         raise BoardError(f"{path}: {error}") from None
 
 
-def names() -> dict[str, str]:
+def device_urls() -> dict[str, str]:
     """The URL of each named device; empty where there is no such file. Raises BoardError."""
     table = read_config().get("devices", {})
     if not isinstance(table, dict) or not all(isinstance(url, str) for url in table.values()):
@@ -96,7 +96,7 @@ def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
     names: dict[str, str] = {}
     for player, text in asked.items():
         url, axis = resolve(text, known)
-        if ":" not in text and (named := _NAMED.match(text)):
+        if ":" not in text and (named := _DEVICE_NAME.match(text)):
             names.setdefault(url, named["name"])
         axes = found.setdefault(url, [])
         if any(axis == taken for taken, _ in axes):
@@ -114,7 +114,7 @@ def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:
         if behind and not number.isdecimal():
             raise BoardError(f"{text}: the axis is a number from 0 on, as in {url}#0")
         return url + mark + options, int(number or 0)
-    named = _NAMED.match(text)
+    named = _DEVICE_NAME.match(text)
     if named is None:
         raise BoardError(f"{text}: a device is a URL, such as firefader:/dev/ttyACM0, or a name")
     device, axis = named["name"], named["axis"]
@@ -125,7 +125,7 @@ def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:
     return own, first if axis is None else int(axis)
 
 
-def parse(pairs: Sequence[str]) -> dict[str, str]:
+def parse_live_options(pairs: Sequence[str]) -> dict[str, str]:
     """`PLAYER=DEVICE` of each `--live`. Raises BoardError."""
     asked: dict[str, str] = {}
     for pair in pairs:

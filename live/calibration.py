@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _TABLE = "calibration"
 # URL options that say how to communicate, not with which device.
-_MANNERS = ("lockstep", "wide")
+_PROTOCOL_OPTIONS = ("lockstep", "wide")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +42,12 @@ class Axis:
         )
 
 
-def plain(device: Device, sign: int) -> Axis:
+def uncalibrated_axis(device: Device, sign: int) -> Axis:
     """The axis as its device describes it, with the given sign."""
     return Axis(sign, 0.0, 1.0, device.range, device.force_max)
 
 
-def between(axis: Axis, low: float, high: float, apart: float) -> Axis:
+def axis_between_ends(axis: Axis, low: float, high: float, apart: float) -> Axis:
     """The axis with its ends at the device's positions `low` and `high`, which are truly `apart`.
 
     Zero is midway.
@@ -56,7 +56,7 @@ def between(axis: Axis, low: float, high: float, apart: float) -> Axis:
     return Axis(axis.sign, 0.5 * (low + high), apart / (high - low), (-half, half), axis.force_max)
 
 
-def identity(url: str) -> str | None:
+def board_identity(url: str) -> str | None:
     """A name of a board that does not depend on its port; None if it has none.
 
     For a board on a serial port it is the serial number that USB reports, for a Haply device its
@@ -70,38 +70,38 @@ def identity(url: str) -> str | None:
     return f"haply:{ids[-1]}" if kind == "haply" and ids and ids[-1] else None
 
 
-def key(url: str, number: int) -> str:
+def axis_key(url: str, number: int) -> str:
     """The name of an axis: by the identity of its board, or else by its address."""
-    return f"{identity(url) or _address(url)}#{number}"
+    return f"{board_identity(url) or _address(url)}#{number}"
 
 
 def _address(url: str) -> str:
     target, _, options = url.partition("?")
-    kept = [option for option in options.split("&") if option and option not in _MANNERS]
+    kept = [option for option in options.split("&") if option and option not in _PROTOCOL_OPTIONS]
     return target + ("?" + "&".join(kept) if kept else "")
 
 
-def known(url: str) -> dict[int, Axis]:
+def known_axes(url: str) -> dict[int, Axis]:
     """The known calibrations of a device's axes, by their numbers.
 
     Raises BoardError.
     """
-    return {number: axis for number, (axis, _) in _found(url).items()}
+    return {number: axis for number, (axis, _) in _axes_in_list(url).items()}
 
 
-def certain(url: str) -> set[int]:
+def own_axes(url: str) -> set[int]:
     """The axes of a device that were calibrated on this board. Raises BoardError."""
-    return {number for number, (_, is_own) in _found(url).items() if is_own}
+    return {number for number, (_, is_own) in _axes_in_list(url).items() if is_own}
 
 
-def _found(url: str) -> dict[int, tuple[Axis, bool]]:
+def _axes_in_list(url: str) -> dict[int, tuple[Axis, bool]]:
     table = _table(read_config())
-    own, address = identity(url), _address(url)
+    own, address = board_identity(url), _address(url)
     found = {}
     for number in range(16):
         for name, is_own in ((f"{own}#{number}", own is not None), (f"{address}#{number}", False)):
             if name in table:
-                found[number] = _axis(name, table[name]), is_own
+                found[number] = _parse_axis(name, table[name]), is_own
                 break
     return found
 
@@ -113,16 +113,16 @@ def _table(config: dict[str, Any]) -> dict[str, Any]:
     return table
 
 
-def as_recorded(board: Board, number: int) -> dict[str, object]:
+def axis_header(board: Board, number: int) -> dict[str, object]:
     """An axis, as the header of a recording describes it."""
-    found = board.known.get(number)
+    found = board.calibrations.get(number)
     return {
         "device": f"{board.url}#{number}",
         "calibration": None if found is None else asdict(found),
     }
 
 
-def _axis(name: str, row: Any) -> Axis:
+def _parse_axis(name: str, row: Any) -> Axis:
     try:
         low, high = row["range"]
         said = (low, high, *(row[field] for field in ("sign", "zero", "gain", "force_max")))
@@ -145,7 +145,7 @@ def _axis(name: str, row: Any) -> Axis:
     return axis
 
 
-def tried(url: str, number: int, before: Axis | None = None) -> Axis:
+def find_direction(url: str, number: int, before: Axis | None = None) -> Axis:
     """Find the direction of an axis by a small force.
 
     Returns `before` if its direction still holds; else another motor is connected, and the axis
@@ -156,7 +156,7 @@ def tried(url: str, number: int, before: Axis | None = None) -> Axis:
     try:
         sign = int(device.direction(number, 1e-3))
         if before is None:
-            return plain(device, sign)
+            return uncalibrated_axis(device, sign)
     finally:
         device.close()
     if sign > 0:
@@ -164,19 +164,19 @@ def tried(url: str, number: int, before: Axis | None = None) -> Axis:
     # Another motor is connected: nothing of the old calibration holds for it.
     device = _core.Device(url)
     try:
-        return plain(device, -before.sign)
+        return uncalibrated_axis(device, -before.sign)
     finally:
         device.close()
 
 
-def remember(url: str, number: int, axis: Axis) -> Path:
+def store_axis(url: str, number: int, axis: Axis) -> Path:
     """Write an axis into the user's list of devices; every other line stays. Raises BoardError."""
     from ergon.exchange.safe import open_for_writing
 
     path = config_path()
     before = read_config()
     text = path.read_bytes().decode() if path.exists() else ""
-    name = key(url, number)
+    name = axis_key(url, number)
     row: dict[str, Any] = {
         "sign": axis.sign,
         "zero": axis.zero,
@@ -186,7 +186,7 @@ def remember(url: str, number: int, axis: Axis) -> Path:
     }
     lines = [f"[{_TABLE}.{json.dumps(name)}]"]
     lines += [f"{field} = {json.dumps(value)}" for field, value in row.items()]
-    after = _replaced(text, lines)
+    after = _with_table(text, lines)
     # However the user's file is formatted, everything else in it must stay the same.
     try:
         wanted = {**before, _TABLE: {**_table(before), name: row}}
@@ -202,7 +202,7 @@ def remember(url: str, number: int, axis: Axis) -> Path:
     return path
 
 
-def _replaced(text: str, lines: list[str]) -> str:
+def _with_table(text: str, lines: list[str]) -> str:
     """The text with a table in place of the one with the same header, or else at its end."""
     end = "\r\n" if "\r\n" in text else "\n"
     table = end.join(lines) + end

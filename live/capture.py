@@ -10,7 +10,7 @@ from pathlib import Path
 from ergon import _core
 
 from .boards import Board
-from .calibration import as_recorded
+from .calibration import axis_header
 
 _RATE = 44100
 
@@ -37,7 +37,7 @@ def capture(
     about = {
         "made": f"by ergon {_core.__version__}",
         "day": time.strftime("%Y-%m-%d %H:%M:%S"),
-        "axes": [as_recorded(board, number) for board, number, _ in axes],
+        "axes": [axis_header(board, number) for board, number, _ in axes],
     }
     return _core.Performance(
         _core.Simulation(network, timeline),
@@ -51,7 +51,7 @@ def capture(
                 board.url,
                 [(number, hands[player]) for number, player in board.axes],
                 0.0,
-                [axis.for_core(number) for number, axis in board.known.items()],
+                [axis.for_core(number) for number, axis in board.calibrations.items()],
             )
             for board in boards
         ],

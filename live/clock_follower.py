@@ -10,28 +10,28 @@ from collections import deque
 from statistics import median
 from typing import NamedTuple
 
-from .midi_messages import CLOCKS, Message, SongPosition, Transport
+from .midi_messages import CLOCKS_PER_BEAT, Message, SongPosition, Transport
 
-_KEPT = 96  # clocks from which tempo and phase are estimated: four beats
-_ENOUGH = 12  # clocks before anything is estimated
-_JUMP = 0.006  # [s]; a clock further off the estimate is late, or the tempo has jumped
-_SURE = 12  # such clocks in a row after which the tempo has jumped
+_CLOCKS_KEPT = 96  # clocks from which tempo and phase are estimated: four beats
+_CLOCKS_MIN = 12  # clocks before anything is estimated
+_ERROR_MAX = 0.006  # [s]; a clock further off the estimate is late, or the tempo has jumped
+_CLOCKS_OF_A_JUMP = 12  # such clocks in a row after which the tempo has jumped
 # A clock is late if it lags behind the line by more than this many times the median error, and by
 # more than this time [s].
-_LATE, _LATE_LEAST = 4.0, 0.002
+_LATE_FACTOR, _LATE_MIN = 4.0, 0.002
 _TRIALS = 4  # lines fitted, each without the clocks that are late against the one before
 _SILENCE = 0.5  # [s] without a clock after which there is none to follow
-_LONGEST, _SHORTEST = 60.0 / 20.0, 60.0 / 400.0  # [s] of a beat that is followed
+_BEAT_MAX, _BEAT_MIN = 60.0 / 20.0, 60.0 / 400.0  # [s] of a beat that is followed
 
 
-class Beat(NamedTuple):
+class BeatEstimate(NamedTuple):
     """The estimate: `at` [s] is the instant of `beat`, and a beat lasts `length` [s]."""
 
     at: float
     beat: float
     length: float
 
-    def when(self, beat: float) -> float:
+    def instant_of(self, beat: float) -> float:
         """The instant of a beat [s]."""
         return self.at + (beat - self.beat) * self.length
 
@@ -45,8 +45,10 @@ class ClockFollower:
 
     def __init__(self) -> None:
         """Begin without a clock."""
-        self._clocks: deque[tuple[int, float]] = deque(maxlen=_KEPT)
-        self._off: list[tuple[int, float]] = []  # the latest, where all are off the estimate
+        self._clocks: deque[tuple[int, float]] = deque(maxlen=_CLOCKS_KEPT)
+        self._stray_clocks: list[
+            tuple[int, float]
+        ] = []  # the latest, where all are off the estimate
         self._next = 0  # the number of the next clock
         self._last = -math.inf
         self.is_placed = False
@@ -55,74 +57,74 @@ class ClockFollower:
     def receive(self, message: Message, at: float) -> None:
         """Process a message that came at an instant [s]."""
         if isinstance(message, SongPosition):
-            self._place(message.clocks)
+            self._move_to(message.clocks)
         elif message is Transport.START:
-            self._place(0)
+            self._move_to(0)
             self.is_running = True
         elif message is Transport.CONTINUE:
             self.is_running = True
         elif message is Transport.STOP:
             self.is_running = False
         elif message is Transport.CLOCK:
-            self._clock(at)
+            self._add_clock(at)
 
     @property
     def position(self) -> float:
         """The beat of the next clock."""
-        return self._next / CLOCKS
+        return self._next / CLOCKS_PER_BEAT
 
-    def _place(self, clocks: int) -> None:
+    def _move_to(self, clocks: int) -> None:
         """Continue counting from another position; the estimate of the tempo is kept."""
         by = clocks - self._next
         moved = [(number + by, at) for number, at in self._clocks]
         self._clocks.clear()
         self._clocks.extend(moved)
-        self._off = [(number + by, at) for number, at in self._off]
+        self._stray_clocks = [(number + by, at) for number, at in self._stray_clocks]
         self._next = clocks
         self.is_placed = True
 
-    def _clock(self, at: float) -> None:
+    def _add_clock(self, at: float) -> None:
         if at - self._last > _SILENCE or at < self._last:
             self._clocks.clear()
-            self._off.clear()
+            self._stray_clocks.clear()
         self._last = at
-        known, own = self.beat(), (self._next, at)
+        known, own = self.estimate(), (self._next, at)
         self._next += 1
-        if known is None or abs(known.when(own[0] / CLOCKS) - at) <= _JUMP:
-            self._off.clear()
+        if known is None or abs(known.instant_of(own[0] / CLOCKS_PER_BEAT) - at) <= _ERROR_MAX:
+            self._stray_clocks.clear()
             self._clocks.append(own)
             return
         # After a delay in a program or a wire, several clocks come at once, and then it goes on as
         # before. Only if so many in a row are off the estimate has the tempo jumped.
-        self._off.append(own)
-        if len(self._off) == _SURE:
+        self._stray_clocks.append(own)
+        if len(self._stray_clocks) == _CLOCKS_OF_A_JUMP:
             self._clocks.clear()
-            self._clocks.extend(self._off)
-            self._off.clear()
+            self._clocks.extend(self._stray_clocks)
+            self._stray_clocks.clear()
 
     def is_heard(self, now: float) -> bool:
         """Whether clocks are coming."""
         return now - self._last <= _SILENCE
 
-    def beat(self) -> Beat | None:
+    def estimate(self) -> BeatEstimate | None:
         """The line through the latest clocks, without those that came late; None if there are too
         few, or if the tempo is out of range.
         """
         clocks = list(self._clocks)
-        if len(clocks) < _ENOUGH:
+        if len(clocks) < _CLOCKS_MIN:
             return None
-        found = _line(clocks)
+        found = _fit_line(clocks)
         for _ in range(_TRIALS):
-            errors = [at - found.when(number / CLOCKS) for number, at in clocks]
-            most = max(_LATE_LEAST, _LATE * median(map(abs, errors)))
+            errors = [at - found.instant_of(number / CLOCKS_PER_BEAT) for number, at in clocks]
+            most = max(_LATE_MIN, _LATE_FACTOR * median(map(abs, errors)))
             kept = [one for one, error in zip(clocks, errors, strict=True) if error <= most]
-            if len(kept) == len(clocks) or len(kept) < _ENOUGH // 2:
+            if len(kept) == len(clocks) or len(kept) < _CLOCKS_MIN // 2:
                 break
-            clocks, found = kept, _line(kept)
-        return found if _SHORTEST <= found.length <= _LONGEST else None
+            clocks, found = kept, _fit_line(kept)
+        return found if _BEAT_MIN <= found.length <= _BEAT_MAX else None
 
 
-def _line(clocks: list[tuple[int, float]]) -> Beat:
+def _fit_line(clocks: list[tuple[int, float]]) -> BeatEstimate:
     """The least-squares line through clocks: (number, instant [s])."""
     n = len(clocks)
     first, since = clocks[0]
@@ -132,4 +134,4 @@ def _line(clocks: list[tuple[int, float]]) -> Beat:
     along = sum((number - x) ** 2 for number in numbers)
     rises = zip(numbers, instants, strict=True)
     length = sum((number - x) * (at - y) for number, at in rises) / along
-    return Beat(since + y, (first + x) / CLOCKS, length * CLOCKS)
+    return BeatEstimate(since + y, (first + x) / CLOCKS_PER_BEAT, length * CLOCKS_PER_BEAT)

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from ergon.common.errors import ErgonError
 from ergon.common.extras import install_command
 
-MOST = 4096  # bytes of a datagram; what is longer is not for us
-_DEEPEST = 8  # bundles inside bundles
+DATAGRAM_BYTES_MAX = 4096  # bytes of a datagram; what is longer is not for us
+_BUNDLE_DEPTH_MAX = 8  # bundles inside bundles
 _BUNDLE = b"#bundle\0"
-_HEAD = len(_BUNDLE) + 8  # with its time tag
+_BUNDLE_HEADER_BYTES = len(_BUNDLE) + 8  # with its time tag
 _TYPES = re.compile(rb",[ifdhsbtTFN]*\Z")
 
 
@@ -33,7 +33,7 @@ def require_python_osc() -> None:
         ) from None
 
 
-def messages(datagram: bytes) -> list[tuple[str, list[object]]]:
+def parse_messages(datagram: bytes) -> list[tuple[str, list[object]]]:
     """(address, arguments) of every message in a datagram; time tags are ignored.
 
     Raises MalformedDatagramError.
@@ -41,9 +41,9 @@ def messages(datagram: bytes) -> list[tuple[str, list[object]]]:
     from pythonosc.osc_message import OscMessage
 
     found = []
-    for part in _flat(datagram, _DEEPEST):
+    for part in _unbundled(datagram, _BUNDLE_DEPTH_MAX):
         # python-osc writes to the terminal what it does not know; strangers must not cause that.
-        if not part.startswith(b"/") or not _TYPES.match(_types(part)):
+        if not part.startswith(b"/") or not _TYPES.match(_type_tags(part)):
             raise MalformedDatagramError
         try:
             message = OscMessage(part)
@@ -53,30 +53,30 @@ def messages(datagram: bytes) -> list[tuple[str, list[object]]]:
     return found
 
 
-def _flat(datagram: bytes, deepest: int) -> Iterator[bytes]:
+def _unbundled(datagram: bytes, deepest: int) -> Iterator[bytes]:
     """The messages of bundles; sizes are checked here, because python-osc does not."""
     if not datagram.startswith(_BUNDLE):
         yield datagram
         return
-    if deepest == 0 or len(datagram) < _HEAD:
+    if deepest == 0 or len(datagram) < _BUNDLE_HEADER_BYTES:
         raise MalformedDatagramError
-    at = _HEAD
+    at = _BUNDLE_HEADER_BYTES
     while at < len(datagram):
         size = int.from_bytes(datagram[at : at + 4], "big")
         at += 4
         if size == 0 or size % 4 or at + size > len(datagram):
             raise MalformedDatagramError
-        yield from _flat(datagram[at : at + size], deepest - 1)
+        yield from _unbundled(datagram[at : at + size], deepest - 1)
         at += size
 
 
-def _types(message: bytes) -> bytes:
+def _type_tags(message: bytes) -> bytes:
     """The type tags of a message's arguments; `,` where it has none."""
     at = (message.find(b"\0") // 4 + 1) * 4
     return message[at:].partition(b"\0")[0] or b","
 
 
-def written(address: str, arguments: Sequence[object], when: float | None = None) -> bytes:
+def encode_message(address: str, arguments: Sequence[object], when: float | None = None) -> bytes:
     """A message as bytes; with an instant [s since 1970], in a bundle with that time tag.
 
     An instant of 0 is OSC's `immediately`.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ergon._core import FORCE_SCALE_MIN
 
-from .trouble import gaps, troubles
+from .trouble import gap_count, troubles
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from ergon.scores.staging.hands import StagedGesture
     from ergon.scores.staging.stage import Stage
 
-_METER = 21  # characters; odd, so that the middle is one of them
-SILENT = 1e-7  # a peak of so little is silence: -140 dB
+_METER_WIDTH = 21  # characters; odd, so that the middle is one of them
+SILENT_PEAK = 1e-7  # a peak of so little is silence: -140 dB
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class PerformanceView:
     panicked: bool = False
 
 
-class Watcher:
+class PerformanceViewer:
     """Makes views of the performance of a stage."""
 
     def __init__(self, stage: Stage) -> None:
@@ -60,7 +60,7 @@ class Watcher:
         # Sorted by start: there may be a million, and those in progress are found by bisection.
         self._gestures: list[StagedGesture] = sorted(stage.gestures, key=lambda g: g.start)
 
-    def look(self, status: _core.Status, recording: str | None = None) -> PerformanceView:
+    def view(self, status: _core.Status, recording: str | None = None) -> PerformanceView:
         """The view of `status`; `recording` says why hands cannot be recorded at present."""
         stage = self._stage
         seconds = status.frame / stage.rate
@@ -86,7 +86,7 @@ class Watcher:
             keys=keys,
             load=status.load,
             late=status.late,
-            gaps=gaps(status),
+            gaps=gap_count(status),
             peak_db=decibels_of(peak),
             troubles=troubles(status, [key.player for key in keys], recording, is_endless=False),
             panicked=status.panicked,
@@ -105,11 +105,11 @@ class Watcher:
 
 
 def decibels_of(peak: float) -> float:
-    """A peak in dB below full scale; -inf (silence) if it is not above `SILENT`."""
-    return 20.0 * math.log10(peak) if peak > SILENT else -math.inf
+    """A peak in dB below full scale; -inf (silence) if it is not above `SILENT_PEAK`."""
+    return 20.0 * math.log10(peak) if peak > SILENT_PEAK else -math.inf
 
 
-def lines(view: PerformanceView, width: int) -> list[str]:
+def view_lines(view: PerformanceView, width: int) -> list[str]:
     """The view as lines of at most `width` characters, without colours."""
     playing = " · ".join(f"{player} {what}" for player, what in view.playing) or "—"
     level = f"{view.peak_db:.1f} dB" if math.isfinite(view.peak_db) else "silent"
@@ -117,11 +117,11 @@ def lines(view: PerformanceView, width: int) -> list[str]:
     if view.panicked:
         playing = f"PANIC  {playing}"
     shown = [f"{view.where:>9}  {playing}", f"{'':9}  load {view.load:4.0%} · {level} · {counts}"]
-    shown += [_key(key) for key in view.keys]
+    shown += [_key_line(key) for key in view.keys]
     return [line[:width] for line in shown]
 
 
-def _key(key: HandView) -> str:
+def _key_line(key: HandView) -> str:
     who = f"{key.player} on {key.key}"
     hand = "tripped" if key.tripped else "hand" if key.real else "stand-in"
     meter = meter_of(key.position, *key.travel)
@@ -136,15 +136,15 @@ def _key(key: HandView) -> str:
 def meter_of(x: float, low: float, high: float) -> str:
     """A text meter that shows x between two ends."""
     share = (x - low) / (high - low) if high > low else 0.5
-    at = min(max(round(share * (_METER - 1)), 0), _METER - 1)
-    middle = (_METER - 1) // 2
-    cells = ["·"] * _METER
+    at = min(max(round(share * (_METER_WIDTH - 1)), 0), _METER_WIDTH - 1)
+    middle = (_METER_WIDTH - 1) // 2
+    cells = ["·"] * _METER_WIDTH
     cells[middle] = "+"
     cells[at] = "#"
     return "[" + "".join(cells) + "]"
 
 
-def record(view: PerformanceView, frame: int) -> dict[str, object]:
+def view_record(view: PerformanceView, frame: int) -> dict[str, object]:
     """The view as fields of a JSON line."""
     return {
         "frame": frame,
@@ -172,25 +172,25 @@ def record(view: PerformanceView, frame: int) -> dict[str, object]:
     }
 
 
-def force_sentence(bearing: HandForceBounds) -> str:
+def force_sentence(bounds: HandForceBounds) -> str:
     """The part of the piece's force that a hand gets, in words."""
-    last = bearing.last
+    last = bounds.last
     if last.scale >= 1.0:
-        return f"{bearing.player} gets the full force of the piece again"
+        return f"{bounds.player} gets the full force of the piece again"
     return (
-        f"{bearing.player} gets {_percent(last.scale)} of the force of the piece: the piece is "
+        f"{bounds.player} gets {_percent(last.scale)} of the force of the piece: the piece is "
         f"{last.met:,.0f} N/m stiff at this key, and its device is stable up to "
         f"{last.limit:,.0f} N/m"
     )
 
 
-def why_too_stiff(bearing: HandForceBounds) -> str:
+def why_too_stiff(bounds: HandForceBounds) -> str:
     """Why a line is refused with which a hand's device would not be stable."""
-    least = bearing.least
+    least = bounds.least
     return (
         f"with this line the piece would be {least.met:,.0f} N/m stiff at the key of "
-        f"{bearing.player}, whose device is stable up to {least.limit:,.0f} N/m: "
-        f"{bearing.player} would get less than {FORCE_SCALE_MIN:.0%} of the force; "
+        f"{bounds.player}, whose device is stable up to {least.limit:,.0f} N/m: "
+        f"{bounds.player} would get less than {FORCE_SCALE_MIN:.0%} of the force; "
         "use a smaller K or a larger Z"
     )
 

@@ -9,7 +9,7 @@ from ergon import _core
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class FaultResult:
     """One fault on one device, in words.
 
     `seconds` [s] is from the fault to zero force; None if the force does not end, or if the
@@ -27,24 +27,24 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class FaultRow:
     """One fault on every device."""
 
     fault: str
-    cells: Sequence[Cell]
+    cells: Sequence[FaultResult]
 
 
-def measured() -> list[Row]:
+def measure_faults() -> list[FaultRow]:
     """Simulate every fault on every emulated device, in virtual time: the same figures on any
     machine.
 
     Raises EngineError if an emulator does not answer its own driver.
     """
-    rows: dict[str, list[Cell]] = {}
+    rows: dict[str, list[FaultResult]] = {}
     for one in _core.measure_faults():
-        cell = Cell(
+        cell = FaultResult(
             one.device,
-            _said(one),
+            _result_text(one),
             one.seconds,
             one.bound if one.excluded is None else None,
             one.force,
@@ -52,10 +52,10 @@ def measured() -> list[Row]:
             one.exceeds,
         )
         rows.setdefault(one.fault, []).append(cell)
-    return [Row(fault, cells) for fault, cells in rows.items()]
+    return [FaultRow(fault, cells) for fault, cells in rows.items()]
 
 
-def _said(one: _core.FaultMeasurement) -> str:
+def _result_text(one: _core.FaultMeasurement) -> str:
     if one.excluded is not None:
         return f"not made: {one.excluded}"
     if one.unbounded is not None:
@@ -65,7 +65,7 @@ def _said(one: _core.FaultMeasurement) -> str:
     return f"{1e3 * one.seconds:.4g} ms"
 
 
-def bound(row: Row) -> str:
+def bounds_text(row: FaultRow) -> str:
     """The bounds of a row, in words; only one if all devices have the same."""
     bounds = sorted({cell.bound for cell in row.cells if cell.bound is not None})
     return ", ".join(f"{1e3 * seconds:g} ms" for seconds in bounds) or "none"

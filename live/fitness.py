@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from ergon._core import Checkup
 
 # A tick of 44 frames at 44.1 kHz [s].
-PERIOD = 44 / 44100
+TICK_SECONDS = 44 / 44100
 # A position that is read in one tick gives the force of the next: one tick, whatever the
 # connection.
 STRUCTURAL_TICKS = 1
 # Frames computed ahead of the sound card.
-AHEAD = 1024
-_LATE = 0.5  # of its length: a tick that begins later than this is late
-_OFTEN = 1e-3  # of all ticks
+FRAMES_AHEAD = 1024
+_LATE_SHARE = 0.5  # of its length: a tick that begins later than this is late
+_LATE_TICKS_MAX = 1e-3  # of all ticks
 _RIGHTS = (
     "put `@audio - rtprio 95` and `@audio - memlock unlimited` into "
     "/etc/security/limits.d/95-ergon.conf, join the group audio, and log in again"
@@ -45,7 +45,7 @@ class Finding:
     numbers: Mapping[str, object] = field(default_factory=dict)
 
 
-def machine() -> Finding:
+def describe_machine() -> Finding:
     """Kernel and processors."""
     cpus = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     system = f"{platform.system()} {platform.release()}"
@@ -56,11 +56,11 @@ def machine() -> Finding:
     return Finding("machine", f"{system}, {cpus} CPUs", todo, numbers)
 
 
-def speed(seconds: float) -> Finding:
+def measure_speed(seconds: float) -> Finding:
     """The time that work takes on this machine over that in the table of costs; runs for about
     `seconds`.
     """
-    ratios = [_ratio(*work, seconds / 3.0) for work in _works()]
+    ratios = [_cost_ratio(*work, seconds / 3.0) for work in _speed_tests()]
     correction = math.prod(ratios) ** (1.0 / len(ratios))
     said = f"work takes {correction:.2g} times as long as the table of costs says"
     if max(ratios) > 2.0 * min(ratios):
@@ -68,7 +68,7 @@ def speed(seconds: float) -> Finding:
     return Finding("speed", said, numbers={"correction": correction, "each": ratios})
 
 
-def _works() -> Iterator[tuple[_core.Network, range, Literal["ca", "modal"]]]:
+def _speed_tests() -> Iterator[tuple[_core.Network, range, Literal["ca", "modal"]]]:
     """(network, MATs to strike, method), each with one kind of work."""
     bank = _core.Network()
     bank.part("bank")
@@ -83,7 +83,7 @@ def _works() -> Iterator[tuple[_core.Network, range, Literal["ca", "modal"]]]:
         yield string, range(body, body + 1), "ca"
 
 
-def _ratio(
+def _cost_ratio(
     network: _core.Network, struck: range, method: Literal["ca", "modal"], seconds: float
 ) -> float:
     """The measured time of a network's work over that of the table of costs: the least of several
@@ -108,7 +108,7 @@ def _ratio(
     return best / (len(block) * cost)
 
 
-def rights(found: Checkup) -> Iterator[Finding]:
+def describe_thread(found: Checkup) -> Iterator[Finding]:
     """The priority and rights of the physics thread, as the kernel reports them."""
     if found.priority is None:
         said, todo = "no real-time priority", _RIGHTS
@@ -121,13 +121,13 @@ def rights(found: Checkup) -> Iterator[Finding]:
     yield Finding("memory", said, "" if found.locked else _RIGHTS, {"locked": found.locked})
 
 
-def waking(found: Checkup, what: str = "wake-up") -> Finding:
+def measure_wakeups(found: Checkup, what: str = "wake-up") -> Finding:
     """How late a thread wakes that sleeps from tick to tick."""
     lateness = found.lateness()
-    late = int((lateness > _LATE * PERIOD).sum())
-    said = f"{quantiles(lateness)}; {late:,} of {len(lateness):,} ticks late"
+    late = int((lateness > _LATE_SHARE * TICK_SECONDS).sum())
+    said = f"{quantiles_text(lateness)}; {late:,} of {len(lateness):,} ticks late"
     todo = ""
-    if late > _OFTEN * len(lateness):
+    if late > _LATE_TICKS_MAX * len(lateness):
         todo = (
             "the machine is too busy: close other programs, set the processor's governor to "
             "performance, and keep more ready for the card (--ahead 4096)"
@@ -136,14 +136,14 @@ def waking(found: Checkup, what: str = "wake-up") -> Finding:
     return Finding(what, said, todo, numbers)
 
 
-def sound(spec: str) -> Finding:
+def measure_sound(spec: str) -> Finding:
     """The audio server and its latency."""
     import numpy as np
 
     rate = 44100
     try:
         out = _core.AudioOut(spec, rate, 2)
-        out.set_prefill(AHEAD)
+        out.set_prefill(FRAMES_AHEAD)
         out.play(np.zeros((rate // 2, 2), dtype=np.float32))
         out.finish(5.0)
         info = out.info
@@ -154,7 +154,7 @@ def sound(spec: str) -> Finding:
             "start PipeWire, PulseAudio or JACK; without one `--audio file:x.wav` keeps the sound"
         )
         return Finding("sound", str(error), todo, {"backend": None})
-    total = AHEAD / rate + info.latency
+    total = FRAMES_AHEAD / rate + info.latency
     said = f"{info.sentence}; heard {1e3 * total:.0f} ms after it is computed"
     todo = ""
     if info.backend == "null":
@@ -175,16 +175,16 @@ def sound(spec: str) -> Finding:
     return Finding("sound", said, todo, numbers)
 
 
-def device(url: str, seconds: float) -> list[Finding]:
+def measure_device(url: str, seconds: float) -> list[Finding]:
     """How long a device takes to answer. Raises EngineError where it is not there."""
     own = _core.Device(url)
     try:
-        found, lockstep = own.checkup(seconds, PERIOD), own.lockstep
+        found, lockstep = own.checkup(seconds, TICK_SECONDS), own.lockstep
     finally:
         own.close()
     trips = found.round_trips()
     asked = len(trips) + found.unanswered
-    said = f"{quantiles(trips)}; {found.unanswered:,} of {asked:,} unanswered"
+    said = f"{quantiles_text(trips)}; {found.unanswered:,} of {asked:,} unanswered"
     todo = []
     timer = latency_timer(url)
     if timer is not None and timer > 1:
@@ -193,10 +193,10 @@ def device(url: str, seconds: float) -> list[Finding]:
             f"its FTDI chip holds bytes back for {timer} ms: "
             f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{port}/latency_timer"
         )
-    if found.unanswered > _OFTEN * asked:
+    if found.unanswered > _LATE_TICKS_MAX * asked:
         todo.append("replies are lost: try another cable or port, without a hub")
     slow = quantile(trips, 0.99)
-    if not lockstep and slow > _LATE * PERIOD:
+    if not lockstep and slow > _LATE_SHARE * TICK_SECONDS:
         todo.append("it needs most of a tick; `tick: 500Hz` in a score gives it more time")
     numbers: dict[str, object] = {
         "url": url,
@@ -210,23 +210,24 @@ def device(url: str, seconds: float) -> list[Finding]:
     }
     return [
         Finding("device", f"{url}: {said}", "; ".join(todo), numbers),
-        _felt(url, trips, lockstep=lockstep),
+        _force_delay(url, trips, lockstep=lockstep),
     ]
 
 
-def _felt(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Finding:
+def _force_delay(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Finding:
     """The delay from the position of a hand to the force that answers it."""
-    structural = STRUCTURAL_TICKS * PERIOD
+    structural = STRUCTURAL_TICKS * TICK_SECONDS
     usual, mostly = (structural + quantile(trips, part) for part in (0.5, 0.99))
-    how = "in emulated time (lockstep)" if lockstep else f"p99 {ms(mostly)}"
+    how = "in emulated time (lockstep)" if lockstep else f"p99 {duration_text(mostly)}"
     said = (
-        f"{url}: {ms(usual)} from a position to its force, which is {STRUCTURAL_TICKS} tick of "
-        f"{ms(PERIOD)} and a round trip of {ms(usual - structural)}; {how}"
+        f"{url}: {duration_text(usual)} from a position to its force, which is {STRUCTURAL_TICKS} "
+        f"tick of {duration_text(TICK_SECONDS)} and a round trip of "
+        f"{duration_text(usual - structural)}; {how}"
     )
     numbers: dict[str, object] = {
         "url": url,
         "structural_ticks": STRUCTURAL_TICKS,
-        "tick_s": PERIOD,
+        "tick_s": TICK_SECONDS,
         "felt_p50_s": usual,
         "felt_p99_s": mostly,
     }
@@ -245,12 +246,12 @@ def quantile(seconds: NDArray[np.float64], part: float) -> float:
     return float(np.quantile(seconds, part, method="higher"))
 
 
-def quantiles(seconds: NDArray[np.float64]) -> str:
+def quantiles_text(seconds: NDArray[np.float64]) -> str:
     """Median, 99 %, 99.9 % and the longest, in words."""
     if not len(seconds):
         return "nothing to measure"
     parts = (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999), ("longest", 1.0))
-    return ", ".join(f"{name} {ms(quantile(seconds, part))}" for name, part in parts)
+    return ", ".join(f"{name} {duration_text(quantile(seconds, part))}" for name, part in parts)
 
 
 def histogram(seconds: NDArray[np.float64]) -> dict[str, object]:
@@ -269,7 +270,7 @@ def histogram(seconds: NDArray[np.float64]) -> dict[str, object]:
     return {**found, "histogram_us": bins.tolist()}
 
 
-def ms(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """A duration in µs below 1 ms, else in ms."""
     if seconds < 1e-3:
         return f"{1e6 * seconds:.0f} µs"

@@ -13,7 +13,14 @@ from itertools import islice, pairwise
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.live.automated import MAX_SETS, RATIO, SHORT, Values, felt, value_sets
+from ergon.live.automated import (
+    CHECK_RATIO,
+    MAX_SETS,
+    SHORT_CHANGE,
+    AutomatedValues,
+    felt_paths,
+    value_sets,
+)
 from ergon.scores.staging.built_network import COUPLING_ENDED, acting
 from ergon.scores.staging.version_glides import Glide
 
@@ -26,15 +33,15 @@ if TYPE_CHECKING:
 
 # Least and greatest length of a response [ticks]. Ringing beyond the greatest length can make the
 # oscillation of a key grow by half within some seconds, but no faster.
-_TICKS = (400, 4096)
-_ENDLESS = 1e12  # [N/m]
+_RESPONSE_TICKS = (400, 4096)
+_DIVERGED_STIFFNESS = 1e12  # [N/m]
 # Couplings fade in this time [s] (FADE in core-rs/engine/src/timeline/gate.rs).
 _FADE = 0.02
-_PLACES = 20  # frames within a glide that are checked, at most
-_KEPT = 256  # answers
+_GLIDE_FRAMES_MAX = 20  # frames within a glide that are checked, at most
+_CACHE_MAX = 256  # answers
 
 # The force limit of a hand for a response of the piece; None: the hand has no key.
-Bears = Callable[[int, "NDArray[np.float64]"], "_core.HandLimit | None"]
+HandLimitOf = Callable[[int, "NDArray[np.float64]"], "_core.HandLimit | None"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +75,7 @@ class HandForceBounds:
 
 
 @dataclass(frozen=True, slots=True)
-class _Moment:
+class _MomentValues:
     """Values at one moment: (MAT, K, Z, M), (LIA, factor of its force), and LIAs that have
     ended.
     """
@@ -78,7 +85,7 @@ class _Moment:
     without: tuple[int, ...] = ()
 
 
-def response(
+def force_response(
     network: _core.Network, hand: LiveHand, rate: float, reach: float, played: Sequence[LiveHand]
 ) -> NDArray[np.float64]:
     """The force response against a key [N/m], (n_ticks,): in each tick after it was 1 m away for
@@ -87,22 +94,26 @@ def response(
     All contacts are closed; the other hands hold still.
     """
     held = [other.mat for other in played]
-    return _answer(network.reachable_network(hand.mat, rate, held=held), hand.tick_frames, reach)
+    return _response_of(
+        network.reachable_network(hand.mat, rate, held=held), hand.tick_frames, reach
+    )
 
 
-def _answer(reached: _core.ReachableNetwork, tick_frames: int, reach: float) -> NDArray[np.float64]:
+def _response_of(
+    reached: _core.ReachableNetwork, tick_frames: int, reach: float
+) -> NDArray[np.float64]:
     import numpy as np
 
-    felt = reached.response(tick_frames, _TICKS)
+    felt = reached.response(tick_frames, _RESPONSE_TICKS)
     if felt is None:
         # The piece diverges by itself when its contacts are closed: no device bears that.
-        return np.full(_TICKS[0], _ENDLESS)
+        return np.full(_RESPONSE_TICKS[0], _DIVERGED_STIFFNESS)
     # Hands that feel each other may move in opposite directions: a spring between two hands then
     # counts twice.
     return felt * (reach * reach * (1 + reached.others))
 
 
-class ForceBounds:
+class ForceBoundsFinder:
     """Finds the force that real hands may get from a piece before it takes over.
 
     The answer for each distinct network that a key reaches is computed once and kept. `reaches`
@@ -110,17 +121,17 @@ class ForceBounds:
     hands that have a real key.
     """
 
-    def __init__(self, bears: Bears, reaches: Sequence[float], real: Sequence[int]) -> None:
+    def __init__(self, bears: HandLimitOf, reaches: Sequence[float], real: Sequence[int]) -> None:
         """Use `bears`, which gives the force limit of a hand for a response."""
-        self._bears = bears
+        self._hand_limit = bears
         self._reaches = reaches
         self._real = real
-        self._known: dict[tuple[int, int, bytes], ForceScale] = {}
-        self.asked = 0  # number of responses that were computed
-        self._last: tuple[object, ...] = ()
-        self._found: tuple[HandForceBounds, ...] = ()
+        self._cache: dict[tuple[int, int, bytes], ForceScale] = {}
+        self.n_responses = 0  # number of responses that were computed
+        self._last_query: tuple[object, ...] = ()
+        self._last_bounds: tuple[HandForceBounds, ...] = ()
 
-    def bearings(
+    def force_bounds(
         self,
         stage: Stage,
         start: int,
@@ -136,35 +147,39 @@ class ForceBounds:
         moments = _moments(stage, start, glides)
         on = tuple(before) if len(moments) > 1 else ()
         hands = [hand for hand in stage.live if hand.index in self._real]
-        values = [_automated(stage, hand, hands, start) for hand in hands]
+        values = [_automation_sets(stage, hand, hands, start) for hand in hands]
         known = moments, on, values
-        if self._last and self._last[0] is stage.network and self._last[1:] == known:
-            return self._found
+        if (
+            self._last_query
+            and self._last_query[0] is stage.network
+            and self._last_query[1:] == known
+        ):
+            return self._last_bounds
         old = {one.player: one.least for one in before}
         found = []
         for hand, led in zip(hands, values, strict=True):
-            every = tuple((at, *_with(led, first, last)) for at, first, last in moments)
-            found.append(self._bearing(stage, hand, hands, every, old.get(hand.player)))
-        self._last, self._found = (stage.network, *known), tuple(found)
-        return self._found
+            every = tuple((at, *_with_automation(led, first, last)) for at, first, last in moments)
+            found.append(self._bounds_of(stage, hand, hands, every, old.get(hand.player)))
+        self._last_query, self._last_bounds = (stage.network, *known), tuple(found)
+        return self._last_bounds
 
-    def _bearing(
+    def _bounds_of(
         self,
         stage: Stage,
         hand: LiveHand,
         hands: Sequence[LiveHand],
-        moments: Sequence[tuple[int, Sequence[_Moment], Sequence[_Moment]]],
+        moments: Sequence[tuple[int, Sequence[_MomentValues], Sequence[_MomentValues]]],
         old: ForceScale | None,
     ) -> HandForceBounds:
         start = moments[0][0]
         bounds: list[tuple[int, float]] = []
         every: list[ForceScale] = []
         for at, (frame, first, last) in enumerate(moments):
-            is_short = len(moments) == 2 and moments[1][0] - start <= SHORT * stage.rate
-            end = self._least(stage, hand, hands, last)
+            is_short = len(moments) == 2 and moments[1][0] - start <= SHORT_CHANGE * stage.rate
+            end = self._least_scale(stage, hand, hands, last)
             # During a short glide, the limit of the stage before still counts at the beginning.
             from_old = old if at == 0 and is_short else None
-            begin = from_old or self._least(stage, hand, hands, first)
+            begin = from_old or self._least_scale(stage, hand, hands, first)
             worst = min(begin, end, key=lambda borne: borne.scale)
             every.append(worst)
             is_rise = bool(bounds) and worst.scale > bounds[-1][1]
@@ -173,15 +188,19 @@ class ForceBounds:
         least = min(every, key=lambda borne: borne.scale)
         return HandForceBounds(hand.player, tuple(bounds), least, every[-1])
 
-    def _least(
-        self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moments: Sequence[_Moment]
+    def _least_scale(
+        self,
+        stage: Stage,
+        hand: LiveHand,
+        hands: Sequence[LiveHand],
+        moments: Sequence[_MomentValues],
     ) -> ForceScale:
         """The smallest share of force over all moments."""
-        borne = [self._borne(stage, hand, hands, moment) for moment in moments]
+        borne = [self._scale_at(stage, hand, hands, moment) for moment in moments]
         return min(borne, key=lambda one: one.scale)
 
-    def _borne(
-        self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moment: _Moment
+    def _scale_at(
+        self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moment: _MomentValues
     ) -> ForceScale:
         reached = stage.network.reachable_network(
             hand.mat,
@@ -192,27 +211,27 @@ class ForceBounds:
             factors=list(moment.factors),
         )
         key = hand.index, reached.others, reached.key()
-        borne = self._known.pop(key, None)
+        borne = self._cache.pop(key, None)
         if borne is None:
-            self.asked += 1
-            found = self._bears(
-                hand.index, _answer(reached, hand.tick_frames, self._reaches[hand.index])
+            self.n_responses += 1
+            found = self._hand_limit(
+                hand.index, _response_of(reached, hand.tick_frames, self._reaches[hand.index])
             )
             assert found is not None  # it is real
             borne = ForceScale(found.scale, found.stiffness, found.limit)
-        self._known[key] = borne  # the latest last
-        if len(self._known) > _KEPT:
-            del self._known[next(iter(self._known))]
+        self._cache[key] = borne  # the latest last
+        if len(self._cache) > _CACHE_MAX:
+            del self._cache[next(iter(self._cache))]
         return borne
 
 
-def _automated(
+def _automation_sets(
     stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], start: int
-) -> tuple[Values, ...]:
+) -> tuple[AutomatedValues, ...]:
     """The values of automation that a hand may feel; a single empty set if it feels none."""
-    paths = felt(stage, hand.mat, [other.mat for other in hands]) if stage.paths else {}
+    paths = felt_paths(stage, hand.mat, [other.mat for other in hands]) if stage.paths else {}
     if not paths:
-        return (Values(),)
+        return (AutomatedValues(),)
     sets = tuple(islice(value_sets(stage, paths, start / stage.rate), MAX_SETS + 1))
     if len(sets) > MAX_SETS:
         names = ", ".join(".".join(filter(None, where)) for where in paths)
@@ -224,12 +243,12 @@ def _automated(
     return sets
 
 
-def _with(
-    led: Sequence[Values], first: _Moment, last: _Moment
-) -> tuple[list[_Moment], list[_Moment]]:
+def _with_automation(
+    led: Sequence[AutomatedValues], first: _MomentValues, last: _MomentValues
+) -> tuple[list[_MomentValues], list[_MomentValues]]:
     """The moments at both ends of a stretch, one for each set of values of automation."""
 
-    def each(moment: _Moment) -> list[_Moment]:
+    def each(moment: _MomentValues) -> list[_MomentValues]:
         found = []
         for values in led:
             mats = {mat for mat, *_ in values.ties}
@@ -250,10 +269,10 @@ def _with(
 
 def _moments(
     stage: Stage, start: int, glides: Sequence[Glide]
-) -> tuple[tuple[int, _Moment, _Moment], ...]:
+) -> tuple[tuple[int, _MomentValues, _MomentValues], ...]:
     """The stretches of a piece: (first frame, values at the beginning, values at the end)."""
     couplings = [
-        (link, _end(stage, until))
+        (link, _coupling_end(stage, until))
         for link, (_, until) in zip(stage.built.couplings, acting(stage.piece), strict=True)
     ]
     moving = [glide for glide in glides if _on_grid(stage, glide.stop) > start]
@@ -261,20 +280,20 @@ def _moments(
     frames |= {max(start, _on_grid(stage, glide.start)) for glide in moving}
     frames |= {int(end) for _, end in couplings if start < end < math.inf}
     for glide in moving:
-        frames |= set(_places(stage, glide, start))
+        frames |= set(_glide_frames(stage, glide, start))
     rising = sorted(frames)
-    if rising[-1] - start <= SHORT * stage.rate:
+    if rising[-1] - start <= SHORT_CHANGE * stage.rate:
         rising = sorted({start, rising[-1]})
 
-    def moment(frame: int, since: int) -> _Moment:
+    def moment(frame: int, since: int) -> _MomentValues:
         over = tuple(link for link, end in couplings if end <= since)
-        return _Moment(*_numbers(stage, moving, frame), over)
+        return _MomentValues(*_glide_values(stage, moving, frame), over)
 
     stretches = [(a, moment(a, a), moment(b, a)) for a, b in pairwise(rising)]
     return *stretches, (rising[-1], moment(rising[-1], rising[-1]), moment(rising[-1], rising[-1]))
 
 
-def _end(stage: Stage, until: float | None) -> float:
+def _coupling_end(stage: Stage, until: float | None) -> float:
     """The frame from which a coupling no longer acts; infinite if it has no end."""
     if until is None:
         return math.inf
@@ -287,16 +306,16 @@ def _on_grid(stage: Stage, instant: float) -> int:
     return -(-int(instant * stage.rate + 0.5) // _core.GRID) * _core.GRID
 
 
-def _places(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
+def _glide_frames(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
     """Frames within a long glide, so dense that its numbers change by one ratio between two of
     them.
     """
     first, last = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
-    if last - max(first, start) <= SHORT * stage.rate:
+    if last - max(first, start) <= SHORT_CHANGE * stage.rate:
         return
     pairs = [(a, b) for a, b in zip(glide.before, glide.after, strict=True) if a > 0 and b > 0]
     a, b = max(pairs, key=lambda pair: abs(math.log(pair[1] / pair[0])), default=(1.0, 1.0))
-    n = min(_PLACES, math.ceil(abs(math.log(b / a)) / math.log(RATIO)))
+    n = min(_GLIDE_FRAMES_MAX, math.ceil(abs(math.log(b / a)) / math.log(CHECK_RATIO)))
     for place in range(1, n):
         share = ((b / a) ** (place / n) - 1.0) / (b / a - 1.0)
         frame = first + round(share * (last - first))
@@ -304,7 +323,7 @@ def _places(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
             yield frame
 
 
-def _numbers(
+def _glide_values(
     stage: Stage, glides: Sequence[Glide], frame: int
 ) -> tuple[tuple[tuple[int, float, float, float], ...], tuple[tuple[int, float], ...]]:
     """Values of CELs and links at a frame of a glide, as the engine computes them."""

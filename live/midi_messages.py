@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-CLOCKS = 24  # MIDI clock messages in a beat
+CLOCKS_PER_BEAT = 24  # MIDI clock messages in a beat
 _PER_SONG_POSITION = 6  # clocks of one unit of a song position
 _OFF, _ON, _CONTROL = 0x80, 0x90, 0xB0
 _SONG_POSITION = 0xF2
@@ -49,7 +49,7 @@ Message = Note | Control | SongPosition | Transport
 _TRANSPORT = {message.value: message for message in Transport}
 
 
-def message(data: bytes) -> Message | None:
+def parse_message(data: bytes) -> Message | None:
     """The message in the bytes of one packet; None for malformed and all other messages."""
     if len(data) == 1:
         return _TRANSPORT.get(data[0])
@@ -65,9 +65,9 @@ def message(data: bytes) -> Message | None:
     return None
 
 
-def song_position(beats: float) -> bytes:
+def encode_song_position(beats: float) -> bytes:
     """The message for a position in beats, rounded down to a sixteenth; beyond its range, the
     greatest position that fits.
     """
-    units = min(int(beats * CLOCKS) // _PER_SONG_POSITION, (1 << 14) - 1)
+    units = min(int(beats * CLOCKS_PER_BEAT) // _PER_SONG_POSITION, (1 << 14) - 1)
     return bytes([_SONG_POSITION, units & 0x7F, units >> 7])

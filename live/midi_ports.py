@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 VIRTUAL = "virtual"  # a port that other programs connect to
 OWN_NAME = "ergon"
-_BELIEVED = 48  # messages
-_LONG = 1.0  # [s] between two messages, after which the estimate begins anew
+_DELAYS_KEPT = 48  # messages
+_PAUSE_MAX = 1.0  # [s] between two messages, after which the estimate begins anew
 
 # Called with the bytes of each message and the instant at which it came [s, time.monotonic].
 Receive = Callable[[bytes, float], None]
@@ -72,9 +72,9 @@ class ProcessPort:
 
     def send(self, data: bytes) -> None:
         """Keep a message, and pass it to the listener."""
-        self.hand_on(data, self._clock())
+        self.deliver(data, self._clock())
 
-    def hand_on(self, data: bytes, at: float) -> None:
+    def deliver(self, data: bytes, at: float) -> None:
         """Like `send`, with the message stamped by the instant `at` [s]."""
         self.sent.append((at, data))
         if self._receive is not None:
@@ -95,15 +95,15 @@ class ArrivalStamps:
     def __init__(self) -> None:
         """Begin before the first message."""
         self._told = 0.0  # of the system's clock [s], from the first message
-        self._ahead: deque[float] = deque(maxlen=_BELIEVED)
+        self._ahead: deque[float] = deque(maxlen=_DELAYS_KEPT)
 
     def stamp(self, since: float, now: float) -> float:
         """The instant [s] of a message that came `since` seconds after the last one and was
         received at `now`.
         """
-        self._told += since if 0.0 <= since < _LONG else 0.0
+        self._told += since if 0.0 <= since < _PAUSE_MAX else 0.0
         ahead = now - self._told
-        if self._ahead and abs(ahead - min(self._ahead)) > _LONG:
+        if self._ahead and abs(ahead - min(self._ahead)) > _PAUSE_MAX:
             self._ahead.clear()
         self._ahead.append(ahead)
         return self._told + min(self._ahead)
@@ -118,7 +118,7 @@ class SystemInput:
         Raises MidiError.
         """
         rtmidi = _rtmidi()
-        self._port, self.name = _opened(rtmidi, rtmidi.MidiIn, wanted, "input")
+        self._port, self.name = _open_port(rtmidi, rtmidi.MidiIn, wanted, "input")
         self._port.ignore_types(sysex=True, timing=False, active_sense=True)
 
     def listen(self, receive: Receive) -> None:
@@ -148,7 +148,7 @@ class SystemOutput:
         """
         self._rtmidi = _rtmidi()
         self._lock = threading.Lock()
-        self._port, self.name = _opened(self._rtmidi, self._rtmidi.MidiOut, wanted, "output")
+        self._port, self.name = _open_port(self._rtmidi, self._rtmidi.MidiOut, wanted, "output")
 
     def send(self, data: bytes) -> None:
         """Send a message now; one that cannot be sent is lost."""
@@ -174,7 +174,7 @@ def _rtmidi() -> Any:
     return rtmidi
 
 
-def _opened(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str]:
+def _open_port(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str]:
     """An open port of one of this machine's MIDI systems, and its name.
 
     Raises MidiError.
@@ -192,7 +192,7 @@ def _opened(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str]:
             trouble = str(error)
     if wanted == VIRTUAL:
         raise MidiError(f"no MIDI {what} of ergon's own can be opened: {trouble}")
-    port, number, name = known[chosen(wanted, [name for *_, name in known], what)]
+    port, number, name = known[choose_port(wanted, [name for *_, name in known], what)]
     try:
         port.open_port(number, OWN_NAME)
     except rtmidi.RtMidiError as error:
@@ -200,7 +200,7 @@ def _opened(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str]:
     return port, name
 
 
-def chosen(wanted: str, names: Sequence[str], what: str) -> int:
+def choose_port(wanted: str, names: Sequence[str], what: str) -> int:
     """The number of the port called `wanted`, or of the only one that contains it. Raises
     MidiError.
     """

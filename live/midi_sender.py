@@ -26,7 +26,7 @@ from ergon.live.midi_ports import MidiError, SystemOutput
 ECHO = "echo"  # a port that writes what it sends to the standard output, with the instant
 _PRIORITY = 70  # below the physics thread, above JACK's clients
 _STOP = bytes([Transport.STOP.value])
-_PATIENCE = 2.0  # [s] for the process to end
+_CLOSE_TIMEOUT = 2.0  # [s] for the process to end
 
 
 class TimedSender:
@@ -65,7 +65,7 @@ class TimedSender:
         with contextlib.suppress(OSError):
             self._to.close()
         try:
-            self._process.wait(_PATIENCE)
+            self._process.wait(_CLOSE_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

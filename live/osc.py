@@ -16,32 +16,38 @@ from ergon import _core
 from ergon.common.errors import ErgonError
 from ergon.scores.staging.drives import input_number
 
-from .datagrams import MOST, MalformedDatagramError, messages, require_python_osc, written
-from .osc_in import OscRequestError, no_session, table
-from .osc_out import OscTeller
-from .osc_values import ToldInputs
+from .datagrams import (
+    DATAGRAM_BYTES_MAX,
+    MalformedDatagramError,
+    encode_message,
+    parse_messages,
+    require_python_osc,
+)
+from .osc_in import OscRequestError, refuse_command, request_handlers
+from .osc_out import OscSender
+from .osc_values import InputValues
 
 if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
-    from .osc_in import Command, Table
+    from .osc_in import Command, HandlerTable
     from .osc_out import Send
 
     Place = tuple[str, int]
 
 LOOPBACK = "127.0.0.1"
-_TURN = 0.005  # [s] between two looks at the performance
-_AT_ONCE = 64  # datagrams read before the next look at the performance
-_ANSWERS = 10  # a second: a flood of mistakes gets no flood of answers
-_MOST_KNOWN = 1000  # unknown addresses that are remembered, each reported once
-_SHOWN = 80  # characters of an unknown address in a report
+_CHECK_PERIOD = 0.005  # [s] between two looks at the performance
+_DATAGRAMS_AT_ONCE = 64  # datagrams read before the next look at the performance
+_ANSWERS_PER_SECOND = 10  # a second: a flood of mistakes gets no flood of answers
+_UNKNOWN_MAX = 1000  # unknown addresses that are remembered, each reported once
+_ADDRESS_SHOWN_MAX = 80  # characters of an unknown address in a report
 
 
 class OscError(ErgonError):
     """An address that OSC cannot use, or a socket that does not open."""
 
 
-def place(text: str) -> Place:
+def parse_address(text: str) -> Place:
     """`[HOST:]PORT` as (host, port); without a host, only this machine. Raises OscError."""
     host, _, port = text.rpartition(":")
     if not port.isascii() or not port.isdigit() or int(port) > 65535:
@@ -49,28 +55,28 @@ def place(text: str) -> Place:
     return host.removeprefix("[").removesuffix("]") or LOOPBACK, int(port)
 
 
-class Osc:
+class OscServer:
     """Receives requests at the address `here` and sends events to `there`; either may be None."""
 
     def __init__(
-        self, here: Place | None, there: Place | None, command: Command = no_session
+        self, here: Place | None, there: Place | None, command: Command = refuse_command
     ) -> None:
         """Open the sockets. Raises OscError, or PythonOscMissingError without python-osc."""
         require_python_osc()
         self._command = command
-        self._here = None if here is None else _socket(here, bound=True)
-        self._there = None if there is None else _socket(there, bound=False)
+        self._here = None if here is None else _open_socket(here, bound=True)
+        self._there = None if there is None else _open_socket(there, bound=False)
         self.place = None if self._here is None else self._here[0].getsockname()[:2]
         self.stopped = False  # somebody asked for the end
         self.malformed = 0  # datagrams that were no OSC
         self.unsent = 0  # datagrams that did not leave
         self._remarks: deque[str] = deque(maxlen=100)
         self._unknown: set[str] = set()
-        self._answers: deque[float] = deque(maxlen=_ANSWERS)
-        self._asking: tuple[object, ...] = ()
-        self._table: Table = {}
-        self._teller: OscTeller | None = None
-        self._told: ToldInputs | None = None
+        self._answers: deque[float] = deque(maxlen=_ANSWERS_PER_SECOND)
+        self._sender: tuple[object, ...] = ()
+        self._handlers: HandlerTable = {}
+        self._teller: OscSender | None = None
+        self._told: InputValues | None = None
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -86,15 +92,17 @@ class Osc:
         def tell(name: str, value: float) -> bool:
             return performance.tell(input_number(name), value) is not None
 
-        told = ToldInputs(tell)
-        asked = table(performance, stage, gain, stop, told.of, self._command)
-        self.serve(asked, lambda send: OscTeller(performance, stage, start, send), told)
+        told = InputValues(tell)
+        handlers = request_handlers(performance, stage, gain, stop, told.handler_of, self._command)
+        self.serve(handlers, lambda send: OscSender(performance, stage, start, send), told)
 
-    def serve(self, asked: Table, teller: Callable[[Send], OscTeller], told: ToldInputs) -> None:
+    def serve(
+        self, handlers: HandlerTable, teller: Callable[[Send], OscSender], told: InputValues
+    ) -> None:
         """Serve requests by a table of addresses, pass values to inputs, and send a teller's
         messages.
         """
-        self._table, self._told = asked, told
+        self._handlers, self._told = handlers, told
         self._teller = teller(self._send) if self._there else None
         self._over.clear()
         self._thread = threading.Thread(target=self._run, name="ergon osc", daemon=True)
@@ -104,20 +112,20 @@ class Osc:
         """A function that answers the present request, now or later, with an address and a
         sentence.
         """
-        return partial(self._answer, self._asking)
+        return partial(self._answer, self._sender)
 
-    def rest(self) -> None:
+    def stop_serving(self) -> None:
         """End serving a performance; events that wait are still sent."""
         if self._thread is None:
             return
         self._over.set()
         self._thread.join()
         self._thread = None
-        self._tell()
+        self._send_messages()
 
     def close(self) -> None:
         """Close the sockets."""
-        self.rest()
+        self.stop_serving()
         for opened in (self._here, self._there):
             if opened is not None:
                 opened[0].close()
@@ -133,30 +141,32 @@ class Osc:
     def _run(self) -> None:
         due = time.monotonic()
         while not self._over.is_set():
-            self._hear(due - time.monotonic())
+            self._receive(due - time.monotonic())
             if time.monotonic() >= due:
-                due = max(due + _TURN, time.monotonic())
-                self._tell()
+                due = max(due + _CHECK_PERIOD, time.monotonic())
+                self._send_messages()
                 if self._told is not None:
                     with contextlib.suppress(_core.EngineError):
-                        self._told.turn()
+                        self._told.send_due()
 
-    def _tell(self) -> None:
+    def _send_messages(self) -> None:
         if self._teller is not None:
             with contextlib.suppress(_core.EngineError):  # it is closed already
-                self._teller.turn(time.time)
+                self._teller.send_new(time.time)
 
     def _send(self, address: str, arguments: Sequence[object], when: float | None = None) -> None:
         if self._there is not None:
-            self._post(*self._there, written(address, arguments, when))
+            self._send_datagram(*self._there, encode_message(address, arguments, when))
 
-    def _post(self, sender: socket.socket, to: tuple[object, ...], datagram: bytes) -> None:
+    def _send_datagram(
+        self, sender: socket.socket, to: tuple[object, ...], datagram: bytes
+    ) -> None:
         try:
             sender.sendto(datagram, to)
         except OSError:
             self.unsent += 1
 
-    def _hear(self, patience: float) -> None:
+    def _receive(self, patience: float) -> None:
         """Handle the requests that have come; wait up to `patience` [s] for one."""
         if self._here is None:
             self._over.wait(max(0.0, patience))
@@ -164,30 +174,30 @@ class Osc:
         own = self._here[0]
         if not select.select([own], [], [], max(0.0, patience))[0]:
             return
-        for _ in range(_AT_ONCE):
+        for _ in range(_DATAGRAMS_AT_ONCE):
             try:
-                datagram, sender = own.recvfrom(MOST + 1)
+                datagram, sender = own.recvfrom(DATAGRAM_BYTES_MAX + 1)
             except BlockingIOError:
                 return
             except OSError:
                 self.malformed += 1  # too long, where the system says so
                 continue
-            self._do(datagram, sender)
+            self._handle(datagram, sender)
 
-    def _do(self, datagram: bytes, sender: tuple[object, ...]) -> None:
+    def _handle(self, datagram: bytes, sender: tuple[object, ...]) -> None:
         try:
-            if len(datagram) > MOST:
+            if len(datagram) > DATAGRAM_BYTES_MAX:
                 raise MalformedDatagramError
-            asked = messages(datagram)
+            asked = parse_messages(datagram)
         except MalformedDatagramError:
             self.malformed += 1
             return
-        self._asking = sender
+        self._sender = sender
         for address, arguments in asked:
-            ask = self._table.get(address)
+            ask = self._handlers.get(address)
             try:
                 if ask is None:
-                    self._wonder(address)
+                    self._report_unknown(address)
                 else:
                     ask(arguments)
             except OscRequestError as error:
@@ -195,31 +205,31 @@ class Osc:
             except _core.EngineError:
                 return  # it is over
 
-    def _wonder(self, address: str) -> None:
+    def _report_unknown(self, address: str) -> None:
         """Report an unknown address, each only once, and only so many a second."""
-        if address in self._unknown or len(self._unknown) >= _MOST_KNOWN or not self._may_speak():
+        if address in self._unknown or len(self._unknown) >= _UNKNOWN_MAX or not self._may_answer():
             return
         self._unknown.add(address)
-        self._remarks.append(f"osc: no address {_shown(address)}")
+        self._remarks.append(f"osc: no address {_printable(address)}")
 
     def _answer(self, sender: tuple[object, ...], address: str, sentence: str) -> None:
-        if self._here is not None and self._may_speak():
-            self._post(self._here[0], sender, written(address, [sentence]))
+        if self._here is not None and self._may_answer():
+            self._send_datagram(self._here[0], sender, encode_message(address, [sentence]))
 
-    def _may_speak(self) -> bool:
+    def _may_answer(self) -> bool:
         now = time.monotonic()
-        if len(self._answers) == _ANSWERS and now - self._answers[0] < 1.0:
+        if len(self._answers) == _ANSWERS_PER_SECOND and now - self._answers[0] < 1.0:
             return False
         self._answers.append(now)
         return True
 
 
-def _shown(address: str) -> str:
+def _printable(address: str) -> str:
     """An address in a form that is safe to print in a terminal."""
-    return ascii(address[:_SHOWN])[1:-1]
+    return ascii(address[:_ADDRESS_SHOWN_MAX])[1:-1]
 
 
-def _socket(where: Place, *, bound: bool) -> tuple[socket.socket, tuple[object, ...]]:
+def _open_socket(where: Place, *, bound: bool) -> tuple[socket.socket, tuple[object, ...]]:
     """A datagram socket, and the address that `where` stands for."""
     made = None
     try:

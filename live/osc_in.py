@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Command = Callable[[str], None]
 
 
-class Table(Protocol):
+class HandlerTable(Protocol):
     """Address → handler of its arguments."""
 
     def get(self, address: str, /) -> Handler | None:
@@ -27,8 +27,8 @@ class Table(Protocol):
 
 
 # The highest level accepted from the network, to protect the ears [dB].
-_LOUDEST = 24.0
-SILENT = -144.0
+_LEVEL_MAX_DB = 24.0
+SILENT_DB = -144.0
 _MAX_COMMAND = 1000  # characters: a line that somebody types is shorter
 
 
@@ -36,18 +36,18 @@ class OscRequestError(ErgonError):
     """An OSC request that is refused; the message goes back to the sender."""
 
 
-def no_session(_line: str) -> None:
+def refuse_command(_line: str) -> None:
     """Refuse a command, for a performance without a prompt. Raises OscRequestError."""
     raise OscRequestError("commands need a session: ergon repl takes them, ergon play does not")
 
 
-def table(
+def request_handlers(
     performance: _core.Performance,
     stage: Stage,
     gain: float,
     stop: Callable[[], None],
     told: Callable[[str], Handler],
-    command: Command = no_session,
+    command: Command = refuse_command,
 ) -> dict[str, Handler]:
     """Address → handler of its arguments. `gain` is the ratio that 0 dB stands for; `told` gives
     the handler of an input by its name.
@@ -57,30 +57,36 @@ def table(
 
     def of(names: Iterable[str]) -> Callable[[float], None]:
         mine = [groups[name] for name in names]
-        return lambda ratio: _heeded([performance.part_gain(group, ratio) for group in mine])
+        return lambda ratio: _check_accepted(
+            [performance.part_gain(group, ratio) for group in mine]
+        )
 
-    owned = alone(stage.piece, parts)
+    owned = own_instruments(stage.piece, parts)
     inputs = (name for name, take in stage.piece.takes.items() if take.is_from_osc)
     return {
-        "/ergon/cmd": text_of(command),
-        "/ergon/panic": pressed(performance.panic),
-        "/ergon/release": pressed(performance.release),
-        "/ergon/stop": pressed(stop),
-        "/ergon/gain": level_of(lambda ratio: _heeded([performance.gain(gain * ratio)])),
-        **{f"/ergon/instrument/{name}/gain": level_of(of([name])) for name in parts},
+        "/ergon/cmd": text_handler(command),
+        "/ergon/panic": button_handler(performance.panic),
+        "/ergon/release": button_handler(performance.release),
+        "/ergon/stop": button_handler(stop),
+        "/ergon/gain": gain_handler(
+            lambda ratio: _check_accepted([performance.gain(gain * ratio)])
+        ),
+        **{f"/ergon/instrument/{name}/gain": gain_handler(of([name])) for name in parts},
         **{
-            f"/ergon/player/{player}/gain": level_of(of(mine)) if mine else _shared(player)
+            f"/ergon/player/{player}/gain": gain_handler(of(mine))
+            if mine
+            else _shared_key_handler(player)
             for player, mine in owned.items()
         },
         **{f"/ergon/input/{name}": told(name) for name in inputs},
     }
 
 
-def alone(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
+def own_instruments(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
     """Player → those instruments of `parts` that links connect with the player's key and no
     other.
     """
-    reached = {key: _reached(piece, key) for key in piece.keys}
+    reached = {key: _reachable_instruments(piece, key) for key in piece.keys}
     found = {}
     for player in piece.players.values():
         others = set().union(*(names for key, names in reached.items() if key != player.key))
@@ -88,10 +94,10 @@ def alone(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
     return found
 
 
-def _reached(piece: Piece, key: str) -> set[str]:
+def _reachable_instruments(piece: Piece, key: str) -> set[str]:
     """Instruments that links connect with a key, without passing through another key."""
     near: dict[str, set[str]] = {}
-    for ends in _ties(piece):
+    for ends in _joined_parts(piece):
         for end in ends:
             near.setdefault(end, set()).update(ends)
     found: set[str] = set()
@@ -103,7 +109,7 @@ def _reached(piece: Piece, key: str) -> set[str]:
     return found
 
 
-def _ties(piece: Piece) -> Iterator[set[str]]:
+def _joined_parts(piece: Piece) -> Iterator[set[str]]:
     """For each link, the parts that it joins: those of its two ends, and the one in which it is
     written.
     """
@@ -117,7 +123,7 @@ def _ties(piece: Piece) -> Iterator[set[str]]:
                 yield {name, *(end.part for end in module.fields["between"])}
 
 
-def _heeded(all_heeded: Sequence[bool]) -> None:
+def _check_accepted(all_heeded: Sequence[bool]) -> None:
     if not all(all_heeded):
         raise OscRequestError("too many requests at once; this one was dropped")
 
@@ -125,7 +131,7 @@ def _heeded(all_heeded: Sequence[bool]) -> None:
 # --- arguments ------------------------------------------------------------------------------------
 
 
-def pressed(act: Callable[[], object]) -> Handler:
+def button_handler(act: Callable[[], object]) -> Handler:
     """Handle a button, which sends no argument, or 1 when it is pressed and 0 when it is
     released.
     """
@@ -137,26 +143,28 @@ def pressed(act: Callable[[], object]) -> Handler:
     return ask
 
 
-def level_of(act: Callable[[float], object]) -> Handler:
+def gain_handler(act: Callable[[float], object]) -> Handler:
     """Handle a level in dB: pass its ratio to `act`."""
-    return decibels(lambda level: act(_core.decibels(level) if level > SILENT else 0.0))
+    return level_handler(lambda level: act(_core.decibels(level) if level > SILENT_DB else 0.0))
 
 
-def decibels(act: Callable[[float], object]) -> Handler:
+def level_handler(act: Callable[[float], object]) -> Handler:
     """Handle a level in dB: pass it to `act`."""
 
     def ask(arguments: Sequence[object]) -> None:
         level = arguments[0] if len(arguments) == 1 else None
         if isinstance(level, bool) or not isinstance(level, int | float) or math.isnan(level):
             raise OscRequestError("the argument has to be one number, a level in dB")
-        if level > _LOUDEST:
-            raise OscRequestError(f"{level:.4g} dB is above the highest level, {_LOUDEST:g} dB")
+        if level > _LEVEL_MAX_DB:
+            raise OscRequestError(
+                f"{level:.4g} dB is above the highest level, {_LEVEL_MAX_DB:g} dB"
+            )
         act(float(level))
 
     return ask
 
 
-def number_of(act: Callable[[float], object]) -> Handler:
+def number_handler(act: Callable[[float], object]) -> Handler:
     """Handle a finite number: pass it to `act`."""
 
     def ask(arguments: Sequence[object]) -> None:
@@ -172,7 +180,7 @@ def number_of(act: Callable[[float], object]) -> Handler:
     return ask
 
 
-def text_of(act: Callable[[str], object]) -> Handler:
+def text_handler(act: Callable[[str], object]) -> Handler:
     """Handle a text: pass it to `act`."""
 
     def ask(arguments: Sequence[object]) -> None:
@@ -186,7 +194,7 @@ def text_of(act: Callable[[str], object]) -> Handler:
     return ask
 
 
-def _shared(player: str) -> Handler:
+def _shared_key_handler(player: str) -> Handler:
     def ask(_arguments: Sequence[object]) -> None:
         raise OscRequestError(
             f"every instrument of {player}'s key is shared with other keys: "

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from .trouble import gaps, troubles
+from .trouble import gap_count, troubles
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     # Sends arguments to an address; with an instant [s since 1970], in a bundle with that time tag.
     Send = Callable[..., None]
 
-HANDS = 0.01  # [s] between two messages about a hand
-_LEVELS = 0.1  # [s] between two messages about the level
-_FLOOR = 1e-7  # [ratio]; a lower level is sent as this one, -140 dB
+HAND_PERIOD = 0.01  # [s] between two messages about a hand
+_LEVEL_PERIOD = 0.1  # [s] between two messages about the level
+_PEAK_MIN = 1e-7  # [ratio]; a lower level is sent as this one, -140 dB
 # Reports of a sound card come late, never early: the earliest of this many seconds counts [s].
-_MEMORY = 1.0
-_JUMP = 0.02  # [s]; a larger change is a new time line: server restarted, clock set
+_REPORTS_KEPT = 1.0
+_JUMP_MIN = 0.02  # [s]; a larger change is a new time line: server restarted, clock set
 
 
 class HearingClock:
@@ -31,32 +31,32 @@ class HearingClock:
     def __init__(self, rate: float, start: int) -> None:
         """Begin with frame `start`, at `rate` frames a second."""
         self._rate, self._start = rate, start
-        self._seen: deque[tuple[float, float]] = deque()
+        self._reports: deque[tuple[float, float]] = deque()
         self._dropped = 0
         self._line: tuple[int, int, bool] | None = None
 
-    def look(self, status: _core.Status, now: float) -> None:
+    def update(self, status: _core.Status, now: float) -> None:
         """Use a status that was requested at `now`."""
         if status.sounding is None or not status.paced:
             return
         zero = now - status.sounding + status.latency
         line = (status.underruns, status.dropped, status.alive)
-        if line != self._line or (self._seen and abs(zero - self._seen[-1][1]) > _JUMP):
-            self._seen.clear()
+        if line != self._line or (self._reports and abs(zero - self._reports[-1][1]) > _JUMP_MIN):
+            self._reports.clear()
         self._line, self._dropped = line, status.dropped
-        self._seen.append((now, zero))
-        while self._seen[0][0] < now - _MEMORY:
-            self._seen.popleft()
+        self._reports.append((now, zero))
+        while self._reports[0][0] < now - _REPORTS_KEPT:
+            self._reports.popleft()
 
-    def when(self, frame: int) -> float | None:
+    def instant_of(self, frame: int) -> float | None:
         """The instant at which a frame is heard [s since 1970]; None as long as that is unknown."""
-        if not self._seen:
+        if not self._reports:
             return None
-        zero = min(zero for _, zero in self._seen)
+        zero = min(zero for _, zero in self._reports)
         return zero + (frame - self._start - self._dropped) / self._rate
 
 
-class OscTeller:
+class OscSender:
     """Sends messages about a performance by `send`."""
 
     def __init__(
@@ -65,47 +65,50 @@ class OscTeller:
         stage: Stage,
         start: int,
         send: Send,
-        events: Events | None = None,
+        events: SessionEventSource | None = None,
     ) -> None:
         """Begin at `start`, the first frame that is played. `events` are those of a session, whose
         stages follow one another; without them, the events of `stage` are sent.
         """
         self._performance, self._stage, self._send = performance, stage, send
-        self._ear = HearingClock(stage.rate, start)
+        self._hearing_clock = HearingClock(stage.rate, start)
         self._hands = [f"/ergon/hand/{hand.player}" for hand in stage.live]
         self._session = events
-        written = _From(_beats(stage), start), _From(_strikes(stage), start)
-        self._events: Sequence[_Ordered] = written if events is None else (events,)
+        written = (
+            _EventsFrom(_piece_beats(stage), start),
+            _EventsFrom(_gesture_events(stage), start),
+        )
+        self._events: Sequence[_EventSource] = written if events is None else (events,)
         self._late: tuple[int, int] | None = None
         self._troubles: tuple[str, ...] = ()
         self._next_hands = self._next_levels = -math.inf
 
-    def turn(self, clock: Callable[[], float]) -> None:
+    def send_new(self, clock: Callable[[], float]) -> None:
         """Send what is new; `clock` gives the seconds since 1970. Raises EngineError once it has
         ended.
         """
         status = self._performance.status()
         now = clock()
-        self._ear.look(status, now)
+        self._hearing_clock.update(status, now)
         # Sound is heard later than it is computed; how much later is unknown until the first block
         # has gone out.
         if status.sounding is not None or not status.paced:
             for events in self._events:
-                for frame, address, arguments in events.before(status.frame):
-                    self._send(address, arguments, self._ear.when(frame) or 0.0)
-        self._told(status, now)
+                for frame, address, arguments in events.pop_before(status.frame):
+                    self._send(address, arguments, self._hearing_clock.instant_of(frame) or 0.0)
+        self._send_status(status, now)
 
-    def _told(self, status: _core.Status, now: float) -> None:
+    def _send_status(self, status: _core.Status, now: float) -> None:
         # A clock that is set back must not stop the messages.
-        if not self._next_hands - HANDS <= now < self._next_hands:
-            self._next_hands = now + HANDS
+        if not self._next_hands - HAND_PERIOD <= now < self._next_hands:
+            self._next_hands = now + HAND_PERIOD
             for address, hand in zip(self._hands, status.hands, strict=False):
                 self._send(address, (hand.position, hand.force))
-        if not self._next_levels - _LEVELS <= now < self._next_levels:
-            self._next_levels = now + _LEVELS
-            levels = [20.0 * math.log10(max(peak, _FLOOR)) for peak in status.peaks]
+        if not self._next_levels - _LEVEL_PERIOD <= now < self._next_levels:
+            self._next_levels = now + _LEVEL_PERIOD
+            levels = [20.0 * math.log10(max(peak, _PEAK_MIN)) for peak in status.peaks]
             self._send("/ergon/level", levels)
-        late = status.late, gaps(status)
+        late = status.late, gap_count(status)
         if late != self._late:
             self._late = late
             self._send("/ergon/late", late)
@@ -120,46 +123,46 @@ class OscTeller:
             self._send("/ergon/trouble", found)
 
 
-Event = tuple[int, str, tuple[object, ...]]  # (frame, address, arguments)
+OscEvent = tuple[int, str, tuple[object, ...]]  # (frame, address, arguments)
 
 
-class _Ordered(Protocol):
+class _EventSource(Protocol):
     """Events in the order of their frames."""
 
-    def before(self, frame: int) -> Iterable[Event]:
+    def pop_before(self, frame: int) -> Iterable[OscEvent]:
         """Events before a frame that were not returned yet."""
 
 
-class Events(_Ordered, Protocol):
+class SessionEventSource(_EventSource, Protocol):
     """Events of a session, and its troubles."""
 
     def troubles(self) -> Sequence[str]:
         """Troubles that the performance itself does not report."""
 
 
-class _From:
+class _EventsFrom:
     """Events in the order of their frames, from `start` on."""
 
-    def __init__(self, events: Iterator[Event], start: int) -> None:
+    def __init__(self, events: Iterator[OscEvent], start: int) -> None:
         self._events = (event for event in events if event[0] >= start)
         self._next = next(self._events, None)
 
-    def before(self, frame: int) -> Iterator[Event]:
+    def pop_before(self, frame: int) -> Iterator[OscEvent]:
         """Events before a frame that were not returned yet."""
         while self._next is not None and self._next[0] < frame:
             event, self._next = self._next, next(self._events, None)
             yield event
 
 
-def _beats(stage: Stage) -> Iterator[Event]:
+def _piece_beats(stage: Stage) -> Iterator[OscEvent]:
     """Every beat of every bar of a piece that ends."""
-    for event in beats(stage.piece.tempo_map, stage.rate, 1):
+    for event in beat_events(stage.piece.tempo_map, stage.rate, 1):
         if event[0] >= stage.n_frames:
             return
         yield event
 
 
-def beats(tempo: TempoMap, rate: float, bar: int) -> Iterator[Event]:
+def beat_events(tempo: TempoMap, rate: float, bar: int) -> Iterator[OscEvent]:
     """Every beat from a bar on, without end, with (bar, beat, bpm)."""
     while True:
         start, length = tempo.bars.bar(bar)
@@ -170,7 +173,7 @@ def beats(tempo: TempoMap, rate: float, bar: int) -> Iterator[Event]:
         bar += 1
 
 
-def _strikes(stage: Stage) -> Iterator[Event]:
+def _gesture_events(stage: Stage) -> Iterator[OscEvent]:
     """Every beginning of a gesture, with (player, key, gesture, seconds of the piece)."""
     for gesture in sorted(stage.gestures, key=lambda gesture: gesture.start):
         said = (gesture.player, gesture.key, gesture.name, float(gesture.start))

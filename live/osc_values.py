@@ -7,16 +7,16 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from .osc_in import number_of
+from .osc_in import number_handler
 
 if TYPE_CHECKING:
     from .osc_in import Handler
 
-_RATE = 200.0  # values a second, of all inputs together: a journal holds hours of them
-_AT_ONCE = 20.0  # values of different inputs that act in one tick, after a pause
+_VALUES_PER_SECOND = 200.0  # values a second, of all inputs together: a journal holds hours of them
+_VALUES_AT_ONCE = 20.0  # values of different inputs that act in one tick, after a pause
 
 
-class ToldInputs:
+class InputValues:
     """Passes values to inputs; if they come too fast, only the latest of each input."""
 
     def __init__(
@@ -25,23 +25,23 @@ class ToldInputs:
         """Use `tell` to give an input a value; it returns False if that must be tried again."""
         self._tell, self._clock = tell, clock
         self._waiting: dict[str, float] = {}
-        self._free = _AT_ONCE
+        self._free = _VALUES_AT_ONCE
         self._seen = clock()
 
-    def of(self, name: str) -> Handler:
+    def handler_of(self, name: str) -> Handler:
         """The handler of requests for an input."""
-        return number_of(partial(self._take, name))
+        return number_handler(partial(self._set_value, name))
 
-    def _take(self, name: str, value: float) -> None:
+    def _set_value(self, name: str, value: float) -> None:
         self._waiting[name] = value
-        self.turn()
+        self.send_due()
 
-    def turn(self) -> None:
+    def send_due(self) -> None:
         """Pass on as many values as the rate allows, that of the input first that has waited
         longest.
         """
         now = self._clock()
-        self._free = min(_AT_ONCE, self._free + (now - self._seen) * _RATE)
+        self._free = min(_VALUES_AT_ONCE, self._free + (now - self._seen) * _VALUES_PER_SECOND)
         self._seen = now
         while self._waiting and self._free >= 1.0:
             name = next(iter(self._waiting))

@@ -40,10 +40,12 @@ class Pages:
             self._next = stage, performance
             self._news.notify()
         if self._thread is None:
-            self._thread = threading.Thread(target=self._make, name="ergon pages", daemon=True)
+            self._thread = threading.Thread(
+                target=self._make_windows, name="ergon pages", daemon=True
+            )
             self._thread.start()
 
-    def _make(self) -> None:
+    def _make_windows(self) -> None:
         while True:
             with self._news:
                 self._news.wait_for(lambda: self._is_over or self._next is not None)

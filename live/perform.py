@@ -12,7 +12,7 @@ from ergon import _core
 from ergon.rendering.render import BLOCK, frames_of
 
 from .boards import Board
-from .force_bounds import response
+from .force_bounds import force_response
 
 if TYPE_CHECKING:
     from ergon.exchange.frozen import VerifiedStem
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from .pages import Pages
 
 # A piece without hands is computed in ticks of this many frames: 1.5 ms at 44.1 kHz.
-EVERY = 64
+DEFAULT_TICK_FRAMES = 64
 # Guidance of a hand: a spring against which the hand can hold, and a damper that lets it settle
 # [N/m, N·s/m].
-GUIDE = (120.0, 1.0)
+GUIDANCE_MAX = (120.0, 1.0)
 _BARS_MAX = 100_000
 
 
@@ -55,7 +55,7 @@ class PlaybackConfig:
 
 def tick_frames(stage: Stage) -> int:
     """Frames of a tick."""
-    return stage.live[0].tick_frames if stage.live else EVERY
+    return stage.live[0].tick_frames if stage.live else DEFAULT_TICK_FRAMES
 
 
 def perform(
@@ -72,7 +72,9 @@ def perform(
     simulation = stage.simulation
     start = simulation.snapshot()
     mixer = stage.mixer(highpass=config.highpass, reference=config.reference)
-    _skip(simulation, mixer, stage.n_channels, config, config.start // tick * tick, progress)
+    _compute_unheard(
+        simulation, mixer, stage.n_channels, config, config.start // tick * tick, progress
+    )
     numbers = {hand.player: hand.index for hand in stage.live}
     played = {player for board in config.boards for _, player in board.axes}
     mine = [hand for hand in stage.live if hand.player in played]
@@ -80,8 +82,8 @@ def perform(
         _core.LiveHand(
             hand.standin,
             hand.reach,
-            _guide(config, hand.player),
-            response(stage.network, hand, stage.rate, hand.reach, mine)
+            _guidance_spring(config, hand.player),
+            force_response(stage.network, hand, stage.rate, hand.reach, mine)
             if hand in mine
             else np.zeros(0),
             stage.piece.keys[hand.key].measured,
@@ -93,7 +95,7 @@ def perform(
             board.url,
             [(axis, numbers[player]) for axis, player in board.axes],
             config.force_max,
-            [axis.for_core(number) for number, axis in board.known.items()],
+            [axis.for_core(number) for number, axis in board.calibrations.items()],
         )
         for board in config.boards
     ]
@@ -118,7 +120,7 @@ def perform(
             fades_from=fades_from,
             hands=hands,
             boards=boards,
-            bars=bars(stage, 0, stage.n_frames),
+            bars=bar_frames(stage, 0, stage.n_frames),
             ahead=config.ahead,
             record=record,
             frozen=[
@@ -137,7 +139,7 @@ def perform(
         simulation.restore(start)
 
 
-def bars(stage: Stage, start: int, stop: int) -> list[int]:
+def bar_frames(stage: Stage, start: int, stop: int) -> list[int]:
     """Frames from `start` to before `stop` at which a bar begins."""
     tempo = stage.piece.tempo_map
     first, _ = tempo.bars.bar_beat(max(0.0, tempo.beats(start / stage.rate)))
@@ -151,14 +153,14 @@ def bars(stage: Stage, start: int, stop: int) -> list[int]:
     return found
 
 
-def _guide(config: PlaybackConfig, player: str) -> _core.GuidanceSpring | None:
+def _guidance_spring(config: PlaybackConfig, player: str) -> _core.GuidanceSpring | None:
     if config.loose:
-        return _core.GuidanceSpring(*GUIDE, True)
+        return _core.GuidanceSpring(*GUIDANCE_MAX, True)
     stiffness = config.guides.get(player)
-    return None if stiffness is None else _core.GuidanceSpring(stiffness, GUIDE[1], False)
+    return None if stiffness is None else _core.GuidanceSpring(stiffness, GUIDANCE_MAX[1], False)
 
 
-def _skip(
+def _compute_unheard(
     simulation: _core.Simulation,
     mixer: _core.Mixer,
     n_channels: int,

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 # The most work to spend on finding the gain [s], by the table of costs; a listener has to wait for
 # it.
-_PATIENCE = 5.0
+_WORK_SECONDS_MAX = 5.0
 # The part that was not computed may be louder: the gain leaves this much room for it [dB].
-_ROOM_DB = -6.0
+_HEADROOM_DB = -6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,16 +29,16 @@ class PreflightGain:
     seconds: float | None
 
 
-def length(stage: Stage) -> int:
-    """The number of frames to compute: all, or as many as `_PATIENCE` allows."""
+def preflight_frames(stage: Stage) -> int:
+    """The number of frames to compute: all, or as many as `_WORK_SECONDS_MAX` allows."""
     from ergon.scores.staging.planning import cost
 
     work = 0.0 if stage.plan is None else cost(stage.plan)
-    is_long = work * stage.n_frames > _PATIENCE * stage.rate
-    return int(_PATIENCE / work * stage.rate) if is_long else stage.n_frames
+    is_long = work * stage.n_frames > _WORK_SECONDS_MAX * stage.rate
+    return int(_WORK_SECONDS_MAX / work * stage.rate) if is_long else stage.n_frames
 
 
-def level(
+def find_gain(
     stage: Stage,
     highpass: float | None,
     reference: float | None,
@@ -53,7 +53,7 @@ def level(
     """
     import numpy as np
 
-    n_frames = length(stage)
+    n_frames = preflight_frames(stage)
     simulation, mixer = stage.simulation, stage.mixer(highpass=highpass, reference=reference)
     start = simulation.snapshot()
     peak = 0.0
@@ -69,5 +69,5 @@ def level(
     simulation.restore(start)
     if n_frames == stage.n_frames:
         return PreflightGain(target / peak if peak > 0 else 1.0, peak, None)
-    target *= _core.decibels(_ROOM_DB)
+    target *= _core.decibels(_HEADROOM_DB)
     return PreflightGain(target / peak if peak > 0 else 1.0, peak, n_frames / stage.rate)

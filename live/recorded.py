@@ -13,7 +13,7 @@ from ergon.rendering.level import Level
 
 from .perform import PlaybackConfig
 
-_LOUDEST = 1e12  # no gain, and no frequency, is larger
+_LEVEL_NUMBER_MAX = 1e12  # no gain, and no frequency, is larger
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,7 +27,7 @@ class RecordingMismatchError(ErgonError):
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded:
+class HandRecording:
     """Positions of hands by player: at every tick (n_ticks,) [m], NaN before the first tick.
 
     `level` is the level that was heard; `warnings` are sentences for the user.
@@ -38,7 +38,7 @@ class Recorded:
     warnings: tuple[str, ...]
 
 
-def read(path: Path, piece: Piece) -> Recorded:
+def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
     """A recording of hands that played this piece. Raises RecordingMismatchError."""
     import numpy as np
 
@@ -74,17 +74,21 @@ def read(path: Path, piece: Piece) -> Recorded:
             )
         hands[player] = np.ascontiguousarray(positions[:, index])
     said = read_description(recording)
-    return Recorded(hands, _level(said), tuple(_warnings(recording, said, piece)))
+    return HandRecording(hands, _recorded_level(said), tuple(_warnings(recording, said, piece)))
 
 
-def _level(said: dict[str, Any]) -> Level:
+def _recorded_level(said: dict[str, Any]) -> Level:
     """The level that was heard; fields that the recording lacks have no effect."""
     level = said.get("level")
     level = level if isinstance(level, dict) else {}
 
     def number(name: str) -> float | None:
         value = level.get(name)
-        return float(value) if isinstance(value, int | float) and 0.0 < value < _LOUDEST else None
+        return (
+            float(value)
+            if isinstance(value, int | float) and 0.0 < value < _LEVEL_NUMBER_MAX
+            else None
+        )
 
     return Level(
         None, number("limit"), number("highpass"), number("gain") or 1.0, number("reference")
@@ -110,7 +114,7 @@ def _warnings(recording: _core.Recording, said: dict[str, Any], piece: Piece) ->
     return warnings
 
 
-def about(config: PlaybackConfig) -> dict[str, object]:
+def level_header(config: PlaybackConfig) -> dict[str, object]:
     """The level and filters to note in a recording."""
     return {
         "gain": config.gain,

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from ergon import _core
 
 
-def gaps(status: _core.Status) -> int:
+def gap_count(status: _core.Status) -> int:
     """Number of gaps in the sound: the ring ran empty, or the clock of the sound was held up."""
     return status.underruns + status.xruns
 
@@ -43,7 +43,7 @@ def _troubles(
             yield f"{player} forces dropped by device {hand.let_go}"
         if hand.stalls:
             yield f"{player} host stalls {hand.stalls}"
-    if count := gaps(status):
+    if count := gap_count(status):
         yield f"gaps {count}"
     if status.input_gaps:
         yield f"input gaps {status.input_gaps}"

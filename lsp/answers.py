@@ -29,36 +29,40 @@ class Completion:
     word: str
     kind: Literal["field", "kind", "name", "value", "unit"]
     detail: str
-    more: str = ""  # what is put in after the word
+    suffix: str = ""  # what is put in after the word
 
 
 def completions(text: str, index: int, file: Document, known: Catalogue) -> list[Completion]:
     """Words that may be written at a character of a score."""
     number = _number_before(text, index)
     found: dict[str, Completion] = {}
-    in_text = cursors.at(file, index)
+    in_text = cursors.cursor_at(file, index)
     if in_text is not None and "\n" in in_text.node.text:  # a table below '|' holds no YAML
-        return list(_values(in_text.shape, known, number))
-    for cursor, _ in cursors.at_unwritten(text, index, file):
-        words = _names(cursor) if cursor.is_name else _values(cursor.shape, known, number)
+        return list(_value_completions(in_text.shape, known, number))
+    for cursor, _ in cursors.cursors_at_unwritten(text, index, file):
+        words = (
+            _key_completions(cursor)
+            if cursor.is_name
+            else _value_completions(cursor.shape, known, number)
+        )
         for word in words:
             found.setdefault(word.word, word)
     return list(found.values())
 
 
-def _names(cursor: Cursor) -> Iterator[Completion]:
+def _key_completions(cursor: Cursor) -> Iterator[Completion]:
     """Fields and kinds of the table that are not written yet."""
     if cursor.table is None:
         return
     for field in cursor.table.fields:
         if field.name not in cursor.written:
-            yield Completion(field.name, "field", _explained(field), ": ")
+            yield Completion(field.name, "field", _field_text(field), ": ")
     if cursor.written.isdisjoint(cursor.table.kinds):
         for kind, shape in cursor.table.kinds.items():
-            yield Completion(kind, "kind", _doc(shape), ": ")
+            yield Completion(kind, "kind", _shape_text(shape), ": ")
 
 
-def _values(shape: Shape | None, known: Catalogue, number: str) -> Iterator[Completion]:
+def _value_completions(shape: Shape | None, known: Catalogue, number: str) -> Iterator[Completion]:
     if isinstance(shape, Text) and number:
         for unit in shape.units or (("Hz", "kHz") if shape is k.PITCH else ()):
             yield Completion(number + unit, "unit", shape.words())
@@ -68,22 +72,24 @@ def _values(shape: Shape | None, known: Catalogue, number: str) -> Iterator[Comp
         if shape is k.BOOLEAN:
             yield from (Completion(word, "value", shape.words()) for word in ("true", "false"))
         if shape is k.PITCH:
-            yield from (Completion(note, "value", f"{hertz(note):.2f} Hz") for note in _NOTES)
+            yield from (
+                Completion(note, "value", f"{frequency_of(note):.2f} Hz") for note in _NOTES
+            )
         if shape is k.WHEN:
-            yield from _named(known.of("marks"))
+            yield from _name_completions(known.definitions_in("marks"))
     elif isinstance(shape, Reference):
-        yield from _named(known.of(*shape.sections))
+        yield from _name_completions(known.definitions_in(*shape.sections))
     elif isinstance(shape, Part):
-        yield from _named(known.of("marks", *_PLAYED))
+        yield from _name_completions(known.definitions_in("marks", *_PLAYED))
         for word, option in SHAPES.items():
             yield Completion(word, "field", option.words(), " ")
     elif isinstance(shape, (GestureShape, Raw)):
         yield from (Completion(str(word), "value", "a curve") for word in CURVE.choices)
     elif shape is not None and (item := shape.inner(0)) is not None and item is not shape:
-        yield from _values(item, known, number)
+        yield from _value_completions(item, known, number)
 
 
-def _named(definitions: Iterable[Definition]) -> Iterator[Completion]:
+def _name_completions(definitions: Iterable[Definition]) -> Iterator[Completion]:
     for one in definitions:
         yield Completion(one.name, "name", f"{one.noun}, {one.place.file}:{one.place.line}")
 
@@ -99,17 +105,17 @@ def _number_before(text: str, index: int) -> str:
 
 def explanation(index: int, file: Document, known: Catalogue) -> str | None:
     """The explanation of the text under a character, in Markdown; None if there is none."""
-    cursor = cursors.at(file, index)
+    cursor = cursors.cursor_at(file, index)
     if cursor is None:
         return None
     if cursor.is_name:
         if cursor.field is not None:
-            return f"**{cursor.field.name}**: {_explained(cursor.field)}"
+            return f"**{cursor.field.name}**: {_field_text(cursor.field)}"
         if cursor.table is not None and cursor.node.text in cursor.table.kinds:
-            return f"**{cursor.node.text}**: {_doc(cursor.table.kinds[cursor.node.text])}"
+            return f"**{cursor.node.text}**: {_shape_text(cursor.table.kinds[cursor.node.text])}"
     elif cursor.shape is k.PITCH:
         try:
-            return f"{hertz(cursor.node.text):.3f} Hz"
+            return f"{frequency_of(cursor.node.text):.3f} Hz"
         except TextError:
             return None
     found = definition(index, file, known)
@@ -122,7 +128,7 @@ def explanation(index: int, file: Document, known: Catalogue) -> str | None:
 
 def definition(index: int, file: Document, known: Catalogue) -> Definition | None:
     """Where the name under a character is defined."""
-    cursor = cursors.at(file, index)
+    cursor = cursors.cursor_at(file, index)
     word = cursors.word_at(file.text, index).strip("/-")
     if cursor is None or cursor.is_name or not word:
         return None
@@ -134,16 +140,16 @@ def definition(index: int, file: Document, known: Catalogue) -> Definition | Non
     return known.find(word, shape.sections if isinstance(shape, Reference) else ())
 
 
-def hertz(text: str) -> float:
+def frequency_of(text: str) -> float:
     """The frequency of a note or of a number with its unit [Hz]. Raises TextError."""
     value: float = k.PITCH.parse(text)
     return value
 
 
-def _explained(field: Field) -> str:
+def _field_text(field: Field) -> str:
     default = f"; default: {field.shown}" if field.shown else ""
     return f"{field.doc} ({field.shape.words()}{'; required' if field.required else default})"
 
 
-def _doc(shape: Shape) -> str:
+def _shape_text(shape: Shape) -> str:
     return shape.doc if isinstance(shape, Record) else shape.words()

@@ -12,7 +12,7 @@ from ergon.scores.reading.load import Loaded
 from ergon.scores.reading.uses import NOUNS, Names
 
 # Sections whose names other files cannot use, each with the noun for one of its entries.
-_OWN = {"marks": "mark", "players": "player", "strikes": "strikes"}
+_LOCAL_SECTIONS = {"marks": "mark", "players": "player", "strikes": "strikes"}
 MODULES = "modules"
 
 
@@ -31,7 +31,7 @@ class Catalogue:
 
     sections: Mapping[str, Mapping[str, Definition]] = field(default_factory=dict)
 
-    def of(self, *sections: str) -> list[Definition]:
+    def definitions_in(self, *sections: str) -> list[Definition]:
         """All definitions of some sections, in their order."""
         return [one for name in sections for one in self.sections.get(name, {}).values()]
 
@@ -58,7 +58,7 @@ def catalogue(loaded: Loaded) -> Catalogue:
             name: Definition(name, noun, _place(entry.values, entry.brought, names))
             for name, entry in names.tables[section].items()
         }
-    for section, noun in _OWN.items():
+    for section, noun in _LOCAL_SECTIONS.items():
         node = root.get(section) if isinstance(root, document.Mapping) else None
         entries = node.entries if isinstance(node, document.Mapping) else {}
         sections[section] = {

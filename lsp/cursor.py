@@ -19,7 +19,7 @@ WORD = re.compile(r"[\w.#/-]*")
 _WORD_BEFORE = re.compile(r"[\w.#/-]*$")
 # Stands for text that is not written yet; no score has such a name.
 _PLACEHOLDER = "erg0n-placeh0lder"
-_LONGEST = 200  # characters of a word
+_WORD_MAX = 200  # characters of a word
 _CLOSING = {"{": "}", "[": "]"}
 
 
@@ -36,7 +36,7 @@ class Cursor:
     written: frozenset[str]  # names that stand beside it in the same mapping
 
 
-def at(file: Document, index: int) -> Cursor | None:
+def cursor_at(file: Document, index: int) -> Cursor | None:
     """What is under the character `index`; None between values."""
     if file.root is None:
         return None
@@ -51,7 +51,7 @@ def at(file: Document, index: int) -> Cursor | None:
         if isinstance(node, document.Mapping):
             if isinstance(shape, Record):
                 table = shape
-            entry = _last(
+            entry = _last_before(
                 ((key.start, (key, child)) for key, child in node.entries.values()), index
             )
             if entry is None:
@@ -67,7 +67,9 @@ def at(file: Document, index: int) -> Cursor | None:
             path = (*path, key.text)
             node, shape = child, inner
         elif isinstance(node, document.Sequence):
-            found = _last(((item.start, (i, item)) for i, item in enumerate(node.items)), index)
+            found = _last_before(
+                ((item.start, (i, item)) for i, item in enumerate(node.items)), index
+            )
             if found is None:
                 return None
             number, node = found
@@ -78,7 +80,7 @@ def at(file: Document, index: int) -> Cursor | None:
             return None
 
 
-def at_unwritten(text: str, index: int, file: Document) -> list[tuple[Cursor, Document]]:
+def cursors_at_unwritten(text: str, index: int, file: Document) -> list[tuple[Cursor, Document]]:
     """What the word that is being written at `index` may be: a value, a name, or both.
 
     The word is taken to be a placeholder, and brackets that the line leaves open are closed.
@@ -88,19 +90,19 @@ def at_unwritten(text: str, index: int, file: Document) -> list[tuple[Cursor, Do
     before, after = text[begin:index], text[index : len(text) if end < 0 else end]
     before = before.removesuffix(word_before(before, len(before)))
     rest = WORD.sub("", after, count=1)
-    closing = "" if rest.strip() else _closing(before)
+    closing = "" if rest.strip() else _closing_brackets(before)
     found = []
     for placeholder in (_PLACEHOLDER, f"{_PLACEHOLDER}: 0"):
         line = before + placeholder + (closing or rest)
         changed = text[:begin] + line + ("" if end < 0 else text[end:])
         read = document.compose(changed, file.file, Collector())
-        cursor = at(read, begin + len(before))
+        cursor = cursor_at(read, begin + len(before))
         if cursor is not None and _PLACEHOLDER in cursor.node.text:
             found.append((cursor, read))
     return found
 
 
-def _last(entries: Iterable[tuple[int, _T]], index: int) -> _T | None:
+def _last_before(entries: Iterable[tuple[int, _T]], index: int) -> _T | None:
     """The entry that begins last at or before a character. The order of entries does not tell: an
     alias has the position of its definition.
     """
@@ -108,7 +110,7 @@ def _last(entries: Iterable[tuple[int, _T]], index: int) -> _T | None:
     return max(begun, key=lambda entry: entry[0])[1] if begun else None
 
 
-def _closing(line: str) -> str:
+def _closing_brackets(line: str) -> str:
     """The closing brackets for those that a line leaves open."""
     opened = []
     for character in line:
@@ -121,7 +123,7 @@ def _closing(line: str) -> str:
 
 def word_before(text: str, index: int) -> str:
     """The part of a word that is written before a character."""
-    match = _WORD_BEFORE.search(text, max(0, index - _LONGEST), index)
+    match = _WORD_BEFORE.search(text, max(0, index - _WORD_MAX), index)
     return match.group() if match else ""
 
 

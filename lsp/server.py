@@ -34,7 +34,7 @@ from . import answers, cursor
 from .catalogue import Catalogue, catalogue
 
 # An editor reports every keystroke; a score is read once typing has paused for this long [s].
-REST_S = 0.15
+TYPING_PAUSE = 0.15
 _IS_SCORE = re.compile(r"^ergon[ \t]*:", re.MULTILINE)
 _SEVERITIES = {
     "error": t.DiagnosticSeverity.Error,
@@ -51,11 +51,12 @@ _KINDS = {
 
 
 @dataclass(slots=True)
-class _Open:
+class _OpenDocument:
     """What is kept of an open document."""
 
-    known: Catalogue = field(default_factory=Catalogue)  # of the last text that could be read
-    shown: set[str] = field(default_factory=set)  # documents that its diagnostics stand in
+    catalogue: Catalogue = field(default_factory=Catalogue)  # of the last text that could be read
+    # The documents that its diagnostics are about.
+    diagnostic_uris: set[str] = field(default_factory=set)
     version: int = 0
 
 
@@ -67,44 +68,44 @@ class Server(LanguageServer):
         super().__init__(
             "ergon", _core.__version__, text_document_sync_kind=t.TextDocumentSyncKind.Incremental
         )
-        self._open: dict[str, _Open] = {}
+        self._open: dict[str, _OpenDocument] = {}
 
     # --- reading ----------------------------------------------------------------------------------
 
-    async def changed(self, uri: str, *, saved: bool = False) -> None:
+    async def read_document(self, uri: str, *, saved: bool = False) -> None:
         """Read a document, unless it changes again meanwhile; if `saved`, let the engine check it
         too.
         """
-        kept = self._open.setdefault(uri, _Open())
+        kept = self._open.setdefault(uri, _OpenDocument())
         kept.version += 1
         version = kept.version
-        await asyncio.sleep(0 if saved else REST_S)
+        await asyncio.sleep(0 if saved else TYPING_PAUSE)
         if kept.version != version:
             return
         if not self.is_score(uri):
-            self._show(uri, kept, [])
+            self._publish(uri, kept, [])
             return
-        loaded = self._loaded(uri)
-        self._show(uri, kept, loaded.diagnostics)
+        loaded = self._load(uri)
+        self._publish(uri, kept, loaded.diagnostics)
         if loaded.names is not None:
-            kept.known = catalogue(loaded)
+            kept.catalogue = catalogue(loaded)
         if saved and loaded.piece is not None:
             _, more = await asyncio.to_thread(try_stage, loaded, None)
             if kept.version == version:
-                self._show(uri, kept, [*loaded.diagnostics, *more])
+                self._publish(uri, kept, [*loaded.diagnostics, *more])
 
-    def closed(self, uri: str) -> None:
+    def forget_document(self, uri: str) -> None:
         """Forget a document, and clear its diagnostics."""
-        kept = self._open.pop(uri, _Open())
+        kept = self._open.pop(uri, _OpenDocument())
         kept.version += 1
-        self._show(uri, kept, [])
+        self._publish(uri, kept, [])
 
     def is_score(self, uri: str) -> bool:
         """Whether a document is a score; an editor sends every YAML file that is open."""
         text = self.workspace.get_text_document(uri)
         return text.language_id == "ergon" or _IS_SCORE.search(text.source) is not None
 
-    def _loaded(self, uri: str) -> Loaded:
+    def _load(self, uri: str) -> Loaded:
         path = _path(uri)
         overlay = {
             str(_path(other)): own.source for other, own in self.workspace.text_documents.items()
@@ -112,13 +113,16 @@ class Server(LanguageServer):
         text = self.workspace.get_text_document(uri).source
         return load(path, text=text, overlay=overlay, bounds=scores.bounds(str(path), False))
 
-    def _show(self, uri: str, kept: _Open, found: Sequence[Diagnostic]) -> None:
+    def _publish(self, uri: str, kept: _OpenDocument, found: Sequence[Diagnostic]) -> None:
         """Publish each diagnostic in the document that it is about, and clear the earlier ones."""
-        by_uri: dict[str, list[t.Diagnostic]] = {uri: [], **{old: [] for old in kept.shown}}
+        by_uri: dict[str, list[t.Diagnostic]] = {
+            uri: [],
+            **{old: [] for old in kept.diagnostic_uris},
+        }
         for one in found:
             own = _uri(one.place.file, uri)
             by_uri.setdefault(own, []).append(self._diagnostic(own, one))
-        kept.shown = {own for own, diagnostics in by_uri.items() if diagnostics}
+        kept.diagnostic_uris = {own for own, diagnostics in by_uri.items() if diagnostics}
         for own, diagnostics in by_uri.items():
             self.text_document_publish_diagnostics(t.PublishDiagnosticsParams(own, diagnostics))
 
@@ -142,11 +146,13 @@ class Server(LanguageServer):
         end = t.Position(place.line - 1, place.column - 1 + place.length)
         return text.position_codec.range_to_client_units(text.lines, t.Range(start, end))
 
-    def at(self, uri: str, position: t.Position) -> tuple[TextDocument, int, Document, Catalogue]:
+    def locate(
+        self, uri: str, position: t.Position
+    ) -> tuple[TextDocument, int, Document, Catalogue]:
         """An open document, the index of a position in it, its nodes, and the names it knows."""
         text = self.workspace.get_text_document(uri)
         file = document.compose(text.source, str(_path(uri)), Collector())
-        known = self._open.setdefault(uri, _Open()).known
+        known = self._open.setdefault(uri, _OpenDocument()).catalogue
         return text, text.offset_at_position(position), file, known
 
 
@@ -158,7 +164,7 @@ def serve() -> None:
 def server() -> Server:
     """A server with the handlers of all requests."""
     made = Server()
-    for method, answer in _ANSWERS.items():
+    for method, answer in _HANDLERS.items():
         made.feature(method, *_OPTIONS.get(method, ()))(answer)
     return made
 
@@ -167,23 +173,23 @@ def server() -> Server:
 
 
 async def _opened(ls: Server, params: t.DidOpenTextDocumentParams) -> None:
-    await ls.changed(params.text_document.uri, saved=True)
+    await ls.read_document(params.text_document.uri, saved=True)
 
 
 async def _changed(ls: Server, params: t.DidChangeTextDocumentParams) -> None:
-    await ls.changed(params.text_document.uri)
+    await ls.read_document(params.text_document.uri)
 
 
 async def _saved(ls: Server, params: t.DidSaveTextDocumentParams) -> None:
-    await ls.changed(params.text_document.uri, saved=True)
+    await ls.read_document(params.text_document.uri, saved=True)
 
 
 def _closed(ls: Server, params: t.DidCloseTextDocumentParams) -> None:
-    ls.closed(params.text_document.uri)
+    ls.forget_document(params.text_document.uri)
 
 
 def _complete(ls: Server, params: t.CompletionParams) -> t.CompletionList:
-    text, index, file, known = ls.at(params.text_document.uri, params.position)
+    text, index, file, known = ls.locate(params.text_document.uri, params.position)
     is_score = ls.is_score(params.text_document.uri)
     found = answers.completions(text.source, index, file, known) if is_score else []
     begin = index - len(cursor.word_before(text.source, index))
@@ -200,20 +206,20 @@ def _items(found: Iterable[answers.Completion], here: t.Range) -> Iterable[t.Com
             detail=one.detail,
             sort_text=f"{number:05d}",
             filter_text=one.word,
-            text_edit=t.TextEdit(here, one.word + one.more),
+            text_edit=t.TextEdit(here, one.word + one.suffix),
         )
 
 
 def _hover(ls: Server, params: t.HoverParams) -> t.Hover | None:
     uri = params.text_document.uri
-    _, index, file, known = ls.at(uri, params.position)
+    _, index, file, known = ls.locate(uri, params.position)
     found = answers.explanation(index, file, known) if ls.is_score(uri) else None
     return None if found is None else t.Hover(t.MarkupContent(t.MarkupKind.Markdown, found))
 
 
 def _definition(ls: Server, params: t.DefinitionParams) -> t.Location | None:
     uri = params.text_document.uri
-    _, index, file, known = ls.at(uri, params.position)
+    _, index, file, known = ls.locate(uri, params.position)
     found = answers.definition(index, file, known)
     if found is None:
         return None
@@ -239,7 +245,7 @@ def _actions(ls: Server, params: t.CodeActionParams) -> list[t.CodeAction]:
 def _symbols(ls: Server, params: t.DocumentSymbolParams) -> list[t.DocumentSymbol]:
     """Sections, and the names below them."""
     uri = params.text_document.uri
-    root = ls.at(uri, t.Position(0, 0))[2].root if ls.is_score(uri) else None
+    root = ls.locate(uri, t.Position(0, 0))[2].root if ls.is_score(uri) else None
     entries = root.entries.items() if isinstance(root, document.Mapping) else ()
     found = []
     for name, (key, child) in entries:
@@ -290,7 +296,7 @@ def _uri(file: str, open_uri: str) -> str:
     return from_fs_path(str((path if path.exists() else installed(file)).resolve())) or open_uri
 
 
-_ANSWERS: dict[str, Callable[..., Any]] = {
+_HANDLERS: dict[str, Callable[..., Any]] = {
     t.TEXT_DOCUMENT_DID_OPEN: _opened,
     t.TEXT_DOCUMENT_DID_CHANGE: _changed,
     t.TEXT_DOCUMENT_DID_SAVE: _saved,

@@ -7,18 +7,18 @@ from typing import Generic, NamedTuple, TypeVar
 
 from .session_protocol import SessionProtocol, stop_of
 
-Who = TypeVar("Who")
+Sender = TypeVar("Sender")
 
 
-class QueuedLine(NamedTuple, Generic[Who]):
+class QueuedLine(NamedTuple, Generic[Sender]):
     """A line whose turn has come; see `SessionProtocol.submit` for `releases`."""
 
-    who: Who
+    sender: Sender
     text: str
     releases: bool
 
 
-class LineQueue(Generic[Who]):
+class LineQueue(Generic[Sender]):
     """A queue of lines: one thread enters them, another does them in order.
 
     `panic` and `quit` act when they are entered, even while another line is being computed. They
@@ -31,14 +31,14 @@ class LineQueue(Generic[Who]):
         self._session = session
         self._stops = 0  # stops that were entered
         self._seen = ""  # the line that `stop_now` saw last
-        self._waiting: SimpleQueue[tuple[Who, str, int] | str | None] = SimpleQueue()
+        self._waiting: SimpleQueue[tuple[Sender, str, int] | str | None] = SimpleQueue()
 
-    def enter(self, text: str, who: Who) -> None:
+    def enter(self, text: str, sender: Sender) -> None:
         """Queue a line; `panic` and `quit` act now, unless `stop_now` has already seen the line."""
         if text != self._seen:
             self.stop_now(text)
         self._seen = ""
-        self._waiting.put((who, text, self._stops))
+        self._waiting.put((sender, text, self._stops))
 
     def stop_now(self, text: str) -> None:
         """Let `panic` or `quit` act now, in a line that is about to be entered."""
@@ -68,12 +68,12 @@ class LineQueue(Generic[Who]):
         self._session.input_ends()
         self._waiting.put(None)
 
-    def next(self) -> QueuedLine[Who] | None:
+    def next(self) -> QueuedLine[Sender] | None:
         """Wait for the next line; None at the end."""
         while (one := self._waiting.get()) is not None:
             if isinstance(one, str):  # a panic also ends what lines before it began
                 self._session.panic()
                 continue
-            who, text, stops = one
-            return QueuedLine(who, text, stops == self._stops)
+            sender, text, stops = one
+            return QueuedLine(sender, text, stops == self._stops)
         return None

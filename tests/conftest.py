@@ -89,8 +89,8 @@ def patient_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line has its time by the clock, and a machine that does much else is slow."""
     from ergon.repl.session import computing
 
-    monkeypatch.setattr(computing, "LINE", 1e3)
-    monkeypatch.setattr(computing, "FILES", 1e3)
+    monkeypatch.setattr(computing, "LINE_SECONDS", 1e3)
+    monkeypatch.setattr(computing, "FILES_SECONDS", 1e3)
 
 
 @pytest.fixture

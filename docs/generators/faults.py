@@ -38,12 +38,12 @@ device that was never calibrated is tried by a fifth of the greatest force at mo
 
 def page() -> str:
     """The page, as Markdown."""
-    rows = faults.measured()
+    rows = faults.measure_faults()
     devices = [f"`{cell.device}`" for cell in rows[0].cells]
     lines = [f"| fault | bound | {' | '.join(devices)} |", f"|---|---|{'---|' * len(devices)}"]
     for row in rows:
         cells = [cell.said for cell in row.cells]
-        lines.append(f"| {row.fault} | {faults.bound(row)} | {' | '.join(cells)} |")
+        lines.append(f"| {row.fault} | {faults.bounds_text(row)} | {' | '.join(cells)} |")
     return _HEAD + "\n".join(lines) + "\n" + _TAIL
 
 

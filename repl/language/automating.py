@@ -19,7 +19,7 @@ from ergon.scores.reading.automatable import ALL
 from ergon.scores.reading.automation import AUTOMATION, parse_range
 from ergon.scores.reading.curves import is_curve, parse_curve
 
-_OF_SET = {
+_SET_OPTIONS = {
     "every": "1",
     "times": "4",
     "until": "C",
@@ -28,7 +28,7 @@ _OF_SET = {
     "swing": "0.6",
     "skip": "5",
 }
-_OF_LFO = {"period": "4bar", "shape": "sine", "until": "C", "phase": "0.25"}
+_LFO_OPTIONS = {"period": "4bar", "shape": "sine", "until": "C", "phase": "0.25"}
 
 
 def _target(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
@@ -65,11 +65,11 @@ def _options(text: str, scope: Scope, known: Mapping[str, str]) -> tuple[str, in
 
 def _read_set(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `set` as texts."""
-    values, end, options = _options(text, scope, _OF_SET)
+    values, end, options = _options(text, scope, _SET_OPTIONS)
     for word in re.finditer(r"[a-z]{2,}(?=\s|$)", values):
         if word.group() == "over":  # what stands before it is no value
             scope.targets[given["target"]].parse(values[: word.start()].strip())
-        near = nearest(word.group(), (*_OF_SET, "over", *WAYS))
+        near = nearest(word.group(), (*_SET_OPTIONS, "over", *WAYS))
         if near is not None and word.group() not in WAYS:
             message = f"unknown word '{word.group()}'"
             length = len(word.group())
@@ -90,7 +90,7 @@ def _read_set(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str,
 
 def _read_lfo(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `lfo` as texts."""
-    ends, end, options = _options(text, scope, _OF_LFO)
+    ends, end, options = _options(text, scope, _LFO_OPTIONS)
     parse_range(ends, scope.targets[given["target"]].parse)
     if "period" not in options:
         message = "the length of one swing is missing: period 4bar"
@@ -102,7 +102,11 @@ def _offers(known: Mapping[str, str], first: str = "") -> Any:
     def offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         if not context.before:
             shape = context.scope.targets[context.given["target"]]
-            offered = (v.Completion(first, "its ends"),) if first else v.of(shape).offers(context)
+            offered = (
+                (v.Completion(first, "its ends"),)
+                if first
+                else v.dimension_value(shape).completions(context)
+            )
             yield from offered
             return
         last = context.before[-1]
@@ -116,19 +120,19 @@ def _offers(known: Mapping[str, str], first: str = "") -> Any:
     return offers
 
 
-LED = v.Value("a parameter, such as bell.m.f", _target, v.TARGET.offers)
-VALUES = v.Value("values and the length of a step", _read_set, _offers(_OF_SET))
-SWING = v.Value("a range and a period", _read_lfo, _offers(_OF_LFO, "0.8..1.2"))
+AUTOMATED_TARGET = v.Value("a parameter, such as bell.m.f", _target, v.TARGET.completions)
+AUTOMATION_VALUES = v.Value("values and the length of a step", _read_set, _offers(_SET_OPTIONS))
+LFO = v.Value("a range and a period", _read_lfo, _offers(_LFO_OPTIONS, "0.8..1.2"))
 
 
-def follow(
+def automate(
     target: str, fields: Mapping[str, str], *, when: When, words: Mapping[str, Word]
 ) -> Automate:
     """`set` with several values or a curve."""
     return Automate(target, "set", fields, when=when, words=words)
 
 
-def swing(
+def automate_lfo(
     target: str, fields: Mapping[str, str], *, when: When, words: Mapping[str, Word]
 ) -> Automate:
     """`lfo`."""

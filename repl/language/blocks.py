@@ -16,7 +16,7 @@ from ergon.repl.language.triggers import Condition, Every, parse_condition, pars
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.reading.sections import MAX_BLOCK
 
-_OF_CONDITIONS = ("bar", "beat", "and")
+_CONDITION_WORDS = ("bar", "beat", "and")
 
 
 def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
@@ -24,8 +24,8 @@ def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if not text.endswith(":"):
         message = f"a ':' is missing: def {text}: and then its lines"
         raise TextError(message, length=len(text), suggestion=f"{text}:")
-    name = v.new_name(text[:-1])
-    if name in _OF_CONDITIONS:
+    name = v.check_new_name(text[:-1])
+    if name in _CONDITION_WORDS:
         message = f"{quote(name)} is a word of conditions: give the block another name"
         raise TextError(message, length=len(name))
     for what in ("player", "gesture", "take", "key", "instrument", "mark"):
@@ -46,7 +46,7 @@ def _lines(text: str, *_: Any) -> tuple[str, ...]:
 def _rule(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Condition, str]:
     """The condition of a rule, and the name of the block after it."""
     words = text.split()
-    if words[-1] in _OF_CONDITIONS or not NAME.fullmatch(words[-1]):
+    if words[-1] in _CONDITION_WORDS or not NAME.fullmatch(words[-1]):
         raise TextError(f"a block is missing: when {text} NAME", offset=len(text))
     start = text.rindex(words[-1])
     try:
@@ -57,25 +57,25 @@ def _rule(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Condition, str
     return parse_condition(text[:start].rstrip()), name
 
 
-def _rules(context: CompletionContext) -> Iterator[Completion]:
+def _rule_completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
         yield from (Completion(text, "a condition") for text in ("bar", "beat"))
     elif context.before[-2:-1] == ("%",):
         yield Completion("==", "as in when bar % 4 == 3 fill")
     elif context.before[-1].isdigit():
         yield Completion("and", "a further condition")
-        yield from v.listed(context.scope.blocks)
+        yield from v.name_completions(context.scope.blocks)
     else:
         last = context.before[-1]
         follows = {"bar": ("%", "=="), "beat": ("==", "%"), "and": ("bar", "beat")}.get(last, ())
         yield from (Completion(text, "as in when bar % 4 == 3 fill") for text in follows)
 
 
-BLOCK = v.name("a block", "blocks")
-NEW_BLOCK = Value("a name and ':'", _name, lambda context: v.listed(context.scope.blocks))
+BLOCK = v.name_value("a block", "blocks")
+NEW_BLOCK = Value("a name and ':'", _name, lambda context: v.name_completions(context.scope.blocks))
 LINES = Value("a line, or several below it", _lines, lambda _: ())
-EVERY = Value("a length in bars or beats", lambda text, *_: parse_every(text), v.LENGTH.offers)
-RULE = Value("a condition and a block", _rule, _rules)
+EVERY = Value("a length in bars or beats", lambda text, *_: parse_every(text), v.LENGTH.completions)
+RULE = Value("a condition and a block", _rule, _rule_completions)
 
 
 def define(name: str, lines: tuple[str, ...], *, when: c.When, words: Words) -> c.DefineBlock:

@@ -11,15 +11,15 @@ from ergon.repl.language.playing import PLAYING
 from ergon.repl.language.verbs import FORMS, forms_of
 
 # Method names for verbs that are not valid Python names.
-CALLED = {"define": "=", "look": "?", "define_block": "def"}
+VERB_OF_METHOD = {"define": "=", "look": "?", "define_block": "def"}
 FUNCTIONS = {
-    **{form.verb: form.verb for form in FORMS if form.verb not in CALLED.values()},
-    **CALLED,
+    **{form.verb: form.verb for form in FORMS if form.verb not in VERB_OF_METHOD.values()},
+    **VERB_OF_METHOD,
 }
 _WHEN = ("now", "at", "in")
 
 
-def line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str:
+def build_line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str:
     """The line of a verb, from values in the order in which they are written, or by name.
 
     A name is the word that comes before a value (`over`, `as_`, `K`), an option of `plays`, or
@@ -32,13 +32,15 @@ def line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str
         # A time is accepted only by verbs that take one.
         when = {name: said[name] for name in _WHEN if name in said and form.timed}
         rest = {name: value for name, value in said.items() if name not in when}
-        words = _words(form, given, rest)
+        words = _words_in_order(form, given, rest)
         if words is not None and len(when) <= 1:
             return " ".join([*words, *_options(when)])
     raise TypeError("write it as " + ", or: ".join(form.written for form in forms_of(verb)))
 
 
-def _words(form: Form, given: Sequence[object], named: Mapping[str, object]) -> list[str] | None:
+def _words_in_order(
+    form: Form, given: Sequence[object], named: Mapping[str, object]
+) -> list[str] | None:
     """The words of a line without its time; None where the values do not fit the form."""
     rest = dict(named)
     bound: dict[int, object] = {}
@@ -61,7 +63,7 @@ def _words(form: Form, given: Sequence[object], named: Mapping[str, object]) -> 
     options = _options(rest) if any(slot.value is PLAYING for slot in form.slots) else []
     if spare > 0 or (rest and not options):
         return None
-    found = [_said(form.slots[number], bound[number]) for number in sorted(bound)]
+    found = [_slot_text(form.slots[number], bound[number]) for number in sorted(bound)]
     if None in found:
         return None
     words = [word for word in found if word is not None] + options
@@ -69,7 +71,7 @@ def _words(form: Form, given: Sequence[object], named: Mapping[str, object]) -> 
     return words
 
 
-def _said(slot: Slot, value: object) -> str | None:
+def _slot_text(slot: Slot, value: object) -> str | None:
     text = _text(value)
     if slot.value is None:  # a word that stands alone
         return text if text == slot.lead else None

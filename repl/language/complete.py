@@ -6,8 +6,8 @@ import re
 from typing import NamedTuple
 
 from ergon.notation.text.errors import TextError
-from ergon.repl.language.grammar import Hints, command
-from ergon.repl.language.lines import MAX_LINE, Line, comment, goes_on, lines
+from ergon.repl.language.grammar import Hints, read_command
+from ergon.repl.language.lines import MAX_LINE, Line, comment_start, is_continued, lines
 from ergon.repl.language.scope import Scope
 
 MAX_SUGGESTIONS = 200  # in a menu; with more, another letter narrows them
@@ -26,14 +26,14 @@ class Suggestion(NamedTuple):
 def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
     """Completions of the word before the cursor. Raises nothing."""
     head = text[:cursor]
-    first = _beginning(head)
+    first = _statement_start(head)
     if len(head) - first > MAX_LINE or _in_comment(head):
         return []
     start = max((m.end() for m in _SEPARATOR.finditer(head, first)), default=first)
     hints = Hints(head[start:])
     try:
         line = next(lines(head[first:start]), Line("", 0))
-        command(line, scope, hints)
+        read_command(line, scope, hints)
     except TextError:
         pass  # offer what was found before the mistake
     typed = hints.typed.lower()
@@ -44,14 +44,14 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
     return list(found.values())[:MAX_SUGGESTIONS]
 
 
-def _beginning(head: str) -> int:
+def _statement_start(head: str) -> int:
     """The beginning of the line at the cursor, together with the lines above that continue into
     it.
     """
     start = head.rfind("\n") + 1
     while start > 0 and len(head) - start <= MAX_LINE:
         above = head.rfind("\n", 0, start - 1) + 1
-        if not goes_on(head[above : start - 1]):
+        if not is_continued(head[above : start - 1]):
             break
         start = above
     return start
@@ -59,4 +59,4 @@ def _beginning(head: str) -> int:
 
 def _in_comment(head: str) -> bool:
     line = head[head.rfind("\n") + 1 :]
-    return comment(line) < len(line)
+    return comment_start(line) < len(line)

@@ -58,7 +58,7 @@ class Form:
 Words = Mapping[str, c.Word]
 
 
-def change(
+def set_parameter(
     target: str,
     change: tuple[float | None, float | None],
     over: Length | None,

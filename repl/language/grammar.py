@@ -15,11 +15,11 @@ from ergon.repl.language import values as v
 from ergon.repl.language import verbs
 from ergon.repl.language.commands import NOW, Command, When, Word
 from ergon.repl.language.forms import Form, Slot
-from ergon.repl.language.lines import Line, split
+from ergon.repl.language.lines import Line, split_words
 from ergon.repl.language.scope import Scope
 
-_LEADS = {"at": v.POSITION, "in": v.LENGTH}  # words before the time at which a line acts
-_WHENS = (
+_TIME_LEADS = {"at": v.POSITION, "in": v.LENGTH}  # words before the time at which a line acts
+_TIME_COMPLETIONS = (
     v.Completion("now", "at the next tick"),
     v.Completion("at", "at a position or a mark"),
     v.Completion("in", "so much later"),
@@ -34,22 +34,22 @@ class Hints:
     found: list[v.Completion] = field(default_factory=list)
 
 
-def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | None:
+def read_command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | None:
     """Read a line. Raises TextError, with places in the submitted text.
 
     With `hints`, the line ends before a word that is being typed: the possible words are added
     to `hints`, and None is returned.
     """
-    words = _separated(split(line))
+    words = _split_joined_words(split_words(line))
     if hints is not None and len(words) < 2:
         _first_hints(words, scope, hints)
     if not words:
         return None
-    verb, arguments = _verb(words, scope)
+    verb, arguments = _find_verb(words, scope)
     after = words[-1].end
     refusals = []
     for form in verbs.forms_of(verb):
-        reading = _Reading(form, line, list(arguments), after, scope, hints)
+        reading = _FormReader(form, line, list(arguments), after, scope, hints)
         try:
             taken = reading.command()
         except TextError as error:
@@ -63,22 +63,22 @@ def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | N
     raise max(refusals, key=lambda error: (error.offset, error.suggestion is not None))
 
 
-def _separated(words: list[Word]) -> list[Word]:
+def _split_joined_words(words: list[Word]) -> list[Word]:
     """Split `knock=0@0` and `?lean`, which are several words written together."""
     if not words:
         return words
     first, rest = words[0], words[1:]
     if first.text[0] == "?" and len(first.text) > 1:
-        return [*_cut(first, 1), *rest]
+        return [*_split_word(first, 1), *rest]
     if "=" in first.text[1:]:
-        name, equals = _cut(first, first.text.index("=", 1))
-        return [name, *(_cut(equals, 1) if len(equals.text) > 1 else (equals,)), *rest]
+        name, equals = _split_word(first, first.text.index("=", 1))
+        return [name, *(_split_word(equals, 1) if len(equals.text) > 1 else (equals,)), *rest]
     if rest and rest[0].text[0] == "=" and len(rest[0].text) > 1:
-        return [first, *_cut(rest[0], 1), *rest[1:]]
+        return [first, *_split_word(rest[0], 1), *rest[1:]]
     return words
 
 
-def _cut(word: Word, at: int) -> tuple[Word, Word]:
+def _split_word(word: Word, at: int) -> tuple[Word, Word]:
     middle = word.start + at
     return Word(word.text[:at], word.start, middle), Word(word.text[at:], middle, word.end)
 
@@ -86,13 +86,13 @@ def _cut(word: Word, at: int) -> tuple[Word, Word]:
 # --- the verb ------------------------------------------------------------------------------------
 
 
-def _verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
+def _find_verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     """The verb, and the other words."""
     first = words[0].text
     second = words[1].text if len(words) > 1 else ""
     if second == "=":
         return "=", [words[0], *words[2:]]
-    if first in scope.blocks and second in ("", "now", *_LEADS):
+    if first in scope.blocks and second in ("", "now", *_TIME_LEADS):
         return "run", words
     about_player = verbs.verbs_matching(second, verbs.SUBJECT_VERBS) if second else ()
     is_player = first in scope.players
@@ -104,10 +104,10 @@ def _verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     some = verbs.verbs_matching(first, verbs.VERBS)
     if len(some) == 1 and not (is_player and first != some[0]):
         return some[0], words[1:]
-    raise _no_verb(words, some, scope)
+    raise _unknown_verb(words, some, scope)
 
 
-def _no_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> TextError:
+def _unknown_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> TextError:
     first, place = words[0].text, words[0].start
     if first in scope.players:
         second = words[1] if len(words) > 1 else None
@@ -138,11 +138,11 @@ def _no_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> TextErro
 
 def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
     if not words:
-        hints.found.extend(v.listed(scope.players))
+        hints.found.extend(v.name_completions(scope.players))
         for verb in verbs.VERBS:
             hints.found.append(v.Completion(verb, verbs.forms_of(verb)[0].effect))
-        hints.found.extend(v.listed(scope.gestures))
-        hints.found.extend(v.listed(scope.blocks))
+        hints.found.extend(v.name_completions(scope.gestures))
+        hints.found.extend(v.name_completions(scope.blocks))
         return
     first = words[0].text
     if first in scope.players:
@@ -158,7 +158,7 @@ def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
 # --- its places ----------------------------------------------------------------------------------
 
 
-class _Reading:
+class _FormReader:
     """Reads the words of a line by the places of one form."""
 
     def __init__(
@@ -173,7 +173,7 @@ class _Reading:
         self.form = form
         self.line = line
         self.words = words
-        self.after = after  # where a missing word would stand
+        self.end_of_line = after  # where a missing word would stand
         self.scope = scope
         self.hints = hints
         self.given: dict[str, Any] = {
@@ -185,22 +185,22 @@ class _Reading:
 
     def command(self) -> Command | None:
         """The command; None where hints are wanted. Raises TextError."""
-        self._when()
+        self._read_time()
         options = [slot for slot in self.form.slots if slot.lead and slot.optional]
         places = [slot for slot in self.form.slots if slot not in options]
         for number, slot in enumerate(places):
-            if not self._place(slot, places[number + 1 :], options):
+            if not self._read_slot(slot, places[number + 1 :], options):
                 return None
-        while (option := self._option(options)) is not None:
+        while (option := self._next_option(options)) is not None:
             options.remove(option)
-            self._value(option)
+            self._read_option(option)
         if self.hints is not None:
-            self._end_hints(options)
+            self._offer_rest(options)
             return None
-        self._nothing_left(options)
+        self._check_end(options)
         return self.form.make(**self.given, when=self.when, words=self.as_written)
 
-    def _when(self) -> None:
+    def _read_time(self) -> None:
         """Take the time `now`, `at C` or `in 2` from the end of the words."""
         if not self.form.timed or not self.words:
             return
@@ -210,16 +210,16 @@ class _Reading:
             self.when = NOW
             self.has_when, self.as_written["when"] = True, last
             del self.words[-1:]
-        elif lead in _LEADS:
-            self.when = self._read(_LEADS[lead], last)
+        elif lead in _TIME_LEADS:
+            self.when = self._read_value(_TIME_LEADS[lead], last)
             self.has_when, self.as_written["when"] = True, last
             del self.words[-2:]
-        elif last.text in _LEADS:
-            self._offer(_LEADS[last.text])
-            what = _LEADS[last.text].what
+        elif last.text in _TIME_LEADS:
+            self._offer(_TIME_LEADS[last.text])
+            what = _TIME_LEADS[last.text].what
             raise TextError(f"'{last.text}' needs {what}", offset=last.start, length=len(last.text))
 
-    def _place(self, slot: Slot, later: list[Slot], options: list[Slot]) -> bool:
+    def _read_slot(self, slot: Slot, later: list[Slot], options: list[Slot]) -> bool:
         """Read a place that has a fixed order; False if that word is still being typed."""
         needed = sum(
             (slot.value is not None) + bool(slot.lead) for slot in later if not slot.optional
@@ -231,7 +231,7 @@ class _Reading:
         if slot.lead:
             if not self.words:
                 self._offer_lead(slot)
-                return self._missing(slot)
+                return self._refuse_missing(slot)
             word = self.words[0]
             if word.text != slot.lead:
                 raise self._unexpected(word, [slot.lead])
@@ -239,14 +239,14 @@ class _Reading:
         if slot.value is None:
             return True
         if slot.many:
-            return self._many(slot, options)
+            return self._read_many(slot, options)
         if not self.words:
             self._offer(slot.value)
-            return slot.optional or self._missing(slot)
-        self._take(slot, self.words.pop(0))
+            return slot.optional or self._refuse_missing(slot)
+        self._store(slot, self.words.pop(0))
         return True
 
-    def _many(self, slot: Slot, options: list[Slot]) -> bool:
+    def _read_many(self, slot: Slot, options: list[Slot]) -> bool:
         """Read all words up to the next lead as one value."""
         leads = [option.lead for option in options]
         stop = next((i for i, w in enumerate(self.words) if w.text in leads), len(self.words))
@@ -254,49 +254,49 @@ class _Reading:
         if self.hints is not None and not self.words and slot.value is not None:
             self._offer(slot.value, tuple(word.text for word in words))
         if not words:
-            return self._missing(slot)
+            return self._refuse_missing(slot)
         start, end = words[0].start, words[-1].end
         text = self.line.text[start - self.line.start : end - self.line.start]
-        self._take(slot, Word(text, start, end))
-        self.has_when |= any(word.text in _LEADS for word in words)
+        self._store(slot, Word(text, start, end))
+        self.has_when |= any(word.text in _TIME_LEADS for word in words)
         return True
 
-    def _option(self, options: list[Slot]) -> Slot | None:
+    def _next_option(self, options: list[Slot]) -> Slot | None:
         """The option whose lead is the next word; that lead is removed."""
         if not self.words:
             return None
         word = self.words[0]
         for option in options:
             if option.lead[-1] == "=" and word.text.startswith(option.lead):
-                self.words[0] = _cut(word, len(option.lead))[1]
+                self.words[0] = _split_word(word, len(option.lead))[1]
                 return option
             if word.text == option.lead:
                 del self.words[0]
                 return option
         return None
 
-    def _value(self, option: Slot) -> None:
+    def _read_option(self, option: Slot) -> None:
         assert option.value is not None
         if not self.words or not self.words[0].text:
             if not self.words:
                 self._offer(option.value)
             what = option.value.what
-            raise TextError(f"'{option.lead}' needs {what}", offset=self.after)
-        self._take(option, self.words.pop(0))
+            raise TextError(f"'{option.lead}' needs {what}", offset=self.end_of_line)
+        self._store(option, self.words.pop(0))
 
-    def _take(self, slot: Slot, word: Word) -> None:
+    def _store(self, slot: Slot, word: Word) -> None:
         assert slot.value is not None
-        self.given[slot.field] = self._read(slot.value, word)
+        self.given[slot.field] = self._read_value(slot.value, word)
         self.as_written[slot.field] = word
 
-    def _read(self, value: v.Value, word: Word) -> Any:
+    def _read_value(self, value: v.Value, word: Word) -> Any:
         try:
             return value.read(word.text, self.scope, self.given)
         except TextError as error:
             error.offset += word.start
             raise
 
-    def _missing(self, slot: Slot) -> bool:
+    def _refuse_missing(self, slot: Slot) -> bool:
         if self.hints is not None:
             return False
         what = f"'{slot.lead}'" if slot.lead else slot.value.what if slot.value else ""
@@ -305,10 +305,10 @@ class _Reading:
             verb = example.split()[0]
             names = [f"{verb} {name}" for name in (*list(self.scope.players)[:4], "all")]
             example = f"{', '.join(names[:-1])} or {names[-1]}"
-        where = self.words[0].start if self.words else self.after
+        where = self.words[0].start if self.words else self.end_of_line
         raise TextError(f"{what} is missing: {example}", offset=where)
 
-    def _nothing_left(self, options: list[Slot]) -> None:
+    def _check_end(self, options: list[Slot]) -> None:
         if not self.words:
             return
         word = self.words[0]
@@ -317,12 +317,12 @@ class _Reading:
         raise self._unexpected(word, [option.lead for option in options])
 
     def _unexpected(self, word: Word, leads: list[str]) -> TextError:
-        whens = ("now", *_LEADS) if self.form.timed else ()
+        whens = ("now", *_TIME_LEADS) if self.form.timed else ()
         message = f"{quote(word.text)} does not belong here"
         near = nearest(word.text, (*(lead for lead in leads if lead[-1] != "="), *whens))
         if near is None:
             message = f"{message}; write {self.form.written}"
-        if not self.form.timed and word.text in _LEADS:
+        if not self.form.timed and word.text in _TIME_LEADS:
             message = f"'{self.form.verb}' acts at once: leave out '{word.text}'"
         return TextError(message, offset=word.start, length=len(word.text), suggestion=near)
 
@@ -331,7 +331,7 @@ class _Reading:
     def _offer(self, value: v.Value, before: tuple[str, ...] = ()) -> None:
         if self.hints is not None and not self.has_when:
             context = v.CompletionContext(self.hints.typed, before, self.scope, self.given)
-            self.hints.found.extend(value.offers(context))
+            self.hints.found.extend(value.completions(context))
 
     def _offer_lead(self, slot: Slot) -> None:
         if self.hints is not None and not self.has_when:
@@ -339,7 +339,7 @@ class _Reading:
                 v.Completion(slot.lead, slot.value.what if slot.value else self.form.effect)
             )
 
-    def _end_hints(self, options: list[Slot]) -> None:
+    def _offer_rest(self, options: list[Slot]) -> None:
         """Offer what may still follow when all required places are filled."""
         if self.hints is None or self.words or self.has_when:
             return
@@ -348,12 +348,12 @@ class _Reading:
             if option.lead[-1] == "=" and self.hints.typed.startswith(option.lead):
                 self._offer_joined(option)
         if self.form.timed:
-            self.hints.found.extend(_WHENS)
+            self.hints.found.extend(_TIME_COMPLETIONS)
 
     def _offer_joined(self, option: Slot) -> None:
         assert self.hints is not None
         assert option.value is not None
         typed = self.hints.typed[len(option.lead) :]
         context = v.CompletionContext(typed, (), self.scope, self.given)
-        offers = option.value.offers(context)
+        offers = option.value.completions(context)
         self.hints.found.extend(v.Completion(option.lead + text, hint) for text, hint in offers)

@@ -52,7 +52,7 @@ def overview() -> tuple[str, ...]:
     return tuple(lines)
 
 
-def about(verb: str) -> tuple[str, ...]:
+def verb_help(verb: str) -> tuple[str, ...]:
     """One verb: how it is written, what it does, and the words that belong to it."""
     lines = []
     for form in forms_of(verb):
@@ -60,10 +60,10 @@ def about(verb: str) -> tuple[str, ...]:
         lines += [f"{form.written}{when}", f"  {form.effect}", f"  {form.example}"]
     if SHORTEST[verb] != verb:
         lines.append(f"  in short: {SHORTEST[verb]}")
-    return (*lines, *(f"  {word:<26}{means}" for word, means in _words(verb)))
+    return (*lines, *(f"  {word:<26}{means}" for word, means in _verb_words(verb)))
 
 
-def _words(verb: str) -> tuple[tuple[str, str], ...]:
+def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
     if verb == "plays":
         options = tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in OPTION_HINTS.items())
         return (*options, *PATTERNS)
@@ -72,12 +72,12 @@ def _words(verb: str) -> tuple[tuple[str, str], ...]:
     return NOTATION if verb == "=" else ()
 
 
-def sheet() -> str:
+def cheat_sheet() -> str:
     """The cheat sheet in Markdown."""
     lines = ["# The prompt on one page", "", "Made from the table of verbs by `make docs`.", ""]
     lines += ["A verb may be cut down to its short form; the short forms stay.", ""]
     for title, some in GROUPS.items():
-        rows = ((form.written, form.effect, form.example, _short(form.verb)) for form in some)
+        rows = ((form.written, form.effect, form.example, _shortest(form.verb)) for form in some)
         lines += _table(title, ("write", "effect", "example", "in short"), rows)
     lines += _table("when a line acts", ("at its end", "effect"), WHEN)
     lines += _table("notation", ("write", "meaning"), NOTATION)
@@ -90,7 +90,7 @@ def sheet() -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _short(verb: str) -> str:
+def _shortest(verb: str) -> str:
     return SHORTEST[verb] if SHORTEST[verb] != verb else ""
 
 
@@ -109,4 +109,4 @@ def _table(title: str, heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) 
 
 if __name__ == "__main__":
     path = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/cheat-sheet.md")
-    path.write_text(sheet(), encoding="utf-8")
+    path.write_text(cheat_sheet(), encoding="utf-8")

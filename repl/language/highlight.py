@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator
 
 from ergon.repl.language import verbs
-from ergon.repl.language.lines import MAX_LINE, comment
-from ergon.repl.language.parse import mistake
+from ergon.repl.language.lines import MAX_LINE, comment_start
+from ergon.repl.language.parse import first_error
 from ergon.repl.language.scope import Scope
 from ergon.repl.language.values import RESERVED
 from ergon.scores.gesture.points import CURVES
@@ -31,7 +31,7 @@ def tokens(text: str, scope: Scope) -> list[Token]:
     if len(text) > MAX_LINE:
         return []
     found = list(_lexical(text, scope))
-    error = mistake(text, scope)
+    error = first_error(text, scope)
     if error is not None and text[error.offset : error.offset + error.length].strip():
         start, end = error.offset, error.offset + error.length
         found = [t for t in found if t[1] <= start or t[0] >= end]
@@ -42,7 +42,7 @@ def tokens(text: str, scope: Scope) -> list[Token]:
 def _lexical(text: str, scope: Scope) -> Iterator[Token]:
     offset = 0
     for line in text.split("\n"):
-        end = comment(line)
+        end = comment_start(line)
         words = list(_WORD.finditer(line, 0, end))
         verb = _verb(words, scope)
         for i, word in enumerate(words):

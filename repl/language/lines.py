@@ -47,11 +47,11 @@ def lines(text: str) -> Iterator[Line]:
         if len(joined) + len(line) > MAX_LINE:
             message = f"this line has {len(joined) + len(line):,} characters"
             raise TextError(f"{message}; {MAX_LINE:,} are the most", offset=offset)
-        _refuse_strange(line, offset)
+        _check_characters(line, offset)
         said = line if _PYTHON.match(line) else _COMMENT.sub("", line)
         start = start if joined else offset
         offset += len(line) + 1
-        if goes_on(line):
+        if is_continued(line):
             joined += said.rstrip()[:-1].ljust(len(line)) + " "
             continue
         whole, joined = Line(joined + said, start), ""
@@ -59,31 +59,31 @@ def lines(text: str) -> Iterator[Line]:
             yield block
             block = None
         elif block is not None:
-            block = _below(block, whole)
+            block = _with_line(block, whole)
         elif _BLOCK.fullmatch(whole.text):
             block = whole
         elif whole.text.strip():
             yield whole
     if joined.strip():
-        block = Line(joined, start) if block is None else _below(block, Line(joined, start))
+        block = Line(joined, start) if block is None else _with_line(block, Line(joined, start))
     if block is not None:
         yield block
 
 
-def _below(block: Line, line: Line) -> Line:
+def _with_line(block: Line, line: Line) -> Line:
     """A block with one more line, at the place where that line was typed."""
     text = block.text.ljust(line.start - block.start - 1) + "\n" + line.text
     return Line(text, block.start)
 
 
-def goes_on(line: str) -> bool:
+def is_continued(line: str) -> bool:
     r"""Whether a line ends in "\\", outside a comment."""
     return line.rstrip().endswith("\\") and not _COMMENT.search(line)
 
 
 def is_whole(text: str) -> bool:
     r"""Whether a submission is complete: its last line does not end in "\\", and its blocks end."""
-    if goes_on(text[text.rfind("\n") + 1 :][-MAX_LINE:]):
+    if is_continued(text[text.rfind("\n") + 1 :][-MAX_LINE:]):
         return False
     is_open = False
     for line in text[:MAX_PASTE].split("\n"):
@@ -94,19 +94,19 @@ def is_whole(text: str) -> bool:
     return not is_open
 
 
-def split(line: Line) -> list[Word]:
+def split_words(line: Line) -> list[Word]:
     """The words of a line; text between double quotes is one word."""
     start = line.start
     return [Word(w.group(), start + w.start(), start + w.end()) for w in _WORD.finditer(line.text)]
 
 
-def comment(line: str) -> int:
+def comment_start(line: str) -> int:
     """Where the comment of a physical line begins; the length of the line if it has none."""
     match = None if _PYTHON.match(line) else _COMMENT.search(line)
     return match.start() if match else len(line)
 
 
-def _refuse_strange(line: str, offset: int) -> None:
+def _check_characters(line: str, offset: int) -> None:
     if line.isprintable():
         return
     strange = [i for i, c in enumerate(line) if not c.isprintable() and c not in "\t\r"]

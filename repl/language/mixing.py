@@ -14,7 +14,7 @@ from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Words
 from ergon.repl.language.scope import Scope
-from ergon.repl.language.structure import checked, pairs
+from ergon.repl.language.structure import check_value, pairs
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.reading.sections import ROOM
 
@@ -42,10 +42,10 @@ def fade(name: str, way: str, over: Length, *, when: c.When, words: Words) -> c.
     return c.Fade(None if name == _MASTER else name, way == "in", over, when=when, words=words)
 
 
-def _sent(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
+def _read_send(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
     room, *rest = text.split()
     if room not in scope.rooms:
-        raise v.unknown(room, "a room; `room hall t60=2s` adds one", scope.rooms)
+        raise v.unknown_name(room, "a room; `room hall t60=2s` adds one", scope.rooms)
     if len(rest) != 1:
         raise TextError(f"a send needs a room and a level: {_SEND}", offset=len(text))
     try:
@@ -56,14 +56,14 @@ def _sent(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
     return room, rest[0]
 
 
-def _sends(context: CompletionContext) -> Iterator[Completion]:
+def _send_completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
-        return v.listed(context.scope.rooms)
+        return v.name_completions(context.scope.rooms)
     return iter((Completion("-12dB", "a level"),) if len(context.before) == 1 else ())
 
 
 def _room_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    return text if text in scope.rooms else v.new_name(text)
+    return text if text in scope.rooms else v.check_new_name(text)
 
 
 def _room_fields(text: str, *_: Any) -> dict[str, str]:
@@ -76,36 +76,40 @@ def _room_fields(text: str, *_: Any) -> dict[str, str]:
             raise TextError(f"{quote(name)} is written twice", offset=offset, length=len(name))
         shape = k.DURATION if name == "t60" else _FIELDS[name].shape
         if isinstance(shape, Text):
-            checked(shape, value, offset + len(name) + 1)
+            check_value(shape, value, offset + len(name) + 1)
         found[name] = value
     return found
 
 
-def _room_offers(_: CompletionContext) -> Iterator[Completion]:
+def _room_completions(_: CompletionContext) -> Iterator[Completion]:
     return (Completion(f"{name}=", field.doc) for name, field in _FIELDS.items())
 
 
-def _faded(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _read_faded(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text != _MASTER and text not in scope.instruments:
-        raise v.unknown(text, "an instrument or master", (*scope.instruments, _MASTER))
+        raise v.unknown_name(text, "an instrument or master", (*scope.instruments, _MASTER))
     return text
 
 
-def _faded_offers(context: CompletionContext) -> Iterator[Completion]:
-    return v.listed({**context.scope.instruments, _MASTER: "everything"})
+def _faded_completions(context: CompletionContext) -> Iterator[Completion]:
+    return v.name_completions({**context.scope.instruments, _MASTER: "everything"})
 
 
-def _way(text: str, *_: Any) -> str:
+def _read_fade_direction(text: str, *_: Any) -> str:
     if not re.fullmatch("in|out", text):
         raise TextError(f"{quote(text)} is neither in nor out", length=len(text))
     return text
 
 
-PAN = v.quantity(k.PAN, "-0.3", (), "a place from -1 to 1")
-SEND = Value(f"a room and a level, such as {_SEND}", _sent, _sends)
-ROOM_NAME = Value("a name of a room", _room_name, lambda context: v.listed(context.scope.rooms))
-ROOM_FIELDS = Value("fields, such as t60=2s size=12m", _room_fields, _room_offers)
-FADED = Value("an instrument or master", _faded, _faded_offers)
-WAY = Value(
-    "in or out", _way, lambda _: (Completion("out", "to silence"), Completion("in", "from silence"))
+PAN = v.quantity_value(k.PAN, "-0.3", (), "a place from -1 to 1")
+SEND = Value(f"a room and a level, such as {_SEND}", _read_send, _send_completions)
+ROOM_NAME = Value(
+    "a name of a room", _room_name, lambda context: v.name_completions(context.scope.rooms)
+)
+ROOM_FIELDS = Value("fields, such as t60=2s size=12m", _room_fields, _room_completions)
+FADED = Value("an instrument or master", _read_faded, _faded_completions)
+FADE_DIRECTION = Value(
+    "in or out",
+    _read_fade_direction,
+    lambda _: (Completion("out", "to silence"), Completion("in", "from silence")),
 )

@@ -14,7 +14,7 @@ from ergon.repl.language.commands import (
     DefinePhrase,
     Takes,
 )
-from ergon.repl.language.grammar import command
+from ergon.repl.language.grammar import read_command
 from ergon.repl.language.lines import Line, lines
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import Scope, with_name
@@ -37,7 +37,7 @@ def parse(text: str, scope: Scope) -> tuple[Command, ...]:
         raise Refusal(message, error.offset, error.length, try_) from None
 
 
-def mistake(text: str, scope: Scope) -> TextError | None:
+def first_error(text: str, scope: Scope) -> TextError | None:
     """The first mistake of a text; None where it is accepted."""
     try:
         for _ in _commands(text, scope):
@@ -49,19 +49,19 @@ def mistake(text: str, scope: Scope) -> TextError | None:
 
 def _commands(text: str, scope: Scope) -> Iterator[Command]:
     for line in lines(text):
-        read = command(line, scope)
+        read = read_command(line, scope)
         if read is None:
             continue
         if isinstance(read, DefineBlock):
             _check_block(read, scope)
-        scope = _after(scope, read)
+        scope = _scope_after(scope, read)
         yield read
 
 
-def block_line(text: str, scope: Scope) -> Command:
+def parse_block_line(text: str, scope: Scope) -> Command:
     """The command of a line that a block may hold. Raises Refusal."""
     try:
-        found = [own for line in lines(text) if (own := _held(line, 0, scope)) is not None]
+        found = [own for line in lines(text) if (own := _block_command(line, 0, scope)) is not None]
         if len(found) != 1:
             raise TextError(f"{quote(text)} is not one line of a session", length=len(text))
         return found[0]
@@ -77,13 +77,13 @@ def _check_block(block: DefineBlock, scope: Scope) -> None:
         raise TextError(message, offset=word.start, length=len(block.name))
     text = block.words["lines"]
     for line in lines(text.text):
-        if (read := _held(line, text.start, scope)) is not None:
-            scope = _after(scope, read)
+        if (read := _block_command(line, text.start, scope)) is not None:
+            scope = _scope_after(scope, read)
 
 
-def _held(line: Line, offset: int, scope: Scope) -> Command | None:
+def _block_command(line: Line, offset: int, scope: Scope) -> Command | None:
     """The command of a line of a block; the block's text begins at `offset`. Raises TextError."""
-    read = command(Line(line.text, offset + line.start), scope)
+    read = read_command(Line(line.text, offset + line.start), scope)
     if read is None or (isinstance(read, BlockCommand) and read.when is None):
         return read
     said = line.text.strip()
@@ -95,7 +95,7 @@ def _held(line: Line, offset: int, scope: Scope) -> Command | None:
     raise TextError(message, offset=place, length=len(said))
 
 
-def _after(scope: Scope, read: Command) -> Scope:
+def _scope_after(scope: Scope, read: Command) -> Scope:
     """The scope of the lines below a command: it also has the names that the command adds."""
     if isinstance(read, Define):
         return with_name(scope, "gestures", read.name)
@@ -116,7 +116,7 @@ def _corrected(text: str, scope: Scope, error: TextError) -> str | None:
         if error.suggestion is None:
             return None
         text = text[: error.offset] + error.suggestion + text[error.offset + error.length :]
-        further = mistake(text, scope)
+        further = first_error(text, scope)
         if further is None:
             return text
         error = further

@@ -22,7 +22,7 @@ from ergon.scores.reading.sections import STRIKES
 _OPTIONS = {"every": "2bar", "times": "4", "until": "C", "transpose": "3st"}
 _IMPULSE = re.compile(r"[-+.0-9]")  # what begins so is none of a note or a module
 _DO = re.compile(r"(?:^|\s)do(?:\s+|$)")
-_MOST = 1_000  # entries of a line
+_ENTRIES_MAX = 1_000  # entries of a line
 
 Entry = Mapping[str, str]  # `at`, `what` and `impulse`, as texts
 
@@ -40,8 +40,10 @@ def _entries(text: str, *_: Any) -> tuple[Entry, ...]:
             raise TextError(message, offset=start)
         found.append(_entry(words))
         start += len(part) + 1
-    if len(found) > _MOST:
-        raise TextError(f"a line has at most {_MOST:,} entries of a phrase", length=len(text))
+    if len(found) > _ENTRIES_MAX:
+        raise TextError(
+            f"a line has at most {_ENTRIES_MAX:,} entries of a phrase", length=len(text)
+        )
     return tuple(found)
 
 
@@ -73,7 +75,7 @@ def _check(field: str, word: str, offset: int) -> None:
 
 
 def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    v.new_name(text)
+    v.check_new_name(text)
     for what in ("gesture", "take", "player", "instrument", "key"):
         if text in getattr(scope, f"{what}s"):
             message = f"{quote(text)} is the name of a {what}: give the phrase another name"
@@ -81,7 +83,7 @@ def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return text
 
 
-def _played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that play a phrase, as texts."""
     first = text.split()[0]
     if first not in scope.phrases:  # what is wrong with modules is told by the form before
@@ -119,11 +121,11 @@ def _played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, str]:
 def _offers(context: CompletionContext) -> Iterator[Completion]:
     last = context.before[-1] if context.before else ""
     if not context.before:
-        yield from v.listed(context.scope.phrases)
+        yield from v.name_completions(context.scope.phrases)
     elif context.before[0] not in context.scope.phrases:
         return
     elif "do" in context.before:
-        yield from v.transforms(context)
+        yield from v.transform_completions(context)
     elif last in _OPTIONS:
         yield Completion(_OPTIONS[last], STRIKES.by_name[last].doc)
     else:
@@ -132,15 +134,17 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
                 yield Completion(name, STRIKES.by_name[name].doc)
 
 
-def _struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _read_struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if not NAME.fullmatch(text.split(".")[0]) or len(text) > 4 * MAX_NAME:
         raise TextError(f"{quote(text)} is not an instrument", length=len(text))
     if text.split(".")[0] not in scope.instruments:
-        raise v.unknown(text, "an instrument", scope.instruments)
+        raise v.unknown_name(text, "an instrument", scope.instruments)
     return text
 
 
-NEW_PHRASE = Value("a name for the phrase", _name, lambda context: v.listed(context.scope.phrases))
+NEW_PHRASE = Value(
+    "a name for the phrase", _name, lambda context: v.name_completions(context.scope.phrases)
+)
 ENTRIES = Value(
     "entries, such as 0 C4 1mNs, 1/2 E4 G4",
     _entries,
@@ -148,13 +152,13 @@ ENTRIES = Value(
 )
 TO = Value(
     "an instrument whose notes are struck",
-    _struck,
-    lambda context: v.listed(context.scope.instruments),
+    _read_struck,
+    lambda context: v.name_completions(context.scope.instruments),
 )
-PLAYED = Value("a phrase, and how it is repeated", _played, _offers)
+PLAYED = Value("a phrase, and how it is repeated", _read_played, _offers)
 
 
-def define(
+def define_phrase(
     name: str,
     entries: tuple[Entry, ...],
     to: str | None,

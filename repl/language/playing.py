@@ -19,7 +19,7 @@ from ergon.scores.reading.part import PLAY, SHAPES
 from ergon.scores.reading.playing_options import playing_options
 
 # Options that a line may not set.
-_ELSEWHERE = {"rate": "'rate' belongs to the score: leave it out here"}
+_SCORE_ONLY = {"rate": "'rate' belongs to the score: leave it out here"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,16 +44,16 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> ParsedPlay:
 
     said = play_words.parse(text, called=called)
     for one in names or [said.what]:
-        _at(one.offset, v.PLAYED, one.text, scope)
+        _with_offset(one.offset, v.PLAYED, one.text, scope)
     options = {}
     for name, word in said.options.items():
-        if name in _ELSEWHERE:
-            raise TextError(_ELSEWHERE[name], offset=word.offset, length=len(word.text))
-        options[name] = _at(word.offset, _value(name), word.text, scope)
+        if name in _SCORE_ONLY:
+            raise TextError(_SCORE_ONLY[name], offset=word.offset, length=len(word.text))
+        options[name] = _with_offset(word.offset, _value(name), word.text, scope)
     return ParsedPlay(" ".join(said.what.text.split()), options, said.do, said)
 
 
-def _at(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
+def _with_offset(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
     try:
         return value.read(text, scope, {})
     except TextError as error:
@@ -70,7 +70,7 @@ def _by_example(option: str) -> v.Value:
 
 
 # Values that a line checks or completes better than the table of a part: marks and completions.
-_HERE = {
+_OPTION_VALUES = {
     "at": v.POSITION,
     "until": v.POSITION,
     "every": v.LENGTH,
@@ -80,38 +80,38 @@ _HERE = {
 
 
 def _value(option: str) -> v.Value:
-    if option in _HERE:
-        return _HERE[option]
+    if option in _OPTION_VALUES:
+        return _OPTION_VALUES[option]
     shape = SHAPES[option]
     assert isinstance(shape, Text), option
-    return v.of(shape)
+    return v.dimension_value(shape)
 
 
 def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
     """Completions: after an option its values, else options and transformations."""
     if not context.before:
-        yield from v.PLAYED.offers(context)
+        yield from v.PLAYED.completions(context)
         return
     last = context.before[-1]
-    if play_words.OPTIONS.get(last) is not None and last not in _ELSEWHERE:
+    if play_words.OPTIONS.get(last) is not None and last not in _SCORE_ONLY:
         shape = SHAPES.get(last)
         choices = shape.choices if isinstance(shape, Text) else ()
         if choices:
             yield from (v.Completion(str(word), f"how '{last}' is") for word in choices)
         else:
-            yield from _value(last).offers(context)
+            yield from _value(last).completions(context)
         return
     if last not in ("do", ",") and not ARITY.get(last):
         for option, hint in OPTION_HINTS.items():
             if option not in context.before:
                 yield v.Completion(option, hint)
     if not any(word in (*play_words.OPTIONS, "do", *ARITY) for word in context.before):
-        yield from v.PLAYED.offers(context)
-    yield from v.transforms(context)
+        yield from v.PLAYED.completions(context)
+    yield from v.transform_completions(context)
 
 
 # The options of `plays`, each with a line of help.
-_UNTYPED = (*_ELSEWHERE, "at", play_words.NTH)
+_UNTYPED = (*_SCORE_ONLY, "at", play_words.NTH)
 OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in _UNTYPED}
 PLAYING = v.Value("a gesture or a take", _read, _offers)
 
@@ -133,7 +133,7 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
         raise TextError(message, offset=said["at"].start, length=len(said["at"].text))
     if at is not None:
         said["when"] = said.pop("at")
-    said["play"] = Word(_as_in_a_part(said, play), words["play"].start, words["play"].end)
+    said["play"] = Word(_part_text(said, play), words["play"].start, words["play"].end)
     return Plays(
         player,
         play.what,
@@ -148,7 +148,7 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
     )
 
 
-def _as_in_a_part(said: Mapping[str, Word], play: ParsedPlay) -> str:
+def _part_text(said: Mapping[str, Word], play: ParsedPlay) -> str:
     """The text as a part has it: what is played and how, without the time."""
     options = [name for name in play.written.options if name != "at"]
     flags = [name for name in options if play_words.OPTIONS.get(name, "") is None]

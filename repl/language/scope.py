@@ -19,7 +19,7 @@ from ergon.scores.reading.piece import Gesture, Piece
 
 SUFFIXES = (".yaml", ".yml")  # of scores
 _FILES_MAX = 10_000  # of a folder that is listed
-_AT_THE_BEGINNING = ("X0", "V0")  # they set how a mass starts: no effect once it moves
+_INITIAL_FIELDS = ("X0", "V0")  # they set how a mass starts: no effect once it moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
     """The names of a piece, and of the scores in a folder."""
     return Scope(
         players={p.name: f"{p.hand} hand on {p.key}" for p in piece.players.values()},
-        gestures={name: _about(gesture) for name, gesture in piece.gestures.items()},
+        gestures={name: _gesture_hint(gesture) for name, gesture in piece.gestures.items()},
         takes={
             name: f"take, {take.path.name}" if take.path else "input of the sound card"
             for name, take in piece.takes.items()
@@ -99,7 +99,7 @@ def _path_of(gesture: Gesture) -> str:
     return gesture.name.rpartition(".")[0] if is_path else ""
 
 
-def _about(gesture: Gesture) -> str:
+def _gesture_hint(gesture: Gesture) -> str:
     count = len(gesture.points)
     return f"gesture, {count} point{'s' if count > 1 else ''}"
 
@@ -126,7 +126,7 @@ def _fields(part: str, module: Module, form: Form) -> Iterator[tuple[str, Text]]
         yield from ((f"{path}.{name}", FACTOR) for name in PARAMETERS["BANK"])
     for field_ in KINDS[module.kind].tables[form].fields:
         shape = k.POSITION if field_.shape is GAP else field_.shape  # one for all of its points
-        if isinstance(shape, Text) and shape in QUANTITIES and field_.name not in _AT_THE_BEGINNING:
+        if isinstance(shape, Text) and shape in QUANTITIES and field_.name not in _INITIAL_FIELDS:
             yield f"{path}.{field_.name}", shape
     for name in module.fields.get("constants", ()):
         yield f"{path}.{name}", k.NUMBER if form == "ca" else k.CONSTANT

@@ -41,7 +41,7 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str
     """The fields of the strikes, as texts."""
     first = text.split()[0]
     if first in scope.phrases and first not in scope.instruments:  # the next form reads it
-        raise v.unknown(first, "an instrument or a key", (*scope.instruments, *scope.keys))
+        raise v.unknown_name(first, "an instrument or a key", (*scope.instruments, *scope.keys))
     modules, options = parse_strikes(text, OPTIONS)
     if not modules:
         message = "the modules are missing: rain strikes bell.m every 1 impulse 2mNs"
@@ -49,7 +49,9 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str
     for module in modules:
         part = module.text.split(".")[0]
         if part not in scope.instruments and part not in scope.keys:
-            error = v.unknown(part, "an instrument or a key", (*scope.instruments, *scope.keys))
+            error = v.unknown_name(
+                part, "an instrument or a key", (*scope.instruments, *scope.keys)
+            )
             error.offset += module.offset
             raise error
     _check(options, scope)
@@ -81,7 +83,7 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
     if context.before and context.before[0] in context.scope.phrases:
         return
     if not any(word in OPTIONS for word in context.before):
-        yield from v.listed(context.scope.instruments)
+        yield from v.name_completions(context.scope.instruments)
     if context.before:
         for name in OPTIONS:
             if name not in context.before:
@@ -119,14 +121,14 @@ def _offers_notes(context: v.CompletionContext) -> Iterator[v.Completion]:
 
 def _struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text.split(".")[0] not in scope.instruments:
-        raise v.unknown(text, "an instrument", scope.instruments)
+        raise v.unknown_name(text, "an instrument", scope.instruments)
     return text
 
 
 PLAYED_ON = v.Value(
     "an instrument or one of its CELs",
     _struck,
-    lambda context: v.listed(context.scope.instruments),
+    lambda context: v.name_completions(context.scope.instruments),
 )
 NOTES = v.Value("notes and the length of a step", _read_notes, _offers_notes)
 STRIKING = v.Value("modules and how they are struck", _read, _offers)

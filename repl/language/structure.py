@@ -15,11 +15,11 @@ from ergon.repl.language import values as v
 from ergon.repl.language.scope import Scope
 from ergon.repl.language.values import Completion, CompletionContext, Value
 
-_TEMPO = (
+_ABLETON_LINK_HINT = (
     "a link joins two modules; Ableton Link is not part of ergon, because its bindings contain "
     "code under the GPL (docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
 )
-_FROM = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")
+_FILE_AND_NAME = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")
 _ENDS = ("to", "between")  # which a link of a line has already
 
 
@@ -33,21 +33,21 @@ def _modules(scope: Scope) -> dict[str, str]:
 
 def _end(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text in ("on", "off"):
-        raise TextError(_TEMPO, length=len(text))
+        raise TextError(_ABLETON_LINK_HINT, length=len(text))
     part = text.partition(".")[0]
     # Only the part is checked here: the score knows members (`string.12`) and modules from files.
     if part not in scope.keys and part not in scope.instruments:
-        raise v.unknown(text, "a key or a module", _modules(scope))
+        raise v.unknown_name(text, "a key or a module", _modules(scope))
     return text
 
 
 def _ends(context: CompletionContext) -> Iterator[Completion]:
-    return v.listed(_modules(context.scope))
+    return v.name_completions(_modules(context.scope))
 
 
 def _kind(text: str, *_: Any) -> str:
     if text not in LINKS:
-        raise v.unknown(text, "a kind of link", LINKS)
+        raise v.unknown_name(text, "a kind of link", LINKS)
     return text
 
 
@@ -76,14 +76,14 @@ def _fields(text: str, scope: Scope, given: Mapping[str, Any]) -> dict[str, str]
         if isinstance(shape, Either):
             shape = shape.scalar  # a line has room for one value
         if isinstance(shape, Text):
-            checked(shape, value, offset + len(name) + 1)
+            check_value(shape, value, offset + len(name) + 1)
         if name in found:
             raise TextError(f"{quote(name)} is written twice", offset=offset, length=len(name))
         found[name] = value
     return found
 
 
-def checked(shape: Text, value: str, offset: int) -> None:
+def check_value(shape: Text, value: str, offset: int) -> None:
     """Check that a value fits a shape. Raises TextError with its place."""
     try:
         shape.parse(value)
@@ -103,9 +103,9 @@ def _field_offers(context: CompletionContext) -> Iterator[Completion]:
 def _base(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, dict[str, str]]:
     words = [(word.group(), word.start()) for word in re.finditer(r"\S+", text)]
     base, _at = words[0]
-    if base not in scope.instruments and not _FROM.fullmatch(base):
+    if base not in scope.instruments and not _FILE_AND_NAME.fullmatch(base):
         known = [*scope.instruments, "bell/bell", "gong/plate"]
-        raise v.unknown(base, "an instrument or a file and a name such as bell/bell", known)
+        raise v.unknown_name(base, "an instrument or a file and a name such as bell/bell", known)
     semitones, fields, i = 0.0, dict[str, str](), 1
     while i < len(words):
         word, offset = words[i]
@@ -130,7 +130,7 @@ def _base(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, di
 
 def _bases(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
-        yield from v.listed(context.scope.instruments)
+        yield from v.name_completions(context.scope.instruments)
         yield Completion("bell/bell", "from a file: file and name")
     elif context.before[-1] == "transpose":
         yield Completion("7st", "semitones, -14cents or x1.5")
@@ -143,15 +143,15 @@ def _new_part(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         if text in known:
             message = f"{quote(text)} is a {what}: give the instrument another name"
             raise TextError(message, length=len(text))
-    return v.new_name(text)
+    return v.check_new_name(text)
 
 
 def _known_or_new(section: str) -> Value:
     def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-        return text if text in getattr(scope, section) else v.new_name(text)
+        return text if text in getattr(scope, section) else v.check_new_name(text)
 
     def offers(context: CompletionContext) -> Iterator[Completion]:
-        return v.listed(getattr(context.scope, section))
+        return v.name_completions(getattr(context.scope, section))
 
     return Value("a name", read, offers)
 
@@ -189,14 +189,14 @@ def _removable(scope: Scope) -> dict[str, str]:
 
 def _removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text not in (known := _removable(scope)):
-        raise v.unknown(text, "a name of this score", known)
+        raise v.unknown_name(text, "a name of this score", known)
     return text
 
 
 PART_NAME = Value("a new name", _new_part, lambda _: ())
 BASE = Value("an instrument, or a file and a name such as bell/bell", _base, _bases)
 LINK_END = Value("a key or a module, such as k1 or bell.m", _end, _ends)
-OTHER_END = v.another(LINK_END, "a")
+OTHER_END = v.other_than(LINK_END, "a")
 LINK_KIND = Value(
     "a kind of link, such as BUT or REF",
     _kind,
@@ -205,12 +205,12 @@ LINK_KIND = Value(
 LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _fields, _field_offers)
 PLAYER_NAME = _known_or_new("players")
 KEY_NAME = _known_or_new("keys")
-INSTRUMENT = v.name("an instrument", "instruments")
+INSTRUMENT = v.name_value("an instrument", "instruments")
 CHANNELS = Value("channels, such as 3 or 3 4", _channels, _channel_offers)
 REMOVABLE = Value(
-    "a name of this score", _removed, lambda context: v.listed(_removable(context.scope))
+    "a name of this score", _removed, lambda context: v.name_completions(_removable(context.scope))
 )
-RENAMED = v.name(
+RENAMED = v.name_value(
     "a gesture, a phrase, a take, a player, a block, a key or an instrument",
     *("gestures", "paths", "phrases", "takes", "players", "blocks", "keys", "instruments"),
 )

@@ -14,13 +14,13 @@ from ergon.notation.clock.positions import Length, parse_length
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError, quote
 
-_MOST = 10_000  # bars of a length, and numbers of a condition
+_NUMBER_MAX = 10_000  # bars of a length, and numbers of a condition
 _CLAUSE = re.compile(
     r"(?P<what>bar|beat)(?:\s*%\s*(?P<modulus>[0-9]{1,5}))?"
     r"\s*(?P<compares>==|!=|<=|>=|<|>)\s*(?P<number>[0-9]{1,5})"
 )
 _AND = re.compile(r"\s+and\s+")
-_COMPARES: dict[str, Callable[[int, int], bool]] = {
+_COMPARISONS: dict[str, Callable[[int, int], bool]] = {
     "==": lambda a, b: a == b,
     "!=": lambda a, b: a != b,
     "<": lambda a, b: a < b,
@@ -40,11 +40,11 @@ class Every:
     length: Length
     text: str = field(compare=False)
 
-    def begins(self, tempo: TempoMap, beat: float) -> bool:
+    def runs_at_start(self, tempo: TempoMap, beat: float) -> bool:
         """Whether the block runs on the beat on which the rule takes effect: it always does."""
         return True
 
-    def next(self, tempo: TempoMap, begin: float, after: float, until: float) -> float | None:
+    def next_beat(self, tempo: TempoMap, begin: float, after: float, until: float) -> float | None:
         """The first beat after `after` and not after `until` on which the block runs."""
         if self.length.bars:
             n_bars = round(self.length.bars)
@@ -67,13 +67,13 @@ class Clause:
 
     what: str
     modulus: int | None
-    compares: str
+    comparison: str
     number: int
 
     def holds(self, bar: int, beat: int) -> bool:
         """Whether it holds on a beat of a bar; both count from 1."""
         value = bar if self.what == "bar" else beat
-        return _COMPARES[self.compares](
+        return _COMPARISONS[self.comparison](
             value % self.modulus if self.modulus else value, self.number
         )
 
@@ -91,11 +91,11 @@ class Condition:
         """Whether all clauses hold on a beat of a bar; both count from 1."""
         return all(clause.holds(bar, beat) for clause in self.clauses)
 
-    def begins(self, tempo: TempoMap, beat: float) -> bool:
+    def runs_at_start(self, tempo: TempoMap, beat: float) -> bool:
         """Whether the block runs on the beat on which the rule takes effect."""
-        return self.next(tempo, beat, beat - 2.0 * SAME, beat) is not None
+        return self.next_beat(tempo, beat, beat - 2.0 * SAME, beat) is not None
 
-    def next(self, tempo: TempoMap, begin: float, after: float, until: float) -> float | None:
+    def next_beat(self, tempo: TempoMap, begin: float, after: float, until: float) -> float | None:
         """The first beat after `after` and not after `until` on which the block runs."""
         bar, _ = tempo.bar_beat(max(0.0, after))
         last, _ = tempo.bar_beat(until)
@@ -117,8 +117,8 @@ def parse_every(text: str) -> Every:
     """Read `4bar` or `2`. Raises TextError."""
     length = parse_length(text)
     bars = length.bars
-    if length.seconds or not 1.0 <= bars + length.beats <= _MOST or bars != round(bars):
-        message = f"a block runs every so many beats or whole bars, from 1 to {_MOST:,}"
+    if length.seconds or not 1.0 <= bars + length.beats <= _NUMBER_MAX or bars != round(bars):
+        message = f"a block runs every so many beats or whole bars, from 1 to {_NUMBER_MAX:,}"
         raise TextError(f"{message}: every 4bar", length=len(text))
     return Every(length, f"every {text.strip()}")
 
@@ -154,9 +154,9 @@ def _clause(text: str, offset: int) -> Clause:
         )
     modulus = None if match["modulus"] is None else int(match["modulus"])
     clause = Clause(match["what"], modulus, match["compares"], int(match["number"]))
-    values = range(1, _MOST + 1) if modulus is None else range(modulus)
-    if not any(_COMPARES[clause.compares](value, clause.number) for value in values):
-        most = f"{clause.what}s count from 1 to {_MOST:,}"
+    values = range(1, _NUMBER_MAX + 1) if modulus is None else range(modulus)
+    if not any(_COMPARISONS[clause.comparison](value, clause.number) for value in values):
+        most = f"{clause.what}s count from 1 to {_NUMBER_MAX:,}"
         if modulus is not None:
             most = f"a remainder of % {modulus} is from 0 to {modulus - 1}" if modulus else "% 0"
         message = f"{quote(text)} is never true: {most}"

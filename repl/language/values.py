@@ -58,13 +58,13 @@ class Value:
 
     what: str
     read: Callable[[str, Scope, Mapping[str, Any]], Any]
-    offers: Callable[[CompletionContext], Iterable[Completion]]
+    completions: Callable[[CompletionContext], Iterable[Completion]]
 
 
 # --- names ---------------------------------------------------------------------------------------
 
 
-def name(what: str, *sections: str) -> Value:
+def name_value(what: str, *sections: str) -> Value:
     """The name of something in one of these sections of the scope."""
 
     def known(scope: Scope) -> dict[str, str]:
@@ -72,18 +72,18 @@ def name(what: str, *sections: str) -> Value:
 
     def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         if text not in (names := known(scope)):
-            raise unknown(text, what, names)
+            raise unknown_name(text, what, names)
         return text
 
-    return Value(what, read, lambda context: listed(known(context.scope)))
+    return Value(what, read, lambda context: name_completions(known(context.scope)))
 
 
-def listed(names: Mapping[str, str]) -> Iterator[Completion]:
+def name_completions(names: Mapping[str, str]) -> Iterator[Completion]:
     """Names with their hints."""
     return (Completion(text, hint) for text, hint in names.items())
 
 
-def unknown(text: str, what: str, names: Iterable[str]) -> TextError:
+def unknown_name(text: str, what: str, names: Iterable[str]) -> TextError:
     """The error for a word that is not a known name, with the most similar name."""
     known = list(names)[:MAX_COMPARED]
     near = nearest(text, known)
@@ -94,7 +94,7 @@ def unknown(text: str, what: str, names: Iterable[str]) -> TextError:
     return TextError(message, length=len(text), suggestion=near)
 
 
-def new_name(text: str) -> str:
+def check_new_name(text: str) -> str:
     """Check that a text may be a new name. Raises TextError."""
     if not NAME.fullmatch(text) or len(text) > MAX_NAME:
         message = f"{quote(text)} is not a name: a letter, then letters, digits, '-' and '_'"
@@ -106,8 +106,8 @@ def new_name(text: str) -> str:
     return text
 
 
-def _free_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    new_name(text)
+def _read_free_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    check_new_name(text)
     taken = {*scope.gestures, *scope.takes, *scope.marks}
     if text in taken:
         numbered = re.fullmatch(r"(.+)-([0-9]{1,4})", text)
@@ -119,15 +119,15 @@ def _free_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return text
 
 
-def _defined(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _read_gesture_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text in scope.gestures:
         return text
     if text in scope.takes:
         raise TextError(f"{quote(text)} is a take: give the gesture another name", length=len(text))
-    return new_name(text)
+    return check_new_name(text)
 
 
-def another(value: Value, field: str) -> Value:
+def other_than(value: Value, field: str) -> Value:
     """A value that must differ from the one in `field`."""
 
     def read(text: str, scope: Scope, given: Mapping[str, Any]) -> Any:
@@ -138,41 +138,47 @@ def another(value: Value, field: str) -> Value:
         return value.read(text, scope, given)
 
     def offers(context: CompletionContext) -> Iterator[Completion]:
-        return (offer for offer in value.offers(context) if offer.text != context.given[field])
+        return (offer for offer in value.completions(context) if offer.text != context.given[field])
 
     return Value(value.what, read, offers)
 
 
-def _no_offers(_: CompletionContext) -> tuple[Completion, ...]:
+def _no_completions(_: CompletionContext) -> tuple[Completion, ...]:
     return ()
 
 
-PLAYER = name("a player", "players")
-_RESTS = name("a player or strikes", "players", "strikes")
+PLAYER = name_value("a player", "players")
+_PLAYER_OR_STRIKES = name_value("a player or strikes", "players", "strikes")
 PLAYER_OR_ALL = Value(
     "a player, strikes or all",
-    lambda text, scope, given: None if text == "all" else _RESTS.read(text, scope, given),
-    lambda context: (*_RESTS.offers(context), Completion("all", "every player")),
+    lambda text, scope, given: (
+        None if text == "all" else _PLAYER_OR_STRIKES.read(text, scope, given)
+    ),
+    lambda context: (*_PLAYER_OR_STRIKES.completions(context), Completion("all", "every player")),
 )
-PLAYED = name("a gesture or a take", "gestures", "takes")
-KEY = name("a key", "keys")
-OTHER_KEY = another(KEY, "a")
-OTHER_PLAYER = another(PLAYER, "player")
-SOUNDING = name("an instrument or a player", "instruments", "players")
-ANYTHING = name(
+PLAYED = name_value("a gesture or a take", "gestures", "takes")
+KEY = name_value("a key", "keys")
+OTHER_KEY = other_than(KEY, "a")
+OTHER_PLAYER = other_than(PLAYER, "player")
+SOUNDING = name_value("an instrument or a player", "instruments", "players")
+ANY_NAME = name_value(
     "a name of this score",
     *("gestures", "paths", "phrases", "takes", "players", "keys", "instruments", "marks"),
     "blocks",
 )
-MOVING = name("a player, a key or an instrument", "players", "keys", "instruments")
-GESTURE_NAME = Value("a name", _defined, lambda context: listed(context.scope.gestures))
-NEW_NAME = Value("a new name", _free_name, _no_offers)
+PLAYER_KEY_OR_INSTRUMENT = name_value(
+    "a player, a key or an instrument", "players", "keys", "instruments"
+)
+GESTURE_NAME = Value(
+    "a name", _read_gesture_name, lambda context: name_completions(context.scope.gestures)
+)
+NEW_NAME = Value("a new name", _read_free_name, _no_completions)
 
 
 # --- quantities ----------------------------------------------------------------------------------
 
 
-def _with_units(
+def _unit_completions(
     example: str, units: Iterable[str], what: str
 ) -> Callable[[CompletionContext], Iterator[Completion]]:
     words = [unit for unit in units if unit.isascii()]
@@ -187,10 +193,10 @@ def _with_units(
     return offers
 
 
-def quantity(shape: Text, example: str, units: Iterable[str], what: str = "") -> Value:
+def quantity_value(shape: Text, example: str, units: Iterable[str], what: str = "") -> Value:
     """A value that is read as a score reads it."""
     what = what or shape.what
-    return Value(what, lambda text, *_: shape.parse(text), _with_units(example, units, what))
+    return Value(what, lambda text, *_: shape.parse(text), _unit_completions(example, units, what))
 
 
 _DIMENSIONS = {
@@ -207,13 +213,13 @@ _DIMENSIONS = {
 }
 
 
-def of(shape: Text) -> Value:
+def dimension_value(shape: Text) -> Value:
     """A quantity with the units of its dimension."""
     dimension = _DIMENSIONS.get(shape, q.NUMBER)
-    return quantity(shape, dimension.example, dimension.units)
+    return quantity_value(shape, dimension.example, dimension.units)
 
 
-def _level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
+def _read_level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
     if text in scope.instruments or text in scope.players:
         message = f"a level is missing: gain {text} -6dB"
         raise TextError(message, offset=len(text))
@@ -223,7 +229,7 @@ def _level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
 _LENGTH_UNITS = ("bar", "beats", "s", "ms")
 
 
-def _length(text: str, *_: Any) -> Length:
+def _read_length(text: str, *_: Any) -> Length:
     length = parse_length(text)
     if not (length.bars or length.beats or length.seconds):
         raise TextError(
@@ -232,7 +238,7 @@ def _length(text: str, *_: Any) -> Length:
     return length
 
 
-def _signed(text: str, *_: Any) -> Length:
+def _read_signed_length(text: str, *_: Any) -> Length:
     sign = text[:1] if text[:1] in ("+", "-") else ""
     try:
         return parse_length(text[len(sign) :]).times(-1.0 if sign == "-" else 1.0)
@@ -244,43 +250,47 @@ def _signed(text: str, *_: Any) -> Length:
 _GRIDS: dict[str, Now | Length] = {"now": NOW, "beat": Length(beats=1.0), "bar": Length(bars=1.0)}
 
 
-def _grid(text: str, *_: Any) -> Now | Length:
+def _read_grid(text: str, *_: Any) -> Now | Length:
     if text in _GRIDS:
         return _GRIDS[text]
     if text[:1].isalpha():
-        raise unknown(text, "a boundary", (*_GRIDS, "2bar"))
-    grid = _length(text)
+        raise unknown_name(text, "a boundary", (*_GRIDS, "2bar"))
+    grid = _read_length(text)
     if grid.seconds:
         message = "a boundary lies on beats or bars, not on seconds: write one such as 2bar"
         raise TextError(message, length=len(text), suggestion="bar")
     return grid
 
 
-def position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -> Position:
+def read_position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -> Position:
     """Read a position whose mark must exist. Raises TextError."""
     at = parse_position(text)
     if at.mark is not None and at.text not in scope.marks and at.mark not in scope.marks:
-        raise unknown(at.mark, "a mark", scope.marks)
+        raise unknown_name(at.mark, "a mark", scope.marks)
     return at
 
 
-def positions(context: CompletionContext) -> Iterator[Completion]:
+def position_completions(context: CompletionContext) -> Iterator[Completion]:
     """Marks, and an example of a bar."""
-    yield from listed(context.scope.marks)
+    yield from name_completions(context.scope.marks)
     yield Completion("9|1", "bar 9, beat 1")
 
 
 LENGTH = Value(
     "a length, such as 2bar, 1/2 (beats) or 250ms",
-    _length,
-    _with_units("2bar", _LENGTH_UNITS, "a length"),
+    _read_length,
+    _unit_completions("2bar", _LENGTH_UNITS, "a length"),
 )
-SHIFT = Value("a time, such as 10ms or -10ms", _signed, _with_units("10ms", _LENGTH_UNITS, "time"))
-POSITION = Value("a position, such as 9|1, a mark or 12.5s", position, positions)
+SHIFT = Value(
+    "a time, such as 10ms or -10ms",
+    _read_signed_length,
+    _unit_completions("10ms", _LENGTH_UNITS, "time"),
+)
+POSITION = Value("a position, such as 9|1, a mark or 12.5s", read_position, position_completions)
 GRID = Value(
     "a boundary: now, beat, bar or a length such as 2bar",
-    _grid,
-    lambda context: listed(dict.fromkeys((*_GRIDS, "2bar"), "a boundary")),
+    _read_grid,
+    lambda context: name_completions(dict.fromkeys((*_GRIDS, "2bar"), "a boundary")),
 )
 _BPM_OFFERS = {0: (Completion("72", "bpm"),), 1: (Completion("->", "to another tempo"),)}
 BPM = Value(
@@ -288,13 +298,15 @@ BPM = Value(
     lambda text, *_: k.BPM.parse(text),
     lambda context: _BPM_OFFERS.get(len(context.before), ()),
 )
-STIFFNESS = of(k.STIFFNESS)
-DAMPING = of(k.DAMPING)
-DURATION = quantity(k.DURATION, "3s", q.DURATION.units)
-LEVEL = Value("a level, such as -6dB or x0.5", _level, _with_units("-6dB", ("dB",), "a level"))
-TIMES = quantity(k.TIMES, "8", ())
-COUNT = quantity(k.integer(1, 10_000, "3"), "3", (), "how many, such as 3")
-SEED = quantity(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
+STIFFNESS = dimension_value(k.STIFFNESS)
+DAMPING = dimension_value(k.DAMPING)
+DURATION = quantity_value(k.DURATION, "3s", q.DURATION.units)
+LEVEL = Value(
+    "a level, such as -6dB or x0.5", _read_level, _unit_completions("-6dB", ("dB",), "a level")
+)
+TIMES = quantity_value(k.TIMES, "8", ())
+COUNT = quantity_value(k.integer(1, 10_000, "3"), "3", (), "how many, such as 3")
+SEED = quantity_value(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
 
 
 # --- parameters --------------------------------------------------------------------------------
@@ -311,25 +323,29 @@ def _near_targets(text: str, scope: Scope) -> list[str]:
     return list(scope.targets)
 
 
-def _target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _read_target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text not in scope.targets:
-        raise unknown(text, "a parameter", _near_targets(text, scope))
+        raise unknown_name(text, "a parameter", _near_targets(text, scope))
     return text
 
 
-def _change(text: str, scope: Scope, given: Mapping[str, Any]) -> tuple[float | None, float | None]:
+def _read_change(
+    text: str, scope: Scope, given: Mapping[str, Any]
+) -> tuple[float | None, float | None]:
     if text.startswith("x"):
         return None, q.factor(text)
     return scope.targets[given["target"]].parse(text), None
 
 
-def _changes(context: CompletionContext) -> Iterator[Completion]:
+def _change_completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.typed.startswith("x"):
-        yield from of(context.scope.targets[context.given["target"]]).offers(context)
+        yield from dimension_value(context.scope.targets[context.given["target"]]).completions(
+            context
+        )
     yield Completion("x1.5", "so many times what it is")
 
 
-def _targets(context: CompletionContext) -> Iterator[Completion]:
+def _target_completions(context: CompletionContext) -> Iterator[Completion]:
     """The completions up to the next dot: a part, then its modules, then their parameters."""
     typed = context.typed
     for target, shape in context.scope.targets.items():
@@ -341,19 +357,19 @@ def _targets(context: CompletionContext) -> Iterator[Completion]:
                 yield Completion(target[: dot + 1], "its parameters")
 
 
-TARGET = Value("a parameter, such as bell.m.K", _target, _targets)
-LOOKED_AT = Value(
+TARGET = Value("a parameter, such as bell.m.K", _read_target, _target_completions)
+NAME_OR_PARAMETER = Value(
     "a name of this score",
-    lambda text, scope, given: text if text in scope.targets else ANYTHING.read(text, scope, given),
-    lambda context: (*ANYTHING.offers(context), *_targets(context)),
+    lambda text, scope, given: text if text in scope.targets else ANY_NAME.read(text, scope, given),
+    lambda context: (*ANY_NAME.completions(context), *_target_completions(context)),
 )
-CHANGE = Value("a value with its unit, or a factor such as x1.5", _change, _changes)
+CHANGE = Value("a value with its unit, or a factor such as x1.5", _read_change, _change_completions)
 
 
 # --- MIDI ----------------------------------------------------------------------------------------
 
 
-def _ends(text: str, example: str) -> tuple[str, str]:
+def _range_ends(text: str, example: str) -> tuple[str, str]:
     """Both ends of a range; a single value is both."""
     low, dots, high = text.partition("..")
     if dots and not (low and high):
@@ -361,86 +377,88 @@ def _ends(text: str, example: str) -> tuple[str, str]:
     return low, high or low
 
 
-def _range(text: str, scope: Scope, given: Mapping[str, Any]) -> tuple[float, float, str]:
+def _read_range(text: str, scope: Scope, given: Mapping[str, Any]) -> tuple[float, float, str]:
     shape = scope.targets[given["target"]]
     dimension = _DIMENSIONS.get(shape, q.NUMBER)
-    low, high = (float(shape.parse(end)) for end in _ends(text, f"{dimension.example}..…"))
+    low, high = (float(shape.parse(end)) for end in _range_ends(text, f"{dimension.example}..…"))
     # A constant of a law is in SI units, whatever its dimension.
     return low, high, "" if shape is k.CONSTANT else dimension.si
 
 
-def _ranges(context: CompletionContext) -> Iterator[Completion]:
-    yield from of(context.scope.targets[context.given["target"]]).offers(context)
+def _range_completions(context: CompletionContext) -> Iterator[Completion]:
+    yield from dimension_value(context.scope.targets[context.given["target"]]).completions(context)
 
 
-def _levels(text: str, *_: Any) -> tuple[float, float]:
-    low, high = (k.LEVEL.parse(end) for end in _ends(text, "-40dB..0dB"))
+def _read_levels(text: str, *_: Any) -> tuple[float, float]:
+    low, high = (k.LEVEL.parse(end) for end in _range_ends(text, "-40dB..0dB"))
     return low, high
 
 
-def _notes(text: str, *_: Any) -> tuple[int, int]:
-    low, high = (note_number(end) for end in _ends(text, "C3..C5"))
+def _read_notes(text: str, *_: Any) -> tuple[int, int]:
+    low, high = (note_number(end) for end in _range_ends(text, "C3..C5"))
     if low > high:
         raise TextError(f"the range {quote(text)} goes down: write the lower note first")
     return low, high
 
 
-def _impulses(text: str, *_: Any) -> tuple[float, float]:
-    low, high = (q.quantity(end, q.IMPULSE) for end in _ends(text, "1mNs..20mNs"))
+def _read_impulses(text: str, *_: Any) -> tuple[float, float]:
+    low, high = (q.quantity(end, q.IMPULSE) for end in _range_ends(text, "1mNs..20mNs"))
     return low, high
 
 
-def _struck(text: str, *_: Any) -> str:
+def _read_struck(text: str, *_: Any) -> str:
     if not re.fullmatch(r"[\w.-]{1,200}", text):
         raise TextError(f"{quote(text)} is not a module, such as bell.m", length=len(text))
     return text
 
 
-def _struck_modules(context: CompletionContext) -> Iterator[Completion]:
+def _module_completions(context: CompletionContext) -> Iterator[Completion]:
     names = dict.fromkeys(target.rpartition(".")[0] for target in context.scope.targets)
     return (Completion(name, "a module") for name in names if name not in context.scope.keys)
 
 
-CONTROLLER = quantity(k.integer(0, 127, "21"), "21", (), "a controller, 0 to 127")
-RANGE = Value("two values with their units, such as 1kN/m..9kN/m", _range, _ranges)
+CONTROLLER = quantity_value(k.integer(0, 127, "21"), "21", (), "a controller, 0 to 127")
+RANGE = Value("two values with their units, such as 1kN/m..9kN/m", _read_range, _range_completions)
 LEVELS = Value(
-    "two levels, such as -40dB..0dB", _levels, _with_units("-40dB..0dB", ("dB",), "levels")
+    "two levels, such as -40dB..0dB",
+    _read_levels,
+    _unit_completions("-40dB..0dB", ("dB",), "levels"),
 )
 NOTES = Value(
     "a note or a range, such as 60, C4 or C3..C5",
-    _notes,
+    _read_notes,
     lambda _: (Completion("C3..C5", "notes"),),
 )
-STRUCK = Value("a module, such as bell.m", _struck, _struck_modules)
+STRUCK = Value("a module, such as bell.m", _read_struck, _module_completions)
 IMPULSES = Value(
     "the impulses of the softest and the loudest note, such as 1mNs..20mNs",
-    _impulses,
-    _with_units("1mNs..20mNs", ("Ns", "mNs", "uNs"), "an impulse"),
+    _read_impulses,
+    _unit_completions("1mNs..20mNs", ("Ns", "mNs", "uNs"), "an impulse"),
 )
 
 
 # --- what is played ------------------------------------------------------------------------------
 
 
-def _points(context: CompletionContext) -> Iterator[Completion]:
+def _point_completions(context: CompletionContext) -> Iterator[Completion]:
     if context.before and "@" not in context.before[0]:
         return  # no notation begins so
     match = _NUMBER.fullmatch(context.typed.partition("@")[0])
     if context.typed and match is None:
-        yield from _curves(context)
+        yield from _curve_completions(context)
     elif match is not None and "@" not in context.typed:
         yield from (Completion(f"{match.group()}{unit}@", "a position at …") for unit in _METRES)
     elif not context.typed:
         yield Completion("6mm@+1/8" if context.before else "0mm@0", "a point: position @ time")
-        yield from _curves(context)
+        yield from _curve_completions(context)
 
 
-def _curves(context: CompletionContext) -> Iterator[Completion]:
+def _curve_completions(context: CompletionContext) -> Iterator[Completion]:
     if context.before and context.before[-1] not in CURVES:
         yield from (Completion(word, "the way into the next points") for word in CURVES)
 
 
-def transforms(context: CompletionContext) -> Iterator[Completion]:
+def transform_completions(context: CompletionContext) -> Iterator[Completion]:
     """The names of transformations, or after one of them an example of its first value."""
     last = context.before[-1] if context.before else ""
     if ARITY.get(last):
@@ -449,7 +467,7 @@ def transforms(context: CompletionContext) -> Iterator[Completion]:
         yield from (Completion(word, f"for instance {EXAMPLES[word]}") for word in ARITY)
 
 
-def _notation(text: str) -> notation.Notation:
+def _read_notation(text: str) -> notation.Notation:
     """Read a gesture; for a path in space, its first axis."""
     if space_path.axes(text) > 1:
         return space_path.parse(text, most=MAX_POINTS)[0]
@@ -459,31 +477,33 @@ def _notation(text: str) -> notation.Notation:
 _METRES = [unit for unit in METRE if unit and unit.isascii()]
 NOTATION = Value(
     "a gesture, such as 0@0 6@1/8 0@1/4",
-    lambda text, *_: _notation(text),
-    _points,
+    lambda text, *_: _read_notation(text),
+    _point_completions,
 )
 DO = Value(
-    "transformations, such as scale 0.5, mirror", lambda text, *_: parse_chain(text), transforms
+    "transformations, such as scale 0.5, mirror",
+    lambda text, *_: parse_chain(text),
+    transform_completions,
 )
 
 
 # --- the rest ------------------------------------------------------------------------------------
 
 
-def _file(text: str, *_: Any) -> str:
+def _read_file_name(text: str, *_: Any) -> str:
     word = text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
     if '"' in word:
         raise TextError("the quotation mark is not closed", offset=text.index('"'))
     return str(k.PATH.parse(word))
 
 
-def _files(context: CompletionContext, suffix: bool = True) -> Iterator[Completion]:
+def _file_completions(context: CompletionContext, suffix: bool = True) -> Iterator[Completion]:
     """The scores in the session's folder."""
     for path in scores_in(context.scope.folder):
         yield Completion(path.name if suffix else path.stem, "a score")
 
 
-def _scenes(text: str, *_: Any) -> tuple[str, str | None]:
+def _read_scenes(text: str, *_: Any) -> tuple[str, str | None]:
     names = [(word.strip(), text.index(word)) for word in text.split("->")]
     if len(names) > 2:
         raise TextError("a scene goes to one other: scene A -> B over 4bar", length=len(text))
@@ -496,13 +516,13 @@ def _scenes(text: str, *_: Any) -> tuple[str, str | None]:
     return names[0][0], names[1][0] if len(names) > 1 else None
 
 
-def _scene_offers(context: CompletionContext) -> Iterator[Completion]:
+def _scene_completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.before or context.before[-1] == "->":
-        yield from _files(context, suffix=False)
+        yield from _file_completions(context, suffix=False)
     elif len(context.before) == 1:
         yield Completion("->", "to another scene")
 
 
-FILE = Value("the name of a file", _file, _files)
-SCENES = Value("the name of a scene, such as verse-2", _scenes, _scene_offers)
-EXPRESSION = Value("a Python expression", lambda text, *_: text, _no_offers)
+FILE = Value("the name of a file", _read_file_name, _file_completions)
+SCENES = Value("the name of a scene, such as verse-2", _read_scenes, _scene_completions)
+EXPRESSION = Value("a Python expression", lambda text, *_: text, _no_completions)

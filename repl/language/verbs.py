@@ -29,7 +29,7 @@ _OVER = Slot("over", "LENGTH", v.LENGTH, "over", optional=True)
 _OFF = Slot("", "", None, "off")
 _SOUNDING = Slot("name", "NAME", v.SOUNDING)
 _SOUNDING_OR_ALL = Slot("name", "NAME", v.SOUNDING, optional=True)
-_SHOWN_OR_ALL = Slot("name", "NAME", v.LOOKED_AT, optional=True)
+_SHOWN_OR_ALL = Slot("name", "NAME", v.NAME_OR_PARAMETER, optional=True)
 _PLAY = "NAME … [from TIME] [every LENGTH] [times N] [until WHERE] [chance P] [do …] [touch …]"
 
 
@@ -66,7 +66,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("fields", "PHRASE [every LENGTH] [times N] [transpose Nst] [do …]",
                    phrases.PLAYED, many=True), subject=True),
         _form("phrase", "ph", "defines or redefines a phrase: when, what, how strongly",
-              "phrase tune 0 C4, 1/2 E4 to bell", phrases.define,
+              "phrase tune 0 C4, 1/2 E4 to bell", phrases.define_phrase,
               Slot("name", "NAME", phrases.NEW_PHRASE),
               Slot("entries", "TIME NOTE … [IMPULSE], …", phrases.ENTRIES, many=True),
               Slot("to", "INSTRUMENT", phrases.TO, "to", optional=True),
@@ -128,20 +128,20 @@ GROUPS: dict[str, tuple[Form, ...]] = {
     ),
     "matter": (
         _form("set", "set", "a parameter follows a pattern of values, or a curve",
-              "set bell.m.f A3 C4 E4 every 1", automating.follow,
-              Slot("target", "PATH", automating.LED),
-              Slot("fields", "VALUE … every LENGTH …", automating.VALUES, many=True)),
+              "set bell.m.f A3 C4 E4 every 1", automating.automate,
+              Slot("target", "PATH", automating.AUTOMATED_TARGET),
+              Slot("fields", "VALUE … every LENGTH …", automating.AUTOMATION_VALUES, many=True)),
         _form("set", "set", "a physical parameter glides to a value, or by a factor",
-              "set bell.m.K x1.5 over 2bar", forms.change,
+              "set bell.m.K x1.5 over 2bar", forms.set_parameter,
               Slot("target", "PATH", v.TARGET), Slot("change", "VALUE|xFACTOR", v.CHANGE), _OVER),
         _form("lfo", "lf", "a parameter swings between two values",
-              "lfo bell.m.K 0.8..1.2 period 4bar", automating.swing,
-              Slot("target", "PATH", automating.LED),
-              Slot("fields", "LOW..HIGH period LENGTH [shape SHAPE] …", automating.SWING,
+              "lfo bell.m.K 0.8..1.2 period 4bar", automating.automate_lfo,
+              Slot("target", "PATH", automating.AUTOMATED_TARGET),
+              Slot("fields", "LOW..HIGH period LENGTH [shape SHAPE] …", automating.LFO,
                    many=True)),
         _form("lfo", "lf", "a parameter has its own value again",
-              "lfo bell.m.K off", automating.stop_lfo, Slot("target", "PATH", automating.LED),
-              _OFF),
+              "lfo bell.m.K off", automating.stop_lfo,
+              Slot("target", "PATH", automating.AUTOMATED_TARGET), _OFF),
         _form("couple", "c", "joins two keys by a spring and a damper",
               "couple k1 k2 K=40N/m", forms.couple, *_KEYS, *_LINK),
         _form("=", "=", "adds an instrument like another, or from a file",
@@ -179,7 +179,8 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("fields", "FIELD=VALUE …", mixing.ROOM_FIELDS, many=True)),
         _form("fade", "fa", "fades an instrument or everything in or out",
               "fade bell out over 8bar", mixing.fade,
-              Slot("name", "INSTRUMENT|master", mixing.FADED), Slot("way", "in|out", mixing.WAY),
+              Slot("name", "INSTRUMENT|master", mixing.FADED),
+              Slot("way", "in|out", mixing.FADE_DIRECTION),
               Slot("over", "LENGTH", v.LENGTH, "over")),
         _form("remove", "rem", "removes what has a name, and what belongs to it alone",
               "remove bell", c.Remove, Slot("name", "NAME", s.REMOVABLE)),
@@ -271,10 +272,10 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("show", "sh", "lists who plays what, or shows where a name is defined",
               "show ada", c.Show, _SHOWN_OR_ALL, timed=False),
         _form("scope", "sc", "draws where a player's key was in the last two seconds",
-              "scope ada", c.Trace, Slot("name", "NAME", v.MOVING), timed=False),
+              "scope ada", c.Trace, Slot("name", "NAME", v.PLAYER_KEY_OR_INSTRUMENT), timed=False),
         _form("scope", "sc", "keeps that drawing above the status line",
-              "scope remi on", c.TraceOn, Slot("name", "NAME", v.MOVING), Slot("", "", None, "on"),
-              timed=False),
+              "scope remi on", c.TraceOn, Slot("name", "NAME", v.PLAYER_KEY_OR_INSTRUMENT),
+              Slot("", "", None, "on"), timed=False),
         _form("scope", "sc", "ends it", "scope off", c.TraceOn, _OFF, timed=False),
         _form("help", "he", "lists the verbs, or explains one",
               "help plays", c.Help, Slot("verb", "VERB", VERB, optional=True), timed=False),
@@ -317,7 +318,7 @@ def find_verb(word: str) -> str:
     if len(some) > 1:
         raise ambiguous(word, some)
     if not some:
-        raise v.unknown(word, "a verb", every)
+        raise v.unknown_name(word, "a verb", every)
     return some[0]
 
 

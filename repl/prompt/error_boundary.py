@@ -24,9 +24,9 @@ class ErrorBoundary:
         try:
             return self._session.submit(text, releases=releases)
         except BaseException as error:
-            if not _is_mistake(error):
+            if not _is_code_fault(error):
                 raise
-            return Reply(False, _told(error))
+            return Reply(False, _error_sentence(error))
 
     def state(self) -> State:
         """The state, or if that fails the last known one."""
@@ -72,21 +72,21 @@ class ErrorBoundary:
         """Whether Enter ends the text."""
         return self._try(lambda: self._session.is_whole(text), True)
 
-    def mistake(self, error: BaseException) -> None:
+    def add_error(self, error: BaseException) -> None:
         """Add an error to the messages."""
-        self._mistakes.append(_told(error))
+        self._mistakes.append(_error_sentence(error))
 
     def _try(self, call: Callable[[], Answer], otherwise: Answer) -> Answer:
         try:
             return call()
         except BaseException as error:
-            if not _is_mistake(error):
+            if not _is_code_fault(error):
                 raise
-            self.mistake(error)
+            self.add_error(error)
             return otherwise
 
 
-def _is_mistake(error: BaseException) -> bool:
+def _is_code_fault(error: BaseException) -> bool:
     """Whether an error is a fault in the code; what a signal raises (Ctrl-C, SIGTERM) is not
     caught.
     """
@@ -94,5 +94,5 @@ def _is_mistake(error: BaseException) -> bool:
     return panic or isinstance(error, (Exception, SystemExit))
 
 
-def _told(error: BaseException) -> str:
+def _error_sentence(error: BaseException) -> str:
     return f"internal error: {type(error).__name__}: {error}".replace("\n", " ")

@@ -89,9 +89,11 @@ def _marked(found: re.Match[str]) -> str:
     return found[0] if found["key"] else f"{_BEGIN}{found[0]}{_END}"
 
 
-def keyboard(comes: Callable[[str], None]) -> Input:
-    """The input of the terminal; `comes` is called with the characters before they become keys."""
-    return create_input() if sys.platform == "win32" else _Keys(sys.stdin, comes)
+def keyboard(on_characters: Callable[[str], None]) -> Input:
+    """The input of the terminal; `on_characters` is called with the characters before they
+    become keys.
+    """
+    return create_input() if sys.platform == "win32" else _Keys(sys.stdin, on_characters)
 
 
 if sys.platform != "win32":

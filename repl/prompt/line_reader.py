@@ -15,7 +15,7 @@ from typing import TextIO
 
 from ergon.repl.line_queue import LineQueue
 
-from .output import F12, typed
+from .output import F12, valid_unicode
 
 _CHUNK = 1 << 16  # bytes
 
@@ -44,19 +44,19 @@ class LineReader:
         """Begin to read."""
         self._thread.start()
 
-    def taken(self) -> None:
+    def note_line_taken(self) -> None:
         """Note that a line was taken from the queue."""
         if self._room is not None:
             self._room.release()
 
-    def forget(self) -> None:
+    def drop_typed(self) -> None:
         """Drop a line that is typed and not yet entered."""
         self._part = ""
 
     def stop(self) -> None:
         """Stop reading."""
         self._over = True
-        self.taken()
+        self.note_line_taken()
         if self._woken >= 0:
             os.write(self._woken, b"x")
             self._thread.join()
@@ -65,9 +65,9 @@ class LineReader:
 
     def _read(self) -> None:
         try:
-            while data := self._bytes():
-                self._came(self._decoder.decode(data))
-            self._came(self._decoder.decode(b"", final=True))
+            while data := self._read_bytes():
+                self._add_text(self._decoder.decode(data))
+            self._add_text(self._decoder.decode(b"", final=True))
         except OSError:  # a closed terminal is the end of input
             pass
         if self._part:
@@ -75,7 +75,7 @@ class LineReader:
         if self._has_room():
             self._queue.end()
 
-    def _bytes(self) -> bytes:
+    def _read_bytes(self) -> bytes:
         """The next bytes, for which it waits; empty at the end."""
         if self._wake >= 0:
             ready, _, _ = select.select([self._fd, self._wake], [], [])
@@ -83,15 +83,15 @@ class LineReader:
                 return b""
         return os.read(self._fd, _CHUNK)
 
-    def _came(self, text: str) -> None:
+    def _add_text(self, text: str) -> None:
         *lines, part = (self._part + text).split("\n")
-        self._part = part if self._room else self._heard(part)
+        self._part = part if self._room else self._act_on_panic_key(part)
         for line in lines:
             self._enter(line)
 
     def _enter(self, line: str) -> None:
         if self._has_room():
-            self._queue.enter(typed(self._heard(line)), None)
+            self._queue.enter(valid_unicode(self._act_on_panic_key(line)), None)
 
     def _has_room(self) -> bool:
         """Wait until another line may be entered; False after `stop`."""
@@ -99,7 +99,7 @@ class LineReader:
             self._room.acquire()
         return not self._over
 
-    def _heard(self, text: str) -> str:
+    def _act_on_panic_key(self, text: str) -> str:
         """Remove F12 from a text, and act on it as a panic."""
         if F12 not in text:
             return text

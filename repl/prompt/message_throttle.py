@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 PER_SECOND = 10
 SECOND = 1.0
-HELD = 100  # different messages that wait: ten seconds of them
+HELD_MAX = 100  # different messages that wait: ten seconds of them
 
 
 class MessageThrottle:
@@ -19,15 +19,15 @@ class MessageThrottle:
         self._left_out = 0
         self._shown: deque[tuple[float, str]] = deque()  # within the last second
 
-    def take(self, messages: Iterable[str]) -> None:
+    def add(self, messages: Iterable[str]) -> None:
         """Keep messages until they may be shown."""
         for message in messages:
-            if message in self._waiting or len(self._waiting) < HELD:
+            if message in self._waiting or len(self._waiting) < HELD_MAX:
                 self._waiting[message] = self._waiting.get(message, 0) + 1
             else:
                 self._left_out += 1
 
-    def due(self, now: float) -> list[str]:
+    def pop_due(self, now: float) -> list[str]:
         """The lines to show now [s]: at most ten in any second, and no message twice."""
         while self._shown and now - self._shown[0][0] >= SECOND:
             self._shown.popleft()
@@ -36,7 +36,7 @@ class MessageThrottle:
         for message in [message for message in self._waiting if message not in fresh]:
             if len(self._shown) >= PER_SECOND:
                 return lines
-            lines.append(_folded(message, self._waiting.pop(message)))
+            lines.append(_with_count(message, self._waiting.pop(message)))
             self._shown.append((now, message))
         if self._left_out and not self._waiting and len(self._shown) < PER_SECOND:
             lines.append(f"… {self._left_out} more")
@@ -44,9 +44,9 @@ class MessageThrottle:
             self._left_out = 0
         return lines
 
-    def rest(self) -> list[str]:
+    def pop_all(self) -> list[str]:
         """All messages that were not shown yet."""
-        lines = [_folded(message, count) for message, count in self._waiting.items()]
+        lines = [_with_count(message, count) for message, count in self._waiting.items()]
         if self._left_out:
             lines.append(f"… {self._left_out} more")
         self._waiting.clear()
@@ -54,5 +54,5 @@ class MessageThrottle:
         return lines
 
 
-def _folded(message: str, count: int) -> str:
+def _with_count(message: str, count: int) -> str:
     return message if count == 1 else f"{message} … {count - 1} more"

@@ -14,7 +14,7 @@ _ECHO_MAX = 2_000  # characters; what fills a screen is not read again
 _SURROGATE = re.compile("[\ud800-\udfff]")  # Python reads bytes that are not UTF-8 as these
 
 
-def typed(text: str) -> str:
+def valid_unicode(text: str) -> str:
     """Typed or piped text as valid Unicode: characters that UTF-8 cannot hold become U+FFFD."""
     return _SURROGATE.sub("\ufffd", text)
 
@@ -33,7 +33,7 @@ def continuation(width: int) -> str:
     return ". ".rjust(width)
 
 
-def lines_of(reply: Reply, *, plain: bool) -> list[str]:
+def reply_lines(reply: Reply, *, plain: bool) -> list[str]:
     """The lines of a reply; plain ones are not indented and name no key."""
     shown = [reply.text if reply.taken else f"not taken: {reply.text}"] if reply.text else []
     if reply.try_ is not None:

@@ -19,24 +19,32 @@ from ergon.repl.session_protocol import Reply
 from .error_boundary import ErrorBoundary
 from .line_reader import LineReader
 from .message_throttle import MessageThrottle
-from .output import echo, lines_of
-from .signals import Ended, Watch, at_work, handled, left_to_me
+from .output import echo, reply_lines
+from .signals import (
+    SignalWatch,
+    Terminated,
+    interrupt_ends_forces,
+    signals_blocked_in_threads,
+    with_handler,
+)
 
-_LISTENED = 0.1  # s between two looks at what happened
+_CHECK_PERIOD = 0.1  # s between two looks at what happened
 
 
-class Plain:
+class PlainPrompt:
     """A prompt that reads and prints lines."""
 
-    def __init__(self, session: ErrorBoundary, source: TextIO, sink: TextIO, watch: Watch) -> None:
+    def __init__(
+        self, session: ErrorBoundary, source: TextIO, sink: TextIO, watch: SignalWatch
+    ) -> None:
         """Prepare a session's prompt; lines from a file or a pipe are echoed, so that a log has
         them.
         """
         self._session = session
         self._source, self._sink, self._watch = source, sink, watch
-        self._by_hand = source.isatty()
+        self._is_terminal = source.isatty()
         self._throttle = MessageThrottle()
-        self._over = threading.Event()
+        self._ended = threading.Event()
         self._writing = threading.Lock()
         self._prompt = ""  # that waits in the last line
         self._reading = False
@@ -48,45 +56,45 @@ class Plain:
     def run(self) -> int:
         """Serve until the input ends or a line leaves; the number of refused lines."""
         refusals = 0
-        listener = threading.Thread(target=self._listen, name="ergon-messages", daemon=True)
-        with left_to_me():
+        listener = threading.Thread(target=self._print_messages, name="ergon-messages", daemon=True)
+        with signals_blocked_in_threads():
             listener.start()
             self._reader.start()
         try:
             with self._terminal():
-                while (queued := self._whole_line()) is not None:
+                while (queued := self._next_whole_line()) is not None:
                     if not queued.text.strip():
                         continue
-                    reply = self._done(queued)
+                    reply = self._do_line(queued)
                     refusals += not reply.taken
-                    self._print(lines_of(reply, plain=True))
+                    self._print(reply_lines(reply, plain=True))
                     if reply.leaves:
                         break
         finally:
             self._reader.stop()
-            self._over.set()
+            self._ended.set()
             listener.join()
-        self._print([clean(line) for line in self._throttle.rest()])
+        self._print([clean(line) for line in self._throttle.pop_all()])
         return refusals
 
     def end(self) -> None:
         """Leave at once; called by a signal handler."""
-        raise Ended
+        raise Terminated
 
-    def _done(self, queued: QueuedLine[None]) -> Reply:
-        if not self._by_hand:
+    def _do_line(self, queued: QueuedLine[None]) -> Reply:
+        if not self._is_terminal:
             return self._session.submit(queued.text, releases=queued.releases)
-        with at_work(self._watch):
+        with interrupt_ends_forces(self._watch):
             return self._session.submit(queued.text, releases=queued.releases)
 
-    def _whole_line(self) -> QueuedLine[None] | None:
+    def _next_whole_line(self) -> QueuedLine[None] | None:
         """A line together with the lines that continue it; None at the end of input."""
         lines: list[QueuedLine[None]] = []
         while True:
             try:
-                line = self._line()
+                line = self._next_line()
             except KeyboardInterrupt:
-                if not self._by_hand:  # Ctrl-C ends a script
+                if not self._is_terminal:  # Ctrl-C ends a script
                     raise
                 lines.clear()
                 continue
@@ -98,7 +106,7 @@ class Plain:
             if line is None or self._session.is_whole(text):
                 return QueuedLine(None, text, all(line.releases for line in lines))
 
-    def _line(self) -> QueuedLine[None] | None:
+    def _next_line(self) -> QueuedLine[None] | None:
         """The next line; None at the end of input."""
         where = f"{self._session.state().where} > "
         queued = None
@@ -108,12 +116,12 @@ class Plain:
                 self._prompt = where
                 self._write(where)
             queued = self._queue.next()
-            self._reader.taken()
+            self._reader.note_line_taken()
         finally:
             self._reading = False
             with self._writing:
                 self._prompt = ""
-                if not (self._by_hand and queued):  # a terminal echoes by itself
+                if not (self._is_terminal and queued):  # a terminal echoes by itself
                     self._write(echo("", queued.text.rstrip() if queued else "") + "\n")
         return queued
 
@@ -127,38 +135,41 @@ class Plain:
         self._sink.write(text)
         self._sink.flush()
 
-    def _listen(self) -> None:
+    def _print_messages(self) -> None:
         """Print messages, in a thread of its own."""
         with contextlib.suppress(OSError, ValueError):  # the output was closed
-            while not self._over.wait(_LISTENED):
-                self._throttle.take(self._session.messages())
-                self._print([clean(line) for line in self._throttle.due(time.monotonic())])
+            while not self._ended.wait(_CHECK_PERIOD):
+                self._throttle.add(self._session.messages())
+                self._print([clean(line) for line in self._throttle.pop_due(time.monotonic())])
 
     @contextlib.contextmanager
     def _terminal(self) -> Iterator[None]:
         """Prepare a terminal so that Ctrl-C clears the line, and Ctrl-S does not stop the
         output.
         """
-        if not self._by_hand:
+        if not self._is_terminal:
             self._watch([signal.SIGINT], ends=True)
             yield
             return
-        with handled(self._interrupted, signal.SIGINT), _unfrozen(self._source.fileno()):
+        with (
+            with_handler(self._on_interrupt, signal.SIGINT),
+            _without_flow_control(self._source.fileno()),
+        ):
             self._watch([signal.SIGINT], ends=None)
             yield
         self._watch([signal.SIGINT], ends=True)
 
-    def _interrupted(self, number: int, frame: FrameType | None) -> None:
+    def _on_interrupt(self, number: int, frame: FrameType | None) -> None:
         if not self._reading:
             self._session.let_go()
             self._session.cancel()  # a line is dropped as a whole, never half done
             return
-        _forget(self._source.fileno())
-        self._reader.forget()
+        _flush_input(self._source.fileno())
+        self._reader.drop_typed()
         raise KeyboardInterrupt
 
 
-def _forget(terminal: int) -> None:
+def _flush_input(terminal: int) -> None:
     """Drop typed characters that were not read yet."""
     if sys.platform != "win32":
         import termios
@@ -167,7 +178,7 @@ def _forget(terminal: int) -> None:
 
 
 @contextlib.contextmanager
-def _unfrozen(terminal: int) -> Iterator[None]:
+def _without_flow_control(terminal: int) -> Iterator[None]:
     """Let Ctrl-S and Ctrl-Q be ordinary characters, and let Ctrl-C discard no output."""
     if sys.platform == "win32":
         yield

@@ -12,13 +12,13 @@ from ergon.common.terminal import clean
 from ergon.repl.session_protocol import SessionProtocol
 
 from .error_boundary import ErrorBoundary
-from .plain import Plain
-from .signals import Watch, put_off, unstopped, unwatched
+from .plain import PlainPrompt
+from .signals import SignalWatch, suspension_disabled, termination_deferred, watch_nothing
 
 if TYPE_CHECKING:
-    from .screen import Screen
+    from .screen import ScreenPrompt
 
-REFUSED = 1  # the exit code under `strict` when a line was not taken
+EXIT_REFUSED = 1  # the exit code under `strict` when a line was not taken
 
 
 def run(
@@ -27,7 +27,7 @@ def run(
     plain: bool = False,
     strict: bool = False,
     history: Path | None,
-    watch: Watch = unwatched,
+    watch: SignalWatch = watch_nothing,
 ) -> int:
     """Serve a session until it is left, and close it; the exit code.
 
@@ -39,28 +39,28 @@ def run(
     """
     refused = 0
     calm = ErrorBoundary(session)
-    server = _server(calm, plain or not drawable(), history, watch)
-    with put_off(server.end, watch), unstopped(watch):
+    server = _make_prompt(calm, plain or not can_redraw(), history, watch)
+    with termination_deferred(server.end, watch), suspension_disabled(watch):
         try:
             refused = server.run()
         finally:
             calm.close()
     for message in calm.messages():
         print(clean(message))
-    return REFUSED if strict and refused else 0
+    return EXIT_REFUSED if strict and refused else 0
 
 
-def _server(
-    session: ErrorBoundary, plain: bool, history: Path | None, watch: Watch
-) -> Plain | Screen:
+def _make_prompt(
+    session: ErrorBoundary, plain: bool, history: Path | None, watch: SignalWatch
+) -> PlainPrompt | ScreenPrompt:
     if plain:
-        return Plain(session, sys.stdin, sys.stdout, watch)
-    from .screen import Screen
+        return PlainPrompt(session, sys.stdin, sys.stdout, watch)
+    from .screen import ScreenPrompt
 
-    return Screen(session, history, watch)
+    return ScreenPrompt(session, history, watch)
 
 
-def drawable() -> bool:
+def can_redraw() -> bool:
     """Whether there is a terminal that can redraw a line."""
     dumb = os.environ.get("TERM", "").lower() in ("dumb", "unknown")
     return sys.stdin.isatty() and sys.stdout.isatty() and not dumb

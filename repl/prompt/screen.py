@@ -32,25 +32,25 @@ from .error_boundary import ErrorBoundary
 from .history import LineHistory
 from .keyboard import TEXT_MAX, bindings, keyboard
 from .message_throttle import MessageThrottle
-from .output import INDENT, continuation, echo, lines_of, typed
-from .signals import Watch, at_work
+from .output import INDENT, continuation, echo, reply_lines, valid_unicode
+from .signals import SignalWatch, interrupt_ends_forces
 from .status import status
 
-_REDRAWN = 0.25  # s between two drawings while nobody types
-_LISTENED = 0.05  # s between two looks at what happened
-_PATIENCE = 2.0  # s; a terminal may take 1 s to report where its cursor is
-_BUNDLED = 0.005  # s of output that are written together: each write redraws the prompt
+_REDRAW_PERIOD = 0.25  # s between two drawings while nobody types
+_CHECK_PERIOD = 0.05  # s between two looks at what happened
+_END_TIMEOUT = 2.0  # s; a terminal may take 1 s to report where its cursor is
+_WRITE_PERIOD = 0.005  # s of output that are written together: each write redraws the prompt
 
 
-class Screen:
+class ScreenPrompt:
     """A session in a terminal."""
 
-    def __init__(self, session: ErrorBoundary, history: Path | None, watch: Watch) -> None:
+    def __init__(self, session: ErrorBoundary, history: Path | None, watch: SignalWatch) -> None:
         """Show a session, with the lines of earlier sessions from a file."""
         self._session = session
         self._watch = watch
         self._queue: LineQueue[None] = LineQueue(session)
-        self._at_work = False
+        self._is_computing = False
         self._throttle = MessageThrottle()
         self._refused = ("", "")  # the line, and what to type instead
         self._refusals = 0
@@ -58,7 +58,7 @@ class Screen:
         self._where = ""
         self._drawn = 0.0
         self._prompt: PromptSession[None] = PromptSession(
-            self._before,
+            self._prompt_text,
             multiline=True,
             prompt_continuation=lambda width, _, wraps: "" if wraps else continuation(width),
             lexer=Colours(self._session),
@@ -68,13 +68,13 @@ class Screen:
             include_default_pygments_style=False,
             history=InMemoryHistory() if history is None else LineHistory(history),
             key_bindings=bindings(self),
-            bottom_toolbar=self._below,
-            input=keyboard(self._comes),
+            bottom_toolbar=self._toolbar,
+            input=keyboard(self._on_characters),
         )
         self._app = self._prompt.app
-        self._prompt.default_buffer.accept_handler = self._entered
+        self._prompt.default_buffer.accept_handler = self._queue_entered
 
-    def _below(self) -> str:
+    def _toolbar(self) -> str:
         """The status line, with the drawing of a traced key above it if there is room."""
         state, size = self._session.state(), self._app.output.get_size()
         rows = state.drawing if len(state.drawing) < size.rows // 2 else ()
@@ -86,48 +86,50 @@ class Screen:
         self._watch([signal.SIGINT], ends=None)  # Ctrl-C clears what is typed
         asyncio.run(self._run())
         self._watch([signal.SIGINT], ends=True)
-        for line in self._throttle.rest():
+        for line in self._throttle.pop_all():
             print(clean(line))
         return self._refusals
 
     def end(self) -> None:
         """Leave at once; may be called by a signal."""
         if loop := self._app.loop:
-            loop.call_soon_threadsafe(self._go)
+            loop.call_soon_threadsafe(self._exit)
 
     async def _run(self) -> None:
         loop = asyncio.get_running_loop()
-        loop.set_exception_handler(lambda _, context: self._went_wrong(context))
-        worker = threading.Thread(target=self._work, args=(loop,), name="ergon-lines", daemon=True)
+        loop.set_exception_handler(lambda _, context: self._report_error(context))
+        worker = threading.Thread(
+            target=self._do_lines, args=(loop,), name="ergon-lines", daemon=True
+        )
         with (
-            StdoutProxy(_BUNDLED) as proxy,
+            StdoutProxy(_WRITE_PERIOD) as proxy,
             contextlib.redirect_stdout(proxy),
             contextlib.redirect_stderr(proxy),
         ):
             worker.start()
             serving = loop.create_task(self._app.run_async(set_exception_handler=False))
             while not serving.done():
-                await asyncio.wait({serving}, timeout=_LISTENED)
-                self._listen()
+                await asyncio.wait({serving}, timeout=_CHECK_PERIOD)
+                self._show_messages()
                 if self._app.is_done:
                     # If the terminal was closed while text was printed, prompt_toolkit waits for
                     # ever.
-                    await asyncio.wait({serving}, timeout=_PATIENCE)
+                    await asyncio.wait({serving}, timeout=_END_TIMEOUT)
                     serving.cancel()
             proxy.close()
             # The loop still has to print the last output.
             if under_way := asyncio.all_tasks() - {asyncio.current_task()}:
-                await asyncio.wait(under_way, timeout=_PATIENCE)
-            with contextlib.suppress(EOFError, asyncio.CancelledError), _hung_up():
+                await asyncio.wait(under_way, timeout=_END_TIMEOUT)
+            with contextlib.suppress(EOFError, asyncio.CancelledError), _hangup_is_end():
                 await serving
 
-    def _listen(self) -> None:
+    def _show_messages(self) -> None:
         """Show new messages, and redraw the status from time to time."""
-        self._throttle.take(self._session.messages())
+        self._throttle.add(self._session.messages())
         now = time.monotonic()
-        for line in self._throttle.due(now):
+        for line in self._throttle.pop_due(now):
             print(clean(line))
-        if now - self._drawn >= _REDRAWN:
+        if now - self._drawn >= _REDRAW_PERIOD:
             self._drawn = now
             self._app.invalidate()
 
@@ -139,7 +141,7 @@ class Screen:
 
     def clear(self) -> None:
         """Clear the typed text; while a line is computed, also cancel it and end all forces."""
-        if self._at_work:
+        if self._is_computing:
             self._session.let_go()
             self._session.cancel()
         self._buffer.reset()
@@ -147,7 +149,7 @@ class Screen:
     def leave(self) -> None:
         """Leave when all lines are done; if pressed again, at once."""
         if self._leaving:
-            self._go()
+            self._exit()
         self._leaving = True
         self._queue.end()
 
@@ -173,13 +175,13 @@ class Screen:
     def too_long(self, length: int) -> None:
         """Report that a paste of `length` characters did not fit."""
         why = f"not taken: a paste of {length:,} characters (a line has {TEXT_MAX:,} at most)"
-        self._throttle.take([INDENT + why])
+        self._throttle.add([INDENT + why])
 
-    def _comes(self, data: str) -> None:
+    def _on_characters(self, data: str) -> None:
         """Let a stop in the typed characters act before they become keys, which takes too long."""
         line, enter, _ = data.partition("\r")
         if enter:
-            self._queue.stop_now(typed(self._buffer.text + line))
+            self._queue.stop_now(valid_unicode(self._buffer.text + line))
 
     # --- lines and replies ----------------------------------------------------------------------
 
@@ -187,7 +189,7 @@ class Screen:
     def _buffer(self) -> Buffer:
         return self._prompt.default_buffer
 
-    def _before(self) -> str:
+    def _prompt_text(self) -> str:
         """The prompt: it shows the present beat until text is typed, which would move if it
         changed.
         """
@@ -195,46 +197,46 @@ class Screen:
             self._where = self._session.state().where
         return f"{self._where} > "
 
-    def _entered(self, buffer: Buffer) -> bool:
+    def _queue_entered(self, buffer: Buffer) -> bool:
         """Queue the entered line, after those before it."""
-        text = typed(buffer.text)
+        text = valid_unicode(buffer.text)
         print(echo(f"{self._session.state().where} > ", text))
         if text.strip():
             self._queue.enter(text, None)
         return False  # the buffer is emptied
 
-    def _work(self, loop: asyncio.AbstractEventLoop) -> None:
+    def _do_lines(self, loop: asyncio.AbstractEventLoop) -> None:
         """Do lines, in a separate thread, because a line may take a while."""
         with contextlib.suppress(RuntimeError):  # the loop is closed: the user left at once
             while (queued := self._queue.next()) is not None:
-                self._at_work = True
-                with at_work(self._watch):
+                self._is_computing = True
+                with interrupt_ends_forces(self._watch):
                     reply = self._session.submit(queued.text, releases=queued.releases)
-                self._at_work = False
-                loop.call_soon_threadsafe(self._answer, queued.text, reply)
+                self._is_computing = False
+                loop.call_soon_threadsafe(self._show_reply, queued.text, reply)
                 if reply.leaves:
                     return
-            loop.call_soon_threadsafe(self._go)
+            loop.call_soon_threadsafe(self._exit)
 
-    def _answer(self, text: str, reply: Reply) -> None:
-        if lines := lines_of(reply, plain=False):
+    def _show_reply(self, text: str, reply: Reply) -> None:
+        if lines := reply_lines(reply, plain=False):
             print("\n".join(lines))
         self._refusals += not reply.taken
         self._refused = (text, reply.try_ or "")
         if reply.leaves:
-            self._go()
+            self._exit()
 
-    def _go(self) -> None:
+    def _exit(self) -> None:
         if self._app.is_running and not self._app.is_done:
             self._app.exit()
 
-    def _went_wrong(self, context: dict[str, Any]) -> None:
+    def _report_error(self, context: dict[str, Any]) -> None:
         """Report an error in a key or a drawing; the prompt goes on."""
-        self._session.mistake(context.get("exception") or RuntimeError(context["message"]))
+        self._session.add_error(context.get("exception") or RuntimeError(context["message"]))
 
 
 @contextlib.contextmanager
-def _hung_up() -> Iterator[None]:
+def _hangup_is_end() -> Iterator[None]:
     """Treat a terminal that was closed as the end, not as an error."""
     try:
         yield

@@ -12,12 +12,16 @@ from types import FrameType
 from typing import Protocol
 
 # Looked up by name: not every system has all of them.
-_ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-_STOPPING = [getattr(signal, name) for name in ("SIGTSTP", "SIGQUIT") if hasattr(signal, name)]
+_TERMINATING_SIGNALS = [
+    getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
+_SUSPENDING_SIGNALS = [
+    getattr(signal, name) for name in ("SIGTSTP", "SIGQUIT") if hasattr(signal, name)
+]
 Handler = Callable[[int, FrameType | None], object]
 
 
-class Watch(Protocol):
+class SignalWatch(Protocol):
     """Makes signals end forces before Python handles them, as `_core.stop_on_signals` does.
 
     It has to be called after every change of a handler, because that replaces its own.
@@ -29,12 +33,12 @@ class Watch(Protocol):
         """
 
 
-def unwatched(signals: Sequence[int], *, ends: bool | None) -> None:
+def watch_nothing(signals: Sequence[int], *, ends: bool | None) -> None:
     """Do nothing: there is no force to end."""
 
 
 @contextlib.contextmanager
-def at_work(watch: Watch) -> Iterator[None]:
+def interrupt_ends_forces(watch: SignalWatch) -> Iterator[None]:
     """While a line is computed, let Ctrl-C end every force instead of clearing the typed text."""
     watch([signal.SIGINT], ends=False)
     try:
@@ -44,7 +48,7 @@ def at_work(watch: Watch) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def handled(handler: Handler, *signals: signal.Signals) -> Iterator[None]:
+def with_handler(handler: Handler, *signals: signal.Signals) -> Iterator[None]:
     """Set a handler for signals in this block; do nothing outside the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -58,7 +62,7 @@ def handled(handler: Handler, *signals: signal.Signals) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def left_to_me() -> Iterator[None]:
+def signals_blocked_in_threads() -> Iterator[None]:
     """Block signals in threads started here, so that only the starting thread receives them.
 
     Otherwise, of two signals that come at once, the system may give the second to another
@@ -68,7 +72,9 @@ def left_to_me() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT, *_STOPPING, *_ENDING])
+    before = signal.pthread_sigmask(
+        signal.SIG_BLOCK, [signal.SIGINT, *_SUSPENDING_SIGNALS, *_TERMINATING_SIGNALS]
+    )
     try:
         yield
     finally:
@@ -76,21 +82,21 @@ def left_to_me() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def unstopped(watch: Watch) -> Iterator[None]:
+def suspension_disabled(watch: SignalWatch) -> Iterator[None]:
     r"""Ctrl-Z and Ctrl-\ stop nothing, also where the terminal makes signals of them."""
     # Not SIG_IGN: programs that are started from here would inherit that.
-    with handled(lambda number, frame: None, *_STOPPING):
-        watch(_STOPPING, ends=None)
+    with with_handler(lambda number, frame: None, *_SUSPENDING_SIGNALS):
+        watch(_SUSPENDING_SIGNALS, ends=None)
         yield
-    watch(_STOPPING, ends=True)
+    watch(_SUSPENDING_SIGNALS, ends=True)
 
 
-class Ended(BaseException):
+class Terminated(BaseException):
     """Raised when SIGTERM or SIGHUP came."""
 
 
 @contextlib.contextmanager
-def put_off(end: Callable[[], None], watch: Watch) -> Iterator[None]:
+def termination_deferred(end: Callable[[], None], watch: SignalWatch) -> Iterator[None]:
     """In this block, SIGTERM and SIGHUP call `end`, which may raise Ended; afterwards they take
     effect.
 
@@ -107,8 +113,10 @@ def put_off(end: Callable[[], None], watch: Watch) -> Iterator[None]:
         end()
 
     # A signal that the caller ignores (nohup) stays ignored.
-    ending = [number for number in _ENDING if signal.getsignal(number) is not signal.SIG_IGN]
-    with handled(handler, *ending), contextlib.suppress(Ended):
+    ending = [
+        number for number in _TERMINATING_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN
+    ]
+    with with_handler(handler, *ending), contextlib.suppress(Terminated):
         watch(ending, ends=True)
         yield
     watch(ending, ends=True)

@@ -8,7 +8,7 @@ from ergon.common.terminal import clean
 from ergon.repl.session_protocol import State
 
 _BETWEEN = "  "
-_LEAST = 12  # characters that the list of players keeps
+_WIDTH_MIN = 12  # characters that the list of players keeps
 
 
 def status(state: State, width: int) -> str:
@@ -28,7 +28,7 @@ def status(state: State, width: int) -> str:
     if state.recording is not None:
         after.insert(0, f"rec {state.recording:.1f} s")
     playing = " · ".join(f"{player} {what}" for player, what in state.playing) or "—"
-    least = min(len(playing), _LEAST)
+    least = min(len(playing), _WIDTH_MIN)
     while after and len(_BETWEEN.join([*before, "", *after])) + least > width:
         after.pop()
     room = max(width - len(_BETWEEN.join([*before, "", *after])), least)

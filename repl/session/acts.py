@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ergon.repl.session.engine import EngineEvent
 
-_UNDER_WAY = 1024  # acts whose events have not come: the engine keeps 4096 events
+_UNDER_WAY_MAX = 1024  # acts whose events have not come: the engine keeps 4096 events
 
 
 class Acts:
@@ -29,18 +29,18 @@ class Acts:
         False if too many are under way.
         """
         with self._lock:  # so that its event finds it
-            ticket = ask() if len(self._under_way) < _UNDER_WAY else None
+            ticket = ask() if len(self._under_way) < _UNDER_WAY_MAX else None
             if ticket is not None:
                 self._under_way[ticket] = event, fields
             return ticket is not None
 
-    def ended(self, event: EngineEvent) -> None:
+    def note_ended(self, event: EngineEvent) -> None:
         """Write an act to the journal if it was done. An act is not done if the version that plays
         does not have its place.
         """
-        assert event.act is not None
+        assert event.act_ticket is not None
         with self._lock:
-            known = self._under_way.pop(event.act, None)
+            known = self._under_way.pop(event.act_ticket, None)
         if known is not None and not event.is_late:
             name, fields = known
             self._tell(name, frame=event.frame, **fields)

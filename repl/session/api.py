@@ -47,7 +47,7 @@ class SessionProxy:
             raise AttributeError(f"a session has no verb '{name}'", name=name, obj=self)
 
         def call(*given: object, **named: object) -> Reply:
-            return self(building.line(verb, given, named))
+            return self(building.build_line(verb, given, named))
 
         call.__name__ = call.__qualname__ = name
         call.__doc__ = "\n\n".join(

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 _BARS = 2
 _BEAT_LEAST, _BEAT_MOST = 4, 10  # characters of a beat
 _NAME_MOST, _WIDTH_MOST = 12, 100
-_GOES_ON = "\u2026"  # of a gesture that began before the first bar
+_CONTINUED = "\u2026"  # of a gesture that began before the first bar
 
 
-def drawn(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
+def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
     """The bar of beat `now` and the next: their beats, what begins on them, and a mark at `now`.
 
     `playing` are the gestures in flight: (player, gesture).
@@ -47,7 +47,7 @@ def drawn(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> list[
         dots = [(column(beat), "\u00b7") for beat in on_beats]
         begun = [(column(beat), what) for beat, what in _begins(piece, name, starts)]
         if any(player == name for player, _ in playing) and not any(at == 0 for at, _ in begun):
-            begun.insert(0, (0, _GOES_ON))
+            begun.insert(0, (0, _CONTINUED))
         taken = {at for at, _ in begun}
         cells = sorted([*(dot for dot in dots if dot[0] not in taken), *begun])
         rows.append(name[: margin - 2].ljust(margin) + _row(total, cells))

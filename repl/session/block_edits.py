@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon.repl.language import commands as c
-from ergon.repl.language.parse import block_line
+from ergon.repl.language.parse import parse_block_line
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session.block_rules import MAX_RULES, Rule
-from ergon.repl.session.edit_table import VERSION_EDITS, makes, writes
+from ergon.repl.session.edit_table import VERSION_EDITS, edits_texts, makes_edit
 from ergon.repl.session.version import NotTakenError, Version
 from ergon.scores.edits import blocks
 from ergon.scores.edits.texts import Texts
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from ergon.repl.session.commits import VersionEdit
 
 
-@writes(c.DefineBlock)
+@edits_texts(c.DefineBlock)
 def _define(command: c.DefineBlock, version: Version, beat: float) -> Texts:
     return blocks.define(version.texts, version.piece, command.name, command.lines)
 
 
-@makes(c.RunBlock)
+@makes_edit(c.RunBlock)
 def _run(command: c.RunBlock) -> VersionEdit:
-    return lambda version, beat: run(version, beat, command.name)
+    return lambda version, beat: run_block(version, beat, command.name)
 
 
-@makes(c.RunByRule)
+@makes_edit(c.RunByRule)
 def _run_by_rule(command: c.RunByRule) -> VersionEdit:
     """Run a block by a rule from here on; and at once, if the rule says so."""
     name, trigger = command.name, command.trigger
@@ -37,16 +37,16 @@ def _run_by_rule(command: c.RunByRule) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         if len(version.rules) >= MAX_RULES and name not in version.rules:
             raise NotTakenError(f"at most {MAX_RULES} blocks run by themselves; `stop` one first")
-        lines_of(version, name)
+        block_lines(version, name)
         made = replace(version, rules={**version.rules, name: Rule(beat, trigger)})
-        if trigger.begins(version.piece.tempo_map, beat):
-            made = run(made, beat, name)
+        if trigger.runs_at_start(version.piece.tempo_map, beat):
+            made = run_block(made, beat, name)
         return made
 
     return edit
 
 
-@makes(c.StopBlock)
+@makes_edit(c.StopBlock)
 def _stop(command: c.StopBlock) -> VersionEdit:
     name = command.name
 
@@ -58,7 +58,7 @@ def _stop(command: c.StopBlock) -> VersionEdit:
     return edit
 
 
-def lines_of(version: Version, name: str) -> list[str]:
+def block_lines(version: Version, name: str) -> list[str]:
     """The lines of a block. Raises NotTakenError if the score has no block of that name."""
     lines = version.piece.blocks.get(name)
     if lines is None:
@@ -66,12 +66,12 @@ def lines_of(version: Version, name: str) -> list[str]:
     return list(lines)
 
 
-def run(version: Version, beat: float, name: str) -> Version:
+def run_block(version: Version, beat: float, name: str) -> Version:
     """The version with the lines of a block done at a beat. Raises NotTakenError."""
     made = version
-    for number, line in enumerate(lines_of(version, name), 1):
+    for number, line in enumerate(block_lines(version, name), 1):
         try:
-            command = block_line(line, scope_of(made.piece))
+            command = parse_block_line(line, scope_of(made.piece))
         except Refusal as refusal:
             raise NotTakenError(f"line {number} of {name}: {refusal.message}") from None
         made = VERSION_EDITS[type(command)](command)(made, beat)

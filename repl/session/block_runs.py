@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
     from ergon.repl.language.commands import When
     from ergon.repl.session.block_rules import Rule
-    from ergon.repl.session.commits import Commits, VersionEdit, Waiting
+    from ergon.repl.session.commits import Commits, VersionEdit, WaitingLine
 
 _AHEAD = 1.0  # [s] before its beat a run is queued
-_APART = 0.25  # [s] at least between two runs of a block
+_PAUSE_MIN = 0.25  # [s] at least between two runs of a block
 
 
-class Running(Protocol):
+class BlockSession(Protocol):
     """The session in which blocks run."""
 
     commits: Commits
@@ -30,7 +30,7 @@ class Running(Protocol):
     def say(self, message: str) -> None:
         """Add a message."""
 
-    def drop(self, waiting: Waiting) -> None:
+    def drop(self, waiting: WaitingLine) -> None:
         """Remove a line that has not taken effect."""
 
     def queue(
@@ -42,33 +42,33 @@ class Running(Protocol):
 class BlockRuns:
     """The queued runs by the number of their line, and the last run of each block."""
 
-    def __init__(self, session: Running) -> None:
+    def __init__(self, session: BlockSession) -> None:
         """Begin without queued runs."""
         self._session = session
         self._waiting: dict[int, tuple[str, Rule]] = {}
-        self._done: dict[str, float] = {}
+        self._last_runs: dict[str, float] = {}
         self._last = 0.0  # the beat of the last turn
         self._refused: set[str] = set()
 
-    def turn(self) -> None:
+    def queue_due(self) -> None:
         """Queue runs that are due, and drop those whose rule no longer holds."""
         commits = self._session.commits
         rules = {(name, rule) for name, rule in self._rules()}
         if not rules and not self._waiting:
             return
-        goes, now = commits.running.clock.goes, commits.now()
+        goes, now = commits.running.clock.is_running, commits.beat_now()
         has_jumped = now < self._last - SAME
         self._last = now
         if has_jumped or not goes:
-            self._done.clear()
+            self._last_runs.clear()
         for one in [one for one in commits.waiting if one.number in self._waiting]:
             name, rule = self._waiting[one.number]
-            if has_jumped or not goes or not self._holds(name, rule, one.beat):
+            if has_jumped or not goes or not self._is_in_force(name, rule, one.beat):
                 self._session.drop(one)
         waits = {one.number for one in commits.waiting}
         for number in self._waiting.keys() - waits:
             del self._waiting[number]
-            commits.past.pop(number, None)  # `undo` returns to typed lines alone
+            commits.past_versions.pop(number, None)  # `undo` returns to typed lines alone
         if goes:
             for name, rule in sorted(rules, key=lambda one: one[0]):
                 self._queue_next(name, rule)
@@ -81,22 +81,22 @@ class BlockRuns:
             if one.version is not None:
                 yield from one.version.rules.items()
 
-    def _holds(self, name: str, rule: Rule, beat: float) -> bool:
+    def _is_in_force(self, name: str, rule: Rule, beat: float) -> bool:
         return self._session.commits.version_at(beat).rules.get(name) == rule
 
     def _queue_next(self, name: str, rule: Rule) -> None:
         """Queue the next run of a block if it is due and not yet queued."""
         commits = self._session.commits
         tempo, clock = commits.head.piece.tempo_map, commits.running.clock
-        soonest = commits.soonest() / commits.rate + commits.lead
+        soonest = commits.soonest_frame() / commits.rate + commits.lead
         first, last = (clock.beat(tempo, seconds) for seconds in (soonest, soonest + _AHEAD))
         after = max(first - 2.0 * SAME, rule.begin)
-        if (done := self._done.get(name)) is not None:
-            after = max(after, done, tempo.beats(tempo.seconds(done) + _APART) - 2.0 * SAME)
-        beat = rule.trigger.next(tempo, rule.begin, after, last)
-        if beat is None or not self._holds(name, rule, beat):
+        if (done := self._last_runs.get(name)) is not None:
+            after = max(after, done, tempo.beats(tempo.seconds(done) + _PAUSE_MIN) - 2.0 * SAME)
+        beat = rule.trigger.next_beat(tempo, rule.begin, after, last)
+        if beat is None or not self._is_in_force(name, rule, beat):
             return
-        self._done[name] = beat
+        self._last_runs[name] = beat
         where = Position(plus=Length(beats=beat))
         line = f"run {name}"
         try:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.commits import Commits
 
 # The recording is written five times a second; a take is read this long after its end [s].
-_SETTLED = 0.6
+_WRITE_DELAY = 0.6
 
 
 @dataclass(slots=True)
@@ -41,32 +41,34 @@ class Captures:
     """
 
     path: Path | None
-    now: Capture | None = None
+    current: Capture | None = None
 
     def begin(self, player: str, name: str, start: int) -> None:
         """Begin a take at a frame. Raises NotTakenError."""
-        if self.now is not None:
-            raise NotTakenError(f"the take {self.now.name} is still being recorded", "record off")
-        self.now = Capture(player, name, start)
+        if self.current is not None:
+            raise NotTakenError(
+                f"the take {self.current.name} is still being recorded", "record off"
+            )
+        self.current = Capture(player, name, start)
 
     def end(self, stop: int) -> Capture:
         """End the take at a frame. Raises NotTakenError."""
-        if self.now is None:
+        if self.current is None:
             raise NotTakenError("no take is being recorded; `record PLAYER as NAME` begins one")
-        if stop <= self.now.start:
-            self.now = None
+        if stop <= self.current.start:
+            self.current = None
             raise NotTakenError("the take ended before it began: nothing was recorded")
-        self.now.stop = stop
-        return self.now
+        self.current.stop = stop
+        return self.current
 
-    def ready(self, commits: Commits) -> Capture | None:
+    def pop_ready(self, commits: Commits) -> Capture | None:
         """The take that has ended and whose recording is on the disk, once; else None."""
-        own = self.now
+        own = self.current
         if own is None or own.stop is None:
             return None
-        if commits.engine.frame < own.stop + _SETTLED * commits.rate:
+        if commits.engine.frame < own.stop + _WRITE_DELAY * commits.rate:
             return None
-        self.now = None
+        self.current = None
         return own
 
     def write(self, own: Capture, folder: Path, every: int) -> Path:

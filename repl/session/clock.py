@@ -16,45 +16,49 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """How beats map to time: a running piece began at second `by` of the engine, a stopped one is
-    at beat `at`.
+    """How beats map to time: a running piece began at second `began_at` of the engine, a
+    stopped one is at beat `stopped_beat`.
     """
 
-    by: float | None = None
-    at: float = 0.0
+    began_at: float | None = None
+    stopped_beat: float = 0.0
 
     @property
-    def goes(self) -> bool:
+    def is_running(self) -> bool:
         """Whether the piece is running."""
-        return self.by is not None
+        return self.began_at is not None
 
     def tempo(self, tempo: TempoMap, now: float) -> TempoMap:
         """The tempo map in seconds of the engine, which is at second `now`."""
-        if self.by is not None:
-            return ShiftedTempoMap(tempo, self.by)
-        return StoppedTempoMap(tempo, self.at, now)
+        if self.began_at is not None:
+            return ShiftedTempoMap(tempo, self.began_at)
+        return StoppedTempoMap(tempo, self.stopped_beat, now)
 
     def beat(self, tempo: TempoMap, seconds: float) -> float:
         """The beat of the piece at a second of the engine."""
-        return self.at if self.by is None else max(0.0, tempo.beats(seconds - self.by))
+        return (
+            self.stopped_beat
+            if self.began_at is None
+            else max(0.0, tempo.beats(seconds - self.began_at))
+        )
 
     def seconds(self, tempo: TempoMap, beat: float) -> float:
         """The second of the engine at a beat; the piece must be running."""
-        assert self.by is not None
-        return tempo.seconds(beat) + self.by
+        assert self.began_at is not None
+        return tempo.seconds(beat) + self.began_at
 
 
-def started(tempo: TempoMap, beat: float, seconds: float) -> Clock:
+def running_clock(tempo: TempoMap, beat: float, seconds: float) -> Clock:
     """The clock of a piece that is at `beat` at a second of the engine, and runs."""
     return Clock(seconds - tempo.seconds(beat), beat)
 
 
-def entered(clock: Clock, tempo: TempoMap, beat: float, seconds: float) -> Clock:
+def clock_at_beat(clock: Clock, tempo: TempoMap, beat: float, seconds: float) -> Clock:
     """The clock of another piece, which continues at a beat if this one runs, else stands there."""
-    return started(tempo, beat, seconds) if clock.goes else Clock(None, beat)
+    return running_clock(tempo, beat, seconds) if clock.is_running else Clock(None, beat)
 
 
-def taking_over(
+def clock_after_takeover(
     clock: Clock, before: TempoMap, after: TempoMap, beat: float, seconds: float, tick: float
 ) -> tuple[Clock, float]:
     """The clock and the beat with which a version takes over that may have another tempo map.
@@ -62,14 +66,14 @@ def taking_over(
     If the piece has already jumped past that beat, one tick [s] before, it continues from where
     it is.
     """
-    if not clock.goes or clock.beat(before, seconds - tick) <= beat + SAME:
+    if not clock.is_running or clock.beat(before, seconds - tick) <= beat + SAME:
         return clock, beat
     here = clock.beat(before, seconds)
     is_same = after.seconds(here) == before.seconds(here)
-    return (clock if is_same else started(after, here, seconds)), here
+    return (clock if is_same else running_clock(after, here, seconds)), here
 
 
-def boundary(tempo: TempoMap, beat: float, grid: Length) -> float:
+def next_boundary(tempo: TempoMap, beat: float, grid: Length) -> float:
     """The first beat, not before `beat`, that is a multiple of `grid`. Bars count from the first
     one, beats from the beginning of their bar, seconds from the beginning of the piece.
     """

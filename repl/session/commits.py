@@ -17,10 +17,16 @@ from ergon.repl.language.commands import NOW, Command, When
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
-from ergon.repl.session.clock import Clock, boundary, entered, started, taking_over
+from ergon.repl.session.clock import (
+    Clock,
+    clock_after_takeover,
+    clock_at_beat,
+    next_boundary,
+    running_clock,
+)
 from ergon.repl.session.engine import Change
 from ergon.repl.session.making_time import MakingTime
-from ergon.repl.session.running import JOIN, Running, follow, horizon
+from ergon.repl.session.running import JOIN_SECONDS, RunningVersion, horizon, stage_next
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version
 from ergon.scores.staging.refusals import StageError
 
@@ -36,7 +42,7 @@ if TYPE_CHECKING:
 _AHEAD = 0.3
 
 # A line that acts now gets twice the time that the slowest of the last lines took.
-_AGAIN = 2.0
+_MAKING_FACTOR = 2.0
 
 # The errors with which a line can be refused after it was parsed.
 REFUSALS = (NotTakenError, StageError, EditError, EngineError, StoppedError)
@@ -46,29 +52,29 @@ VersionEdit = Callable[[Version, float], Version]
 
 
 @dataclass(slots=True)
-class Waiting:
+class WaitingLine:
     """An accepted line that has not taken effect yet.
 
-    `goes` starts the piece at beat `beat` (True) or stops it there (False). A line that `resets`
-    puts all masses at their start; a line that `is_now` should act as soon as possible. A line
-    with `forgot` set by a panic is dropped if it comes too late.
+    `sets_running` starts the piece at beat `beat` (True) or stops it there (False). A line that
+    `resets` puts all masses at their start; a line that `is_now` should act as soon as possible.
+    A line with `is_forgotten` set by a panic is dropped if it comes too late.
     """
 
     line: str
     edit: VersionEdit
     beat: float
     start: int
-    goes: bool | None = None
+    sets_running: bool | None = None
     resets: bool = False
     is_now: bool = False
-    forgot: bool = False
-    is_read: bool = False  # it reads files
-    made: Running | None = None
-    on: Running | None = None  # the version that `made` follows
+    is_forgotten: bool = False
+    reads_files: bool = False
+    staged: RunningVersion | None = None
+    predecessor: RunningVersion | None = None  # the version that `staged` follows
     number: int = 0
     version: Version | None = None  # the version from this line on
 
-    def is_before(self, other: Waiting) -> bool:
+    def is_before(self, other: WaitingLine) -> bool:
         """Whether it takes effect before a line that was typed later.
 
         Lines of the same frame are in the order of their beats; those that start or stop the
@@ -76,7 +82,9 @@ class Waiting:
         """
         if self.start != other.start:
             return self.start < other.start
-        return other.goes is not None or (self.goes is None and self.beat <= other.beat + SAME)
+        return other.sets_running is not None or (
+            self.sets_running is None and self.beat <= other.beat + SAME
+        )
 
 
 @dataclass(slots=True)
@@ -87,23 +95,24 @@ class Commits:
     """
 
     engine: Engine
-    running: Running
+    running: RunningVersion
     real: Real
     # Frames from the request of a change to the first frame at which it can be made. With real
     # hands this includes the time in which their forces fall to the limit of a stiffer scene.
     margin: int
     head: Version
-    waiting: list[Waiting] = field(default_factory=list)
+    waiting: list[WaitingLine] = field(default_factory=list)
     # Changes under way: the ticket, the lines, and the version that was running before.
-    under_way: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
-    making: MakingTime = field(default_factory=MakingTime)  # of versions
-    dropped: list[tuple[Waiting, str]] = field(default_factory=list)  # lines dropped, and why
-    said: list[str] = field(default_factory=list)  # messages
+    under_way: list[tuple[int, Sequence[WaitingLine], RunningVersion]] = field(default_factory=list)
+    making_time: MakingTime = field(default_factory=MakingTime)  # of versions
+    dropped: list[tuple[WaitingLine, str]] = field(default_factory=list)  # lines dropped, and why
+    messages: list[str] = field(default_factory=list)
     # The version that each line made when it was last computed, by number. In the end this is the
     # version that takes effect.
-    past: dict[int, PastVersion] = field(default_factory=dict)
-    handed: list[int] = field(default_factory=list)  # numbers of lines, in the order of effect
-    moved: list[Waiting] = field(default_factory=list)  # lines whose beat has another frame now
+    past_versions: dict[int, PastVersion] = field(default_factory=dict)
+    handed_over: list[int] = field(default_factory=list)  # numbers of lines, in the order of effect
+    # Lines whose beat has another frame now.
+    moved_lines: list[WaitingLine] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Add to the margin the time in which forces on real hands fall."""
@@ -120,50 +129,50 @@ class Commits:
     @property
     def lead(self) -> float:
         """How long a version takes over before its beat [s]."""
-        return JOIN + self.engine.tick_frames / self.rate
+        return JOIN_SECONDS + self.engine.tick_frames / self.rate
 
-    def soonest(self) -> int:
+    def soonest_frame(self) -> int:
         """The first frame at which a new change can take effect: a multiple of the tick."""
-        return self.first(_AGAIN * self.making.seconds)
+        return self.first_frame(_MAKING_FACTOR * self.making_time.seconds)
 
-    def now(self) -> float:
+    def beat_now(self) -> float:
         """The beat of the piece that the engine computes now."""
         return self.running.beat(self.engine.frame)
 
-    def place(self, when: When, grid: Length | None) -> tuple[float, int]:
+    def beat_and_frame(self, when: When, grid: Length | None) -> tuple[float, int]:
         """The beat on which a line acts, and the frame at which its version takes over.
 
         Raises NotTakenError where the beat is past.
         """
-        clock, start = self.running.clock, self.soonest()
-        if not clock.goes:
-            return clock.at, start
+        clock, start = self.running.clock, self.soonest_frame()
+        if not clock.is_running:
+            return clock.stopped_beat, start
         tempo = self.head.piece.tempo_map
         lead = self.lead
         first = clock.beat(tempo, start / self.rate + lead)
         if isinstance(when, Position):
-            beat = self._resolved(when)
+            beat = self._resolve(when)
             if beat < first - SAME:
-                here = tempo.written(self.now())
+                here = tempo.written(self.beat_now())
                 raise NotTakenError(
                     f"{when.text or tempo.written(beat)} is past: the piece is at {here}"
                 )
         elif isinstance(when, Length):
-            beat = max(first, tempo.after(self.now(), when))
+            beat = max(first, tempo.after(self.beat_now(), when))
         else:
-            beat = first if when is NOW or grid is None else boundary(tempo, first, grid)
-        return beat, max(start, self._takes_over(clock, tempo, beat))
+            beat = first if when is NOW or grid is None else next_boundary(tempo, first, grid)
+        return beat, max(start, self._takeover_frame(clock, tempo, beat))
 
-    def _takes_over(self, clock: Clock, tempo: TempoMap, beat: float) -> int:
+    def _takeover_frame(self, clock: Clock, tempo: TempoMap, beat: float) -> int:
         """The frame at which a version takes over, for a beat on which it acts."""
         every = self.engine.tick_frames
         frames = (clock.seconds(tempo, beat) - self.lead) * self.rate
         return math.floor(frames / every + SAME) * every
 
-    def frame(self, beat: float) -> int:
+    def frame_of(self, beat: float) -> int:
         """The first frame of the tick of a beat; the soonest frame where the piece is stopped."""
-        if not self.running.clock.goes:
-            return self.soonest()
+        if not self.running.clock.is_running:
+            return self.soonest_frame()
         tempo, every = self.head.piece.tempo_map, self.engine.tick_frames
         return int(self.running.clock.seconds(tempo, beat) * self.rate) // every * every
 
@@ -175,7 +184,7 @@ class Commits:
                 version = one.version
         return version
 
-    def _resolved(self, position: Position) -> float:
+    def _resolve(self, position: Position) -> float:
         try:
             return self.head.piece.tempo_map.resolve(position)
         except TextError as error:
@@ -183,24 +192,24 @@ class Commits:
 
     # --- taking a line ---------------------------------------------------------------------------
 
-    def take(self, waiting: Waiting) -> Running:
+    def insert(self, waiting: WaitingLine) -> RunningVersion:
         """Insert a line among those that wait, and make the versions up to its own.
 
         If it raises NotTakenError or StageError, nothing has changed.
         """
         return self._insert(waiting, sum(one.is_before(waiting) for one in self.waiting))
 
-    def take_last(self, waiting: Waiting) -> Running:
-        """Like `take`, but behind all lines of the same frame, in the order of a journal."""
+    def insert_last(self, waiting: WaitingLine) -> RunningVersion:
+        """Like `insert`, but behind all lines of the same frame, in the order of a journal."""
         return self._insert(waiting, sum(one.start <= waiting.start for one in self.waiting))
 
-    def _insert(self, waiting: Waiting, place: int) -> Running:
+    def _insert(self, waiting: WaitingLine, place: int) -> RunningVersion:
         before, after = self.waiting[:place], self.waiting[place:]
         made = self._make_all([*before, waiting])
         self._replace_queue([*before, waiting], made, after)
         return made[-1][0]
 
-    def drop(self, waiting: Waiting) -> None:
+    def drop(self, waiting: WaitingLine) -> None:
         """Remove a waiting line."""
         place = self.waiting.index(waiting)
         before, after = self.waiting[:place], self.waiting[place + 1 :]
@@ -208,24 +217,24 @@ class Commits:
 
     def _replace_queue(
         self,
-        queue: list[Waiting],
-        made: list[tuple[Running, Running]],
-        after: list[Waiting],
+        queue: list[WaitingLine],
+        made: list[tuple[RunningVersion, RunningVersion]],
+        after: list[WaitingLine],
     ) -> None:
         """Set the waiting lines: `queue`, whose versions are `made`, and `after`, whose versions
         are remade.
         """
         on = made[-1][0] if made else self.running
-        starts = self._starts(after, on)
+        starts = self._takeover_frames(after, on)
         after = sorted(after, key=lambda one: starts[id(one)])
         version = on.version
         has_lost = bool(after) and not _names(self.head) <= _names(version)
         further = []
         for one in after:
             try:
-                made_of = self._version(version, one)
-                if has_lost and one.line and not (one.resets or one.is_read):
-                    read_again(one.line, version)
+                made_of = self._edited(version, one)
+                if has_lost and one.line and not (one.resets or one.reads_files):
+                    reparse(one.line, version)
                 version = made_of
             except REFUSALS as error:
                 due = version.piece.tempo_map.written(one.beat)
@@ -236,16 +245,16 @@ class Commits:
             further.append(version)
         # From here on nothing can fail, so the queue may change.
         for one, (running, on) in zip(queue, made, strict=True):
-            one.made, one.on, one.version = running, on, running.version
+            one.staged, one.predecessor, one.version = running, on, running.version
         for one, of_one in zip(after, further, strict=True):
-            one.made, one.on, one.version = None, None, of_one
+            one.staged, one.predecessor, one.version = None, None, of_one
             if one.start != starts[id(one)]:
                 one.start = starts[id(one)]
-                self.moved.append(one)
+                self.moved_lines.append(one)
         self.waiting = [*queue, *after]
         self.head = version
 
-    def _starts(self, lines: Sequence[Waiting], on: Running) -> dict[int, int]:
+    def _takeover_frames(self, lines: Sequence[WaitingLine], on: RunningVersion) -> dict[int, int]:
         """The frames at which waiting lines take over if they follow a version, by identity of the
         line.
 
@@ -253,48 +262,56 @@ class Commits:
         takes over as soon as it can.
         """
         clock, tempo = on.clock, on.version.piece.tempo_map
-        soonest = max(on.start + self.engine.tick_frames, self.soonest())
+        soonest = max(on.start + self.engine.tick_frames, self.soonest_frame())
         return {
             id(one): one.start
-            if one.is_now or one.goes or not clock.goes
-            else max(soonest, self._takes_over(clock, tempo, one.beat))
+            if one.is_now or one.sets_running or not clock.is_running
+            else max(soonest, self._takeover_frame(clock, tempo, one.beat))
             for one in lines
         }
 
     @staticmethod
-    def _version(before: Version, one: Waiting) -> Version:
-        before = replace(before, cuts=False, damp=None, glide=GLIDE, enters=None, read=None)
-        goes = before.goes if one.goes is None else one.goes
-        before = replace(before, dropped=(), released=(), goes=goes)
+    def _edited(before: Version, one: WaitingLine) -> Version:
+        before = replace(
+            before, ends_gestures=False, damp=None, glide=GLIDE, enter_beat=None, read_texts=None
+        )
+        goes = before.is_running if one.sets_running is None else one.sets_running
+        before = replace(before, discarded_spots=(), freed_parameters=(), is_running=goes)
         return one.edit(before, one.beat)
 
-    def _make_all(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
+    def _make_all(self, queue: list[WaitingLine]) -> list[tuple[RunningVersion, RunningVersion]]:
         on, found = self.running, []
         for one in queue:
-            is_made = one.made is not None and one.on is on
-            running = one.made if is_made and one.made is not None else self._follow(on, one)
+            is_made = one.staged is not None and one.predecessor is on
+            running = (
+                one.staged if is_made and one.staged is not None else self._stage_line(on, one)
+            )
             found.append((running, on))
             on = running
         return found
 
-    def _follow(self, on: Running, one: Waiting) -> Running:
+    def _stage_line(self, on: RunningVersion, one: WaitingLine) -> RunningVersion:
         began = MakingTime.began()
-        version = self._version(on.version, one)
+        version = self._edited(on.version, one)
         clock, leave, enter = on.clock, one.beat, one.beat
         seconds = one.start / self.rate
-        if one.goes is not None:
+        if one.sets_running is not None:
             leave = on.beat(one.start)
             tempo = version.piece.tempo_map
-            clock = started(tempo, enter, seconds + self.lead) if one.goes else Clock(None, leave)
-        elif version.enters is not None:
-            enter = version.enters
-            clock = entered(clock, version.piece.tempo_map, enter, seconds + self.lead)
+            clock = (
+                running_clock(tempo, enter, seconds + self.lead)
+                if one.sets_running
+                else Clock(None, leave)
+            )
+        elif version.enter_beat is not None:
+            enter = version.enter_beat
+            clock = clock_at_beat(clock, version.piece.tempo_map, enter, seconds + self.lead)
         else:
             tempos = on.version.piece.tempo_map, version.piece.tempo_map
             tick = self.engine.tick_frames / self.rate
-            clock, enter = taking_over(clock, *tempos, one.beat, seconds + self.lead, tick)
+            clock, enter = clock_after_takeover(clock, *tempos, one.beat, seconds + self.lead, tick)
             leave = enter
-        made = follow(
+        made = stage_next(
             on,
             version,
             clock,
@@ -306,16 +323,16 @@ class Commits:
         )
         self._check_sound(made.stage)
         # Every version passes here, so none plays that a real hand's key cannot bear.
-        borne = self.engine.bearings(made.stage, made.start, made.glides, on.bearings)
-        made = replace(made, bearings=borne)
+        borne = self.engine.force_bounds(made.stage, made.start, made.glides, on.force_bounds)
+        made = replace(made, force_bounds=borne)
         if one.number:
             where = version.piece.tempo_map.written(one.beat)
-            self.past[one.number] = PastVersion.of(version, where)
+            self.past_versions[one.number] = PastVersion.from_version(version, where)
         if self.margin:  # without a margin the engine waits, and the time does not matter
-            self.making.add(began)
+            self.making_time.add(began)
         return made
 
-    def forget(self) -> list[Waiting]:
+    def drop_all(self) -> list[WaitingLine]:
         """Drop all waiting lines and return them; changes under way will be dropped if they come
         too late.
         """
@@ -323,7 +340,7 @@ class Commits:
         self.waiting.clear()
         for _, group, _ in self.under_way:
             for one in group:
-                one.forgot = True
+                one.is_forgotten = True
         self.head = self.running.version
         return waited
 
@@ -344,77 +361,82 @@ class Commits:
 
     # --- handing over ----------------------------------------------------------------------------
 
-    def tick(self, before: float = math.inf) -> list[Waiting]:
+    def hand_over_due(self, before: float = math.inf) -> list[WaitingLine]:
         """Hand due versions to the engine, and extend the timeline before it ends.
 
         Returns the lines that were not ready in time and wait again. The timeline is not
         extended at or after the frame `before`, where a line takes over that extends it itself.
         """
-        late: list[Waiting] = []
-        while self.waiting and self.waiting[0].start <= self._soon():
+        late: list[WaitingLine] = []
+        while self.waiting and self.waiting[0].start <= self._handover_frame():
             one = self.waiting[0]
-            if one.start < self.first(0.0):
+            if one.start < self.first_frame(0.0):
                 if self.margin and not late:  # one delay, however many lines it made late
-                    self.making.seconds = max(2.0 * self.making.seconds, 1.0 / self.rate)
-                beat, one.start = self.place(None, None if one.is_now else Length(bars=1.0))
-                one.beat, one.made = beat if one.goes is None else one.beat, None
+                    self.making_time.seconds = max(2.0 * self.making_time.seconds, 1.0 / self.rate)
+                beat, one.start = self.beat_and_frame(
+                    None, None if one.is_now else Length(bars=1.0)
+                )
+                one.beat, one.staged = beat if one.sets_running is None else one.beat, None
                 self.waiting.sort(key=lambda other: other.start)
                 late.append(one)
                 continue
             group = [other for other in self.waiting if other.start == one.start]
             self.waiting = [other for other in self.waiting if other.start != one.start]
-            self._hand(group)
+            self._hand_over(group)
         running = self.running
         tempo = running.version.piece.tempo_map
         # One waiting extension is enough, and a timeline without end needs none.
-        is_fixed = any(not one.number for one in self.waiting) or running.until == math.inf
-        if not running.clock.goes or is_fixed:
+        is_fixed = any(not one.number for one in self.waiting) or running.timeline_end == math.inf
+        if not running.clock.is_running or is_fixed:
             return late
-        now = self.now()
+        now = self.beat_now()
         n_bars = horizon(tempo, now)[1]
         # A waiting line extends it too, if it is due in time.
         left = n_bars // 4 if self.waiting else n_bars // 2
-        if now > tempo.bars.start(tempo.bars.bar_beat(running.until)[0] - left):
-            if now > running.until + SAME:  # the program was stopped, or a line took very long
-                first, last = tempo.written(running.until), tempo.written(now)
-                self.said.append(
+        if now > tempo.bars.start(tempo.bars.bar_beat(running.timeline_end)[0] - left):
+            # The program was suspended, or a line took very long.
+            if now > running.timeline_end + SAME:
+                first, last = tempo.written(running.timeline_end), tempo.written(now)
+                self.messages.append(
                     "the program was suspended, or a line took too long: what was to begin from "
                     f"{first} to {last} was skipped"
                 )
             damp = running.version.damp
-            again = Waiting("", lambda old, _: replace(old, damp=damp), *self.place(NOW, None))
+            again = WaitingLine(
+                "", lambda old, _: replace(old, damp=damp), *self.beat_and_frame(NOW, None)
+            )
             if again.start >= before:
                 return late
             try:
-                self.take(again)
+                self.insert(again)
             except REFUSALS as error:  # a value that automation reaches later, under a real hand
-                end = self.running.version.piece.tempo_map.written(running.until)
-                self.said.append(
+                end = self.running.version.piece.tempo_map.written(running.timeline_end)
+                self.messages.append(
                     f"the score could not be continued after {end}: {error}; what plays rings out"
                 )
-                self.running = replace(running, until=math.inf)
+                self.running = replace(running, timeline_end=math.inf)
                 return late
-            late += self.tick(before)
+            late += self.hand_over_due(before)
         return late
 
-    def first(self, making: float) -> int:
+    def first_frame(self, making: float) -> int:
         """The first frame for a change that takes `making` [s] to compute."""
         every = self.engine.tick_frames
         ahead = self.margin + int(making * self.rate)
         return -(-max(self.engine.frame + ahead, self.running.start + 1) // every) * every
 
-    def _soon(self) -> int:
+    def _handover_frame(self) -> int:
         return self.engine.frame + self.margin + int(_AHEAD * self.rate)
 
-    def _hand(self, group: Sequence[Waiting]) -> None:
+    def _hand_over(self, group: Sequence[WaitingLine]) -> None:
         """Hand the lines of one boundary to the engine as one change."""
         before = on = self.running
         n_dropped = len(self.dropped)
         for one in group:
-            is_made = one.made is not None and one.on is on
+            is_made = one.staged is not None and one.predecessor is on
             try:
-                on = one.made if is_made and one.made is not None else self._follow(on, one)
-                one.made = on
+                on = one.staged if is_made and one.staged is not None else self._stage_line(on, one)
+                one.staged = on
             except REFUSALS as error:  # an earlier line removed what it needs
                 self.dropped.append((one, str(error)))
         if on is before:
@@ -425,9 +447,9 @@ class Commits:
             on.stage,
             before.stage,
             any(one.resets for one in group),
-            gains=_moved(before, on),
+            gains=_changed_ratios(before, on),
             damp=on.version.damp,
-            bearings=on.bearings,
+            force_bounds=on.force_bounds,
         )
         try:
             ticket = self.engine.change(change)
@@ -436,7 +458,7 @@ class Commits:
             self._find_head()
             return
         self.under_way.append((ticket, group, before))
-        self.handed += [one.number for one in group if one.number]
+        self.handed_over += [one.number for one in group if one.number]
         self.running = on
         if not self.waiting or len(self.dropped) > n_dropped:
             self._find_head()
@@ -446,13 +468,13 @@ class Commits:
         version = self.running.version
         for one in self.waiting[:]:
             try:
-                one.version = version = self._version(version, one)
+                one.version = version = self._edited(version, one)
             except REFUSALS as error:  # a line before it was dropped
                 self.dropped.append((one, str(error)))
                 self.waiting.remove(one)
         self.head = version
 
-    def late(self, ticket: int) -> list[Waiting]:
+    def requeue_late(self, ticket: int) -> list[WaitingLine]:
         """Queue again the lines of a change that came too late, and those of all changes after it.
 
         Returns these lines, without those that a panic forgot.
@@ -461,35 +483,37 @@ class Commits:
         if index is None:
             return []
         late = [one for _, group, _ in self.under_way[index:] for one in group]
-        back = [one for one in late if not one.forgot]
+        back = [one for one in late if not one.is_forgotten]
         self.running = self.under_way[index][2]
         del self.under_way[index:]
         for one in late:
-            one.made = one.on = None
+            one.staged = one.predecessor = None
             if one.number:
-                self.handed.remove(one.number)
-                if one.forgot:
+                self.handed_over.remove(one.number)
+                if one.is_forgotten:
                     self.dropped.append((one, "it came too late, and a panic was entered since"))
         self.waiting = [*back, *self.waiting]
         return back
 
-    def order(self) -> dict[int, float]:
+    def effect_order(self) -> dict[int, float]:
         """The place of lines in the order in which they take effect, by number."""
-        numbers = [*self.handed, *(one.number for one in self.waiting)]
+        numbers = [*self.handed_over, *(one.number for one in self.waiting)]
         return {number: float(place) for place, number in enumerate(numbers)}
 
     def rebase(self, base: Texts) -> None:
         """Note that the files hold these texts now."""
-        self.past = {n: replace(one, base=base, renames=()) for n, one in self.past.items()}
+        self.past_versions = {
+            n: replace(one, base=base, renames=()) for n, one in self.past_versions.items()
+        }
         version = replace(self.running.version, base=base, renames=())
         self.running = replace(self.running, version=version)
         self._find_head()
 
-    def lines_of(self, ticket: int) -> Sequence[Waiting]:
+    def lines_under_way(self, ticket: int) -> Sequence[WaitingLine]:
         """The lines of a change under way; none if it is not known yet. Any thread may call it."""
         return next((group for own, group, _ in [*self.under_way] if own == ticket), ())
 
-    def done(self, ticket: int) -> Sequence[Waiting]:
+    def pop_done(self, ticket: int) -> Sequence[WaitingLine]:
         """Remove a completed change from those under way; returns its lines."""
         index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)
         return () if index is None else self.under_way.pop(index)[1]
@@ -509,7 +533,7 @@ def _names(version: Version) -> frozenset[str]:
     )
 
 
-def read_again(line: str, version: Version) -> Sequence[Command]:
+def reparse(line: str, version: Version) -> Sequence[Command]:
     """The commands of a line, read again with the names of the version before it.
 
     A render of the journal reads it in the same way. Raises NotTakenError, for instance if a
@@ -521,7 +545,7 @@ def read_again(line: str, version: Version) -> Sequence[Command]:
         raise NotTakenError(refusal.message) from None
 
 
-def fader_ratios(running: Running) -> dict[int, float]:
+def fader_ratios(running: RunningVersion) -> dict[int, float]:
     """The ratio of each group of routes, by its number."""
     version = running.version
     parts = enumerate(running.stage.listening.parts())
@@ -531,7 +555,7 @@ def fader_ratios(running: Running) -> dict[int, float]:
     }
 
 
-def _moved(before: Running, after: Running) -> dict[int, float]:
+def _changed_ratios(before: RunningVersion, after: RunningVersion) -> dict[int, float]:
     """The groups of routes whose ratio has changed; all groups if the mixer is new."""
     old = fader_ratios(before) if after.stage.network is before.stage.network else {}
     return {group: to for group, to in fader_ratios(after).items() if to != old.get(group)}

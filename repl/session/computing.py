@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from ergon._core import StoppedError, Work
 
-LINE = 2.0  # [s] for a line
-FILES = 30.0  # [s] for a line that reads files, restores a version or starts the piece
+LINE_SECONDS = 2.0  # [s] for a line
+FILES_SECONDS = 30.0  # [s] for a line that reads files, restores a version or starts the piece
 
 
 class Computing:
@@ -20,7 +20,7 @@ class Computing:
         self._works: list[Work] = []
 
     @contextlib.contextmanager
-    def within(self, seconds: float | None) -> Iterator[None]:
+    def limited(self, seconds: float | None) -> Iterator[None]:
         """Limit the computation in this block [s]. Raises StoppedError beyond the limit."""
         self.seconds = seconds
         work = Work(seconds)
@@ -43,9 +43,9 @@ class Computing:
         if error.why == "cancelled":
             return "cancelled; nothing has changed"
         said = f"this line takes more than {self.seconds:g} s to compute; nothing has changed"
-        if self.seconds != LINE:
+        if self.seconds != LINE_SECONDS:
             return said
         return (
             f"{said} (make it smaller, or write it into the score and type "
-            f"`reload`, which has {FILES:g} s)"
+            f"`reload`, which has {FILES_SECONDS:g} s)"
         )

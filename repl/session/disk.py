@@ -29,7 +29,7 @@ class Disk:
         self._known = dict(known or {})
 
     @classmethod
-    def of(cls, texts: Texts) -> Disk:
+    def of_texts(cls, texts: Texts) -> Disk:
         """The state after these texts were read from the disk."""
         disk = cls()
         disk.note_read(texts)
@@ -41,7 +41,7 @@ class Disk:
 
     def note_written(self, files: Mapping[str, str]) -> None:
         """Note that files were written with these texts."""
-        self._known.update((file, of_text(text)) for file, text in files.items())
+        self._known.update((file, text_hash(text)) for file, text in files.items())
 
     def hashes(self) -> Mapping[str, str]:
         """Hashes by file, in hexadecimal."""
@@ -59,16 +59,16 @@ class Disk:
         """
         self._known.update(hashes)
 
-    def changed(self, texts: Texts) -> dict[str, str]:
+    def unsaved_texts(self, texts: Texts) -> dict[str, str]:
         """The unsaved texts of the score and the files that it uses, by file."""
         folder = Path(texts.path).parent
         return {
             file: text
             for file, text in ((texts.path, texts.text), *texts.overlay.items())
-            if self._known.get(home(file, folder), self._known.get(file)) != of_text(text)
+            if self._known.get(target_path(file, folder), self._known.get(file)) != text_hash(text)
         }
 
-    def check(self, file: str, score: Path) -> None:
+    def check_writable(self, file: str, score: Path) -> None:
         """Raise NotTakenError if a session with this score may not write a file."""
         path = Path(file)
         if is_shipped(path):
@@ -89,8 +89,8 @@ class Disk:
             raise NotTakenError(
                 f"{file} already exists, and this session did not write it: choose another name"
             )
-        found = on_disk(path)
-        if found is None or of_text(found) != known:
+        found = read_text(path)
+        if found is None or text_hash(found) != known:
             raise NotTakenError(
                 f"{file} was changed on the disk since it was read: "
                 "`save NAME` writes another file, `reload` reads the changed one"
@@ -99,18 +99,18 @@ class Disk:
             raise NotTakenError(f"{file} is not a score, so `save` does not replace it")
 
 
-def of_text(text: str) -> str:
+def text_hash(text: str) -> str:
     """The hash of a text."""
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
-def home(file: str, folder: Path) -> str:
+def target_path(file: str, folder: Path) -> str:
     """The path to which a file is written: a file of the library becomes one beside the score."""
     name = shipped(Path(file))
     return file if name is None else str(folder / name)
 
 
-def on_disk(path: Path) -> str | None:
+def read_text(path: Path) -> str | None:
     """The text of a file; None where it cannot be read as text."""
     try:
         return path.read_bytes().decode("utf-8-sig") if path.is_file() else None
@@ -126,7 +126,7 @@ def folder_of(texts: Texts) -> Path:
     return Path() if is_shipped(path) else path.parent
 
 
-def as_written(file: str, text: str) -> bytes:
+def file_bytes(file: str, text: str) -> bytes:
     """The bytes with which a text replaces a file; a byte order mark of the file is kept."""
     try:
         with Path(file).open("rb") as old:

@@ -23,7 +23,7 @@ _Move = TypeVar("_Move", bound=Callable[..., Faders])
 VERSION_EDITS: dict[type[c.Command], Callable[[Any], VersionEdit]] = {}
 
 
-def makes(kind: type[c.Command]) -> Callable[[_Make], _Make]:
+def makes_edit(kind: type[c.Command]) -> Callable[[_Make], _Make]:
     """Decorate a function that makes the edit of a command."""
 
     def known(make: _Make) -> _Make:
@@ -33,7 +33,7 @@ def makes(kind: type[c.Command]) -> Callable[[_Make], _Make]:
     return known
 
 
-def writes(kind: type[c.Command]) -> Callable[[_Change], _Change]:
+def edits_texts(kind: type[c.Command]) -> Callable[[_Change], _Change]:
     """Decorate a function that gives the new texts from command, version and beat."""
 
     def known(change: _Change) -> _Change:
@@ -46,7 +46,7 @@ def writes(kind: type[c.Command]) -> Callable[[_Change], _Change]:
     return known
 
 
-def moves(kind: type[c.Command]) -> Callable[[_Move], _Move]:
+def edits_faders(kind: type[c.Command]) -> Callable[[_Move], _Move]:
     """Decorate a function that gives the new faders from command, faders and names of
     instruments.
     """
@@ -54,7 +54,8 @@ def moves(kind: type[c.Command]) -> Callable[[_Move], _Move]:
     def known(change: _Move) -> _Move:
         def make(command: Any) -> VersionEdit:
             return lambda version, beat: replace(
-                version, faders=change(command, version.faders, _parts(version, command.name))
+                version,
+                faders=change(command, version.faders, _instruments_of(version, command.name)),
             )
 
         VERSION_EDITS[kind] = make
@@ -68,7 +69,7 @@ def with_texts(version: Version, texts: Texts) -> Version:
     return replace(version, texts=texts, piece=piece_of(texts))
 
 
-def _parts(version: Version, name: str | None) -> frozenset[str]:
+def _instruments_of(version: Version, name: str | None) -> frozenset[str]:
     """The named instrument or its notes, or the instruments that a player's key is linked to."""
     piece = version.piece
     if name is None:

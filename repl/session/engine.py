@@ -22,25 +22,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change of what plays, from frame `at` on, which is a multiple of the engine's tick.
+    """A change of what plays, from `frame` on, which is a multiple of the engine's tick.
 
-    `stage` takes over from `before`, or begins anew if it `resets`; `gains` are the ratios of
-    groups of routes; `damp` [s] is a T60 added to all that sounds; `bearings` are the forces
+    `stage` takes over from `old_stage`, or begins anew if it `resets`; `gains` are the ratios of
+    groups of routes; `damp` [s] is a T60 added to all that sounds; `force_bounds` are the forces
     that real hands may get from the stage.
     """
 
-    at: int
+    frame: int
     stage: Stage
-    before: Stage
+    old_stage: Stage
     resets: bool = False
     gains: Mapping[int, float] = field(default_factory=dict)
     damp: float | None = None
-    bearings: Sequence[HandForceBounds] = ()
+    force_bounds: Sequence[HandForceBounds] = ()
 
     @property
-    def is_mixed_anew(self) -> bool:
+    def needs_new_mixer(self) -> bool:
         """Whether the change needs a new mixer."""
-        new, old = self.stage, self.before
+        new, old = self.stage, self.old_stage
         return new.network is not old.network or new.placed != old.placed
 
 
@@ -57,7 +57,7 @@ class GuidedPath:
 
 
 @dataclass(frozen=True, slots=True)
-class HeldHand:
+class RecordedHand:
     """A hand whose movement is known: `positions` (n_ticks,) [m] of the key, tick by tick.
 
     `index` is its number in the simulation, `reach` the factor between key and scene. After the
@@ -73,13 +73,13 @@ class HeldHand:
 class EngineStatus:
     """Load as a share of real time, late ticks, peaks of channels as ratios.
 
-    `away` are the players whose keys are disconnected.
+    `disconnected` are the players whose keys are disconnected.
     """
 
     load: float = 0.0
     late: int = 0
     peaks: Sequence[float] = ()
-    away: frozenset[str] = frozenset()
+    disconnected: frozenset[str] = frozenset()
     let_go: bool = False  # no force is sent, by `let_go` or by a signal
     troubles: Sequence[str] = ()  # what is wrong, in a few words each
 
@@ -95,7 +95,9 @@ class EngineEvent:
     frame: int
     ticket: int | None = None
     is_late: bool = False
-    act: int | None = None  # the ticket of a strike or a value, which acted unless it `is_late`
+    act_ticket: int | None = (
+        None  # the ticket of a strike or a value, which acted unless it `is_late`
+    )
     sentence: str = ""
     real: Mapping[str, bool] = field(default_factory=dict)
 
@@ -129,7 +131,7 @@ class Engine(Protocol):
     def frame(self) -> int:
         """Frames computed so far."""
 
-    def bearings(
+    def force_bounds(
         self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[HandForceBounds]
     ) -> Sequence[HandForceBounds]:
         """The forces that real hands may get from a stage that takes over at frame `start`.
@@ -150,7 +152,7 @@ class Engine(Protocol):
         Returns a ticket, which an event reports; None if too many strikes wait.
         """
 
-    def tell(self, number: int, value: float) -> int | None:
+    def set_input(self, number: int, value: float) -> int | None:
         """Set an input that is told its values, full scale 1; otherwise like `strike`."""
 
     def record_sound(self, path: Path) -> None:
@@ -162,7 +164,7 @@ class Engine(Protocol):
     def end_sound(self) -> None:
         """End the file of `record_sound`."""
 
-    def sound_recorded(self) -> SoundFileStatus | None:
+    def sound_file_status(self) -> SoundFileStatus | None:
         """The state of the file of `record_sound`; None where there was none."""
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
@@ -205,7 +207,7 @@ class SteppedEngine:
         tick_frames: int,
         highpass: float | None,
         reference: float | None = None,
-        hands: Sequence[HeldHand] = (),
+        hands: Sequence[RecordedHand] = (),
     ) -> None:
         """Begin with a stage at frame 0, in which the hands move as `hands` did."""
         self.tick_frames = tick_frames
@@ -215,11 +217,11 @@ class SteppedEngine:
         self._simulation: _core.Simulation = stage.simulation
         self._highpass, self._reference = highpass, reference
         self._mixer = stage.mixer(highpass=highpass, reference=reference)
-        self._coming: list[tuple[int, Change]] = []
+        self._changes: list[tuple[int, Change]] = []
         self._events: list[EngineEvent] = []
         self._tickets = 0
 
-    def bearings(
+    def force_bounds(
         self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[HandForceBounds]
     ) -> Sequence[HandForceBounds]:
         """Do nothing: no hand is real here."""
@@ -228,11 +230,11 @@ class SteppedEngine:
     def change(self, change: Change) -> int:
         """Request a change; one whose frame has passed is reported as late and not made."""
         self._tickets += 1
-        if change.at < self.frame:
+        if change.frame < self.frame:
             self._events.append(EngineEvent(self.frame, self._tickets, is_late=True))
         else:
-            self._coming.append((self._tickets, change))
-            self._coming.sort(key=lambda one: (one[1].at, one[0]))
+            self._changes.append((self._tickets, change))
+            self._changes.sort(key=lambda one: (one[1].frame, one[0]))
         return self._tickets
 
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
@@ -242,17 +244,17 @@ class SteppedEngine:
 
     def strike(self, point: int, impulse: float) -> int:
         """Strike a point of the running stage by an impulse [N·s], at the next frame."""
-        return self._acted(lambda playing: playing.strike(point, impulse))
+        return self._act_now(lambda playing: playing.strike(point, impulse))
 
-    def tell(self, number: int, value: float) -> int:
+    def set_input(self, number: int, value: float) -> int:
         """Set an input that is told its values, full scale 1, from the next frame on."""
-        return self._acted(lambda playing: playing.tell(number, value))
+        return self._act_now(lambda playing: playing.tell(number, value))
 
-    def _acted(self, act: Callable[[_core.Simulation], bool]) -> int:
-        self._due()  # a change of this frame comes before it
+    def _act_now(self, act: Callable[[_core.Simulation], bool]) -> int:
+        self._do_due_changes()  # a change of this frame comes before it
         self._tickets += 1
         is_missed = not act(self._simulation)
-        self._events.append(EngineEvent(self.frame, act=self._tickets, is_late=is_missed))
+        self._events.append(EngineEvent(self.frame, act_ticket=self._tickets, is_late=is_missed))
         return self._tickets
 
     def record_sound(self, path: Path) -> None:
@@ -262,7 +264,7 @@ class SteppedEngine:
     def end_sound(self) -> None:
         """Do nothing: no sound is recorded."""
 
-    def sound_recorded(self) -> SoundFileStatus | None:
+    def sound_file_status(self) -> SoundFileStatus | None:
         """None: no sound is recorded."""
         return None
 
@@ -283,10 +285,10 @@ class SteppedEngine:
         mixed = np.zeros((n_frames, self.n_channels))
         done = 0
         while done < n_frames:
-            self._due()
-            stop = min([self.frame + n_frames - done, *(one.at for _, one in self._coming[:1])])
+            self._do_due_changes()
+            stop = min([self.frame + n_frames - done, *(one.frame for _, one in self._changes[:1])])
             if self._hands:
-                stop = min(stop, self._held())
+                stop = min(stop, self._hold_hands())
             n = stop - self.frame
             frames = np.zeros((n, self._simulation.n_out))
             self._simulation.process(frames)
@@ -295,7 +297,7 @@ class SteppedEngine:
             self.frame = stop
         return mixed
 
-    def _held(self) -> int:
+    def _hold_hands(self) -> int:
         """Hold each hand where it is in this tick; returns the first frame of the next one."""
         tick = self.frame // self.tick_frames
         for hand in self._hands:
@@ -303,16 +305,16 @@ class SteppedEngine:
             self._simulation.hold(hand.index, float(x) * hand.reach)
         return (tick + 1) * self.tick_frames
 
-    def _due(self) -> None:
-        while self._coming and self._coming[0][1].at == self.frame:
-            ticket, change = self._coming.pop(0)
-            self._do(change)
+    def _do_due_changes(self) -> None:
+        while self._changes and self._changes[0][1].frame == self.frame:
+            ticket, change = self._changes.pop(0)
+            self._do_change(change)
             self._events.append(EngineEvent(self.frame, ticket))
 
-    def _do(self, change: Change) -> None:
+    def _do_change(self, change: Change) -> None:
         new = change.stage.simulation
         outputs = [] if change.resets else new.take_over(self._simulation)
-        if change.is_mixed_anew:
+        if change.needs_new_mixer:
             mixer = change.stage.mixer(highpass=self._highpass, reference=self._reference)
             mixer.take_over(self._mixer, outputs)
             self._mixer = mixer

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 LineOf = Callable[["Version"], str | None]
 
 
-class Moved(Protocol):
+class ValueSession(Protocol):
     """The session whose values move."""
 
     commits: Commits
@@ -42,9 +42,9 @@ class Moved(Protocol):
 
 
 class FastValues:
-    """The latest value of each name, set by lines. Any thread may call `move`."""
+    """The latest value of each name, set by lines. Any thread may call `set_soon`."""
 
-    def __init__(self, session: Moved) -> None:
+    def __init__(self, session: ValueSession) -> None:
         """Begin without values."""
         self._session = session
         self._moved: dict[str, LineOf] = {}
@@ -52,11 +52,11 @@ class FastValues:
         self._names: tuple[str, ...] = ()  # and what moved
         self._refused: tuple[str, ...] = ()
 
-    def move(self, name: str, line: LineOf) -> None:
+    def set_soon(self, name: str, line: LineOf) -> None:
         """Keep the value of a name, in place of one that is not set yet."""
         self._moved[name] = line
 
-    def turn(self) -> None:
+    def set_due(self) -> None:
         """Set the values that have come, by one line; wait as long as the last such line has not
         taken effect.
 

@@ -11,7 +11,7 @@ from ergon.exchange.together import write_all
 from ergon.notation.text.edit import EditError
 from ergon.repl.language.scope import SUFFIXES
 from ergon.repl.session import save_as
-from ergon.repl.session.disk import as_written, folder_of, home
+from ergon.repl.session.disk import file_bytes, folder_of, target_path
 from ergon.repl.session.version import NotTakenError, piece_of
 from ergon.scores.edits import excerpt, parts
 from ergon.scores.edits.texts import Texts
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from ergon.repl.session.core import SessionCore
 
 
-def keep(session: SessionCore, length: Length, name: str) -> list[str]:
+def write_last_bars(session: SessionCore, length: Length, name: str) -> list[str]:
     """Write the last bars as a score beside this one; the names of the written files."""
-    version, now = session.commits.head, session.commits.now()
+    version, now = session.commits.head, session.commits.beat_now()
     tempo = version.piece.tempo_map
     bar = tempo.bars.start(tempo.bar_beat(now)[0])
     is_bars = length.bars and not length.beats and not length.seconds
@@ -55,12 +55,12 @@ def save(session: SessionCore, target: Path | None) -> list[str]:
     Without a target, the score and the changed files that it uses are overwritten.
     """
     version = session.commits.head
-    texts = parts.finish(version.texts, version.piece, session.commits.now())
+    texts = parts.finish(version.texts, version.piece, session.commits.beat_now())
     piece_of(texts)
     return _write(session, texts, None if target is None else _target(texts, target))
 
 
-def beside(texts: Texts, target: Path, suffix: str) -> Path:
+def new_file_beside(texts: Texts, target: Path, suffix: str) -> Path:
     """A new file in the folder that a session writes to. Raises NotTakenError."""
     folder = folder_of(texts)
     path = folder / target if target.parent == Path() else target
@@ -103,23 +103,23 @@ def _target(texts: Texts, target: Path) -> Path | None:
 def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]:
     """Write texts over their files, or as another score; either all files are written or none."""
     own, disk = Path(texts.path), session.disk
-    changed = disk.changed(texts)
+    changed = disk.unsaved_texts(texts)
     files: Mapping[str, str]
     if target is None:
         if texts.path not in disk.hashes():
             raise NotTakenError(
                 f"this session has not read {own}: `save NAME` writes a file beside it"
             )
-        score, files = own, {home(file, own.parent): text for file, text in changed.items()}
+        score, files = own, {target_path(file, own.parent): text for file, text in changed.items()}
     else:
         score, files = target, save_as.files(texts, changed.keys() - {texts.path}, target)
     if not files:
         return []
-    _proven(texts, changed, score, files)
+    _check_written(texts, changed, score, files)
     try:
         write_all(
-            {Path(file): as_written(file, text) for file, text in files.items()},
-            lambda path: disk.check(str(path), score),
+            {Path(file): file_bytes(file, text) for file, text in files.items()},
+            lambda path: disk.check_writable(str(path), score),
         )
     except (FileRefusedError, OSError) as error:
         raise NotTakenError(str(error)) from None
@@ -128,7 +128,7 @@ def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]
     return [*files]
 
 
-def _proven(
+def _check_written(
     texts: Texts, changed: Mapping[str, str], score: Path, files: Mapping[str, str]
 ) -> None:
     """Check that the written files give the piece that plays. Raises NotTakenError."""

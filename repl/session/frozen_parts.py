@@ -13,7 +13,7 @@ from ergon import _core
 from ergon.exchange.frozen import MANIFEST, NotFrozenError, check
 from ergon.exchange.frozen import read as read_manifest
 from ergon.notation.text.files import is_below
-from ergon.repl.session.journal import Event
+from ergon.repl.session.journal import JournalEvent
 from ergon.repl.session.midi_maps import strike_points
 from ergon.scores.reading.piece import digest_of, is_same
 from ergon.scores.staging.frozen_content import content, joined
@@ -69,7 +69,7 @@ class FrozenFolder:
 
 
 @dataclass(frozen=True, slots=True)
-class HeldPart:
+class LoadedPart:
     """A frozen instrument with its samples in memory: (samples, names of their outputs)."""
 
     name: str
@@ -77,7 +77,7 @@ class HeldPart:
     stems: tuple[tuple[_core.FrozenOutputs, tuple[str, ...]], ...]
 
 
-def of_frozen(folder: Path, frozen: Frozen, piece: Piece, listening: Listening) -> FrozenFolder:
+def frozen_folder(folder: Path, frozen: Frozen, piece: Piece, listening: Listening) -> FrozenFolder:
     """The parts of a folder that was frozen from a piece. Raises NotFrozenError.
 
     `frozen` is the content of the folder's manifest; `listening` has the taps of the piece.
@@ -105,7 +105,9 @@ def of_frozen(folder: Path, frozen: Frozen, piece: Piece, listening: Listening) 
     return FrozenFolder(folder, parts)
 
 
-def held(frozen: FrozenFolder, version: Version, real: Collection[str]) -> tuple[HeldPart, ...]:
+def load_frozen(
+    frozen: FrozenFolder, version: Version, real: Collection[str]
+) -> tuple[LoadedPart, ...]:
     """The parts that a version can play from their frozen samples, with these samples.
 
     `real` are the players whose hands are real. Raises NotFrozenError.
@@ -138,13 +140,13 @@ def held(frozen: FrozenFolder, version: Version, real: Collection[str]) -> tuple
             (_core.FrozenOutputs(verified[stem.file].samples()), stem.outputs)
             for stem in part.stems
         )
-        found.append(HeldPart(part.name, manifest.n_frames, stems))
+        found.append(LoadedPart(part.name, manifest.n_frames, stems))
     return tuple(found)
 
 
 def still_frozen(
-    parts: Sequence[HeldPart], before: Version, version: Version, real: Collection[str]
-) -> tuple[HeldPart, ...]:
+    parts: Sequence[LoadedPart], before: Version, version: Version, real: Collection[str]
+) -> tuple[LoadedPart, ...]:
     """The parts whose sound a version does not change against the version before."""
     return tuple(
         part
@@ -155,13 +157,13 @@ def still_frozen(
     )
 
 
-def placed(
-    parts: Sequence[HeldPart], listening: Listening, clock: Clock, rate: float
+def place_samples(
+    parts: Sequence[LoadedPart], listening: Listening, clock: Clock, rate: float
 ) -> tuple[Placed, ...]:
     """The samples of parts, placed on the running piece; none while it is stopped."""
-    if clock.by is None:
+    if clock.began_at is None:
         return ()
-    begins = math.floor(clock.by * rate + 0.5)
+    begins = math.floor(clock.began_at * rate + 0.5)
     taps: dict[str, list[int]] = {}
     for part in parts:
         for tap in listening.taps(part.name):
@@ -200,7 +202,7 @@ def frozen_fields(frozen: FrozenFolder) -> dict[str, object]:
     return {"frozen": frozen.name, "frozen_parts": parts}
 
 
-def frozen_of(first: Event, journal: Path, *, trust: bool) -> FrozenFolder | None:
+def frozen_of(first: JournalEvent, journal: Path, *, trust: bool) -> FrozenFolder | None:
     """The frozen parts named by a journal's first event; None if there are none.
 
     Raises JournalError, also if they lie outside both the journal's folder and the current one,
@@ -210,17 +212,17 @@ def frozen_of(first: Event, journal: Path, *, trust: bool) -> FrozenFolder | Non
         return None
     name = first.get("frozen", str)
     if not name or "\0" in name:
-        first.wrong("the field 'frozen' is not the name of a folder")
+        first.refuse("the field 'frozen' is not the name of a folder")
     folder = journal.parent / name
     if not trust and not any(is_below(folder, own) for own in (Path(), journal.parent)):
-        first.wrong(
+        first.refuse(
             f"its frozen parts are in {name!a}, outside this folder and the journal's; "
             "--trust reads them"
         )
     return FrozenFolder(folder, tuple(_part(row) for row in _rows(first, "frozen_parts")), name)
 
 
-def _part(row: Event) -> FrozenPart:
+def _part(row: JournalEvent) -> FrozenPart:
     stems = tuple(
         FrozenStem(stem.get("file", str), stem.get("sha256", str), _names(stem))
         for stem in _rows(row, "stems")
@@ -228,15 +230,15 @@ def _part(row: Event) -> FrozenPart:
     return FrozenPart(row.get("part", str), row.get("content", str), stems)
 
 
-def _names(stem: Event) -> tuple[str, ...]:
+def _names(stem: JournalEvent) -> tuple[str, ...]:
     names = stem.get("outputs", list)
     if not all(isinstance(name, str) for name in names):
-        stem.wrong("the field 'outputs' has the wrong type or value")
+        stem.refuse("the field 'outputs' has the wrong type or value")
     return tuple(names)
 
 
-def _rows(event: Event, name: str) -> list[Event]:
+def _rows(event: JournalEvent, name: str) -> list[JournalEvent]:
     listed = event.get(name, list)
     if len(listed) > _ROWS_MAX or not all(isinstance(one, dict) for one in listed):
-        event.wrong(f"the field '{name}' has the wrong type or value")
-    return [Event(event.file, event.number, event.name, one) for one in listed]
+        event.refuse(f"the field '{name}' has the wrong type or value")
+    return [JournalEvent(event.file, event.number, event.name, one) for one in listed]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ergon._core import EngineError
-from ergon.live.perform import GUIDE
+from ergon.live.perform import GUIDANCE_MAX
 from ergon.repl.session.engine import GuidedPath
 from ergon.repl.session.making_time import MakingTime
 from ergon.repl.session.version import HandGuide, NotTakenError
@@ -16,22 +16,23 @@ from ergon.scores.staging.live import leading
 if TYPE_CHECKING:
     from ergon.repl.language.commands import Guide
     from ergon.repl.session.commits import Commits
-    from ergon.repl.session.running import Running
+    from ergon.repl.session.running import RunningVersion
 
 # The length of a path [s]; it is replaced after half of it. Making one takes some hundredths of a
 # second.
-_PATH = 6.0
-# During a rest longer than _REST the hand is free; guidance begins _BEFORE the next gesture [s].
-_REST = 1.0
-_BEFORE = 0.2
+_PATH_SECONDS = 6.0
+# During a rest longer than _REST_MAX the hand is free; guidance begins _LEAD_IN the next gesture
+# [s].
+_REST_MAX = 1.0
+_LEAD_IN = 0.2
 # The time assumed for making the first path; later, that of the slowest of the last paths [s].
-_MAKING = 0.1
+_FIRST_MAKING_TIME = 0.1
 
 
 def guide_of(command: Guide) -> HandGuide:
     """The guide that a command asks for, as shares of the strongest guide. Raises NotTakenError."""
     assert command.by is not None
-    stiffest, thickest = GUIDE
+    stiffest, thickest = GUIDANCE_MAX
     stiffness = stiffest if command.stiffness is None else command.stiffness
     if stiffness > stiffest:
         raise NotTakenError(
@@ -46,7 +47,7 @@ def guide_of(command: Guide) -> HandGuide:
     return HandGuide(command.by, share, viscosity / thickest)
 
 
-def allow(command: Guide, commits: Commits) -> None:
+def check_guide(command: Guide, commits: Commits) -> None:
     """Refuse a guide unless the hand is real and its guide is a written part. Raises
     NotTakenError.
     """
@@ -59,7 +60,7 @@ def allow(command: Guide, commits: Commits) -> None:
         raise NotTakenError(
             f"{by} is a real hand and cannot guide: name a player with a written part"
         )
-    if player in commits.engine.status().away:
+    if player in commits.engine.status().disconnected:
         raise NotTakenError(
             f"the device of {player}'s key is gone: type the line again when it is back"
         )
@@ -70,13 +71,13 @@ class Guidance:
     """Sends the engine the paths of guided hands, section by section, as the version plays."""
 
     commits: Commits
-    _running: Running | None = None  # the version whose paths were sent
+    _running: RunningVersion | None = None  # the version whose paths were sent
     _remake_at: int = 0  # the frame at which the next paths are made
     _guided: frozenset[str] = frozenset()
     _ticket: int | None = None
-    _making: MakingTime = field(default_factory=lambda: MakingTime(_MAKING))
+    _making: MakingTime = field(default_factory=lambda: MakingTime(_FIRST_MAKING_TIME))
 
-    def due(self) -> tuple[int, Mapping[str, GuidedPath]] | None:
+    def paths_due(self) -> tuple[int, Mapping[str, GuidedPath]] | None:
         """The frame and the new paths by player, if they must be sent now; else None."""
         running, commits = self.commits.running, self.commits
         players = running.version.piece.players
@@ -93,42 +94,42 @@ class Guidance:
             return None
         began = MakingTime.began()
         at, rate, every = (
-            commits.first(2.0 * self._making.seconds),
+            commits.first_frame(2.0 * self._making.seconds),
             commits.rate,
             commits.engine.tick_frames,
         )
-        ticks = range(at // every, at // every + int(_PATH * rate) // every)
-        made = dict(self._released(guides))
+        ticks = range(at // every, at // every + int(_PATH_SECONDS * rate) // every)
+        made = dict(self._release_paths(guides))
         made |= {
             player: _guided_path(running, player, guide, ticks, every)
             for player, guide in guides.items()
         }
-        self._remake_at = at + int(_PATH / 2 * rate)
+        self._remake_at = at + int(_PATH_SECONDS / 2 * rate)
         self._guided = frozenset(guides)
         self._making.add(began)
         return at, made
 
-    def _released(self, guides: Mapping[str, HandGuide]) -> Iterator[tuple[str, GuidedPath]]:
+    def _release_paths(self, guides: Mapping[str, HandGuide]) -> Iterator[tuple[str, GuidedPath]]:
         import numpy as np
 
         for player in self._guided - guides.keys():
             yield player, GuidedPath(np.zeros(1), ((0, 0.0, 0.0),))
 
-    def hand(self, at: int, made: Mapping[str, GuidedPath]) -> None:
-        """Send paths to the engine; where its queue is full, `due` makes them again."""
+    def send(self, at: int, made: Mapping[str, GuidedPath]) -> None:
+        """Send paths to the engine; where its queue is full, `paths_due` makes them again."""
         try:
             self._ticket = self.commits.engine.guide(at, made)
         except EngineError:
             self._running = None
 
-    def late(self, ticket: int) -> None:
-        """If the paths of this ticket came too late, `due` makes them again."""
+    def note_late(self, ticket: int) -> None:
+        """If the paths of this ticket came too late, `paths_due` makes them again."""
         if ticket == self._ticket:
             self._running = None
 
 
 def _guided_path(
-    running: Running, player: str, guide: HandGuide, ticks: range, every: int
+    running: RunningVersion, player: str, guide: HandGuide, ticks: range, every: int
 ) -> GuidedPath:
     """The path of a guided player in the next ticks, within the travel of its own key."""
     import numpy as np
@@ -140,8 +141,8 @@ def _guided_path(
         np.clip(path, *travel, out=path)
     begins = ticks.start * period
     spans = [
-        (round((start - _BEFORE - begins) / period), round((stop - begins) / period))
-        for start, stop in _joined(plays)
+        (round((start - _LEAD_IN - begins) / period), round((stop - begins) / period))
+        for start, stop in _without_short_rests(plays)
     ]
     shares = guide.stiffness, guide.viscosity
     # If no other path comes in time, this one ends by letting the hand go.
@@ -151,11 +152,11 @@ def _guided_path(
     return GuidedPath(path, (now, *(step for step in steps[first + 1 :] if step[0] <= len(path))))
 
 
-def _joined(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _without_short_rests(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Join spans that no long rest separates."""
     found: list[tuple[float, float]] = []
     for start, stop in sorted(plays):
-        if found and start - found[-1][1] <= _REST:
+        if found and start - found[-1][1] <= _REST_MAX:
             found[-1] = found[-1][0], max(stop, found[-1][1])
         else:
             found.append((start, stop))

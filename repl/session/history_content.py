@@ -13,7 +13,7 @@ from typing import Any
 from ergon.notation.tables.shapes import NAME
 from ergon.repl.session.block_rules import read_rules, rules_field
 from ergon.repl.session.history import PastVersions
-from ergon.repl.session.journal import Event
+from ergon.repl.session.journal import JournalEvent
 from ergon.repl.session.journal_names import journal_name
 from ergon.repl.session.midi_maps import maps_field, read_maps
 from ergon.repl.session.version import Faders, PastVersion
@@ -24,8 +24,8 @@ _VERSIONS = 1000  # the latest are kept
 _CHARACTERS = 1 << 28  # of all texts of a history together
 
 # Read the texts of a journal's event, and its faders.
-ReadTexts = Callable[[Event], Texts]
-ReadFaders = Callable[[Event], Faders]
+ReadTexts = Callable[[JournalEvent], Texts]
+ReadFaders = Callable[[JournalEvent], Faders]
 
 
 def faders_fields(faders: Faders) -> dict[str, object]:
@@ -45,7 +45,7 @@ def sounding_field(names: SoundingNames) -> dict[str, object]:
     return {"sounds_as": dict(names.names)} if names.names else {}
 
 
-def read_sounding(event: Event) -> SoundingNames:
+def read_sounding(event: JournalEvent) -> SoundingNames:
     """The names under which keys and instruments sound, in a journal's event. Raises
     JournalError.
     """
@@ -53,7 +53,7 @@ def read_sounding(event: Event) -> SoundingNames:
         return SoundingNames()
     found = event.mapping("sounds_as", str)
     if not all(NAME.fullmatch(name) for pair in found.items() for name in pair):
-        event.wrong("the field 'sounds_as' has the wrong value")
+        event.refuse("the field 'sounds_as' has the wrong value")
     return SoundingNames(found)
 
 
@@ -85,7 +85,7 @@ def history_fields(history: PastVersions) -> dict[str, object]:
     return {"history": rows, "index": history.index - first}
 
 
-def read_history(event: Event, texts: ReadTexts, faders: ReadFaders) -> PastVersions | None:
+def read_history(event: JournalEvent, texts: ReadTexts, faders: ReadFaders) -> PastVersions | None:
     """The history in a journal's event; None where it has none. Raises JournalError."""
     if "history" not in event.fields:
         return None
@@ -95,17 +95,17 @@ def read_history(event: Event, texts: ReadTexts, faders: ReadFaders) -> PastVers
     left, versions = _CHARACTERS, []
     for fields in rows:
         if not isinstance(fields, dict):
-            event.wrong("the field 'history' has the wrong type or value")
-        row = Event(event.file, event.number, "history", fields)
-        gone = row.words("gone")
+            event.refuse("the field 'history' has the wrong type or value")
+        row = JournalEvent(event.file, event.number, "history", fields)
+        gone = row.name_set("gone")
         files = {name: text for name, text in files.items() if name not in gone}
         for name, delta in row.get("files", dict).items():
-            files[name] = _applied(row, files.get(name, ""), delta)
+            files[name] = _apply_delta(row, files.get(name, ""), delta)
         left -= sum(map(len, files.values()))
         if left < 0:
-            event.wrong("its history is longer than that of a session can be")
+            event.refuse("its history is longer than that of a session can be")
         named = {"score": row.get("score", str), "text": files.get("", ""), "overlay": _used(files)}
-        read = texts(Event(event.file, event.number, "history", named))
+        read = texts(JournalEvent(event.file, event.number, "history", named))
         versions.append(
             PastVersion(
                 row.number_of("number", int, -len(rows) - 1, 0),
@@ -120,7 +120,7 @@ def read_history(event: Event, texts: ReadTexts, faders: ReadFaders) -> PastVers
             )
         )
     if len({version.number for version in versions}) < len(versions):
-        event.wrong("two versions of its history have one number")
+        event.refuse("two versions of its history have one number")
     return PastVersions(versions, index)
 
 
@@ -142,21 +142,21 @@ def _delta(before: str, text: str) -> list[object] | None:
     """[characters kept in front, characters kept at the end, new text between]; None if equal."""
     if before == text:
         return None
-    front = _shared(before, text)
-    behind = _shared(before[front:][::-1], text[front:][::-1])
+    front = _common_length(before, text)
+    behind = _common_length(before[front:][::-1], text[front:][::-1])
     return [front, behind, text[front : len(text) - behind]]
 
 
-def _shared(a: str, b: str) -> int:
+def _common_length(a: str, b: str) -> int:
     """The number of characters that two texts have in common at their beginning."""
     most = min(len(a), len(b))
     return next((i for i in range(most) if a[i] != b[i]), most)
 
 
-def _applied(row: Event, before: str, delta: object) -> str:
+def _apply_delta(row: JournalEvent, before: str, delta: object) -> str:
     match delta:
         case [int(front), int(behind), str(text)] if (
             front >= 0 and behind >= 0 and front + behind <= len(before)
         ):
             return before[:front] + text + before[len(before) - behind :]
-    row.wrong("the field 'history' has the wrong type or value")
+    row.refuse("the field 'history' has the wrong type or value")

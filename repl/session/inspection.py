@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.text.document import Mapping
 from ergon.notation.text.spelling import nearest
-from ergon.repl.session.rehearsing import rehearse
+from ergon.repl.session.rehearsing import rehearsal_stage
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits import entries
 from ergon.scores.edits.matter import said
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon.instruments.model import Module
-    from ergon.repl.session.running import Running
+    from ergon.repl.session.running import RunningVersion
     from ergon.repl.session.version import Version
     from ergon.scores.edits.texts import Texts
     from ergon.scores.reading.piece import Piece, Play
 
-_ROOM = 0.02  # [s] drawn before a gesture: its joining curve
+_LEAD_IN = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX, _HEIGHT = 100, 16  # characters
 _POINTS = 4  # of a curve in each character: two in each dot
-_SCOPE, _SCOPE_MIN = 2.0, 20  # [s] of a movement that are drawn; ticks at least
+_TRACE_SECONDS, _TRACE_TICKS_MIN = 2.0, 20  # [s] of a movement that are drawn; ticks at least
 _LINES_MAX = 40  # of a definition
 _SECTIONS = (
     "parts",
@@ -50,9 +50,9 @@ _SECTIONS = (
 )
 
 
-def drawn(version: Version, name: str, sounding: Piece, now: float) -> list[str]:
+def draw_name(version: Version, name: str, sounding: Piece, now: float) -> list[str]:
     """The written and the played curve of a gesture or take; for any other name, the result of
-    `defined`.
+    `definition_lines`.
 
     The piece that is `sounding` is at beat `now`.
     """
@@ -62,15 +62,15 @@ def drawn(version: Version, name: str, sounding: Piece, now: float) -> list[str]
     piece = version.piece
     axes = space_path.played(name, piece.gestures)
     if name not in piece.gestures and axes:
-        return [line for axis in axes for line in drawn(version, axis, sounding, now)]
+        return [line for axis in axes for line in draw_name(version, axis, sounding, now)]
     if name not in piece.gestures and name not in piece.takes:
-        return defined(version, name, sounding, now)
+        return definition_lines(version, name, sounding, now)
     if not piece.keys:
         raise NotTakenError("a gesture is drawn on a key, and this score has none")
-    alone = rehearse(piece, name)
+    alone = rehearsal_stage(piece, name)
     assert alone is not None  # there is a key
     first = alone.gestures[0]
-    start, stop = max(0.0, first.start - _ROOM), first.stop
+    start, stop = max(0.0, first.start - _LEAD_IN), first.stop
     reach = piece.keys[first.key].reach
     width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
     curves = asked_and_done(
@@ -80,8 +80,8 @@ def drawn(version: Version, name: str, sounding: Piece, now: float) -> list[str]
     return [f"{name} on {first.key}", *text.splitlines()]
 
 
-def scoped(
-    running: Running,
+def draw_trace(
+    running: RunningVersion,
     frame: int,
     name: str,
     every: int,
@@ -104,12 +104,12 @@ def scoped(
         raise NotTakenError(f"'{name}' is not a player", None if near is None else f"scope {near}")
     key = piece.players[name].key
     last = frame // every
-    ticks = range(max(0, last - int(_SCOPE * rate) // every), last)
+    ticks = range(max(0, last - int(_TRACE_SECONDS * rate) // every), last)
     is_real = hands is not None and any(hand.player == name for hand in running.stage.live)
-    if len(ticks) < _SCOPE_MIN:
+    if len(ticks) < _TRACE_TICKS_MIN:
         raise NotTakenError(f"{name} has not moved yet, so there is nothing to draw")
     if is_real and hands is not None:
-        path = _recorded(hands, name, ticks)
+        path = _recorded_positions(hands, name, ticks)
     else:
         path, _ = leading(piece, name, running.spans, every, ticks)
     width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
@@ -122,7 +122,7 @@ def scoped(
     return [head, *text.splitlines()]
 
 
-def _recorded(hands: Path, player: str, ticks: range) -> NDArray[np.float64]:
+def _recorded_positions(hands: Path, player: str, ticks: range) -> NDArray[np.float64]:
     """Positions of a real hand (n_ticks,) [m], as far as the recording is on the disk."""
     from ergon import _core
 
@@ -131,12 +131,12 @@ def _recorded(hands: Path, player: str, ticks: range) -> NDArray[np.float64]:
     except (_core.EngineError, OSError) as error:
         raise NotTakenError(f"the recording of hands cannot be read: {error}") from None
     number = next((i for i, (name, _) in enumerate(found.axes) if name == player), None)
-    if number is None or len(found.ticks()) < _SCOPE_MIN:
+    if number is None or len(found.ticks()) < _TRACE_TICKS_MIN:
         raise NotTakenError(f"nothing of {player} is recorded yet")
     return found.positions()[:, number]
 
 
-def defined(version: Version, name: str, sounding: Piece, now: float) -> list[str]:
+def definition_lines(version: Version, name: str, sounding: Piece, now: float) -> list[str]:
     """The lines of the score that define a name, with their numbers.
 
     A parameter (`bell.m.f`) is shown with its value at beat `now` of the piece that is
@@ -145,7 +145,7 @@ def defined(version: Version, name: str, sounding: Piece, now: float) -> list[st
     head, _, parameter = name.rpartition(".")
     found = automatable.found(head, sounding.keys, sounding.instruments) if head else None
     if found is None:
-        return _defined(version.texts, name)
+        return _lines_of_score(version.texts, name)
     part, module, is_ca = found
     value, is_led = _value(sounding, (part, module.name), module, parameter, now)
     shown = []
@@ -154,8 +154,8 @@ def defined(version: Version, name: str, sounding: Piece, now: float) -> list[st
         amount = said(float(f"{value:.6g}"), parameter, is_ca=is_ca)
         shown.append(f"{name}: {amount}{where if is_led else ''}")
     with contextlib.suppress(NotTakenError):  # it stands in a file that the score uses
-        shown += _defined(version.texts, part)
-    return shown or _defined(version.texts, name)
+        shown += _lines_of_score(version.texts, part)
+    return shown or _lines_of_score(version.texts, name)
 
 
 def _value(
@@ -174,7 +174,7 @@ def _value(
     return (value, False) if isinstance(value, float) else (None, False)
 
 
-def show(version: Version, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
+def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
     """What each player plays at beat `now`, and what follows.
 
     `playing` are the gestures in flight: (player, gesture).
@@ -204,7 +204,7 @@ def _entry(play: Play) -> str:
     return f"{play.what} from {play.at.text}{until}"
 
 
-def _defined(texts: Texts, name: str) -> list[str]:
+def _lines_of_score(texts: Texts, name: str) -> list[str]:
     known: list[str] = []
     for file in (texts.path, *texts.overlay):
         document = texts.document(file)

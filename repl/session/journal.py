@@ -45,16 +45,16 @@ class Journal:
         self._told = threading.Event()
         self._writing = threading.Lock()  # lines of two threads do not mix
         self._over = False
-        self._thread = threading.Thread(target=self._settle, name="ergon journal", daemon=True)
+        self._thread = threading.Thread(target=self._sync, name="ergon journal", daemon=True)
         self._thread.start()
 
     @classmethod
-    def begun(cls, path: Path) -> Journal:
+    def begin(cls, path: Path) -> Journal:
         """Begin a journal under the first free name of `name`, `name-2`, … Raises JournalError.
 
         Several journals that begin at the same time get different names.
         """
-        for found in names(path):
+        for found in numbered_paths(path):
             try:
                 return cls(found)
             except JournalError as error:
@@ -62,8 +62,8 @@ class Journal:
                     raise
         raise AssertionError  # the sequence of names is endless
 
-    def tell(self, event: str, **fields: Any) -> None:
-        """Append an event. A failure is reported once by `trouble`, and the session goes on."""
+    def append(self, event: str, **fields: Any) -> None:
+        """Append an event. A failure is reported once by `pop_failure`, and the session goes on."""
         line = json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=True)
         if len(line) >= MAX_LINE:
             self._trouble = (
@@ -80,7 +80,7 @@ class Journal:
             self.has_failed = True
         self._told.set()
 
-    def trouble(self) -> str:
+    def pop_failure(self) -> str:
         """Why writing has failed since the last call; empty where it has not."""
         trouble, self._trouble = self._trouble, ""
         return trouble
@@ -90,10 +90,10 @@ class Journal:
         self._over = True
         self._told.set()
         self._thread.join()
-        with contextlib.suppress(OSError):  # `trouble` has reported it
+        with contextlib.suppress(OSError):  # `pop_failure` has reported it
             self._file.close()
 
-    def _settle(self) -> None:
+    def _sync(self) -> None:
         """Sync events to the disk, all that have come meanwhile in one go."""
         is_over = False
         while not is_over:
@@ -108,7 +108,7 @@ class Journal:
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class JournalEvent:
     """One line of a journal: its number in the file, the name of the event, its fields."""
 
     file: str
@@ -116,7 +116,7 @@ class Event:
     name: str
     fields: Mapping[str, Any]
 
-    def wrong(self, sentence: str) -> NoReturn:
+    def refuse(self, sentence: str) -> NoReturn:
         """Raise JournalError with the file and number of this line."""
         raise JournalError(f"{self.file}, line {self.number}: {sentence}") from None
 
@@ -124,20 +124,20 @@ class Event:
         """A field of a type. Raises JournalError where it is missing or of another type."""
         value = self.fields.get(name, default)
         if value is None:
-            self.wrong(f"the field '{name}' is missing")
+            self.refuse(f"the field '{name}' is missing")
         if kind is float and type(value) is int and abs(value) <= _LATEST:
             value = float(value)
         if type(value) is not kind:
-            self.wrong(f"the field '{name}' has the wrong type or value")
+            self.refuse(f"the field '{name}' has the wrong type or value")
         if kind is str and not _is_text(value):
-            self.wrong(f"the field '{name}' is not valid Unicode text")
+            self.refuse(f"the field '{name}' is not valid Unicode text")
         return value
 
     def number_of(self, name: str, kind: type, low: float, high: float, default: Any = None) -> Any:
         """A number within bounds. Raises JournalError."""
         value = self.get(name, kind, default)
         if not low <= value <= high:  # also refuses NaN
-            self.wrong(
+            self.refuse(
                 f"the field '{name}' is {str(value)[:20]}; it must be from {low:g} to {high:g}"
             )
         return value
@@ -147,14 +147,14 @@ class Event:
         found: dict[str, Any] = self.get(name, dict, {})
         fits = _is_text if kind is str else _is_ratio
         if len(found) > most or not all(_is_text(word) and fits(x) for word, x in found.items()):
-            self.wrong(f"the field '{name}' has the wrong type or value")
+            self.refuse(f"the field '{name}' has the wrong type or value")
         return {word: kind(x) for word, x in found.items()}
 
-    def words(self, name: str) -> frozenset[str]:
+    def name_set(self, name: str) -> frozenset[str]:
         """A set of names; empty where the field is missing. Raises JournalError."""
         found: list[Any] = self.get(name, list, [])
         if not all(map(_is_text, found)):
-            self.wrong(f"the field '{name}' has the wrong type or value")
+            self.refuse(f"the field '{name}' has the wrong type or value")
         return frozenset(found)
 
 
@@ -169,7 +169,7 @@ def _is_ratio(value: object) -> bool:
     return type(value) in (int, float) and 0 <= value <= _LATEST  # type: ignore[operator]
 
 
-def read(path: Path) -> Iterator[Event]:
+def read_events(path: Path) -> Iterator[JournalEvent]:
     """Events of a journal; a last line that was cut off is left out. Raises JournalError."""
     try:
         with open_regular(path) as file:
@@ -182,7 +182,7 @@ def read(path: Path) -> Iterator[Event]:
         raise JournalError(f"{path}: {error.strerror or error}") from None
 
 
-def _events(path: Path, file: IO[bytes]) -> Iterator[Event]:
+def _events(path: Path, file: IO[bytes]) -> Iterator[JournalEvent]:
     left = MAX_BYTES
     for number in itertools.count(1):
         line = file.readline(MAX_LINE)
@@ -202,16 +202,16 @@ def _events(path: Path, file: IO[bytes]) -> Iterator[Event]:
         if not isinstance(fields, dict) or fields.get("v") != VERSION:
             raise JournalError(f"{path}, line {number}: this is not a session's journal")
         name = fields.get("event")
-        yield Event(str(path), number, name if isinstance(name, str) else "", fields)
+        yield JournalEvent(str(path), number, name if isinstance(name, str) else "", fields)
 
 
-def names(path: Path) -> Iterator[Path]:
+def numbered_paths(path: Path) -> Iterator[Path]:
     """`name`, `name-2`, `name-3` …"""
     yield path
     for count in itertools.count(2):
         yield path.with_stem(f"{path.stem}-{count}")
 
 
-def free(path: Path) -> Path:
+def free_path(path: Path) -> Path:
     """The first name of `name`, `name-2`, … under which no file exists now."""
-    return next(found for found in names(path) if not os.path.lexists(found))
+    return next(found for found in numbered_paths(path) if not os.path.lexists(found))

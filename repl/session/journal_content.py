@@ -22,7 +22,7 @@ from ergon.repl.session.history_content import (
     read_sounding,
     sounding_field,
 )
-from ergon.repl.session.journal import Event, JournalError, read
+from ergon.repl.session.journal import JournalError, JournalEvent, read_events
 from ergon.repl.session.journal_hands import JournalTake, take_of
 from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
 from ergon.repl.session.midi_maps import Map, Place, maps_field, read_maps
@@ -107,8 +107,8 @@ def effect_fields(version: Version) -> dict[str, object]:
     found: dict[str, object] = {}
     if version.glide != GLIDE:
         found["glide"] = version.glide
-    if version.enters is not None:
-        found["enters"] = version.enters
+    if version.enter_beat is not None:
+        found["enters"] = version.enter_beat
     return found
 
 
@@ -118,12 +118,12 @@ class JournalAct(NamedTuple):
     """
 
     frame: int
-    of: Place | str
+    target: Place | str
     amount: float
     line: int
 
 
-class ReadVersion(NamedTuple):
+class FileVersion(NamedTuple):
     """The texts that a line read from files, and how their version takes over, as in `Version`."""
 
     texts: Texts
@@ -135,16 +135,17 @@ class ReadVersion(NamedTuple):
 class JournalContent:
     """How a session began, and which line took effect at which frame.
 
-    `read` has the versions that lines read from files, by line of the journal; `disk` has the
-    last known hashes of files. A journal that `ended` is complete.
+    `versions_from_files` has the versions that lines read from files, by line of the journal;
+    `disk` has the last known hashes of files. A journal that `ended` is complete.
     """
 
-    opening: SessionStart
-    first: Event
+    start: SessionStart
+    first: JournalEvent
     disk: Disk
-    lines: dict[int, Event] = field(default_factory=dict)
-    read: dict[int, ReadVersion] = field(default_factory=dict)
-    commits: list[tuple[int, float, Event]] = field(default_factory=list)  # frame, beat, line
+    lines: dict[int, JournalEvent] = field(default_factory=dict)
+    versions_from_files: dict[int, FileVersion] = field(default_factory=dict)
+    # Frame, beat, line.
+    commits: list[tuple[int, float, JournalEvent]] = field(default_factory=list)
     dropped: set[int] = field(default_factory=set)
     late: dict[int, float] = field(
         default_factory=dict
@@ -154,7 +155,8 @@ class JournalContent:
     ended: bool = False
     silences: list[Silence] = field(default_factory=list)
     base: Texts | None = None  # what the files held when they were last read or saved
-    events: list[Event] = field(default_factory=list)  # lines and drops, in the order written
+    # Lines and drops, in the order written.
+    events: list[JournalEvent] = field(default_factory=list)
     # Strikes by MIDI notes and values of inputs by OSC, in the order in which they were done.
     acts: list[JournalAct] = field(default_factory=list)
 
@@ -174,7 +176,7 @@ class JournalContent:
 
     def history(self) -> History:
         """The history at the end of the session."""
-        before = self.opening.history
+        before = self.start.history
         history = History()
         if before is not None:
             history = History([one.number for one in before.versions], before.index)
@@ -198,8 +200,8 @@ class JournalContent:
 
     def all_texts(self) -> Iterator[Texts]:
         """Every version of the score that was read from files."""
-        yield self.opening.texts
-        yield from (one.texts for one in self.read.values())
+        yield self.start.texts
+        yield from (one.texts for one in self.versions_from_files.values())
 
 
 def read_journal(
@@ -211,7 +213,7 @@ def read_journal(
     the journal's folder or the current one: otherwise, a journal that `resumes` is refused, and
     any other is read as if the score were beside it.
     """
-    events = read(path)
+    events = read_events(path)
     first = next(events, None)
     if first is None or first.name != "session":
         raise JournalError(f"{path}: this is not a session's journal")
@@ -220,14 +222,14 @@ def read_journal(
     opening = SessionStart(
         texts,
         _beat(first, "at", 0.0),
-        _desk(first),
+        _read_faders(first),
         first.number_of("every", int, 1, _EVERY_MAX),
         first.number_of("gain", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
         first.number_of("limit", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
         None
         if first.fields.get("highpass") is None
         else first.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
-        read_history(first, where.texts, _desk),
+        read_history(first, where.texts, _read_faders),
         take=take_of(first, path),
         maps=read_maps(first),
         rules=read_rules(first),
@@ -238,12 +240,12 @@ def read_journal(
         else first.number_of("reference", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
         is_seen=_is_seen(first),
     )
-    replay = JournalContent(opening, first, Disk.of(texts))
+    replay = JournalContent(opening, first, Disk.of_texts(texts))
     replay.disk.add_hashes(where.hashes(first))
     replay.base = opening.texts
     if "base" in first.fields:
         fields = first.get("base", dict)
-        replay.base = where.texts(Event(first.file, first.number, "base", fields))
+        replay.base = where.texts(JournalEvent(first.file, first.number, "base", fields))
     for event in events:
         _add_event(replay, event, where)
     replay.commits.sort(key=lambda commit: commit[0])
@@ -251,9 +253,9 @@ def read_journal(
     return replay
 
 
-def _is_seen(first: Event) -> bool:
+def _is_seen(first: JournalEvent) -> bool:
     if first.fields.get("see", "all") != "all":
-        first.wrong("`see` is neither absent nor all")
+        first.refuse("`see` is neither absent nor all")
     return "see" in first.fields
 
 
@@ -269,7 +271,7 @@ class _FileLocations:
     resumes: bool
     trust: bool
 
-    def path(self, event: Event) -> Path:
+    def path(self, event: JournalEvent) -> Path:
         """The score that an event names."""
         name = event.get("score", str)
         if name == self.named and self.score is not None:
@@ -277,17 +279,17 @@ class _FileLocations:
         try:
             found = score_named(name, self.journal)
         except JournalNameError as error:
-            event.wrong(str(error))
+            event.refuse(str(error))
         if found is not None:
             return found
         if self.resumes and name == self.named:
-            event.wrong(
+            event.refuse(
                 "its score is outside this folder and the journal's: name it, "
                 f"`ergon repl {name} --resume FILE`"
             )
         return self.journal.parent / Path(name).name
 
-    def texts(self, event: Event) -> Texts:
+    def texts(self, event: JournalEvent) -> Texts:
         """The texts that an event holds; no file is read."""
         path = self.path(event)
         try:
@@ -296,11 +298,11 @@ class _FileLocations:
                 for name, text in event.mapping("overlay", str).items()
             }
         except JournalNameError as error:
-            event.wrong(str(error))
+            event.refuse(str(error))
         bounds = FileBounds.around(path.parent, trust=self.trust)
         return Texts(str(path), event.get("text", str), overlay, sealed=True, bounds=bounds)
 
-    def hashes(self, event: Event) -> dict[str, str]:
+    def hashes(self, event: JournalEvent) -> dict[str, str]:
         """The hashes of files on the disk that an event holds."""
         found = {}
         if "disk" in event.fields:
@@ -311,23 +313,23 @@ class _FileLocations:
         return found
 
 
-def _beat(event: Event, name: str, default: float | None = None) -> float:
+def _beat(event: JournalEvent, name: str, default: float | None = None) -> float:
     return float(event.number_of(name, float, 0.0, _BEAT_MAX, default))
 
 
-def _desk(event: Event) -> Faders:
-    muted, solo = event.words("muted"), event.words("solo")
+def _read_faders(event: JournalEvent) -> Faders:
+    muted, solo = event.name_set("muted"), event.name_set("solo")
     master = event.number_of("master", float, 0.0, _RATIO_MAX, 1.0)
     return Faders(event.mapping("gains", float), muted, solo, master)
 
 
-def _read_version(event: Event, where: _FileLocations) -> ReadVersion:
+def _read_version(event: JournalEvent, where: _FileLocations) -> FileVersion:
     glide = event.number_of("glide", float, 0.0, _GLIDE_MAX, GLIDE)
     enters = _beat(event, "enters") if "enters" in event.fields else None
-    return ReadVersion(where.texts(event), glide, enters)
+    return FileVersion(where.texts(event), glide, enters)
 
 
-def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> None:
+def _add_event(replay: JournalContent, event: JournalEvent, where: _FileLocations) -> None:
     if event.name in ("line", "commit", "late", "dropped"):
         number = event.number_of("number", int, 0, _NUMBER_MAX)
     if event.name in ("line", "dropped"):
@@ -337,13 +339,13 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
         event.get("line", str)
         _beat(event, "beat")
         if "text" in event.fields:
-            replay.read[event.number] = made = _read_version(event, where)
+            replay.versions_from_files[event.number] = made = _read_version(event, where)
             replay.disk.note_read(made.texts)
     elif event.name == "commit":
         if number not in replay.lines:
-            event.wrong(f"the journal has no line with the number {number}")
+            event.refuse(f"the journal has no line with the number {number}")
         if "text" in event.fields:  # other than when the line was typed
-            replay.read[replay.lines[number].number] = _read_version(event, where)
+            replay.versions_from_files[replay.lines[number].number] = _read_version(event, where)
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.commits.append((frame, _beat(event, "beat"), replay.lines[number]))
     elif event.name == "late":
@@ -360,7 +362,7 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
         replay.ended = True
     if "base" in event.fields:
         fields = event.get("base", dict)
-        replay.base = where.texts(Event(event.file, event.number, "base", fields))
+        replay.base = where.texts(JournalEvent(event.file, event.number, "base", fields))
     if event.name in ("line", "saved"):
         replay.disk.add_hashes(where.hashes(event))
     if "frame" in event.fields:
@@ -368,7 +370,7 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
         replay.n_frames = max(replay.n_frames, frame)
 
 
-def _strike(event: Event) -> JournalAct:
+def _strike(event: JournalEvent) -> JournalAct:
     place = (
         event.get("part", str),
         event.get("module", str),
@@ -378,7 +380,7 @@ def _strike(event: Event) -> JournalAct:
     return JournalAct(event.number_of("frame", int, 0, _FRAME_MAX), place, impulse, event.number)
 
 
-def _value(event: Event) -> JournalAct:
+def _value(event: JournalEvent) -> JournalAct:
     frame, name = event.number_of("frame", int, 0, _FRAME_MAX), event.get("input", str)
     value = event.number_of("value", float, -_VALUE_MAX, _VALUE_MAX)
     return JournalAct(frame, name, value, event.number)
@@ -387,14 +389,14 @@ def _value(event: Event) -> JournalAct:
 _ACTS = {"strike": _strike, "value": _value}
 
 
-def _add_silence(replay: JournalContent, event: Event) -> None:
+def _add_silence(replay: JournalContent, event: JournalEvent) -> None:
     """Add the begin or the end of a panic's silence; they must alternate."""
     frame = event.number_of("frame", int, 0, _FRAME_MAX)
     last = replay.silences[-1] if replay.silences else None
     is_open = last is not None and last.stop is None
     begins = event.get("begins", bool)
     if begins is is_open or (last is not None and frame < (last.stop or last.start)):
-        event.wrong("silences neither overlap nor end before they begin")
+        event.refuse("silences neither overlap nor end before they begin")
     if last is not None and is_open:
         replay.silences[-1] = Silence(last.start, frame)
     else:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from ergon import _core
 from ergon.common.regular import open_regular
 from ergon.exchange.recording import NotRecordingError, from_start
-from ergon.repl.session.engine import HeldHand
-from ergon.repl.session.journal import Event, JournalError
+from ergon.repl.session.engine import RecordedHand
+from ergon.repl.session.journal import JournalError, JournalEvent
 
 if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
@@ -51,15 +51,15 @@ class JournalTake:
 
 
 @dataclass(frozen=True, slots=True)
-class HeldHands:
+class RecordedHands:
     """The movement of real hands: their positions, the number of recorded frames, and warnings."""
 
-    hands: tuple[HeldHand, ...]
+    hands: tuple[RecordedHand, ...]
     n_frames: int
     warnings: tuple[str, ...]
 
 
-def take_of(first: Event, journal: Path) -> JournalTake | None:
+def take_of(first: JournalEvent, journal: Path) -> JournalTake | None:
     """The recording named by a journal's first event; None without real hands.
 
     Raises JournalError.
@@ -68,11 +68,11 @@ def take_of(first: Event, journal: Path) -> JournalTake | None:
         return None
     name = first.get("take", str)
     if Path(name).name != name or Path(name).suffix != _SUFFIX or "\\" in name or "\0" in name:
-        first.wrong(f"the field 'take' is not the name of a {_SUFFIX} file beside the journal")
+        first.refuse(f"the field 'take' is not the name of a {_SUFFIX} file beside the journal")
     listed = first.get("hands", list)
     if not 1 <= len(listed) <= _HANDS_MAX or not all(isinstance(one, dict) for one in listed):
-        first.wrong("the field 'hands' has the wrong type or value")
-    rows = [Event(first.file, first.number, first.name, one) for one in listed]
+        first.refuse("the field 'hands' has the wrong type or value")
+    rows = [JournalEvent(first.file, first.number, first.name, one) for one in listed]
     hands = tuple(
         JournalHand(
             row.get("player", str),
@@ -86,7 +86,7 @@ def take_of(first: Event, journal: Path) -> JournalTake | None:
     return JournalTake(journal.parent / name, hands)
 
 
-def held(take: JournalTake, stage: Stage, every: int) -> HeldHands:
+def recorded_hands(take: JournalTake, stage: Stage, every: int) -> RecordedHands:
     """The movement of real hands of a stage, in ticks of `every` frames. Raises JournalError."""
     import numpy as np
 
@@ -100,10 +100,10 @@ def held(take: JournalTake, stage: Stage, every: int) -> HeldHands:
     except NotRecordingError as error:
         raise JournalError(f"{take.path}: {error}") from None
     hands = tuple(
-        HeldHand(hand.index, hand.reach, np.ascontiguousarray(positions[:, number]))
+        RecordedHand(hand.index, hand.reach, np.ascontiguousarray(positions[:, number]))
         for number, hand in enumerate(stage.live)
     )
-    return HeldHands(hands, len(positions) * every, tuple(_warnings(take, recording)))
+    return RecordedHands(hands, len(positions) * every, tuple(_warnings(take, recording)))
 
 
 def _recording(take: JournalTake) -> _core.Recording:

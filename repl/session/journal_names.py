@@ -32,13 +32,13 @@ def journal_name(file: str, folder: Path) -> str:
 def file_named(name: str, folder: Path) -> str:
     """The file that a journal names, for a score in `folder`. Raises JournalNameError."""
     if name.startswith(LIBRARY):
-        path = installed(_plain(name.removeprefix(LIBRARY)))
+        path = installed(_check_relative(name.removeprefix(LIBRARY)))
         if path.suffix != ".yaml" or not is_shipped(path):
-            raise JournalNameError(f"{_shown(name)} is not a file of the library")
+            raise JournalNameError(f"{_printable(name)} is not a file of the library")
         return str(path)
-    path = folder / _plain(name)
+    path = folder / _check_relative(name)
     if not is_below(path, folder):
-        raise JournalNameError(f"{_shown(name)} is outside the folder of the score")
+        raise JournalNameError(f"{_printable(name)} is outside the folder of the score")
     return str(path)
 
 
@@ -48,7 +48,7 @@ def score_named(name: str, journal: Path) -> Path | None:
 
     Raises JournalNameError if no score can have such a name.
     """
-    _possible(name)
+    _check_length(name)
     path = Path(name)
     beside = journal.parent / path
     if not is_file(path) and is_file(beside):
@@ -58,24 +58,24 @@ def score_named(name: str, journal: Path) -> Path | None:
     return None
 
 
-def _plain(name: str) -> str:
+def _check_relative(name: str) -> str:
     """Check that a name is relative and does not go up, on any system."""
-    _possible(name)
+    _check_length(name)
     windows, posix = PureWindowsPath(name), PurePosixPath(name)
     if windows.drive or windows.root or posix.is_absolute() or not posix.parts:
-        raise JournalNameError(f"{_shown(name)} is not relative to the folder of the score")
+        raise JournalNameError(f"{_printable(name)} is not relative to the folder of the score")
     if ".." in (*windows.parts, *posix.parts):
-        raise JournalNameError(f"{_shown(name)} is outside the folder of the score")
+        raise JournalNameError(f"{_printable(name)} is outside the folder of the score")
     return str(posix)
 
 
-def _possible(name: str) -> None:
+def _check_length(name: str) -> None:
     """Check that a file can have such a name."""
     if not name or _CONTROL.search(name):
-        raise JournalNameError(f"{_shown(name)} is not a valid file name")
+        raise JournalNameError(f"{_printable(name)} is not a valid file name")
     if len(name) > _MOST or any(len(part.encode()) > _MOST_PART for part in name.split("/")):
-        raise JournalNameError(f"{_shown(name)} is too long for a file name")
+        raise JournalNameError(f"{_printable(name)} is too long for a file name")
 
 
-def _shown(name: str) -> str:
+def _printable(name: str) -> str:
     return ascii(name if len(name) <= 80 else f"{name[:80]}…")

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from ergon._core import has_let_go, let_go
 from ergon.live.display import event_sentence as said
 from ergon.live.display import why_too_stiff
-from ergon.live.force_bounds import ForceBounds
-from ergon.live.perform import PlaybackConfig, bars, perform, tick_frames
+from ergon.live.force_bounds import ForceBoundsFinder
+from ergon.live.perform import PlaybackConfig, bar_frames, perform, tick_frames
 from ergon.live.trouble import troubles
 from ergon.repl.session.engine import (
     Change,
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
     from ergon.scores.staging.version_glides import Glide
 
-_BARS = 120.0  # [s] of bars sent ahead: a hand that reconnects waits for the next bar
-_PATIENCE = 2.0  # [s] to play out the ring buffer
+_BARS_AHEAD = 120.0  # [s] of bars sent ahead: a hand that reconnects waits for the next bar
+_CLOSE_TIMEOUT = 2.0  # [s] to play out the ring buffer
 
 
 class LiveEngine:
@@ -49,14 +49,14 @@ class LiveEngine:
         self._real = {player for board in config.boards for _, player in board.axes}
         numbers = [hand.index for hand in stage.live if hand.player in self._real]
         reaches = [hand.reach for hand in stage.live]
-        self.force_bounds = ForceBounds(self._performance.hand_limit, reaches, numbers)
-        self._boards = [board.shown for board in config.boards]
-        self._on_board = [[player for _, player in board.axes] for board in config.boards]
-        self._sound = 0
+        self.bounds_finder = ForceBoundsFinder(self._performance.hand_limit, reaches, numbers)
+        self._boards = [board.display_name for board in config.boards]
+        self._players_by_board = [[player for _, player in board.axes] for board in config.boards]
+        self._n_sound_events = 0
         self._n_silences = 0
         # Set by `close`: the last status, and the events that were not reported yet.
-        self._last: _core.Status | None = None
-        self._left: list[_core.PerformanceEvent] = []
+        self._final_status: _core.Status | None = None
+        self._unreported: list[_core.PerformanceEvent] = []
 
     @property
     def performance(self) -> _core.Performance:
@@ -68,14 +68,14 @@ class LiveEngine:
         """Frames computed so far."""
         return self._status().frame
 
-    def bearings(
+    def force_bounds(
         self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[HandForceBounds]
     ) -> Sequence[HandForceBounds]:
         """The forces that real hands may get from a stage that takes over at frame `start`.
 
         Raises NotTakenError where a key cannot bear the stage.
         """
-        found = self.force_bounds.bearings(stage, start, glides, before)
+        found = self.bounds_finder.force_bounds(stage, start, glides, before)
         for one in found:
             if not one.least.is_enough:
                 raise NotTakenError(why_too_stiff(one))
@@ -83,25 +83,27 @@ class LiveEngine:
 
     def change(self, change: Change) -> int:
         """Send a change to the physics thread; returns its ticket."""
-        stage, before = change.stage, change.before
+        stage, before = change.stage, change.old_stage
         ticket = self._performance.change(
-            change.at,
+            change.frame,
             simulation=stage.simulation,
             old=None if change.resets else before.simulation,
             mixer=stage.mixer(highpass=self._highpass, reference=self._reference)
-            if change.is_mixed_anew
+            if change.needs_new_mixer
             else None,
             gains=list(change.gains.items()),
             damp=change.damp or 0.0,
-            bounds=self._bounds(change.bearings),
-            bars=bars(stage, change.at, change.at + int(_BARS * stage.rate)),
+            bounds=self._bounds_by_hand(change.force_bounds),
+            bars=bar_frames(stage, change.frame, change.frame + int(_BARS_AHEAD * stage.rate)),
         )
         if self._pages is not None:
             self._pages.follow(stage, self._performance)
         return ticket
 
-    def _bounds(self, bearings: Sequence[HandForceBounds]) -> list[list[tuple[int, float]]]:
-        by_player = {one.player: one.bounds for one in bearings}
+    def _bounds_by_hand(
+        self, force_bounds: Sequence[HandForceBounds]
+    ) -> list[list[tuple[int, float]]]:
+        by_player = {one.player: one.bounds for one in force_bounds}
         return [list(by_player.get(player, ())) for player in self._players]
 
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
@@ -119,11 +121,11 @@ class LiveEngine:
         """Strike a point of the running stage by an impulse [N·s], at the next tick; any thread may
         call it.
         """
-        return None if self._last else self._performance.strike(point, impulse)
+        return None if self._final_status else self._performance.strike(point, impulse)
 
-    def tell(self, number: int, value: float) -> int | None:
+    def set_input(self, number: int, value: float) -> int | None:
         """Set an input that is told its values, full scale 1, at the next tick."""
-        return None if self._last else self._performance.tell(number, value)
+        return None if self._final_status else self._performance.tell(number, value)
 
     def record_sound(self, path: Path) -> None:
         """Write the sound that is heard to a new file, from the next tick on. Raises
@@ -135,9 +137,9 @@ class LiveEngine:
         """End the file of `record_sound`."""
         self._performance.end_audio()
 
-    def sound_recorded(self) -> SoundFileStatus | None:
+    def sound_file_status(self) -> SoundFileStatus | None:
         """The state of the file of `record_sound`; None where there was none."""
-        now = None if self._last else self._performance.audio_recorded()
+        now = None if self._final_status else self._performance.audio_recorded()
         if now is None:
             return None
         return SoundFileStatus(now.first, now.frames, now.missing, now.ended, now.error)
@@ -154,8 +156,8 @@ class LiveEngine:
         away = frozenset(
             name for name, hand in hands if status.ticks and name in self._real and not hand.real
         )
-        recording = None if self._last else self._performance.recording_trouble()
-        found = troubles(status, self._players, recording, is_endless=self._last is None)
+        recording = None if self._final_status else self._performance.recording_trouble()
+        found = troubles(status, self._players, recording, is_endless=self._final_status is None)
         return EngineStatus(
             status.load, status.late, status.peaks, away, bool(self._real) and has_let_go(), found
         )
@@ -163,21 +165,22 @@ class LiveEngine:
     def events(self) -> Sequence[EngineEvent]:
         """Events since the last call."""
         found = []
-        for event in self._left if self._last else self._performance.events():
+        for event in self._unreported if self._final_status else self._performance.events():
             frame, what, number = event
             if what in ("changed", "late"):
                 found.append(EngineEvent(frame, int(number), is_late=what == "late"))
             elif what in ("acted", "missed"):
-                found.append(EngineEvent(frame, act=int(number), is_late=what == "missed"))
+                found.append(EngineEvent(frame, act_ticket=int(number), is_late=what == "missed"))
             elif sentence := said(event, self._players, self._boards):
                 found.append(EngineEvent(frame, sentence=sentence, real=self._real_now(event)))
-        self._left = []
-        if self._last is None:
+        self._unreported = []
+        if self._final_status is None:
             sound = self._performance.sound_events()
             found += [
-                EngineEvent(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]
+                EngineEvent(self.frame, sentence=sentence)
+                for _, sentence in sound[self._n_sound_events :]
             ]
-            self._sound = len(sound)
+            self._n_sound_events = len(sound)
         while self._pages is not None and self._pages.remarks:
             found.append(EngineEvent(self.frame, sentence=self._pages.remarks.popleft()))
         return found
@@ -185,21 +188,21 @@ class LiveEngine:
     def _real_now(self, event: _core.PerformanceEvent) -> dict[str, bool]:
         _, what, number = event
         if what == "gone":
-            return dict.fromkeys(self._on_board[int(number)], False)
+            return dict.fromkeys(self._players_by_board[int(number)], False)
         return {self._players[int(number)]: True} if what == "took over" else {}
 
     def silences(self) -> Sequence[tuple[int, bool]]:
         """Begins and ends of the silence of panics since the last call: (frame, whether it
         begins).
         """
-        if self._last is not None:
+        if self._final_status is not None:
             return ()
         found = self._performance.silences(self._n_silences)
         self._n_silences += len(found)
         return found
 
     def _status(self) -> _core.Status:
-        return self._last or self._performance.status()
+        return self._final_status or self._performance.status()
 
     def panic(self) -> None:
         """Silence sound within 5 ms, and end every force."""
@@ -215,8 +218,8 @@ class LiveEngine:
 
     def close(self) -> None:
         """Play out the ring buffer, and end."""
-        self._last = self._performance.status()
+        self._final_status = self._performance.status()
         self._performance.stop()
-        self._left = self._performance.close(_PATIENCE)
+        self._unreported = self._performance.close(_CLOSE_TIMEOUT)
         if self._pages is not None:
             self._pages.close()

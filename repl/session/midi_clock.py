@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Protocol
 
 from ergon._core import EngineError
-from ergon.live.clock_follower import Beat, ClockFollower
-from ergon.live.midi_messages import CLOCKS, Transport, message, song_position
+from ergon.live.clock_follower import BeatEstimate, ClockFollower
+from ergon.live.midi_messages import CLOCKS_PER_BEAT, Transport, encode_song_position, parse_message
 from ergon.live.osc_out import HearingClock, frame_of
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length
@@ -25,16 +25,17 @@ if TYPE_CHECKING:
     from ergon.repl.session.commits import Commits
     from ergon.repl.session.session import Session
 
-_TURN = 0.004  # [s] between two looks at the performance
+_CHECK_PERIOD = 0.004  # [s] between two looks at the performance
 _SIXTEENTH = 0.25  # beats of one unit of a song position
 _CLOCKS_OF_A_SIXTEENTH = 6
 _PRIORITY = 60  # below the process that sends
-# A correction removes the whole error within this many beats; smaller errors than _BORNE [s] stay.
-_AIM = 2.0
-_BORNE = 0.0005
-_CATCHES_UP = 1.4  # the greatest ratio of a corrected tempo to the one that is followed
+# A correction removes the whole error within this many beats; smaller errors than
+# _ERROR_MAX [s] stay.
+_CORRECTION_BEATS = 2.0
+_ERROR_MAX = 0.0005
+_TEMPO_RATIO_MAX = 1.4  # the greatest ratio of a corrected tempo to the one that is followed
 
-Clocked = tuple[int, bytes]  # (frame, message)
+ClockMessage = tuple[int, bytes]  # (frame, message)
 
 
 class TimedOutput(Protocol):
@@ -56,28 +57,30 @@ class ClockEvents:
     def __init__(self, commits: Commits) -> None:
         """Begin at frame 0."""
         self._played = PlayedVersions(commits)
-        self._by: float | None = None  # the second of the engine at which the piece began
+        self._began_at: float | None = None  # the second of the engine at which the piece began
         self._next = 0  # the number of the next clock
 
-    def before(self, frame: int) -> Iterator[Clocked]:
+    def pop_before(self, frame: int) -> Iterator[ClockMessage]:
         """The messages before a frame that were not returned yet."""
-        for running, first, last in self._played.before(frame):
+        for running, first, last in self._played.pop_before(frame):
             clock, stage = running.clock, running.stage
-            if clock.by != self._by:
-                if self._by is not None:
+            if clock.began_at != self._began_at:
+                if self._began_at is not None:
                     yield first, bytes([Transport.STOP.value])
-                if clock.by is not None:
+                if clock.began_at is not None:
                     # A song position counts sixteenths: it is that of the next sixteenth, where
                     # others can join in.
-                    self._next = math.ceil(clock.at / _SIXTEENTH - SAME) * _CLOCKS_OF_A_SIXTEENTH
+                    self._next = (
+                        math.ceil(clock.stopped_beat / _SIXTEENTH - SAME) * _CLOCKS_OF_A_SIXTEENTH
+                    )
                     if self._next:
-                        yield first, song_position(self._next / CLOCKS)
+                        yield first, encode_song_position(self._next / CLOCKS_PER_BEAT)
                     begins = Transport.CONTINUE if self._next else Transport.START
                     yield first, bytes([begins.value])
-                self._by = clock.by
-            if clock.by is not None:
+                self._began_at = clock.began_at
+            if clock.began_at is not None:
                 tempo, rate = stage.piece.tempo_map, stage.rate
-                while (at := frame_of(tempo.seconds(self._next / CLOCKS), rate)) < last:
+                while (at := frame_of(tempo.seconds(self._next / CLOCKS_PER_BEAT), rate)) < last:
                     yield max(at, first), bytes([Transport.CLOCK.value])
                     self._next += 1
 
@@ -93,7 +96,7 @@ class ClockOut:
         """Begin to send to a port, which `close` closes."""
         self._events = ClockEvents(commits)
         self._performance, self._port = performance, port
-        self._ear = HearingClock(commits.rate, 0)
+        self._hearing_clock = HearingClock(commits.rate, 0)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ergon MIDI clock", daemon=True)
         self._thread.start()
@@ -101,18 +104,18 @@ class ClockOut:
     def _run(self) -> None:
         with contextlib.suppress(AttributeError, OSError):  # not granted: like any other thread
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
-        while not self._over.wait(_TURN):
+        while not self._over.wait(_CHECK_PERIOD):
             with contextlib.suppress(EngineError):  # it is closed already
-                self.look(time.monotonic())
+                self.send_computed(time.monotonic())
 
-    def look(self, now: float) -> None:
+    def send_computed(self, now: float) -> None:
         """Send the messages of frames that were computed by `now` [s], each when it is due."""
         status = self._performance.status()
-        self._ear.look(status, now)
+        self._hearing_clock.update(status, now)
         if status.sounding is None and status.paced:
             return  # nobody knows yet when it is heard
-        for frame, data in self._events.before(status.frame):
-            due = self._ear.when(frame)
+        for frame, data in self._events.pop_before(status.frame):
+            due = self._hearing_clock.instant_of(frame)
             self._port.send_at(data, now if due is None else due)
 
     def close(self) -> None:
@@ -139,13 +142,13 @@ class ClockIn:
         self._follower = ClockFollower()
         self._transport: deque[tuple[Transport, float]] = deque(maxlen=16)
         self._lock = threading.Lock()
-        self._aimed = -math.inf  # the beat of the last correction
+        self._corrected_beat = -math.inf  # the beat of the last correction
         if port is not None:
             port.listen(self.receive)
 
     def receive(self, data: bytes, at: float) -> None:
         """Process a message that came at an instant [s]; any thread may call it."""
-        found = message(data)
+        found = parse_message(data)
         if found is None:
             return
         with self._lock:
@@ -153,59 +156,62 @@ class ClockIn:
             if isinstance(found, Transport) and found is not Transport.CLOCK:
                 self._transport.append((found, self._follower.position))
 
-    def turn(self, now: float) -> None:
+    def follow(self, now: float) -> None:
         """Start, stop or correct the tempo where that is due; `now` is the instant [s]."""
         with self._lock:
             asked = list(self._transport)
             self._transport.clear()
-            known = self._follower.beat() if self._follower.is_heard(now) else None
+            known = self._follower.estimate() if self._follower.is_heard(now) else None
             is_placed = self._follower.is_placed
         for transport, position in asked:
-            self._go(transport, position)
-        if known is not None and self._session.commits.running.clock.goes:
+            self._start_or_stop(transport, position)
+        if known is not None and self._session.commits.running.clock.is_running:
             self._correct(known, is_placed)
 
-    def _go(self, transport: Transport, position: float) -> None:
+    def _start_or_stop(self, transport: Transport, position: float) -> None:
         session = self._session
         if transport is Transport.STOP:
-            line = "stop" if session.commits.running.clock.goes else ""
+            line = "stop" if session.commits.running.clock.is_running else ""
         else:
-            line = f"play from {session.written(position)}"
-        self._aimed = -math.inf
+            line = f"play from {session.position_text(position)}"
+        self._corrected_beat = -math.inf
         reply = session.submit(line) if line else None
         if reply is not None and not reply.taken:
             session.say(f"MIDI clock: {reply.text}")
 
-    def _correct(self, known: Beat, is_placed: bool) -> None:
-        """Set the tempo from the next beat that a line can reach, so that the error is gone `_AIM`
-        beats later; at most one correction per beat.
+    def _correct(self, known: BeatEstimate, is_placed: bool) -> None:
+        """Set the tempo from the next beat that a line can reach, so that the error is gone
+        `_CORRECTION_BEATS` beats later; at most one correction per beat.
         """
         session = self._session
         with session.lock:
             commits = session.commits
             head = commits.head.piece.tempo_map
-            beat, _ = commits.place(Length(beats=1.0), None)
+            beat, _ = commits.beat_and_frame(Length(beats=1.0), None)
             beat = math.ceil(beat - SAME)
             clock = commits.running.clock
-            if beat <= self._aimed or commits.waiting or clock.by is None:
+            if beat <= self._corrected_beat or commits.waiting or clock.began_at is None:
                 return
             rate = commits.rate
             here, there = (
-                self._when(frame_of(clock.seconds(head, at), rate)) for at in (beat, beat + _AIM)
+                self._when(frame_of(clock.seconds(head, at), rate))
+                for at in (beat, beat + _CORRECTION_BEATS)
             )
             if here is None or there is None:
                 return
             if is_placed:
-                length = (known.when(beat + _AIM) - here) / _AIM
-                error = there - known.when(beat + _AIM)
+                length = (known.instant_of(beat + _CORRECTION_BEATS) - here) / _CORRECTION_BEATS
+                error = there - known.instant_of(beat + _CORRECTION_BEATS)
             else:
-                length, error = known.length, (there - here) - _AIM * known.length
-            if abs(error) <= _BORNE:
+                length, error = known.length, (there - here) - _CORRECTION_BEATS * known.length
+            if abs(error) <= _ERROR_MAX:
                 return
-            length = min(max(length, known.length / _CATCHES_UP), known.length * _CATCHES_UP)
+            length = min(
+                max(length, known.length / _TEMPO_RATIO_MAX), known.length * _TEMPO_RATIO_MAX
+            )
             bpm = 60.0 / length
-            line = f"tempo {bpm:.8g} at {session.written(beat)}"
-            self._aimed = beat
+            line = f"tempo {bpm:.8g} at {session.position_text(beat)}"
+            self._corrected_beat = beat
             session.fast_values.set_now("MIDI clock", line)
 
     def close(self) -> None:

@@ -18,14 +18,14 @@ from ergon.repl.session.version import NotTakenError
 if TYPE_CHECKING:
     from ergon.instruments.model import Target
     from ergon.live.midi_messages import Control
-    from ergon.repl.session.journal import Event
+    from ergon.repl.session.journal import JournalEvent
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import StrikePoints
 
 MAX_MAPS = 256
 _MAX_STRUCK = 128  # as many as there are notes
-_TOP = 127
+_MIDI_MAX = 127
 _WORD = re.compile(r"[\w.-]{1,200}")  # a name of a score, with its dots
 _UNIT = re.compile(r"[A-Za-z0-9/]{0,8}")
 
@@ -59,7 +59,7 @@ def without_map(version: Version, name: str) -> Mapping[str, Map]:
 
 def places(piece: Piece, notes: MapNotes) -> list[Place]:
     """The MATs that a range of notes strikes, in their order. Raises NotTakenError."""
-    target = _target(piece, notes.target)
+    target = _check_target(piece, notes.target)
     if target.first == "centre":
         return [(target.part, target.module, -1)]
     if target.count > _MAX_STRUCK:
@@ -77,7 +77,7 @@ def _sounding(version: Version, notes: MapNotes) -> list[Place]:
     return [(version.sounds_as.of(part), module, member) for part, module, member in found]
 
 
-def renamed(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, Map]:
+def rename_in_maps(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, Map]:
     """Maps in which a renamed key or instrument has its new name."""
 
     def called(text: str | None) -> str | None:
@@ -93,7 +93,7 @@ def renamed(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, Map]:
     return found
 
 
-def _target(piece: Piece, text: str) -> Target:
+def _check_target(piece: Piece, text: str) -> Target:
     collector = Collector()
     parts = {
         name: Part(name, {module.name: module for module in own.modules})
@@ -105,7 +105,7 @@ def _target(piece: Piece, text: str) -> Target:
     return found
 
 
-def number_of(place: Place) -> int:
+def place_number(place: Place) -> int:
     """The engine's number of a struck place."""
     return _numbers.setdefault(place, next(_next_number))
 
@@ -123,11 +123,12 @@ def strike_points(version: Version) -> StrikePoints:
             except NotTakenError:
                 continue
     return [
-        (part, module, member, number_of((part, module, member))) for part, module, member in found
+        (part, module, member, place_number((part, module, member)))
+        for part, module, member in found
     ]
 
 
-def struck(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, float]]:
+def struck_places(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, float]]:
     """The places that a note strikes, each with its impulse [N·s].
 
     The lowest note of a range strikes the first MAT of the target, the next note the second. A
@@ -143,16 +144,16 @@ def struck(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, 
         member = note - own.low if len(all_places) > 1 else 0
         if member < len(all_places):
             weak, strong = own.impulse
-            yield all_places[member], weak + (strong - weak) * (velocity - 1) / (_TOP - 1)
+            yield all_places[member], weak + (strong - weak) * (velocity - 1) / (_MIDI_MAX - 1)
 
 
-def moved_line(moved: Control, version: Version) -> str | None:
+def controller_line(moved: Control, version: Version) -> str | None:
     """The line that sets the value of a moved controller; None if it has no map."""
     own = version.maps.get(f"cc {moved.number}")
     if not isinstance(own, MapControl):
         return None
     low, high = own.range
-    x = low + (high - low) * moved.value / _TOP
+    x = low + (high - low) * moved.value / _MIDI_MAX
     if own.target is not None:
         return f"set {own.target} {x:.6g}{own.unit} over 50ms now"
     name = "" if own.sounding is None else f"{own.sounding} "
@@ -170,19 +171,19 @@ def _row(own: Map) -> list[object]:
     return ["cc", own.number, own.target, own.sounding, own.unit, *own.range]
 
 
-def read_maps(event: Event) -> Mapping[str, Map]:
+def read_maps(event: JournalEvent) -> Mapping[str, Map]:
     """The maps in a journal's event. Raises JournalError."""
     rows: list[object] = event.get("maps", list, [])
     if len(rows) > MAX_MAPS:
-        event.wrong("it has more maps than a session can have")
+        event.refuse("it has more maps than a session can have")
     found = [_read_row(event, row) for row in rows]
     return {own.name: own for own in found}
 
 
-def _read_row(event: Event, row: object) -> Map:
+def _read_row(event: JournalEvent, row: object) -> Map:
     match row:
         case ["note", int(low), int(high), str(target), float(weak), float(strong)] if (
-            0 <= low <= high <= _TOP and _WORD.fullmatch(target) and isfinite(weak + strong)
+            0 <= low <= high <= _MIDI_MAX and _WORD.fullmatch(target) and isfinite(weak + strong)
         ):
             return MapNotes(low, high, target, (weak, strong))
         case [
@@ -194,11 +195,11 @@ def _read_row(event: Event, row: object) -> Map:
             float(low),
             float(high),
         ] if (
-            0 <= number <= _TOP
+            0 <= number <= _MIDI_MAX
             and _WORD.fullmatch(target or "all")
             and _WORD.fullmatch(sounding or "all")
             and _UNIT.fullmatch(unit)
             and isfinite(low + high)
         ):
             return MapControl(number, target, (low, high), unit, sounding)
-    event.wrong("the field 'maps' has the wrong type or value")
+    event.refuse("the field 'maps' has the wrong type or value")

@@ -8,9 +8,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ergon.live.osc_in import SILENT, OscRequestError, decibels, pressed, text_of
-from ergon.live.osc_out import OscTeller, beats, frame_of
-from ergon.live.osc_values import ToldInputs
+from ergon.live.osc_in import (
+    SILENT_DB,
+    OscRequestError,
+    button_handler,
+    level_handler,
+    text_handler,
+)
+from ergon.live.osc_out import OscSender, beat_events, frame_of
+from ergon.live.osc_values import InputValues
 from ergon.repl.language import commands as c
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
@@ -20,97 +26,97 @@ from ergon.scores.staging.drives import input_number
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.live.osc import Osc
+    from ergon.live.osc import OscServer
     from ergon.live.osc_in import Handler
-    from ergon.live.osc_out import Event
+    from ergon.live.osc_out import OscEvent
     from ergon.repl.session.commits import Commits
     from ergon.repl.session.journal import Journal
-    from ergon.repl.session.running import Running
+    from ergon.repl.session.running import RunningVersion
     from ergon.repl.session.session import Session
 
     Answer = Callable[[str, str], None]
 
 _GAIN = re.compile(r"/ergon/(?:(instrument|player)/([^/]+)/)?gain")
 _INPUT = "/ergon/input/"
-_WAITING = 64  # lines that may wait to be done
+_WAITING_MAX = 64  # lines that may wait to be done
 # OSC has no passwords: lines that read or write files, run Python or end the session must be typed.
-_TYPED = (c.Py, c.Save, c.Keep, c.Load, c.Reload, c.Record, c.RecordOff, c.RecordAudio, c.Quit)
+_TYPED_ONLY = (c.Py, c.Save, c.Keep, c.Load, c.Reload, c.Record, c.RecordOff, c.RecordAudio, c.Quit)
 
 
 class SessionOsc:
     """OSC of a session until it is closed; a thread does its lines one after the other."""
 
-    def __init__(self, session: Session, osc: Osc, performance: _core.Performance) -> None:
+    def __init__(self, session: Session, osc: OscServer, performance: _core.Performance) -> None:
         """Begin to serve, at the sockets that `osc` has opened."""
         self._session, self._osc = session, osc
         self._lines: LineQueue[Answer | None] = LineQueue(session)
         self._waiting = 0
-        self._told = ToldInputs(self._tell)
-        self._ask: dict[str, Handler] = {
-            "/ergon/cmd": text_of(lambda line: self._enter(line, osc.answerer())),
-            "/ergon/panic": pressed(self._lines.panic),
-            "/ergon/release": pressed(lambda: self._enter("release", None)),
-            "/ergon/stop": pressed(lambda: self._enter("stop", None)),
+        self._told = InputValues(self._tell)
+        self._handlers: dict[str, Handler] = {
+            "/ergon/cmd": text_handler(lambda line: self._enter(line, osc.answerer())),
+            "/ergon/panic": button_handler(self._lines.panic),
+            "/ergon/release": button_handler(lambda: self._enter("release", None)),
+            "/ergon/stop": button_handler(lambda: self._enter("stop", None)),
         }
         self._worker = threading.Thread(target=self._work, name="ergon osc lines", daemon=True)
         self._worker.start()
         stage = session.commits.running.stage
         events = SessionEvents(session.commits, session.journal)
-        osc.serve(self, lambda send: OscTeller(performance, stage, 0, send, events), self._told)
+        osc.serve(self, lambda send: OscSender(performance, stage, 0, send, events), self._told)
 
     def get(self, address: str, /) -> Handler | None:
         """The handler of an address; None if the address is unknown."""
-        known = self._ask.get(address)
+        known = self._handlers.get(address)
         if known is not None:
             return known
         if address.startswith(_INPUT):
             name = address.removeprefix(_INPUT)
             take = self._session.commits.head.piece.takes.get(name)
-            return None if take is None or not take.is_from_osc else self._told.of(name)
+            return None if take is None or not take.is_from_osc else self._told.handler_of(name)
         match = _GAIN.fullmatch(address)
         if match is None:
             return None
         kind, name = match.groups()
         if kind is not None and name not in self._names(kind):
             return None
-        return decibels(lambda level: self._move(address, name, level))
+        return level_handler(lambda level: self._set_level(address, name, level))
 
     def _tell(self, name: str, value: float) -> bool:
         session = self._session
-        tell = partial(session.commits.engine.tell, input_number(name), value)
+        tell = partial(session.commits.engine.set_input, input_number(name), value)
         return session.acts.begin(tell, "value", input=name, value=value)
 
     def _names(self, kind: str) -> Mapping[str, str]:
         scope = self._session.scope
         return scope.instruments if kind == "instrument" else scope.players
 
-    def _move(self, address: str, name: str | None, level: float) -> None:
+    def _set_level(self, address: str, name: str | None, level: float) -> None:
         """Set a level: of many values, the latest becomes a line."""
-        value = f"{level:.6g}dB" if level > SILENT else "x0"
+        value = f"{level:.6g}dB" if level > SILENT_DB else "x0"
         line = " ".join(filter(None, ("gain", name, value, "now")))
-        self._session.fast_values.move(address, lambda version: line)
+        self._session.fast_values.set_soon(address, lambda version: line)
 
     def _enter(self, line: str, answer: Answer | None) -> None:
-        if self._waiting >= _WAITING:
-            raise OscRequestError(f"{_WAITING} lines are waiting already; this one was dropped")
+        if self._waiting >= _WAITING_MAX:
+            raise OscRequestError(f"{_WAITING_MAX} lines are waiting already; this one was dropped")
         self._waiting += 1
         self._lines.enter(line, answer)
 
     def _work(self) -> None:
         while (queued := self._lines.next()) is not None:
             self._waiting -= 1
-            address, said = self._done(queued.text, queued.releases)
-            if queued.who is not None:
-                queued.who(address, said)
+            address, said = self._do_line(queued.text, queued.releases)
+            if queued.sender is not None:
+                queued.sender(address, said)
 
-    def _done(self, line: str, releases: bool) -> tuple[str, str]:
+    def _do_line(self, line: str, releases: bool) -> tuple[str, str]:
         session = self._session
         with session.lock:  # names do not change between the look and the line
             try:
                 commands = parse(line, session.scope)
             except Refusal:
                 commands = ()  # it is refused with its sentence below
-            if any(isinstance(one, _TYPED) for one in commands):
+            if any(isinstance(one, _TYPED_ONLY) for one in commands):
                 return "/ergon/error", "this line has to be typed at a prompt: OSC has no passwords"
             reply = session.submit(line, releases=releases)
         if reply.taken:
@@ -140,22 +146,22 @@ class SessionEvents:
         failed = self._journal is not None and self._journal.has_failed
         return ("JOURNAL NOT WRITTEN",) if failed else ()
 
-    def before(self, frame: int) -> Iterator[Event]:
+    def pop_before(self, frame: int) -> Iterator[OscEvent]:
         """The events before a frame that were not returned yet."""
-        for running, first, last in self._played.before(frame):
+        for running, first, last in self._played.pop_before(frame):
             yield from sorted(_events(running, first, last), key=lambda event: event[0])
 
 
-def _events(running: Running, first: int, last: int) -> Iterator[Event]:
+def _events(running: RunningVersion, first: int, last: int) -> Iterator[OscEvent]:
     """The events of one version, from frame `first` to before `last`."""
     stage, clock = running.stage, running.clock
-    if clock.by is None:
+    if clock.began_at is None:
         return
     version = running.version
     shown = partial(version.sounds_as.shown, known=version.piece.keys)
     tempo = stage.piece.tempo_map
     bar, _ = tempo.bar_beat(running.beat(first))
-    for event in beats(tempo, stage.rate, bar):
+    for event in beat_events(tempo, stage.rate, bar):
         if event[0] >= last:
             break
         if event[0] >= first:
@@ -167,6 +173,6 @@ def _events(running: Running, first: int, last: int) -> Iterator[Event]:
                 gesture.player,
                 shown(gesture.key),
                 gesture.name,
-                float(gesture.start - clock.by),
+                float(gesture.start - clock.began_at),
             )
             yield frame, "/ergon/strike", said

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from ergon.repl.language import commands as c
-from ergon.repl.session.edit_table import writes
+from ergon.repl.session.edit_table import edits_texts
 from ergon.repl.session.version import Version
 from ergon.scores.edits import phrases
 from ergon.scores.edits.texts import Texts
 
 
-@writes(c.DefinePhrase)
+@edits_texts(c.DefinePhrase)
 def _define(command: c.DefinePhrase, version: Version, beat: float) -> Texts:
     words = command.words
     fields = {name: words[name].text for name in ("to", "length") if name in words}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import Commits
-    from ergon.repl.session.running import Running
+    from ergon.repl.session.running import RunningVersion
 
 
 class PlayedVersions:
@@ -19,7 +19,7 @@ class PlayedVersions:
         self._from = 0
         self._last = commits.running
 
-    def before(self, frame: int) -> Iterator[tuple[Running, int, int]]:
+    def pop_before(self, frame: int) -> Iterator[tuple[RunningVersion, int, int]]:
         """Each version with its first frame and the frame after its last, up to `frame`.
 
         Frames that were returned before are left out.

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 
-def rehearse(piece: Piece, name: str) -> Stage | None:
+def rehearsal_stage(piece: Piece, name: str) -> Stage | None:
     """A stage with a gesture alone on the first key that plays it; all other keys that play it are
     tried too.
 
@@ -29,21 +29,21 @@ def rehearse(piece: Piece, name: str) -> Stage | None:
     }
     if not plays:
         return _on_some_key(piece, name)
-    bare = _bare(piece)
+    bare = _keys_and_gestures(piece)
     first, *_ = [solo(bare, name, key, do, how) for (key, *_), (how, do) in plays.items()]
     return first
 
 
 def keys_for(piece: Piece, name: str) -> list[str]:
     """The keys that can follow a gesture as it is written."""
-    bare = _bare(piece)
-    return [key for key in piece.keys if not isinstance(_tried(bare, name, key), StageError)]
+    bare = _keys_and_gestures(piece)
+    return [key for key in piece.keys if not isinstance(_try_key(bare, name, key), StageError)]
 
 
 def _on_some_key(piece: Piece, name: str) -> Stage | None:
-    bare, refusal = _bare(piece), None
+    bare, refusal = _keys_and_gestures(piece), None
     for key in piece.keys:
-        tried = _tried(bare, name, key)
+        tried = _try_key(bare, name, key)
         if not isinstance(tried, StageError):
             return tried
         refusal = refusal or tried
@@ -52,14 +52,14 @@ def _on_some_key(piece: Piece, name: str) -> Stage | None:
     return None
 
 
-def _tried(bare: Piece, name: str, key: str) -> Stage | StageError:
+def _try_key(bare: Piece, name: str, key: str) -> Stage | StageError:
     try:
         return solo(bare, name, key)
     except StageError as error:
         return error
 
 
-def _bare(piece: Piece) -> Piece:
+def _keys_and_gestures(piece: Piece) -> Piece:
     """The piece with nothing but keys, gestures and takes."""
     mix = replace(piece.mix, routes=(), channels=1)
     return replace(piece, instruments={}, duet=(), strikes=(), mix=mix)

@@ -14,24 +14,24 @@ from typing import TYPE_CHECKING
 
 from ergon.exchange.frozen import NotFrozenError
 from ergon.repl.session import version_edits
-from ergon.repl.session.clock import Clock, entered, started, taking_over
+from ergon.repl.session.clock import Clock, clock_after_takeover, clock_at_beat, running_clock
 from ergon.repl.session.commits import (
     REFUSALS,
     Commits,
     VersionEdit,
-    Waiting,
+    WaitingLine,
     fader_ratios,
-    read_again,
+    reparse,
 )
 from ergon.repl.session.engine import SteppedEngine
-from ergon.repl.session.frozen_parts import HeldPart
-from ergon.repl.session.frozen_parts import held as frozen_held
+from ergon.repl.session.frozen_parts import LoadedPart
+from ergon.repl.session.frozen_parts import load_frozen as frozen_held
 from ergon.repl.session.history import PastVersions
-from ergon.repl.session.journal import Event, JournalError
-from ergon.repl.session.journal_content import JournalAct, JournalContent, ReadVersion
-from ergon.repl.session.journal_hands import HeldHands, held
-from ergon.repl.session.midi_maps import number_of
-from ergon.repl.session.running import JOIN, Running, begin
+from ergon.repl.session.journal import JournalError, JournalEvent
+from ergon.repl.session.journal_content import FileVersion, JournalAct, JournalContent
+from ergon.repl.session.journal_hands import RecordedHands, recorded_hands
+from ergon.repl.session.midi_maps import place_number
+from ergon.repl.session.running import JOIN_SECONDS, RunningVersion, stage_first
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version, piece_of
 from ergon.scores.staging.drives import input_number
 from ergon.scores.staging.preparing import MAX_SECONDS
@@ -41,18 +41,25 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 # Errors that a forged journal can cause while it is replayed.
-_HOSTILE = (ArithmeticError, AssertionError, LookupError, RecursionError, TypeError, ValueError)
+_FORGERY_ERRORS = (
+    ArithmeticError,
+    AssertionError,
+    LookupError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
 _BLOCK = 4096  # frames between two checks for due lines
 
 
 @contextlib.contextmanager
-def _errors_placed(event: Event) -> Iterator[None]:
+def _as_journal_errors(event: JournalEvent) -> Iterator[None]:
     """Turn errors of this block into a JournalError with the place of the event."""
     try:
         yield
-    except (*REFUSALS, *_HOSTILE) as error:
+    except (*REFUSALS, *_FORGERY_ERRORS) as error:
         what = ascii(event.get("line", str)[:80]) if event.name == "line" else "its score"
-        event.wrong(f"{what} cannot be replayed: {error}")
+        event.refuse(f"{what} cannot be replayed: {error}")
 
 
 class ReplayedSession:
@@ -64,21 +71,21 @@ class ReplayedSession:
 
     def __init__(self, replay: JournalContent) -> None:
         """Begin at frame 0. Raises JournalError, NotTakenError, StageError."""
-        opening, take = replay.opening, replay.opening.take
-        with _errors_placed(replay.first):
+        opening, take = replay.start, replay.start.take
+        with _as_journal_errors(replay.first):
             version = opening.version()
         real = {} if take is None else dict.fromkeys(hand.player for hand in take.hands)
         for hand in () if take is None else take.hands:
             player = version.piece.players.get(hand.player)
             if player is None or player.key != hand.key:
-                replay.first.wrong(f"its score has no {hand.player} on {hand.key}")
+                replay.first.refuse(f"its score has no {hand.player} on {hand.key}")
         frozen = _frozen(replay, version, real)
-        running = begin(
+        running = stage_first(
             version, Clock(None, opening.at), real, None, frozen, is_seen=opening.is_seen
         )
-        hands = HeldHands((), 0, ())
+        hands = RecordedHands((), 0, ())
         if take is not None:
-            hands = held(take, running.stage, opening.tick_frames)
+            hands = recorded_hands(take, running.stage, opening.tick_frames)
         self._engine = SteppedEngine(
             running.stage,
             tick_frames=opening.tick_frames,
@@ -88,10 +95,10 @@ class ReplayedSession:
         )
         self._engine.set_faders(fader_ratios(running))
         self._commits = Commits(self._engine, running, real, 0, version)
-        self._versions = _earlier(replay, version)
+        self._versions = _initial_versions(replay, version)
         self._coming = list(replay.commits)
         self._acts = deque(replay.acts)
-        self._read = replay.read
+        self._read = replay.versions_from_files
         self._done = replay.first
         self._file = replay.first.file
         self.rate = running.stage.rate
@@ -99,7 +106,7 @@ class ReplayedSession:
         self.n_frames = replay.n_frames
         if not replay.ended:
             self.n_frames = max(self.n_frames, hands.n_frames)
-        self.warnings = (*hands.warnings, *_cut(replay, hands, self.rate))
+        self.warnings = (*hands.warnings, *_missing_at_end(replay, hands, self.rate))
         if replay.n_frames > MAX_SECONDS * self.rate:
             raise NotTakenError("the journal claims that the session lasted longer than a day")
         self.n_channels = self.n_out = running.stage.n_channels
@@ -110,7 +117,7 @@ class ReplayedSession:
         return self
 
     @property
-    def running(self) -> Running:
+    def running(self) -> RunningVersion:
         """The running version, staged."""
         return self._commits.running
 
@@ -130,12 +137,12 @@ class ReplayedSession:
         """Fill (n_frames, n_channels) with the next frames."""
         done = 0
         while done < len(out):
-            self._due()
-            n = min(_BLOCK, len(out) - done, *self._next(len(out)))
+            self._do_due()
+            n = min(_BLOCK, len(out) - done, *self._frames_until_due(len(out)))
             out[done : done + n] = self._engine.process(n)
             done += n
 
-    def _next(self, most: int) -> Iterator[int]:
+    def _frames_until_due(self, most: int) -> Iterator[int]:
         """Numbers of frames until the next line or act, and `most`."""
         for frame, *_ in self._coming[:1]:
             yield max(1, frame - self._engine.frame)
@@ -143,14 +150,14 @@ class ReplayedSession:
             yield max(1, act.frame - self._engine.frame)
         yield most
 
-    def _due(self) -> None:
+    def _do_due(self) -> None:
         """Hand the engine the lines and acts that take effect at this frame."""
         while self._coming and self._coming[0][0] <= self._engine.frame:
             frame, beat, event = self._coming.pop(0)
             number = event.get("number", int)
             goes = event.fields.get("goes")
-            with _errors_placed(event):
-                waiting = Waiting(
+            with _as_journal_errors(event):
+                waiting = WaitingLine(
                     event.get("line", str),
                     edit_of_line(event, self._versions, self._commits.head, self._read),
                     beat,
@@ -159,32 +166,34 @@ class ReplayedSession:
                     bool(event.fields.get("resets")),
                     number=number,
                 )
-                self._versions[number] = PastVersion.of(self._commits.take_last(waiting).version)
+                self._versions[number] = PastVersion.from_version(
+                    self._commits.insert_last(waiting).version
+                )
                 self._done = event
-        with _errors_placed(self._done):
+        with _as_journal_errors(self._done):
             # An extension in the same frame as the next line would take that frame from the line.
-            self._commits.tick(self._coming[0][0] if self._coming else math.inf)
+            self._commits.hand_over_due(self._coming[0][0] if self._coming else math.inf)
         while self._acts and self._acts[0].frame <= self._engine.frame:
-            self._act(self._acts.popleft())
+            self._do_act(self._acts.popleft())
 
-    def _act(self, act: JournalAct) -> None:
-        if isinstance(act.of, str):
-            self._engine.tell(input_number(act.of), act.amount)
+    def _do_act(self, act: JournalAct) -> None:
+        if isinstance(act.target, str):
+            self._engine.set_input(input_number(act.target), act.amount)
             lacks = "at this value has no such input"
         else:
-            self._engine.strike(number_of(act.of), act.amount)
+            self._engine.strike(place_number(act.target), act.amount)
             lacks = "at this strike has no such mass"
-        if any(one.act is not None and one.is_late for one in self._engine.events()):
-            Event(self._file, act.line, "", {}).wrong(
+        if any(one.act_ticket is not None and one.is_late for one in self._engine.events()):
+            JournalEvent(self._file, act.line, "", {}).refuse(
                 f"the piece that plays {lacks}; the journal does not match its score"
             )
 
 
 def _frozen(
     replay: JournalContent, version: Version, real: Collection[str]
-) -> tuple[HeldPart, ...]:
+) -> tuple[LoadedPart, ...]:
     """The frozen parts with which a session began. Raises JournalError."""
-    folder = replay.opening.frozen
+    folder = replay.start.frozen
     if folder is None:
         return ()
     try:
@@ -196,25 +205,25 @@ def _frozen(
         ) from None
 
 
-def _earlier(replay: JournalContent, version: Version) -> dict[int, PastVersion]:
+def _initial_versions(replay: JournalContent, version: Version) -> dict[int, PastVersion]:
     """The versions that exist when a session begins, by number."""
-    history = replay.opening.history
+    history = replay.start.history
     known = {} if history is None else {one.number: one for one in history.versions}
-    return {0: PastVersion.of(version, "1|1"), **known}
+    return {0: PastVersion.from_version(version, "1|1"), **known}
 
 
-def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
+def resumed_state(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
     """The last version, a clock that stands at the last bar, and the history; no sound is computed.
 
     Raises JournalError, NotTakenError.
     """
-    opening = replay.opening
-    with _errors_placed(replay.first):
+    opening = replay.start
+    with _as_journal_errors(replay.first):
         version = opening.version()
-    versions, clock = _earlier(replay, version), Clock(None, opening.at)
+    versions, clock = _initial_versions(replay, version), Clock(None, opening.at)
     rate = version.piece.rate
     tick = opening.tick_frames / rate
-    lead = JOIN + tick
+    lead = JOIN_SECONDS + tick
     done = {event.get("number", int) for _, _, event in replay.commits}
     waited = [
         (replay.n_frames, replay.late.get(number, replay.lines[number].get("beat", float)), event)
@@ -222,37 +231,43 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
         if number not in done and number not in replay.dropped
     ]
     for frame, beat, event in (*replay.commits, *waited):
-        with _errors_placed(event):
+        with _as_journal_errors(event):
             goes = event.fields.get("goes")
-            now_goes = goes if isinstance(goes, bool) else version.goes
+            now_running = goes if isinstance(goes, bool) else version.is_running
             before = version.piece.tempo_map
-            version = replace(version, cuts=False, damp=None, glide=GLIDE, enters=None)
-            version = replace(version, goes=now_goes)
-            version = edit_of_line(event, versions, version, replay.read)(version, beat)
+            version = replace(version, ends_gestures=False, damp=None, glide=GLIDE, enter_beat=None)
+            version = replace(version, is_running=now_running)
+            version = edit_of_line(event, versions, version, replay.versions_from_files)(
+                version, beat
+            )
             tempo = version.piece.tempo_map
-            versions[event.get("number", int)] = PastVersion.of(
+            versions[event.get("number", int)] = PastVersion.from_version(
                 version, tempo.written(beat), event.get("line", str)
             )
             if goes is True:
-                clock = started(tempo, beat, frame / rate + lead)
+                clock = running_clock(tempo, beat, frame / rate + lead)
             elif goes is False:
                 clock = Clock(None, clock.beat(tempo, frame / rate))
-            elif version.enters is not None:
-                clock = entered(clock, tempo, version.enters, frame / rate + lead)
+            elif version.enter_beat is not None:
+                clock = clock_at_beat(clock, tempo, version.enter_beat, frame / rate + lead)
             else:
-                clock, _ = taking_over(clock, before, tempo, beat, frame / rate + lead, tick)
+                clock, _ = clock_after_takeover(
+                    clock, before, tempo, beat, frame / rate + lead, tick
+                )
     tempo = version.piece.tempo_map
     beat = clock.beat(tempo, replay.n_frames / rate)
     if not (math.isfinite(beat) and replay.n_frames <= MAX_SECONDS * rate):
         raise NotTakenError("the journal claims that the session lasted longer than a day")
     bar, _ = tempo.bar_beat(beat)
     # Guidance is not resumed: a hand is pulled only after a line that asks for it.
-    begun = replace(version, number=0, line="", guides={}, cuts=False, damp=None, glide=GLIDE)
-    begun = replace(begun, base=replay.base, enters=None, goes=False)
-    return begun, Clock(None, tempo.bars.start(bar)), _past(replay, begun, versions)
+    begun = replace(
+        version, number=0, line="", guides={}, ends_gestures=False, damp=None, glide=GLIDE
+    )
+    begun = replace(begun, base=replay.base, enter_beat=None, is_running=False)
+    return begun, Clock(None, tempo.bars.start(bar)), _renumbered_history(replay, begun, versions)
 
 
-def _past(
+def _renumbered_history(
     replay: JournalContent, begun: Version, versions: Mapping[int, PastVersion]
 ) -> PastVersions:
     """The history of a session that is resumed as version `begun`, numbered for its own journal."""
@@ -261,32 +276,32 @@ def _past(
     for place, number in enumerate(history.numbers):
         # Numbers from 1 on belong to the lines of that session, and -1 means none.
         new = 0 if place == history.index else -2 - place
-        known = versions.get(number) or PastVersion.of(begun)
+        known = versions.get(number) or PastVersion.from_version(begun)
         if new == 0:
-            known = PastVersion.of(begun, known.where, known.line)
+            known = PastVersion.from_version(begun, known.where, known.line)
         past.append(replace(known, number=new, guides={}))
     return PastVersions(past, history.index)
 
 
 def edit_of_line(
-    event: Event,
+    event: JournalEvent,
     versions: Mapping[int, PastVersion],
     on: Version,
-    read: Mapping[int, ReadVersion],
+    read: Mapping[int, FileVersion],
 ) -> VersionEdit:
     """The version edit of a journal's line, without its other effects. Raises NotTakenError."""
     if event.fields.get("resets"):
-        return version_edits.hushed
+        return version_edits.hush
     if (known := read.get(event.number)) is not None:
         texts, glide, enters = known
         return lambda version, beat: replace(
-            version, texts=texts, piece=piece_of(texts), glide=glide, enters=enters
+            version, texts=texts, piece=piece_of(texts), glide=glide, enter_beat=enters
         )
     restores = event.fields.get("restores")
     if isinstance(restores, int):
         target = versions.get(restores)
-        return version_edits.unchanged if target is None else target.restored
-    commands = read_again(event.get("line", str), on)
+        return version_edits.unchanged if target is None else target.restore
+    commands = reparse(event.get("line", str), on)
     if any(
         type(one) in version_edits.READS_FILES for one in commands
     ):  # rendering a journal reads no further file
@@ -296,7 +311,7 @@ def edit_of_line(
     )
 
 
-def _cut(replay: JournalContent, hands: HeldHands, rate: float) -> Iterator[str]:
+def _missing_at_end(replay: JournalContent, hands: RecordedHands, rate: float) -> Iterator[str]:
     """Sentences about what is missing at the end of a journal and of its recording."""
     seconds = replay.n_frames / rate
     if not replay.ended:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.positions import Length, Position
-from ergon.repl.session.frozen_parts import HeldPart, placed, still_frozen
+from ergon.repl.session.frozen_parts import LoadedPart, place_samples, still_frozen
 from ergon.repl.session.midi_maps import strike_points
 from ergon.repl.session.rehearsing import keys_for
 from ergon.scores.reading.piece import NO_OPTIONS, Play
@@ -31,15 +31,15 @@ if TYPE_CHECKING:
 # answer to a line; a shorter one could end while a long line is computed.
 _AHEAD, _FEWEST_BARS, _MOST_BARS = 16.0, 4, 32
 # The joining curve before a gesture [s]; a version takes over before it begins.
-JOIN = 0.02
+JOIN_SECONDS = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Running:
+class RunningVersion:
     """A version that plays from frame `start` on, and spans of earlier versions that go on.
 
-    The timeline has occurrences up to beat `until`; `bearings` are the forces on real hands;
-    `leaving` are removed links that still separate. `frozen` parts are played from their
+    The timeline has occurrences up to beat `timeline_end`; `force_bounds` are the forces on real
+    hands; `leaving` are removed links that still separate. `frozen` parts are played from their
     samples. If it `is_seen`, parts that are not heard are computed too.
     """
 
@@ -48,11 +48,11 @@ class Running:
     spans: tuple[Span, ...]
     stage: Stage
     start: int
-    until: float
+    timeline_end: float
     glides: tuple[Glide, ...] = ()
-    bearings: Sequence[HandForceBounds] = ()
+    force_bounds: Sequence[HandForceBounds] = ()
     leaving: tuple[LeavingLink, ...] = ()
-    frozen: tuple[HeldPart, ...] = ()
+    frozen: tuple[LoadedPart, ...] = ()
     is_seen: bool = False
 
     def beat(self, frame: int) -> float:
@@ -99,22 +99,24 @@ def rehearsal(piece: Piece) -> Piece:
     return replace(piece, parts=tuple(plays), starts=tuple(starts))
 
 
-def begin(
+def stage_first(
     version: Version,
     clock: Clock,
     real: Real,
     store: Store | None,
-    frozen: tuple[HeldPart, ...] = (),
+    frozen: tuple[LoadedPart, ...] = (),
     *,
     is_seen: bool = False,
-) -> Running:
+) -> RunningVersion:
     """Stage a version whose piece is stopped, at frame 0."""
     staged = _staged(version, clock, (), None, 0, real, store, frozen=frozen, is_seen=is_seen)
-    return Running(version, clock, (), staged, 0, clock.at, frozen=frozen, is_seen=is_seen)
+    return RunningVersion(
+        version, clock, (), staged, 0, clock.stopped_beat, frozen=frozen, is_seen=is_seen
+    )
 
 
-def follow(
-    before: Running,
+def stage_next(
+    before: RunningVersion,
     version: Version,
     clock: Clock,
     start: int,
@@ -123,7 +125,7 @@ def follow(
     enter: float,
     real: Real,
     extends: bool = False,
-) -> Running:
+) -> RunningVersion:
     """Stage a version that takes over at frame `start`.
 
     What the version before began by beat `leave` goes on; the new one plays from beat `enter`. A
@@ -131,10 +133,10 @@ def follow(
     that it is inaudible at whichever frame it comes.
     """
     after = start / before.stage.rate
-    old = () if version.cuts else tuple(_left(before, leave, after))
+    old = () if version.ends_gestures else tuple(_continuing_spans(before, leave, after))
     until = horizon(version.piece.tempo_map, enter)[0]
     piece = replace(version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, after))
-    new = (Span(piece, Window(enter, until, after)),) if clock.goes else ()
+    new = (Span(piece, Window(enter, until, after)),) if clock.is_running else ()
     moving, links, frozen = before.glides, before.leaving, before.frozen
     if not extends:
         frozen = still_frozen(frozen, before.version, version, real)
@@ -157,21 +159,21 @@ def follow(
         is_seen=before.is_seen,
     )
     of_stage = version, clock, spans, staged, start, until, moving, (), links, frozen
-    return Running(*of_stage, is_seen=before.is_seen)
+    return RunningVersion(*of_stage, is_seen=before.is_seen)
 
 
-def _left(before: Running, leave: float, after: float) -> Sequence[Span]:
+def _continuing_spans(before: RunningVersion, leave: float, after: float) -> Sequence[Span]:
     """The spans of earlier versions, the last one cut at a beat, of which something goes on after
     `after` [s].
     """
     on = [(gesture.start, gesture.stop) for gesture in before.stage.gestures]
     kept = []
     for index, (piece, window) in enumerate(before.spans):
-        is_last = index == len(before.spans) - 1 and before.clock.goes
+        is_last = index == len(before.spans) - 1 and before.clock.is_running
         until = min(window.until, leave) if is_last else window.until
         first, last = (piece.tempo_map.seconds(beat) for beat in (window.since, until))
         if last > after or any(
-            first - JOIN <= start <= last and stop > after for start, stop in on
+            first - JOIN_SECONDS <= start <= last and stop > after for start, stop in on
         ):
             kept.append(Span(piece, Window(window.since, until, after)))
     return kept
@@ -188,7 +190,7 @@ def _staged(
     moving: tuple[Glide, ...] = (),
     links: tuple[LeavingLink, ...] = (),
     *,
-    frozen: tuple[HeldPart, ...],
+    frozen: tuple[LoadedPart, ...],
     is_seen: bool,
 ) -> Stage:
     piece = with_leaving(version.sounding, links)
@@ -204,5 +206,5 @@ def _staged(
         going=StageTakeover(spans, like, start, moving, strike_points(version)),
         is_seen=is_seen,
     )
-    staged.placed = placed(frozen, staged.listening, clock, staged.rate)
+    staged.placed = place_samples(frozen, staged.listening, clock, staged.rate)
     return staged

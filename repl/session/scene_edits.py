@@ -16,7 +16,7 @@ from ergon.notation.text.spelling import nearest
 from ergon.repl.language import commands as c
 from ergon.repl.language.scope import SUFFIXES, scores_in
 from ergon.repl.session.disk import folder_of
-from ergon.repl.session.edit_table import makes, with_texts
+from ergon.repl.session.edit_table import makes_edit, with_texts
 from ergon.repl.session.version import GLIDE, NotTakenError, Version, piece_of
 from ergon.scores.edits import scenes
 from ergon.scores.edits.scenes import Scene
@@ -69,7 +69,7 @@ def _stamps(paths: Iterable[Path]) -> _Stamps:
     return tuple(found)
 
 
-@makes(c.Scene)
+@makes_edit(c.Scene)
 def _scene(command: c.Scene) -> VersionEdit:
     """Repeat the bars of a scene; parameters go to those of the scene, over a length if one is
     given.
@@ -97,6 +97,6 @@ def _scene(command: c.Scene) -> VersionEdit:
                 begin = end
         texts = scenes.bring(texts, piece_of(texts), own, begin)
         texts = scenes.tuned(texts, piece, own)  # last: no beat depends on a parameter
-        return replace(with_texts(version, texts), glide=glide, released=released)
+        return replace(with_texts(version, texts), glide=glide, freed_parameters=released)
 
     return edit

@@ -27,9 +27,9 @@ from ergon.scores.staging.refusals import StageError
 if TYPE_CHECKING:
     from ergon.repl.session_protocol import Suggestion
 
-_LOOK = 0.02  # [s] between two checks of the engine
-_WATCH = 15  # checks of the engine between two of the score's files
-_HALF = re.compile("[\ud800-\udfff]")
+_CHECK_PERIOD = 0.02  # [s] between two checks of the engine
+_CHECKS_PER_FILE_CHECK = 15  # checks of the engine between two of the score's files
+_LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 class Session(SessionCore):
@@ -42,10 +42,10 @@ class Session(SessionCore):
         """Do a line, or a block of lines as one version. Raises nothing; the music goes on."""
         count = self.stops.count
         with self.lock:
-            self.stops.begins(releases, count)
+            self.stops.note_line(releases, count)
             try:
                 self.pump()
-                reply = self._submitted(text)
+                reply = self._do_lines(text)
             except Refusal as refusal:
                 reply = _not_taken(refusal.message, refusal.try_)
             except NotTakenError as error:
@@ -61,12 +61,14 @@ class Session(SessionCore):
                 reply = _not_taken(f"internal error: {type(error).__name__}; nothing has changed")
             frame = self.commits.engine.frame  # so that `--resume` knows how far the session went
             self._handle_events()  # a journal that says a frame has all that happened before it
-            self._tell("said", line=text[:10_000], taken=reply.taken, reply=reply.text, frame=frame)
+            self._journal_event(
+                "said", line=text[:10_000], taken=reply.taken, reply=reply.text, frame=frame
+            )
             return reply
 
     @lasting
-    def _submitted(self, text: str) -> Reply:
-        if _HALF.search(text):  # a journal with it could not be read
+    def _do_lines(self, text: str) -> Reply:
+        if _LONE_SURROGATE.search(text):  # a journal with it could not be read
             raise NotTakenError("this line contains half of a character (a lone surrogate)")
         commands = parse(text, self.scope)
         if not commands:
@@ -93,7 +95,7 @@ class Session(SessionCore):
         bar, into = tempo.bar_beat(beat)
         peak = max(look.peaks, default=0.0)
         failed = self.journal is not None and self.journal.has_failed
-        capture = self.captures.now
+        capture = self.captures.current
         return State(
             bar=bar,
             beat=into,
@@ -147,12 +149,14 @@ class Session(SessionCore):
 
     def run(self) -> None:
         """Start the thread that attends to the engine until the session is closed."""
-        self._thread = threading.Thread(target=self._look_on, name="ergon session", daemon=True)
+        self._thread = threading.Thread(
+            target=self._attend_engine, name="ergon session", daemon=True
+        )
         self._thread.start()
 
-    def _look_on(self) -> None:
+    def _attend_engine(self) -> None:
         looks = itertools.count()
-        while not self._over.wait(_LOOK):
+        while not self._is_closed.wait(_CHECK_PERIOD):
             try:
                 if not self.lock.acquire(blocking=False):
                     self._take_events()  # a line is computed
@@ -164,10 +168,14 @@ class Session(SessionCore):
                     self.lock.release()
                 for turn in self._turns:
                     turn(time.monotonic())
-                if (paths := self.guidance.due()) is not None:
+                if (paths := self.guidance.paths_due()) is not None:
                     with self.lock:
-                        self.guidance.hand(*paths)
-                if next(looks) % _WATCH == 0 and self.watch and self.watch.has_changed():
+                        self.guidance.send(*paths)
+                if (
+                    next(looks) % _CHECKS_PER_FILE_CHECK == 0
+                    and self.watch
+                    and self.watch.has_changed()
+                ):
                     reply = self.submit("reload")
                     self._messages.append(reply.text if reply.taken else f"not taken: {reply.text}")
             except BaseException as error:  # the next check may succeed
@@ -175,9 +183,9 @@ class Session(SessionCore):
 
     def close(self) -> None:
         """End the session, its engine and its journal."""
-        if self._over.is_set():
+        if self._is_closed.is_set():
             return
-        self._over.set()
+        self._is_closed.set()
         for attached in self._attached:
             attached.close()
         if self._thread is not None:
@@ -188,7 +196,7 @@ class Session(SessionCore):
             # Lines may take effect until the engine is closed: the end is written after all of
             # them.
             self._handle_events()
-            self._tell("end", frame=self.commits.engine.frame)
+            self._journal_event("end", frame=self.commits.engine.frame)
             if self.journal is not None:
                 self.journal.close()
 

@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ergon._core import StoppedError
-from ergon.live.display import SILENT, decibels_of
+from ergon.live.display import SILENT_PEAK, decibels_of
 from ergon.notation.clock.positions import parse_position
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import is_shipped
 from ergon.repl.language import commands as c
-from ergon.repl.language.help import about, overview
+from ergon.repl.language.help import overview, verb_help
 from ergon.repl.session import bars, computing, files, inspection, version_edits
 from ergon.repl.session.scene_edits import scene_of
-from ergon.repl.session.version import NotTakenError, Version, in_short
+from ergon.repl.session.version import NotTakenError, Version, first_line
 from ergon.repl.session_protocol import Reply
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 # A longer pause between taps begins a new count [s]: nobody taps slower than 20 bpm.
-_TAPS_APART = 3.0
-_TAPS = 8  # only the latest taps count
-_SHOWN = 1000  # characters of what `py` gives
+_TAP_PAUSE_MAX = 3.0
+_TAPS_MAX = 8  # only the latest taps count
+_SHOWN_MAX = 1000  # characters of what `py` gives
 
 _Act = TypeVar("_Act", bound=Callable[..., Reply])
 
@@ -37,7 +37,7 @@ _Act = TypeVar("_Act", bound=Callable[..., Reply])
 SESSION_COMMANDS: dict[type[c.Command], Callable[[SessionCore, Any], Reply]] = {}
 
 
-def _does(kind: type[c.Command]) -> Callable[[_Act], _Act]:
+def _executes(kind: type[c.Command]) -> Callable[[_Act], _Act]:
     def known(act: _Act) -> _Act:
         SESSION_COMMANDS[kind] = act
         return act
@@ -45,10 +45,10 @@ def _does(kind: type[c.Command]) -> Callable[[_Act], _Act]:
     return known
 
 
-@_does(c.Play)
+@_executes(c.Play)
 def _play(session: SessionCore, command: c.Play) -> Reply:
     clock, tempo = session.commits.running.clock, session.commits.head.piece.tempo_map
-    if command.start is None and clock.goes:
+    if command.start is None and clock.is_running:
         raise NotTakenError(
             "the piece is already running; `play from 1|1` starts it from the beginning"
         )
@@ -56,34 +56,34 @@ def _play(session: SessionCore, command: c.Play) -> Reply:
         session.release()
     if session.stops.panicked:
         raise NotTakenError("a panic was entered after this line: type `release`, then `play`")
-    beat = clock.at
+    beat = clock.stopped_beat
     if command.start is not None:
         try:
             beat = tempo.resolve(command.start)
         except TextError as error:
             raise NotTakenError(error.message) from None
     where, _ = session.queue(
-        "play", version_edits.unchanged, c.NOW, goes=True, beat=beat, restores=-1
+        "play", version_edits.unchanged, c.NOW, sets_running=True, beat=beat, restores=-1
     )
     return Reply(True, f"ok from {where}")
 
 
-@_does(c.Stop)
+@_executes(c.Stop)
 def _stop(session: SessionCore, command: c.Stop) -> Reply:
-    if not session.commits.running.clock.goes:
+    if not session.commits.running.clock.is_running:
         raise NotTakenError("the piece is already stopped; `play` continues it")
     when = c.NOW if command.when is None else command.when
-    where, _ = session.queue("stop", version_edits.unchanged, when, goes=False, restores=-1)
+    where, _ = session.queue("stop", version_edits.unchanged, when, sets_running=False, restores=-1)
     return Reply(True, f"ok {where} the piece stops; `play` continues from there")
 
 
-@_does(c.Panic)
+@_executes(c.Panic)
 def _panic(session: SessionCore, command: c.Panic) -> Reply:
     session.stops.panic_in_turn()
     return Reply(True, "")
 
 
-@_does(c.Release)
+@_executes(c.Release)
 def _release(session: SessionCore, command: c.Release) -> Reply:
     if not session.stops.is_stopped:
         raise NotTakenError("no panic is active, and no force is off")
@@ -93,33 +93,33 @@ def _release(session: SessionCore, command: c.Release) -> Reply:
     return Reply(True, "ok")
 
 
-@_does(c.Quant)
+@_executes(c.Quant)
 def _quant(session: SessionCore, command: c.Quant) -> Reply:
     session.quant = None if isinstance(command.grid, c.Now) else command.grid
     session.quant_text = command.words["grid"].text
     return Reply(True, f"ok lines act on: {session.quant_text}")
 
 
-@_does(c.Tap)
+@_executes(c.Tap)
 def _tap(session: SessionCore, command: c.Tap) -> Reply:
     now = time.monotonic()
     taps = session.taps
-    if taps and now - taps[-1] > _TAPS_APART:
+    if taps and now - taps[-1] > _TAP_PAUSE_MAX:
         taps.clear()
     taps.append(now)
-    del taps[:-_TAPS]
+    del taps[:-_TAPS_MAX]
     if len(taps) < 2:
         return Reply(True, "tap 1: one more sets the tempo")
     bpm = round(60.0 * (len(taps) - 1) / (taps[-1] - taps[0]), 1)
     return session.make_version(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
 
 
-@_does(c.Undo)
+@_executes(c.Undo)
 def _undo(session: SessionCore, command: c.Undo) -> Reply:
     return _back_by(session, command, 1, "undo", "this is the first version")
 
 
-@_does(c.Back)
+@_executes(c.Back)
 def _back(session: SessionCore, command: c.Back) -> Reply:
     line = f"back {command.count}"
     return _back_by(session, command, command.count, line, "there are fewer versions than that")
@@ -139,13 +139,13 @@ def _back_by(session: SessionCore, command: c.Command, count: int, line: str, no
         session.drop(one)
         session.cancelled.append(one)
     if len(waiting) == len(left):
-        lines = " and ".join(f"'{in_short(one.line)}'" for one in waiting)
+        lines = " and ".join(f"'{first_line(one.line)}'" for one in waiting)
         said = "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
         return Reply(True, f"ok {lines} {said} took effect")
     return _restore(session, command, target, line)
 
 
-@_does(c.Redo)
+@_executes(c.Redo)
 def _redo(session: SessionCore, command: c.Redo) -> Reply:
     history, commits = session.history, session.commits
     if history.index + 1 < len(history.numbers):
@@ -154,73 +154,85 @@ def _redo(session: SessionCore, command: c.Redo) -> Reply:
         raise NotTakenError("no version was undone; `history` lists the versions")
     one = session.cancelled[-1]
     at = None
-    if one.beat >= commits.place(c.NOW, None)[0]:
-        at = parse_position(session.written(one.beat))
-    where, _ = session.queue(one.line, one.edit, at, is_read=one.is_read, redoes=True)
+    if one.beat >= commits.beat_and_frame(c.NOW, None)[0]:
+        at = parse_position(session.position_text(one.beat))
+    where, _ = session.queue(one.line, one.edit, at, reads_files=one.reads_files, redoes=True)
     session.cancelled.pop()
-    return Reply(True, f"ok {where} {in_short(one.line)}")
+    return Reply(True, f"ok {where} {first_line(one.line)}")
 
 
 def _restore(session: SessionCore, command: c.Command, index: int, line: str) -> Reply:
-    past, number = session.commits.past, session.history.numbers[index]
+    past, number = session.commits.past_versions, session.history.numbers[index]
 
     def restored(version: Version, beat: float) -> Version:
-        return past[number].restored(version, beat)
+        return past[number].restore(version, beat)
 
     where, made = session.queue(line, restored, command.when, restores=number)
     session.history.go_to(number)
     said = [
-        f"as after: {in_short(past[number].line) or 'the beginning'}",
+        f"as after: {first_line(past[number].line) or 'the beginning'}",
         *session.force_messages(made),
     ]
     return Reply(True, f"ok {where} {'; '.join(said)}")
 
 
-@_does(c.History)
+@_executes(c.History)
 def _history(session: SessionCore, command: c.History) -> Reply:
     rows = []
     for index, number in enumerate(session.history.numbers):
-        version = session.commits.past[number]
+        version = session.commits.past_versions[number]
         here = ">" if index == session.history.index else " "
         rows.append(
-            f"{here} {index:3}  {version.where:>8}  {in_short(version.line) or '(the score)'}"
+            f"{here} {index:3}  {version.where:>8}  {first_line(version.line) or '(the score)'}"
         )
     return Reply(True, "", lines=tuple(rows))
 
 
-@_does(c.Help)
+@_executes(c.Help)
 def _help(session: SessionCore, command: c.Help) -> Reply:
-    return Reply(True, "", lines=overview() if command.verb is None else about(command.verb))
+    return Reply(True, "", lines=overview() if command.verb is None else verb_help(command.verb))
 
 
-def _looked_at(commits: Commits, name: str) -> tuple[Version, str, Piece, float]:
+def _inspection_arguments(commits: Commits, name: str) -> tuple[Version, str, Piece, float]:
     """A name, with the latest version, the running piece and its present beat, for `inspection`."""
-    return commits.head, name, commits.running.version.piece, commits.now()
+    return commits.head, name, commits.running.version.piece, commits.beat_now()
 
 
-@_does(c.Show)
+@_executes(c.Show)
 def _show(session: SessionCore, command: c.Show) -> Reply:
     commits = session.commits
     if command.name is not None:
-        return Reply(True, "", lines=tuple(inspection.defined(*_looked_at(commits, command.name))))
+        return Reply(
+            True,
+            "",
+            lines=tuple(inspection.definition_lines(*_inspection_arguments(commits, command.name))),
+        )
     playing = commits.running.in_flight(commits.engine.frame)
-    return Reply(True, "", lines=tuple(inspection.show(commits.head, playing, commits.now())))
+    return Reply(
+        True, "", lines=tuple(inspection.playing_lines(commits.head, playing, commits.beat_now()))
+    )
 
 
-@_does(c.Look)
+@_executes(c.Look)
 def _look(session: SessionCore, command: c.Look) -> Reply:
     commits = session.commits
     if command.name is None:
         playing = commits.running.in_flight(commits.engine.frame)
-        return Reply(True, "", lines=tuple(bars.drawn(commits.head.piece, playing, commits.now())))
-    with session.computing.within(computing.LINE):
-        return Reply(True, "", lines=tuple(inspection.drawn(*_looked_at(commits, command.name))))
+        return Reply(
+            True, "", lines=tuple(bars.draw_bars(commits.head.piece, playing, commits.beat_now()))
+        )
+    with session.computing.limited(computing.LINE_SECONDS):
+        return Reply(
+            True,
+            "",
+            lines=tuple(inspection.draw_name(*_inspection_arguments(commits, command.name))),
+        )
 
 
-@_does(c.Trace)
+@_executes(c.Trace)
 def _scope(session: SessionCore, command: c.Trace) -> Reply:
-    with session.computing.within(computing.LINE):
-        lines = inspection.scoped(
+    with session.computing.limited(computing.LINE_SECONDS):
+        lines = inspection.draw_trace(
             session.commits.running,
             session.commits.engine.frame,
             command.name,
@@ -230,33 +242,35 @@ def _scope(session: SessionCore, command: c.Trace) -> Reply:
     return Reply(True, "", lines=tuple(lines))
 
 
-@_does(c.TraceOn)
+@_executes(c.TraceOn)
 def _scope_on(session: SessionCore, command: c.TraceOn) -> Reply:
     if command.name is not None:
         _scope(session, c.Trace(command.name))  # refuses what cannot be drawn
     session.traced = command.name
-    session.trace()
+    session.draw_trace()
     return Reply(True, "ok")
 
 
-@_does(c.Meters)
+@_executes(c.Meters)
 def _meters(session: SessionCore, command: c.Meters) -> Reply:
     peaks = session.commits.engine.status().peaks
     shown = [
-        f"{channel:3}  {decibels_of(peak):6.1f} dB" if peak > SILENT else f"{channel:3}  silent"
+        f"{channel:3}  {decibels_of(peak):6.1f} dB"
+        if peak > SILENT_PEAK
+        else f"{channel:3}  silent"
         for channel, peak in enumerate(peaks, 1)
     ]
     return Reply(True, "", lines=tuple(shown or ["no channel is metered here"]))
 
 
-@_does(c.Maps)
+@_executes(c.Maps)
 def _maps(session: SessionCore, command: c.Maps) -> Reply:
     maps = session.commits.head.maps.values()
     lines = tuple(own.line.removeprefix("map ") for own in maps)
     return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)
 
 
-@_does(c.Save)
+@_executes(c.Save)
 def _save(session: SessionCore, command: c.Save) -> Reply:
     written = files.save(session, None if command.file is None else Path(command.file))
     if not written:
@@ -264,7 +278,7 @@ def _save(session: SessionCore, command: c.Save) -> Reply:
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
-@_does(c.Record)
+@_executes(c.Record)
 def _record(session: SessionCore, command: c.Record) -> Reply:
     if session.captures.path is None or command.player not in session.commits.real:
         raise NotTakenError(
@@ -275,38 +289,39 @@ def _record(session: SessionCore, command: c.Record) -> Reply:
             "a take is written beside its score, and this score ships with ergon: "
             "`save NAME`, then `load NAME.yaml`"
         )
-    beat, _ = session.commits.place(command.when, session.quant)
-    session.captures.begin(command.player, command.take, session.commits.frame(beat))
+    beat, _ = session.commits.beat_and_frame(command.when, session.quant)
+    session.captures.begin(command.player, command.take, session.commits.frame_of(beat))
     return Reply(
-        True, f"ok {session.written(beat)} recording {command.player}; `record off` ends the take"
+        True,
+        f"ok {session.position_text(beat)} recording {command.player}; `record off` ends the take",
     )
 
 
-@_does(c.RecordOff)
+@_executes(c.RecordOff)
 def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
-    beat, _ = session.commits.place(command.when, session.quant)
-    own = session.captures.end(session.commits.frame(beat))
-    return Reply(True, f"ok {session.written(beat)} take {own.name} ends")
+    beat, _ = session.commits.beat_and_frame(command.when, session.quant)
+    own = session.captures.end(session.commits.frame_of(beat))
+    return Reply(True, f"ok {session.position_text(beat)} take {own.name} ends")
 
 
-@_does(c.RecordAudio)
+@_executes(c.RecordAudio)
 def _record_audio(session: SessionCore, command: c.RecordAudio) -> Reply:
     engine = session.commits.engine
     if command.file is None:
         return Reply(True, f"ok {session.sound_file.end(engine)} ends")
-    path = files.beside(session.commits.head.texts, Path(command.file), ".wav")
+    path = files.new_file_beside(session.commits.head.texts, Path(command.file), ".wav")
     session.sound_file.begin(engine, path)
     return Reply(True, f"ok recording what is heard in {path}; `record audio off` ends it")
 
 
-@_does(c.Keep)
+@_executes(c.Keep)
 def _keep(session: SessionCore, command: c.Keep) -> Reply:
-    written = files.keep(session, command.length, command.name)
+    written = files.write_last_bars(session, command.length, command.name)
     scene_of(session.commits.head.texts, command.name)  # so that `scene` answers at once
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
-@_does(c.Py)
+@_executes(c.Py)
 def _py(session: SessionCore, command: c.Py) -> Reply:
     """Evaluate an expression of the user; an error in it is reported as theirs."""
     scope: dict[str, Any] = {
@@ -317,14 +332,14 @@ def _py(session: SessionCore, command: c.Py) -> Reply:
     }
     try:
         value = eval(command.expression, scope)
-        return Reply(True, "" if value is None else repr(value)[:_SHOWN])
+        return Reply(True, "" if value is None else repr(value)[:_SHOWN_MAX])
     except StoppedError:
         raise
     except BaseException as error:  # also `exit()`
         said = f"{type(error).__name__}: {error}".rstrip(": ")
-        raise NotTakenError(f"your Python raised {said[:_SHOWN]}") from None
+        raise NotTakenError(f"your Python raised {said[:_SHOWN_MAX]}") from None
 
 
-@_does(c.Quit)
+@_executes(c.Quit)
 def _quit(session: SessionCore, command: c.Quit) -> Reply:
     return Reply(True, "bye", leaves=True)

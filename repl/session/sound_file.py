@@ -30,20 +30,20 @@ class SoundFile:
         self._path, self._is_ending, self._missing = path, False, 0
 
     def end(self, engine: Engine) -> Path:
-        """End the file; `turn` reports when it is complete. Raises NotTakenError."""
+        """End the file; `report_change` tells when it is complete. Raises NotTakenError."""
         if self._path is None or self._is_ending:
             raise NotTakenError("no sound is being recorded; `record audio FILE` begins")
         engine.end_sound()
         self._is_ending = True
         return self._path
 
-    def turn(self, engine: Engine, rate: float) -> tuple[str, SoundFileStatus | None]:
+    def report_change(self, engine: Engine, rate: float) -> tuple[str, SoundFileStatus | None]:
         """A sentence about a change in the state of the file, empty if there is none; and its
         status once it is complete.
         """
         if self._path is None:
             return "", None
-        status = engine.sound_recorded()
+        status = engine.sound_file_status()
         if status is None:
             return "", None
         if status.ended or status.error is not None:
@@ -51,14 +51,17 @@ class SoundFile:
             if status.error is not None:
                 engine.end_sound()
                 return status.error, None
-            return f"sound of {status.frames / rate:.1f} s{_cut(status, rate)} -> {path}", status
+            return (
+                f"sound of {status.frames / rate:.1f} s{_missing_text(status, rate)} -> {path}",
+                status,
+            )
         if status.missing > self._missing:
             self._missing = status.missing
-            return f"{self._path}: the disk is too slow{_cut(status, rate)}", None
+            return f"{self._path}: the disk is too slow{_missing_text(status, rate)}", None
         return "", None
 
 
-def _cut(status: SoundFileStatus, rate: float) -> str:
+def _missing_text(status: SoundFileStatus, rate: float) -> str:
     if not status.missing:
         return ""
     return f", of which {status.missing / rate:.3f} s are silence, for the disk was too slow"

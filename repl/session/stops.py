@@ -10,14 +10,14 @@ from ergon.repl.session import version_edits
 from ergon.repl.session.commits import REFUSALS
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import Commits, VersionEdit, Waiting
+    from ergon.repl.session.commits import Commits, VersionEdit, WaitingLine
     from ergon.repl.session.computing import Computing
 
-PANIC = "panic: no sound, no force; `release` ends the panic, then `play` starts the piece"
-LET_GO = "forces on all hands are off; `release` switches them on"
+PANIC_MESSAGE = "panic: no sound, no force; `release` ends the panic, then `play` starts the piece"
+LET_GO_MESSAGE = "forces on all hands are off; `release` switches them on"
 
 
-class Stopped(Protocol):
+class StoppedSession(Protocol):
     """The session on which a stop acts: its lines, its engine, and its messages."""
 
     commits: Commits
@@ -28,7 +28,7 @@ class Stopped(Protocol):
     def say(self, message: str) -> None:
         """Add a message."""
 
-    def note_dropped(self, waiting: Waiting) -> None:
+    def note_dropped(self, waiting: WaitingLine) -> None:
         """Note that a line will not take effect."""
 
     def queue(
@@ -37,7 +37,7 @@ class Stopped(Protocol):
         edit: VersionEdit,
         when: When = None,
         *,
-        goes: bool | None = None,
+        sets_running: bool | None = None,
         resets: bool = False,
         is_limited: bool = True,
     ) -> object:
@@ -49,16 +49,16 @@ class Stops:
     line.
     """
 
-    def __init__(self, session: Stopped) -> None:
+    def __init__(self, session: StoppedSession) -> None:
         """Begin without a stop."""
         self._session = session
         self._count = 0
-        self._panics = self._forgotten = 0  # panics, and those whose reset is done
-        self._hushed: int | None = None  # the number of lines at the last reset
+        self._panics = self._resets = 0  # panics, and those whose reset is done
+        self._line_at_reset: int | None = None  # the number of lines at the last reset
         # For the line that is being done: whether it may release, and the number of stops before
         # it.
         self._line = (True, 0)
-        self._told = False  # whether it was reported that forces are off
+        self._is_let_go_reported = False  # whether it was reported that forces are off
         self.panicked = False
 
     @property
@@ -66,19 +66,19 @@ class Stops:
         """The number of stops so far."""
         return self._count
 
-    def begins(self, releases: bool, count: int) -> None:
+    def note_line(self, releases: bool, count: int) -> None:
         """Note that a line begins which was entered after `count` stops."""
         self._line = releases, count
 
     @property
-    def let_go_is_on(self) -> bool:
+    def has_let_go(self) -> bool:
         """Whether forces are off, by `let_go` or by a signal."""
         return self._session.commits.engine.status().let_go
 
     @property
     def is_stopped(self) -> bool:
         """Whether sound or force is off until `release`."""
-        return self.panicked or self.let_go_is_on
+        return self.panicked or self.has_let_go
 
     @property
     def may_release(self) -> bool:
@@ -93,50 +93,55 @@ class Stops:
         self._count += 1
         self._panics += 1
         self._say_panic()
-        threading.Thread(target=self.forget, daemon=True).start()
+        threading.Thread(target=self.reset_after_panic, daemon=True).start()
 
     def panic_in_turn(self) -> None:
         """Do the line `panic` in its turn: also drop what lines before it have begun."""
         self._session.commits.engine.panic()
         self._panics += 1
         self._say_panic()
-        self.forget()
+        self.reset_after_panic()
 
     def _say_panic(self) -> None:
         if not self.panicked:
             self.panicked = True
-            self._session.say(PANIC)
+            self._session.say(PANIC_MESSAGE)
 
     def let_go(self) -> None:
         """End every force, until `release`; the sound goes on."""
         self._session.commits.engine.let_go()
         self._count += 1
-        if self._session.commits.real and not self._told:
-            self._told = True
-            self._session.say(LET_GO)
+        if self._session.commits.real and not self._is_let_go_reported:
+            self._is_let_go_reported = True
+            self._session.say(LET_GO_MESSAGE)
 
     def release(self) -> None:
         """Switch sound and force on again."""
-        self.forget()
-        self._hushed = None
+        self.reset_after_panic()
+        self._line_at_reset = None
         self._session.commits.engine.release()
-        self.panicked = self._told = False
+        self.panicked = self._is_let_go_reported = False
 
-    def forget(self) -> None:
+    def reset_after_panic(self) -> None:
         """Reset after a panic: no line waits, no gesture plays, every mass is at its start."""
         session = self._session
         with session.lock:
-            if self._forgotten == self._panics:
+            if self._resets == self._panics:
                 return
-            self._forgotten = self._panics
-            if self._hushed == session.number:
+            self._resets = self._panics
+            if self._line_at_reset == session.number:
                 return
-            for one in session.commits.forget():
+            for one in session.commits.drop_all():
                 session.note_dropped(one)
             try:
                 session.queue(
-                    "panic", version_edits.hushed, NOW, goes=False, resets=True, is_limited=False
+                    "panic",
+                    version_edits.hush,
+                    NOW,
+                    sets_running=False,
+                    resets=True,
+                    is_limited=False,
                 )
             except REFUSALS as error:
                 session.say(f"the piece could not be reset after the panic: {error}")
-            self._hushed = session.number
+            self._line_at_reset = session.number

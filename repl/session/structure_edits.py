@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ergon.notation.text.errors import quote
 from ergon.repl.language import commands as c
 from ergon.repl.session import midi_maps
-from ergon.repl.session.edit_table import makes, with_texts, writes
+from ergon.repl.session.edit_table import edits_texts, makes_edit, with_texts
 from ergon.repl.session.version import Faders, NotTakenError, Version
 from ergon.scores.edits import renaming, space, structure
 from ergon.scores.edits.texts import Texts
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 
-@writes(c.Build)
+@edits_texts(c.Build)
 def _build(command: c.Build, version: Version, beat: float) -> Texts:
     piece = version.piece
     if command.name in piece.instruments or command.name in piece.keys:
@@ -27,13 +27,13 @@ def _build(command: c.Build, version: Version, beat: float) -> Texts:
     return structure.build(version.texts, piece, command.name, *own)
 
 
-@writes(c.Link)
+@edits_texts(c.Link)
 def _link(command: c.Link, version: Version, beat: float) -> Texts:
     ends = command.a, command.b
     return structure.link(version.texts, command.kind, ends, command.fields)[0]
 
 
-@writes(c.Takes)
+@edits_texts(c.Takes)
 def _takes(command: c.Takes, version: Version, beat: float) -> Texts:
     texts, piece = version.texts, version.piece
     if command.key not in piece.keys:
@@ -48,7 +48,7 @@ def _takes(command: c.Takes, version: Version, beat: float) -> Texts:
     return structure.player(texts, piece, command.player, command.key)
 
 
-@writes(c.Route)
+@edits_texts(c.Route)
 def _route(command: c.Route, version: Version, beat: float) -> Texts:
     texts, piece, words = version.texts, version.piece, command.words
     if command.channels is not None:
@@ -60,19 +60,19 @@ def _route(command: c.Route, version: Version, beat: float) -> Texts:
     return texts if command.send is None else space.send(texts, piece, command.name, *command.send)
 
 
-@writes(c.Room)
+@edits_texts(c.Room)
 def _room(command: c.Room, version: Version, beat: float) -> Texts:
     return space.room(version.texts, version.piece, command.name, command.fields)
 
 
-@writes(c.Fade)
+@edits_texts(c.Fade)
 def _fade(command: c.Fade, version: Version, beat: float) -> Texts:
     texts, piece = version.texts, version.piece
     end = piece.tempo_map.after(beat, command.over)
     return space.fade(texts, piece, command.name, beat, end, is_in=command.is_in)
 
 
-@writes(c.Remove)
+@edits_texts(c.Remove)
 def _remove(command: c.Remove, version: Version, beat: float) -> Texts:
     texts = structure.remove(version.texts, version.piece, command.name)
     found = texts.load().diagnostics
@@ -88,7 +88,7 @@ def _remove(command: c.Remove, version: Version, beat: float) -> Texts:
     return texts
 
 
-@makes(c.Rename)
+@makes_edit(c.Rename)
 def _rename(command: c.Rename) -> VersionEdit:
     """Give something another name. A block keeps its rule; an instrument or key sounds on, with its
     level and its controllers.
@@ -108,7 +108,7 @@ def _rename(command: c.Rename) -> VersionEdit:
         return replace(
             made,
             faders=_renamed(version.faders, piece, old, new),
-            maps=midi_maps.renamed(version.maps, old, new),
+            maps=midi_maps.rename_in_maps(version.maps, old, new),
             sounds_as=version.sounds_as.renamed(old, new),
         )
 

@@ -63,18 +63,18 @@ class HandGuide:
 class Version:
     """The result of one accepted line (or block of lines) on the version before it.
 
-    How it takes over: if it `cuts`, every gesture in flight ends; `damp` [s] is a T60 for all
-    that sounds; changed parameters glide for `glide` [s]; if it `enters`, the piece goes on from
-    that beat, whatever the beat was before.
+    How it takes over: if it `ends_gestures`, every gesture in flight ends; `damp` [s] is a T60
+    for all that sounds; changed parameters glide for `glide` [s]; with an `enter_beat`, the piece
+    goes on from that beat, whatever the beat was before.
 
     What it has: `guides` has the guide of each real hand, by player; `maps` the MIDI maps and
     `rules` the rules of blocks, by name; `sounds_as` the names by which the engine knows keys
-    and instruments that were renamed while they sound; `goes` is True while the piece runs.
+    and instruments that were renamed while they sound; `is_running` is True while the piece runs.
 
-    From files: `read` has the texts that the line read from the disk, and `dropped` the places
-    where typed values gave way to them; `released` has the parameters whose automation a scene
-    has ended; `base` is the content of the files when they were last read or saved, and
-    `renames` are the renamings since then, as (old, new).
+    From files: `read_texts` has the texts that the line read from the disk, and `discarded_spots`
+    the places where typed values gave way to them; `freed_parameters` has the parameters whose
+    automation a scene has ended; `base` is the content of the files when they were last read or
+    saved, and `renames` are the renamings since then, as (old, new).
     """
 
     number: int
@@ -82,20 +82,20 @@ class Version:
     texts: Texts
     piece: Piece
     faders: Faders = Faders()
-    cuts: bool = False
+    ends_gestures: bool = False
     damp: float | None = None
     glide: float = GLIDE
     guides: Mapping[str, HandGuide] = field(default_factory=dict)
-    enters: float | None = None
+    enter_beat: float | None = None
     maps: Mapping[str, MapControl | MapNotes] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
     renames: Sequence[tuple[str, str]] = ()
-    read: Texts | None = None
-    dropped: Sequence[Spot] = ()
-    released: Sequence[str] = ()
+    read_texts: Texts | None = None
+    discarded_spots: Sequence[Spot] = ()
+    freed_parameters: Sequence[str] = ()
     base: Texts | None = None
-    goes: bool = False
+    is_running: bool = False
 
     @property
     def sounding(self) -> Piece:
@@ -124,7 +124,9 @@ class PastVersion:
     renames: Sequence[tuple[str, str]] = ()
 
     @classmethod
-    def of(cls, version: Version, where: str = "", line: str | None = None) -> PastVersion:
+    def from_version(
+        cls, version: Version, where: str = "", line: str | None = None
+    ) -> PastVersion:
         """Keep a version for `undo`; `line` replaces its line if it is given."""
         line = version.line if line is None else line
         own = version
@@ -142,7 +144,7 @@ class PastVersion:
             own.renames,
         )
 
-    def restored(self, version: Version, beat: float) -> Version:
+    def restore(self, version: Version, beat: float) -> Version:
         """The restored version, made from the present one."""
         piece = piece_of(self.texts)
         return replace(
@@ -159,7 +161,7 @@ class PastVersion:
         )
 
 
-def in_short(line: str) -> str:
+def first_line(line: str) -> str:
     """A line as messages and the history show it: only the first of several lines."""
     first, *more = line.strip().split("\n")
     return f"{first} …" if more else first

@@ -17,9 +17,9 @@ from ergon.repl.session import phrase_edits as phrase_edits
 from ergon.repl.session import scene_edits as scene_edits
 from ergon.repl.session import structure_edits as structure_edits
 from ergon.repl.session.edit_table import VERSION_EDITS as VERSION_EDITS
-from ergon.repl.session.edit_table import makes, moves, with_texts, writes
+from ergon.repl.session.edit_table import edits_faders, edits_texts, makes_edit, with_texts
 from ergon.repl.session.guidance import guide_of
-from ergon.repl.session.rehearsing import keys_for, rehearse
+from ergon.repl.session.rehearsing import keys_for, rehearsal_stage
 from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
 from ergon.scores.edits import (
     automation,
@@ -39,10 +39,10 @@ from ergon.scores.staging.automating import value_on
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import VersionEdit
-    from ergon.repl.session.running import Running
+    from ergon.repl.session.running import RunningVersion
 
 # A shorter glide [s] is not written into the score: a controller sends hundreds of them.
-_HEARD = 0.1
+_WRITTEN_GLIDE_MIN = 0.1
 
 
 def unchanged(version: Version, beat: float) -> Version:
@@ -62,10 +62,10 @@ def combined(commands: Sequence[c.Command]) -> VersionEdit:
     return edit
 
 
-def hushed(version: Version, beat: float) -> Version:
+def hush(version: Version, beat: float) -> Version:
     """End all players and strikes, and all rules of blocks."""
     texts = parts.hush(version.texts, version.piece, beat)
-    return replace(with_texts(version, texts), cuts=True, rules={})
+    return replace(with_texts(version, texts), ends_gestures=True, rules={})
 
 
 def with_take(version: Version, name: str, file: str, channel: str) -> Version:
@@ -80,46 +80,46 @@ def _define(command: c.Define, version: Version, beat: float) -> Texts:
     return names.define(version.texts, command.name, command.words["notation"].text)
 
 
-@writes(c.Plays)
+@edits_texts(c.Plays)
 def _plays(command: c.Plays, version: Version, beat: float) -> Texts:
     assert command.entry is not None  # every line has one
     return parts.play(version.texts, version.piece, command.player, beat, command.entry)
 
 
-@writes(c.Do)
+@edits_texts(c.Do)
 def _do(command: c.Do, version: Version, beat: float) -> Texts:
     return parts.transform(version.texts, version.piece, command.player, beat, command.chain)
 
 
-@writes(c.StrikeModules)
+@edits_texts(c.StrikeModules)
 def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
     return strikes.strike(version.texts, version.piece, command.name, beat, command.fields)
 
 
-@writes(c.Automate)
+@edits_texts(c.Automate)
 def _automate(command: c.Automate, version: Version, beat: float) -> Texts:
     own = command
     return automation.automate(version.texts, version.piece, own.target, beat, own.kind, own.fields)
 
 
-@writes(c.StopLfo)
+@edits_texts(c.StopLfo)
 def _stop_lfo(command: c.StopLfo, version: Version, beat: float) -> Texts:
     return automation.stop(version.texts, version.piece, command.target, beat)
 
 
-@writes(c.Rest)
+@edits_texts(c.Rest)
 def _rest(command: c.Rest, version: Version, beat: float) -> Texts:
     return parts.rest(version.texts, version.piece, command.player, beat)
 
 
-@writes(c.Tempo)
+@edits_texts(c.Tempo)
 def _tempo(command: c.Tempo, version: Version, beat: float) -> Texts:
     end = "" if command.end is None else f" -> {command.end:.12g}"
     over = command.words["over"].text if command.over is not None else None
     return times.change(version.texts, version.piece, beat, f"{command.bpm:.12g}{end}", over)
 
 
-@writes(c.Nudge)
+@edits_texts(c.Nudge)
 def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
     """Make the beat that begins longer (or shorter) by a length; the next beats have the old
     tempo.
@@ -137,14 +137,14 @@ def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
     return times.change(texts, piece_of(texts), beat + 1.0, f"{bpm:.12g}")
 
 
-@writes(c.Couple)
+@edits_texts(c.Couple)
 def _couple(command: c.Couple, version: Version, beat: float) -> Texts:
     stiffness, viscosity = f"{command.stiffness:.12g}N/m", f"{command.viscosity:.12g}Ns/m"
     ends = command.a, command.b
     return keys.couple(version.texts, version.piece, beat, *ends, stiffness, viscosity)
 
 
-@writes(c.Uncouple)
+@edits_texts(c.Uncouple)
 def _uncouple(command: c.Uncouple, version: Version, beat: float) -> Texts:
     return keys.uncouple(version.texts, version.piece, beat, command.a, command.b)
 
@@ -155,7 +155,7 @@ def _set(command: c.Set, version: Version, beat: float) -> Texts:
     return matter.set_value(texts, version.piece, command.target, value)
 
 
-@makes(c.Set)
+@makes_edit(c.Set)
 def _set_gliding(command: c.Set) -> VersionEdit:
     """Set a parameter, which may glide for the length `over`: in the score's time if that runs."""
 
@@ -164,7 +164,7 @@ def _set_gliding(command: c.Set) -> VersionEdit:
             return with_texts(version, _set(command, version, beat))
         tempo, words = version.piece.tempo_map, command.words
         seconds = tempo.seconds(tempo.after(beat, command.over)) - tempo.seconds(beat)
-        if version.goes and seconds >= _HEARD:
+        if version.is_running and seconds >= _WRITTEN_GLIDE_MIN:
             value, over = words["change"].text, words["over"].text
             args = command.target, beat, value, {"over": over}, value_on
             return with_texts(version, automation.glide(version.texts, version.piece, *args))
@@ -175,7 +175,7 @@ def _set_gliding(command: c.Set) -> VersionEdit:
     return edit
 
 
-@writes(c.Seed)
+@edits_texts(c.Seed)
 def _seed(command: c.Seed, version: Version, beat: float) -> Texts:
     return names.seed(version.texts, command.seed)
 
@@ -183,24 +183,24 @@ def _seed(command: c.Seed, version: Version, beat: float) -> Texts:
 # --- faders --------------------------------------------------------------------------------------
 
 
-@moves(c.Gain)
+@edits_faders(c.Gain)
 def _gain(command: c.Gain, faders: Faders, names: frozenset[str]) -> Faders:
     if command.name is None:
         return replace(faders, master=command.ratio)
     return replace(faders, gains={**faders.gains, **dict.fromkeys(names, command.ratio)})
 
 
-@moves(c.Mute)
+@edits_faders(c.Mute)
 def _mute(command: c.Mute, faders: Faders, names: frozenset[str]) -> Faders:
     return replace(faders, muted=faders.muted | names)
 
 
-@moves(c.Solo)
+@edits_faders(c.Solo)
 def _solo(command: c.Solo, faders: Faders, names: frozenset[str]) -> Faders:
     return replace(faders, solo=names)
 
 
-@moves(c.Unmute)
+@edits_faders(c.Unmute)
 def _unmute(command: c.Unmute, faders: Faders, names: frozenset[str]) -> Faders:
     if command.name is None:
         return replace(faders, muted=frozenset(), solo=frozenset())
@@ -210,20 +210,20 @@ def _unmute(command: c.Unmute, faders: Faders, names: frozenset[str]) -> Faders:
 # --- whole versions ------------------------------------------------------------------------------
 
 
-@makes(c.Define)
+@makes_edit(c.Define)
 def _define_rehearsed(command: c.Define) -> VersionEdit:
     """Define a gesture, and check that its keys can follow it."""
 
     def edit(version: Version, beat: float) -> Version:
         made = with_texts(version, _define(command, version, beat))
         for name in space_path.played(command.name, made.piece.gestures):
-            rehearse(made.piece, name)
+            rehearsal_stage(made.piece, name)
         return made
 
     return edit
 
 
-@makes(c.Guide)
+@makes_edit(c.Guide)
 def _guide(command: c.Guide) -> VersionEdit:
     """Guide a hand along another player's part, or end the guidance."""
     guide = None if command.by is None else guide_of(command)
@@ -239,20 +239,20 @@ def _guide(command: c.Guide) -> VersionEdit:
     return edit
 
 
-@makes(c.MapControl)
-@makes(c.MapNotes)
+@makes_edit(c.MapControl)
+@makes_edit(c.MapNotes)
 def _map(command: midi_maps.Map) -> VersionEdit:
     """Map a MIDI controller or notes."""
     return lambda version, beat: replace(version, maps=midi_maps.with_map(version, command))
 
 
-@makes(c.Unmap)
+@makes_edit(c.Unmap)
 def _unmap(command: c.Unmap) -> VersionEdit:
     """End a map."""
     return lambda version, beat: replace(version, maps=midi_maps.without_map(version, command.name))
 
 
-@makes(c.Load)
+@makes_edit(c.Load)
 def _load(command: c.Load) -> VersionEdit:
     files: list[Texts] = []
 
@@ -262,13 +262,15 @@ def _load(command: c.Load) -> VersionEdit:
             trust = before is not None and before.allows_any_file
             folder = Path(command.file).parent
             files.append(_file(command.file, FileBounds.around(folder, trust=trust)))
-        made = replace(with_texts(version, files[0]), read=files[0], base=files[0], renames=())
-        return replace(made, enters=beat if has_events_from(made.piece, beat) else 0.0)
+        made = replace(
+            with_texts(version, files[0]), read_texts=files[0], base=files[0], renames=()
+        )
+        return replace(made, enter_beat=beat if has_events_from(made.piece, beat) else 0.0)
 
     return edit
 
 
-@makes(c.Reload)
+@makes_edit(c.Reload)
 def _reload(command: c.Reload) -> VersionEdit:
     """Read the score's files again, as they are when the line is typed, and keep the typed changes.
 
@@ -290,7 +292,7 @@ def _reload(command: c.Reload) -> VersionEdit:
                 before, own = both
         texts, dropped = merging.merged(before, own, version.texts)
         made = with_texts(version, texts)
-        return replace(made, read=now, base=now, dropped=tuple(dropped))
+        return replace(made, read_texts=now, base=now, discarded_spots=tuple(dropped))
 
     return edit
 
@@ -302,14 +304,14 @@ def _file(path: str, bounds: FileBounds | None) -> Texts:
         raise NotTakenError(f"{path}: {error.strerror}") from None
 
 
-@makes(c.Hush)
+@makes_edit(c.Hush)
 def _hush(command: c.Hush) -> VersionEdit:
-    return hushed
+    return hush
 
 
-@makes(c.Damp)
+@makes_edit(c.Damp)
 def _damp(command: c.Damp) -> VersionEdit:
-    return lambda version, beat: replace(hushed(version, beat), damp=command.time)
+    return lambda version, beat: replace(hush(version, beat), damp=command.time)
 
 
 READS_FILES = (c.Load, c.Reload, c.Scene)
@@ -318,7 +320,7 @@ READS_FILES = (c.Load, c.Reload, c.Scene)
 # --- replies -------------------------------------------------------------------------------------
 
 
-def summary(command: c.Command, made: Running, where: str) -> str:
+def summary(command: c.Command, made: RunningVersion, where: str) -> str:
     """The part of a reply about a command, after `ok` and `where` it acts."""
     if isinstance(command, c.Define):
         return _defined(command, made)
@@ -327,12 +329,12 @@ def summary(command: c.Command, made: Running, where: str) -> str:
     if isinstance(command, c.Scene):
         begun = "" if command.before is None else f"{command.before}, then "
         said = f"{begun}{command.name}, from its beginning, again and again"
-        if not made.version.released:
+        if not made.version.freed_parameters:
             return said
-        many = len(made.version.released) > 1
+        many = len(made.version.freed_parameters) > 1
         own = "have their own values" if many else "has its own value"
-        return f"{said}; {', '.join(made.version.released)} {own} again"
-    if isinstance(command, c.Load) and made.version.enters == 0.0 and where != "1|1":
+        return f"{said}; {', '.join(made.version.freed_parameters)} {own} again"
+    if isinstance(command, c.Load) and made.version.enter_beat == 0.0 and where != "1|1":
         return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
     if isinstance(command, c.Guide):
         by = command.by
@@ -344,7 +346,7 @@ def summary(command: c.Command, made: Running, where: str) -> str:
     return ""
 
 
-def _defined(command: c.Define, made: Running) -> str:
+def _defined(command: c.Define, made: RunningVersion) -> str:
     piece = made.version.piece
     if command.name not in piece.gestures:
         axes = space_path.played(command.name, piece.gestures)

@@ -9,14 +9,14 @@ if TYPE_CHECKING:
     from ergon.scores.edits.texts import Texts
 
 
-class Watch:
+class FileWatch:
     """Tells whether another program has saved the score or a file that it uses."""
 
     def __init__(self, texts: Texts) -> None:
         """Watch the files of these texts."""
-        self.follow(texts)
+        self.watch_texts(texts)
 
-    def follow(self, texts: Texts) -> None:
+    def watch_texts(self, texts: Texts) -> None:
         """Watch the files of these texts instead of the previous ones."""
         self._files = [Path(name) for name in texts.load().files]
         self._seen = self._stamps()

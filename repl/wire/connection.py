@@ -17,19 +17,19 @@ from ergon.common.errors import ErgonError
 from . import local_socket
 from .protocol import MAX_LINE, VERSION, ProtocolError, decode, encode
 
-_PATIENCE = 5  # [s] to wait for the greeting, and for a session that does not read
+_TIMEOUT = 5  # [s] to wait for the greeting, and for a session that does not read
 
 
 class ConnectionLostError(ErgonError):
     """The connection ended before the answer came."""
 
 
-class Refused(ErgonError):
+class RequestRefusedError(ErgonError):
     """The session refused a request: one sentence says why."""
 
 
 class Connection:
-    """A connection; `gone` is True once it has ended, and `ended` is the reason if the session
+    """A connection; `is_closed` is True once it has ended, and `ended` is the reason if the session
     ended.
     """
 
@@ -41,10 +41,10 @@ class Connection:
         self._waiting: dict[int, Future[Any]] = {}
         self._lock = threading.Lock()
         self._sending = threading.Lock()
-        self.gone = False
+        self.is_closed = False
         self.ended = ""
         try:
-            self.about = self._greeted()
+            self.about = self._read_greeting()
         except BaseException:
             self._file.close()
             self._socket.close()
@@ -52,14 +52,14 @@ class Connection:
         self._thread = threading.Thread(target=self._listen, name="ergon answers", daemon=True)
         self._thread.start()
 
-    def _greeted(self) -> Mapping[str, Any]:
-        self._socket.settimeout(_PATIENCE)
+    def _read_greeting(self) -> Mapping[str, Any]:
+        self._socket.settimeout(_TIMEOUT)
         try:
             line = self._file.readline(MAX_LINE)
         except OSError:
             raise ProtocolError("the process at the socket does not answer") from None
         self._socket.settimeout(None)
-        limit = struct.pack("ll", _PATIENCE, 0)
+        limit = struct.pack("ll", _TIMEOUT, 0)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
         about = decode(line)
         if "error" in about:
@@ -72,11 +72,12 @@ class Connection:
         return about
 
     def ask(self, do: str, **fields: Any) -> Future[Any]:
-        """Send a request; the future has its answer, or ConnectionLostError or Refused."""
+        """Send a request; the future has its answer, or ConnectionLostError or
+        RequestRefusedError."""
         answer: Future[Any] = Future()
         number = next(self._numbers)
         with self._lock:
-            if self.gone:
+            if self.is_closed:
                 answer.set_exception(ConnectionLostError())
                 return answer
             self._waiting[number] = answer
@@ -92,8 +93,8 @@ class Connection:
         """Close the connection."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
-        self._over()
-        self._thread.join(_PATIENCE)
+        self._mark_closed()
+        self._thread.join(_TIMEOUT)
 
     def _listen(self) -> None:
         with contextlib.suppress(OSError, ProtocolError, ValueError):
@@ -102,25 +103,25 @@ class Connection:
                 if "ended" in fields:
                     self.ended = str(fields["ended"])
                     break
-                self._answered(fields)
-        self._over()
+                self._resolve_answer(fields)
+        self._mark_closed()
         self._file.close()
         self._socket.close()
 
-    def _answered(self, fields: Mapping[str, Any]) -> None:
+    def _resolve_answer(self, fields: Mapping[str, Any]) -> None:
         number = fields.get("id")
         with self._lock:
             answer = self._waiting.pop(number, None) if isinstance(number, int) else None
         if answer is None:
             return
         if "error" in fields:
-            answer.set_exception(Refused(str(fields["error"])))
+            answer.set_exception(RequestRefusedError(str(fields["error"])))
         else:
             answer.set_result(fields.get("is"))
 
-    def _over(self) -> None:
+    def _mark_closed(self) -> None:
         with self._lock:
-            self.gone = True
+            self.is_closed = True
             left, self._waiting = self._waiting, {}
         for answer in left.values():
             answer.set_exception(ConnectionLostError())

@@ -26,7 +26,7 @@ class NoSessionError(SocketError):
     """No session is served at a socket."""
 
 
-def default(environment: Mapping[str, str] = os.environ) -> Path:
+def default_path(environment: Mapping[str, str] = os.environ) -> Path:
     """$XDG_RUNTIME_DIR/ergon/session.sock, or else in a folder of the user's own under /tmp.
 
     Raises SocketError if the folder does not belong to the user alone.

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from ergon.repl.session_protocol import Reply, State, Suggestion
 
-from .connection import Connection, ConnectionLostError, Refused
+from .connection import Connection, ConnectionLostError, RequestRefusedError
 from .local_socket import SocketError
 from .protocol import (
     MAX_TEXT,
@@ -24,14 +24,14 @@ from .protocol import (
     too_long,
 )
 
-_LOOK = 0.05  # [s] between two looks at state and messages
-_AGAIN = 0.5  # [s] between two tries to connect again
-_SOON = 0.2  # [s] to wait for answers while a line is typed
-_LONG = 5.0  # [s] without an answer before a message says so
+_CHECK_PERIOD = 0.05  # [s] between two looks at state and messages
+_RECONNECT_PERIOD = 0.5  # [s] between two tries to connect again
+_SHORT_TIMEOUT = 0.2  # [s] to wait for answers while a line is typed
+_ANSWER_TIMEOUT = 5.0  # [s] without an answer before a message says so
 Answer = TypeVar("Answer")
 
 
-class Remote:
+class RemoteSession:
     """A session at a socket; closing this leaves the session running."""
 
     def __init__(self, path: Path, command: str) -> None:
@@ -47,13 +47,13 @@ class Remote:
         self._over = threading.Event()
         self._ended = ""
         self._slow = False  # a quick request timed out; none is sent until one is answered
-        self._away = False
+        self._is_lost = False
         try:
-            self._state = decode_state(self._connection.ask("state").result(_LONG))
-        except (ConnectionLostError, Refused, TimeoutError) as error:
+            self._state = decode_state(self._connection.ask("state").result(_ANSWER_TIMEOUT))
+        except (ConnectionLostError, RequestRefusedError, TimeoutError) as error:
             self._connection.close()
             raise ProtocolError("the process at the socket does not answer") from error
-        self._thread = threading.Thread(target=self._look_on, name="ergon remote", daemon=True)
+        self._thread = threading.Thread(target=self._poll, name="ergon remote", daemon=True)
         self._thread.start()
 
     # --- the session's protocol ------------------------------------------------------------------
@@ -64,7 +64,7 @@ class Remote:
             return Reply(False, too_long(text))
         if self._ended:
             return Reply(False, "the session has ended", leaves=True)
-        if self._connection.gone:
+        if self._connection.is_closed:
             return Reply(False, f"no session answers at {self._path}; ergon tries to connect again")
         try:
             reply = decode_reply(
@@ -80,7 +80,7 @@ class Remote:
                 False,
                 "the connection broke before the answer came; the line may have been taken or not",
             )
-        except (Refused, ProtocolError) as error:
+        except (RequestRefusedError, ProtocolError) as error:
             return Reply(False, str(error))
 
     def state(self) -> State:
@@ -96,7 +96,7 @@ class Remote:
 
     def panic(self) -> None:
         """End sound and force at once."""
-        if self._connection.gone:
+        if self._connection.is_closed:
             self._messages.append("panic: no session answers; a session that was killed is silent")
         else:
             self._connection.ask("panic")
@@ -105,14 +105,14 @@ class Remote:
         """Ask to cancel the line of this prompt that is being computed; False if no session
         answers.
         """
-        if self._connection.gone:
+        if self._connection.is_closed:
             return False
         self._connection.ask("cancel")
         return True
 
     def let_go(self) -> None:
         """End every force at once."""
-        if not self._connection.gone:
+        if not self._connection.is_closed:
             self._connection.ask("let_go")
 
     def input_ends(self) -> None:
@@ -124,57 +124,62 @@ class Remote:
             return
         self._over.set()
         self._thread.join()
-        if not self._ended and self._quickly(False, "leave"):
+        if not self._ended and self._ask_briefly(False, "leave"):
             self._messages.append(f"the music goes on; `{self._command}` connects to it again")
         self._connection.close()
 
     def end(self) -> None:
         """End the session, for all prompts."""
-        if not self._connection.gone:
-            self._quickly(True, "end")
+        if not self._connection.is_closed:
+            self._ask_briefly(True, "end")
 
     def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
         """Completions of a line at a column."""
-        found: list[tuple[str, int, str]] = self._quickly([], "complete", line=line, cursor=cursor)
+        found: list[tuple[str, int, str]] = self._ask_briefly(
+            [], "complete", line=line, cursor=cursor
+        )
         return [RemoteSuggestion(text, start, hint) for text, start, hint in found]
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
         """The kinds of a line's words, for colours."""
-        found: list[tuple[int, int, str]] = self._quickly([], "tokens", line=line)
+        found: list[tuple[int, int, str]] = self._ask_briefly([], "tokens", line=line)
         return [(start, end, kind) for start, end, kind in found]
 
     def is_whole(self, text: str) -> bool:
         """Whether Enter ends the text."""
-        return self._quickly(True, "is_whole", text=text)
+        return self._ask_briefly(True, "is_whole", text=text)
 
-    def _quickly(self, otherwise: Answer, do: str, **fields: Any) -> Answer:
+    def _ask_briefly(self, otherwise: Answer, do: str, **fields: Any) -> Answer:
         """The answer to a short request, or `otherwise` if it does not come soon."""
-        if self._connection.gone or self._slow:
+        if self._connection.is_closed or self._slow:
             return otherwise
         try:
-            found: Answer = self._connection.ask(do, **fields).result(_SOON)
+            found: Answer = self._connection.ask(do, **fields).result(_SHORT_TIMEOUT)
         except TimeoutError:
             self._slow = True
             return otherwise
-        except (ConnectionLostError, Refused):
+        except (ConnectionLostError, RequestRefusedError):
             return otherwise
         return found
 
     # --- the watching thread -------------------------------------------------------------------
 
-    def _look_on(self) -> None:
+    def _poll(self) -> None:
         state = messages = _PendingAnswer()
-        while not self._over.wait(_AGAIN if self._away else _LOOK) and not self._ended:
-            if self._connection.gone:
+        while (
+            not self._over.wait(_RECONNECT_PERIOD if self._is_lost else _CHECK_PERIOD)
+            and not self._ended
+        ):
+            if self._connection.is_closed:
                 self._reconnect()
                 continue
             link = self._connection
             if state.is_due(self._messages.append):
-                state = _PendingAnswer(link.ask("state"), self._looked)
+                state = _PendingAnswer(link.ask("state"), self._set_state)
             if messages.is_due():
                 messages = _PendingAnswer(link.ask("messages"), self._messages.extend)
 
-    def _looked(self, said: Any) -> None:
+    def _set_state(self, said: Any) -> None:
         self._state = decode_state(said)
         self._slow = False
 
@@ -184,8 +189,8 @@ class Remote:
             self._ended = self._connection.ended
             self._messages.append(f"the session has ended ({self._ended})")
             return
-        if not self._away:
-            self._away = True
+        if not self._is_lost:
+            self._is_lost = True
             journal = self.about.get("journal", "JOURNAL")
             how = f"`{self._command} --resume {journal}` in another terminal restores it"
             self._messages.append(f"the session no longer answers; {how}")
@@ -194,7 +199,7 @@ class Remote:
         except (SocketError, ProtocolError):
             return
         self._connection, self.about = connection, connection.about
-        self._away = self._slow = False
+        self._is_lost = self._slow = False
         self._messages.append("the session answers again")
 
 
@@ -213,9 +218,9 @@ class _PendingAnswer:
         if self._answer is None:
             return True
         if not self._answer.done():
-            if tell and not self._is_told and time.monotonic() - self._since > _LONG:
+            if tell and not self._is_told and time.monotonic() - self._since > _ANSWER_TIMEOUT:
                 self._is_told = True
-                tell(f"the session has not answered for {_LONG:.0f} s")
+                tell(f"the session has not answered for {_ANSWER_TIMEOUT:.0f} s")
             return False
         if self._answer.exception() is None and self._use is not None:
             with contextlib.suppress(ProtocolError, TypeError):  # the next one may be better

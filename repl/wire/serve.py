@@ -27,12 +27,12 @@ from .protocol import (
 )
 
 MAX_PROMPTS = 16
-_MESSAGES = 1000  # that wait for a prompt; the oldest beyond are lost
-_LINES = 64  # of one prompt that may wait
-_LOOK = 0.05  # [s] between two checks for messages
-_UNREAD = 4 * MAX_LINE  # [bytes] that a prompt may leave unread before it is dropped
-_LAST = 1.0  # [s] for a prompt to read its last line
-_TOLD = 200  # characters of a line that other prompts see
+_MESSAGES_MAX = 1000  # that wait for a prompt; the oldest beyond are lost
+_LINES_MAX = 64  # of one prompt that may wait
+_CHECK_PERIOD = 0.05  # [s] between two checks for messages
+_UNREAD_MAX = 4 * MAX_LINE  # [bytes] that a prompt may leave unread before it is dropped
+_CLOSE_TIMEOUT = 1.0  # [s] for a prompt to read its last line
+_LINE_SHOWN_MAX = 200  # characters of a line that other prompts see
 
 
 class PromptConnection:
@@ -41,7 +41,7 @@ class PromptConnection:
     def __init__(self, number: int, writer: asyncio.StreamWriter) -> None:
         """Keep the number of the prompt and the writer to it."""
         self.number = number
-        self.messages: deque[str] = deque(maxlen=_MESSAGES)
+        self.messages: deque[str] = deque(maxlen=_MESSAGES_MAX)
         self.waiting = 0  # lines
         self._writer = writer
 
@@ -50,13 +50,13 @@ class PromptConnection:
         if self._writer.is_closing():
             return
         self._writer.write(encode(**fields))
-        if self._writer.transport.get_write_buffer_size() > _UNREAD:
+        if self._writer.transport.get_write_buffer_size() > _UNREAD_MAX:
             self._writer.transport.abort()
 
     async def close(self) -> None:
         """Disconnect when the last line is read, or after a second."""
         try:
-            async with asyncio.timeout(_LAST):
+            async with asyncio.timeout(_CLOSE_TIMEOUT):
                 await self._writer.drain()
                 self._writer.close()
                 await self._writer.wait_closed()
@@ -66,7 +66,7 @@ class PromptConnection:
             self._writer.transport.abort()
 
 
-class Watch(Protocol):
+class SignalWatch(Protocol):
     """Makes signals end forces before Python handles them, as `_core.stop_on_signals` does."""
 
     def __call__(self, signals: Sequence[int], *, ends: bool | None) -> None:
@@ -81,25 +81,25 @@ class SessionServer:
         session: SessionProtocol,
         door: local_socket.ServerSocket,
         about: Mapping[str, str],
-        watch: Watch | None = None,
+        watch: SignalWatch | None = None,
     ) -> None:
         """Serve a session to which nobody else submits lines; `watch` is told the signals that end
         it.
         """
         self._session = session
         self._watch = watch
-        self._door = door
+        self._server_socket = door
         self._about = dict(about)
         self._prompts: dict[int, PromptConnection] = {}
-        self._came = 0
+        self._n_accepted = 0
         self._queue: LineQueue[tuple[PromptConnection, Any, bool]] = LineQueue(session)
-        self._why = ""  # why the session ended
-        self._now: PromptConnection | None = None  # the prompt whose line is being done
-        self._over = asyncio.Event()
+        self._end_reason = ""  # why the session ended
+        self._current_prompt: PromptConnection | None = None  # the prompt whose line is being done
+        self._has_ended = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._does: Mapping[str, Callable[..., Any]] = {
+        self._handlers: Mapping[str, Callable[..., Any]] = {
             "state": lambda prompt: encode_state(self._session.state()),
-            "messages": _taken,
+            "messages": _pop_messages,
             "panic": lambda prompt: self._panic(prompt),
             "cancel": self._cancel,
             "let_go": lambda prompt: self._let_go(),
@@ -107,7 +107,7 @@ class SessionServer:
             "tokens": lambda prompt, line: [list(one) for one in self._session.tokens(line)],
             "is_whole": lambda prompt, text: bool(self._session.is_whole(text)),
             "leave": lambda prompt: True,
-            "end": lambda prompt: self._ends(f"ended by prompt {prompt.number}"),
+            "end": lambda prompt: self._end(f"ended by prompt {prompt.number}"),
         }
 
     def run(self) -> None:
@@ -118,48 +118,48 @@ class SessionServer:
             asyncio.run(self._run())
         finally:
             self._session.close()
-            self._door.close()
+            self._server_socket.close()
 
     def end(self, why: str) -> None:
         """End the session, from any thread."""
         if self._loop is not None:
             with contextlib.suppress(RuntimeError):  # the loop has ended already
-                self._loop.call_soon_threadsafe(self._ends, why)
+                self._loop.call_soon_threadsafe(self._end, why)
 
     # --- the loop ---------------------------------------------------------------------------------
 
     async def _run(self) -> None:
         self._loop = asyncio.get_running_loop()
-        with _ended_by_signals(self._loop, self._ends, self._watch):
-            self._door.listen()
+        with _ended_by_signals(self._loop, self._end, self._watch):
+            self._server_socket.listen()
             server = await asyncio.start_unix_server(
-                self._met, sock=self._door.socket, limit=MAX_LINE
+                self._accept, sock=self._server_socket.socket, limit=MAX_LINE
             )
-            worker = threading.Thread(target=self._work, name="ergon lines", daemon=True)
+            worker = threading.Thread(target=self._do_lines, name="ergon lines", daemon=True)
             worker.start()
             listener = asyncio.create_task(self._listen())
-            await self._over.wait()
+            await self._has_ended.wait()
             listener.cancel()
             # The server stays open for a moment, so that a prompt that is just connecting gets the
             # last line too.
-            self._loop.remove_reader(self._door.socket)
-            await asyncio.sleep(_LOOK)
+            self._loop.remove_reader(self._server_socket.socket)
+            await asyncio.sleep(_CHECK_PERIOD)
             server.close()
             for prompt in self._prompts.values():
-                prompt.send(ended=self._why)
+                prompt.send(ended=self._end_reason)
             await asyncio.gather(*(prompt.close() for prompt in self._prompts.values()))
             self._queue.end()
 
-    def _ends(self, why: str) -> bool:
-        self._why = self._why or why
-        self._over.set()
+    def _end(self, why: str) -> bool:
+        self._end_reason = self._end_reason or why
+        self._has_ended.set()
         return True
 
     async def _listen(self) -> None:
         while True:
-            await asyncio.sleep(_LOOK)
+            await asyncio.sleep(_CHECK_PERIOD)
             for message in self._messages():
-                self._tell(message)
+                self._broadcast(message)
 
     def _messages(self) -> list[str]:
         try:
@@ -167,18 +167,18 @@ class SessionServer:
         except Exception as error:
             return [f"internal error: {type(error).__name__}: {error}"]
 
-    def _tell(self, message: str, but: PromptConnection | None = None) -> None:
+    def _broadcast(self, message: str, but: PromptConnection | None = None) -> None:
         for prompt in self._prompts.values():
             if prompt is not but:
                 prompt.messages.append(message)
 
     # --- one prompt -------------------------------------------------------------------------------
 
-    async def _met(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._came += 1
-        prompt = PromptConnection(self._came, writer)
+    async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._n_accepted += 1
+        prompt = PromptConnection(self._n_accepted, writer)
         try:
-            if why := self._unwelcome(writer):
+            if why := self._refusal_of(writer):
                 prompt.send(error=why)
                 return
             self._prompts[prompt.number] = prompt
@@ -188,12 +188,12 @@ class SessionServer:
             pass  # the prompt disconnected
         finally:
             self._prompts.pop(prompt.number, None)
-            if self._over.is_set():  # `_run` closes all prompts together
+            if self._has_ended.is_set():  # `_run` closes all prompts together
                 writer.transport.abort()
             else:
                 await prompt.close()
 
-    def _unwelcome(self, writer: asyncio.StreamWriter) -> str:
+    def _refusal_of(self, writer: asyncio.StreamWriter) -> str:
         if not local_socket.is_same_user(writer.get_extra_info("socket")):
             return "this session belongs to another user"
         if len(self._prompts) >= MAX_PROMPTS:
@@ -220,9 +220,9 @@ class SessionServer:
             number = request_id(fields)
             do, given = parse_request(fields)
             if do == "submit":
-                self._wait(prompt, number, **given)
+                self._queue_line(prompt, number, **given)
             else:
-                prompt.send(id=number, **{"is": self._does[do](prompt, **given)})
+                prompt.send(id=number, **{"is": self._handlers[do](prompt, **given)})
             return do
         except ProtocolError as error:
             prompt.send(id=number, error=str(error))
@@ -240,35 +240,35 @@ class SessionServer:
 
     def _panic(self, prompt: PromptConnection) -> bool:
         self._queue.panic()
-        self._tell(f"panic, by prompt {prompt.number}", but=prompt)
+        self._broadcast(f"panic, by prompt {prompt.number}", but=prompt)
         return True
 
     def _cancel(self, prompt: PromptConnection) -> bool:
         """Cancel the line that is being done, if it is from this prompt."""
-        return self._now is prompt and self._session.cancel()
+        return self._current_prompt is prompt and self._session.cancel()
 
     # --- lines ------------------------------------------------------------------------------------
 
-    def _wait(self, prompt: PromptConnection, number: Any, text: str, releases: bool) -> None:
-        if prompt.waiting >= _LINES:
-            raise ProtocolError(f"{_LINES} lines of this prompt are waiting already")
+    def _queue_line(self, prompt: PromptConnection, number: Any, text: str, releases: bool) -> None:
+        if prompt.waiting >= _LINES_MAX:
+            raise ProtocolError(f"{_LINES_MAX} lines of this prompt are waiting already")
         prompt.waiting += 1
         self._queue.enter(text, (prompt, number, releases))
 
-    def _work(self) -> None:
+    def _do_lines(self) -> None:
         """Do lines, in a separate thread, because a line may take a while."""
         while (queued := self._queue.next()) is not None:
-            (prompt, number, releases), text = queued.who, queued.text
-            self._now = prompt
-            reply = self._submitted(text, releases and queued.releases)
-            self._now = None
+            (prompt, number, releases), text = queued.sender, queued.text
+            self._current_prompt = prompt
+            reply = self._submit(text, releases and queued.releases)
+            self._current_prompt = None
             assert self._loop is not None
             with contextlib.suppress(RuntimeError):  # the loop is closed: the session has ended
-                self._loop.call_soon_threadsafe(self._done, prompt, number, text, reply)
+                self._loop.call_soon_threadsafe(self._reply, prompt, number, text, reply)
             if reply.leaves:
                 return
 
-    def _submitted(self, text: str, releases: bool) -> Reply:
+    def _submit(self, text: str, releases: bool) -> Reply:
         try:
             return self._session.submit(text, releases=releases)
         except (
@@ -276,19 +276,19 @@ class SessionServer:
         ) as error:  # a session raises nothing; if it does, the other prompts go on
             return Reply(False, f"internal error: {type(error).__name__}: {error}")
 
-    def _done(self, prompt: PromptConnection, number: Any, text: str, reply: Reply) -> None:
+    def _reply(self, prompt: PromptConnection, number: Any, text: str, reply: Reply) -> None:
         prompt.waiting -= 1
         prompt.send(id=number, **{"is": encode_reply(reply)})
         if text.strip():
             became = f"{'' if reply.taken else 'not taken: '}{reply.text}"
             line = " / ".join(text.split("\n"))
-            short = line if len(line) <= _TOLD else f"{line[:_TOLD]} …"
-            self._tell(f"prompt {prompt.number} > {short}   {became}".rstrip(), but=prompt)
+            short = line if len(line) <= _LINE_SHOWN_MAX else f"{line[:_LINE_SHOWN_MAX]} …"
+            self._broadcast(f"prompt {prompt.number} > {short}   {became}".rstrip(), but=prompt)
         if reply.leaves:
-            self._ends(f"prompt {prompt.number}: {text.strip()[:_TOLD]}")
+            self._end(f"prompt {prompt.number}: {text.strip()[:_LINE_SHOWN_MAX]}")
 
 
-def _taken(prompt: PromptConnection) -> list[str]:
+def _pop_messages(prompt: PromptConnection) -> list[str]:
     taken = list(prompt.messages)
     prompt.messages.clear()
     return taken
@@ -296,7 +296,7 @@ def _taken(prompt: PromptConnection) -> list[str]:
 
 @contextlib.contextmanager
 def _ended_by_signals(
-    loop: asyncio.AbstractEventLoop, end: Callable[[str], object], watch: Watch | None
+    loop: asyncio.AbstractEventLoop, end: Callable[[str], object], watch: SignalWatch | None
 ) -> Iterator[None]:
     """Let SIGTERM and Ctrl-C end the session in order, and ignore SIGHUP."""
     if threading.current_thread() is not threading.main_thread():

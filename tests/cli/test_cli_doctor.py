@@ -21,7 +21,7 @@ from sweep import few
 from ergon import _core
 from ergon.cli import app
 from ergon.live import fitness, ports
-from ergon.live.faults import Cell, Row
+from ergon.live.faults import FaultResult, FaultRow
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
 
@@ -52,7 +52,7 @@ def test_doctor_measures_every_tick_and_every_reply(capsys: Capture, clock: tupl
         *("machine", "speed", "thread", "memory", "wake-up", "device", "felt")
     ]
     wakes, device, felt = (by(found, what) for what in ("wake-up", "device", "felt"))
-    n = math.ceil(0.5 / fitness.PERIOD)
+    n = math.ceil(0.5 / fitness.TICK_SECONDS)
     assert wakes["ticks"] == sum(wakes["histogram_us"]) == n
     assert 0 < wakes["p50_s"] <= wakes["p99_s"] <= wakes["p999_s"] <= wakes["max_s"]
     assert device["asked"] == device["unanswered"] + sum(device["histogram_us"]) == n
@@ -87,7 +87,7 @@ def test_doctor_says_where_a_file_would_keep_the_sound(capsys: Capture):
 def test_quantiles_are_of_what_was_measured():
     seconds = np.array([1, 2, 3, 4, 900, 1500]) * 1e-6
     assert fitness.quantile(seconds, 0.5) == pytest.approx(4e-6)
-    assert fitness.quantiles(seconds).endswith("p99 1.50 ms, p99.9 1.50 ms, longest 1.50 ms")
+    assert fitness.quantiles_text(seconds).endswith("p99 1.50 ms, p99.9 1.50 ms, longest 1.50 ms")
     bins = fitness.histogram(seconds)["histogram_us"]
     # 1; 2 and 3; 4; 512 to 1023; 1024 to 2047 µs.
     assert [(i, n) for i, n in enumerate(bins) if n] == [(1, 1), (2, 2), (3, 1), (10, 1), (11, 1)]
@@ -267,8 +267,10 @@ def test_doctor_safety_tells_every_fault_on_every_device(capsys: Capture):
 def test_doctor_safety_fails_where_a_force_exceeds_its_bound(
     capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ):
-    cell = Cell("frame", "60 ms", 0.06, 0.05, 1.0, 0.1, exceeds=True)
-    monkeypatch.setattr("ergon.live.faults.measured", lambda: [Row("the port is gone", [cell])])
+    cell = FaultResult("frame", "60 ms", 0.06, 0.05, 1.0, 0.1, exceeds=True)
+    monkeypatch.setattr(
+        "ergon.live.faults.measure_faults", lambda: [FaultRow("the port is gone", [cell])]
+    )
     assert app.run(["doctor", "--safety"]) == 1
     told = capsys.readouterr()
     assert "EXCEEDS ITS BOUND" in told.out

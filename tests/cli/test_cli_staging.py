@@ -28,8 +28,8 @@ def here(own_folder: Path) -> Path:
     Path("score.yaml").write_text(SCORE, encoding="utf-8")
     journal = Journal(Path("began.jsonl"))
     opening = SessionStart(Texts.read("score.yaml"), 0.0, Faders(), 64, 1.0, 1.0, None)
-    journal.tell("session", **opening.fields())
-    journal.tell("said", line="show", taken=True, reply="", frame=640)
+    journal.append("session", **opening.fields())
+    journal.append("said", line="show", taken=True, reply="", frame=640)
     journal.close()
     return own_folder
 

@@ -44,13 +44,13 @@ def test_a_saved_version_plays_on_and_a_broken_one_changes_nothing(at: Stepped) 
     assert "450Hz" in at.session.commits.head.texts.text
     assert said[0] == "a saved version plays on from the next bar; Ctrl-C ends"
     assert any("45x0Hz" in message or "unit" in message for message in said[1:])
-    assert at.session._over.is_set()
+    assert at.session._is_closed.is_set()
 
 
 def test_a_position_that_is_none_is_refused_and_the_session_is_closed(at: Stepped) -> None:
     with pytest.raises(Refused, match="--from"):
         follow(at.session, lambda text: None, "nowhere", iter(()))
-    assert at.session._over.is_set()
+    assert at.session._is_closed.is_set()
 
 
 @pytest.mark.parametrize(

@@ -103,7 +103,7 @@ def test_doctor_keeps_what_it_measures(monkeypatch: pytest.MonkeyPatch, capsys: 
 
 
 def test_a_speed_is_a_ratio_of_times():
-    found = fitness.speed(0.0)  # one block of each
+    found = fitness.measure_speed(0.0)  # one block of each
     assert found.what == "speed"
     each = found.numbers["each"]
     assert isinstance(each, list)

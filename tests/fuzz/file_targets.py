@@ -181,12 +181,12 @@ def _read_devices(text: str, folder: Path) -> None:
     path.write_bytes(text.encode(errors="surrogatepass"))
     axis = calibration.Axis(1, 0.0, 1.0, (-0.01, 0.01), 5.0)
     try:
-        urls = [*boards.names().values(), "frame:/dev/ttyACM0", "haply:127.0.0.1:1?id=A14"]
+        urls = [*boards.device_urls().values(), "frame:/dev/ttyACM0", "haply:127.0.0.1:1?id=A14"]
         for url in urls[:6]:
-            calibration.known(url)
-            calibration.certain(url)
-        calibration.remember("frame:/dev/ttyACM0", 0, axis)
-        assert calibration.known("frame:/dev/ttyACM0")[0] == axis
+            calibration.known_axes(url)
+            calibration.own_axes(url)
+        calibration.store_axis("frame:/dev/ttyACM0", 0, axis)
+        assert calibration.known_axes("frame:/dev/ttyACM0")[0] == axis
     finally:
         if before is None:
             del os.environ["XDG_CONFIG_HOME"]

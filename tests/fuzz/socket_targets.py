@@ -14,8 +14,14 @@ from sessions import Stepped
 from tests.fuzz.harness import Target
 from tests.fuzz.texts import damaged, soup
 
-from ergon.live.datagrams import MalformedDatagramError, messages, written
-from ergon.live.osc_in import OscRequestError, level_of, number_of, pressed, text_of
+from ergon.live.datagrams import MalformedDatagramError, encode_message, parse_messages
+from ergon.live.osc_in import (
+    OscRequestError,
+    button_handler,
+    gain_handler,
+    number_handler,
+    text_handler,
+)
 from ergon.repl.wire.protocol import (
     ProtocolError,
     decode,
@@ -82,7 +88,9 @@ def _osc(chance: random.Random) -> bytes:
         arguments = [
             chance.choice((1, -1, 1e30, "a", b"xyz", True)) for _ in range(chance.randrange(3))
         ]
-        return written(chance.choice(("/ergon/gain", "/ergon/cmd", "/", "/ergon/stop")), arguments)
+        return encode_message(
+            chance.choice(("/ergon/gain", "/ergon/cmd", "/", "/ergon/stop")), arguments
+        )
 
     data = message()
     for _ in range(chance.choice((0, 0, 1, 3, 10))):
@@ -96,12 +104,12 @@ def _osc(chance: random.Random) -> bytes:
 def _read_osc(datagram: bytes, _: Path) -> list[str]:
     said = []
     asks = (
-        level_of(lambda ratio: None),
-        number_of(lambda value: None),
-        pressed(lambda: None),
-        text_of(lambda line: None),
+        gain_handler(lambda ratio: None),
+        number_handler(lambda value: None),
+        button_handler(lambda: None),
+        text_handler(lambda line: None),
     )
-    for _address, arguments in messages(datagram):
+    for _address, arguments in parse_messages(datagram):
         for ask in asks:
             try:
                 ask(arguments)

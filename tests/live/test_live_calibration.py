@@ -12,7 +12,7 @@ from ergon import _core
 from ergon.cli import app
 from ergon.live import boards
 from ergon.live.boards import BoardError, config_path
-from ergon.live.calibration import Axis, certain, key, known, remember
+from ergon.live.calibration import Axis, axis_key, known_axes, own_axes, store_axis
 from ergon.live.display import event_sentence
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
@@ -56,19 +56,19 @@ def written(config: Path, text: str) -> None:
 def test_a_persons_own_lines_stay_byte_for_byte(config: Path, end: str):
     own = OWN.replace("\n", end)
     written(config, own)
-    remember("frame:/dev/ttyACM0?lockstep", 2, AXIS)
+    store_axis("frame:/dev/ttyACM0?lockstep", 2, AXIS)
     text = config.read_bytes().decode()
     assert text.startswith(own + end + '[calibration."frame:/dev/ttyACM0#2"]' + end)
-    assert known("frame:/dev/ttyACM0") == {2: AXIS}
+    assert known_axes("frame:/dev/ttyACM0") == {2: AXIS}
     # Again: only its own table is another one.
     other = Axis(1, 1e-5, -1.0, (0.0, 0.02), 1.0)
-    remember("frame:/dev/ttyACM9", 0, other)
+    store_axis("frame:/dev/ttyACM9", 0, other)
     begin, rest = own.split(f'[calibration."frame:/dev/ttyACM9#0"]{end}')
     changed = config.read_bytes().decode()
     assert changed.startswith(begin)
     assert changed.endswith(text[text.index(f"{end}# what others") :])
-    assert known("frame:/dev/ttyACM9") == {0: other}
-    assert boards.names() == {
+    assert known_axes("frame:/dev/ttyACM9") == {0: other}
+    assert boards.device_urls() == {
         "tgr0": "frame:/dev/ttyACM0",
         "far": "frame+udp:10.0.0.7:9999?wide#3",
     }
@@ -88,45 +88,45 @@ def test_a_persons_own_lines_stay_byte_for_byte(config: Path, end: str):
 def test_what_it_would_break_it_leaves_alone(config: Path, text: str):
     written(config, text)
     with pytest.raises(BoardError, match=r"that ergon cannot edit|is not a table"):
-        remember("emul:", 0, AXIS)
+        store_axis("emul:", 0, AXIS)
     assert config.read_bytes().decode() == text
 
 
 @pytest.mark.parametrize("field", ["sign", "zero", "gain", "force_max"])
 @pytest.mark.parametrize("value", ["inf", "-inf", "nan", "1" + "0" * 400, '"1"', "[]", "true"])
 def test_numbers_that_no_axis_has_are_refused_in_their_place(config: Path, field: str, value: str):
-    remember("emul:", 0, AXIS)
+    store_axis("emul:", 0, AXIS)
     lines = config.read_text().splitlines()
     at = next(i for i, line in enumerate(lines) if line.startswith(f"{field} = "))
     lines[at] = f"{field} = {value}"
     config.write_text("\n".join(lines) + "\n")
     with pytest.raises(BoardError, match=rf'{config}: \[calibration."emul:#0"\]'):
-        known("emul:")
+        known_axes("emul:")
 
 
 def test_a_sign_is_one(config: Path):
-    remember("emul:", 0, AXIS)
+    store_axis("emul:", 0, AXIS)
     config.write_text(config.read_text().replace(f"sign = {AXIS.sign}", "sign = 1.9"))
     with pytest.raises(BoardError):
-        known("emul:")
+        known_axes("emul:")
 
 
 def test_a_new_list_and_its_links(config: Path, tmp_path: Path):
-    remember("emul:?mass=0.1", 0, AXIS)
-    assert known("emul:?mass=0.1") == {0: AXIS}
-    assert known("emul:") == {}
+    store_axis("emul:?mass=0.1", 0, AXIS)
+    assert known_axes("emul:?mass=0.1") == {0: AXIS}
+    assert known_axes("emul:") == {}
     real = tmp_path / "elsewhere.toml"
     config.rename(real)
     config.symlink_to(real)
-    remember("emul:", 1, AXIS)
+    store_axis("emul:", 1, AXIS)
     assert config.is_symlink()
-    assert known("emul:") == {1: AXIS}
+    assert known_axes("emul:") == {1: AXIS}
 
 
 def test_an_axis_is_the_same_however_it_is_spoken_to():
-    assert key("frame+udp:1.2.3.4:5?lockstep&wide", 3) == "frame+udp:1.2.3.4:5#3"
-    assert key("haply:ws://h?id=A&lockstep", 0) == "haply:A#0"
-    assert key("haply:ws://h?lockstep", 0) == "haply:ws://h#0"
+    assert axis_key("frame+udp:1.2.3.4:5?lockstep&wide", 3) == "frame+udp:1.2.3.4:5#3"
+    assert axis_key("haply:ws://h?id=A&lockstep", 0) == "haply:A#0"
+    assert axis_key("haply:ws://h?lockstep", 0) == "haply:ws://h#0"
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,7 @@ def test_an_axis_is_the_same_however_it_is_spoken_to():
     ],
 )
 def test_what_is_an_emulators_address(url: str, is_one: bool):
-    assert boards.Board(url, ()).emulated is is_one
+    assert boards.Board(url, ()).is_emulated is is_one
 
 
 # A finger that lies still for three seconds, then goes 20 mm up and 10 mm down.
@@ -162,7 +162,7 @@ def test_calibrate_finds_ends_where_the_hand_goes(config: Path, capsys: Capture)
     assert record["gain"] == pytest.approx(2.0, rel=0.05)
     assert record["range"] == [-0.03, 0.03]
     assert record["force_max"] == 3.0
-    found = known(url)[0]
+    found = known_axes(url)[0]
     assert (found.zero, found.force_max) == (record["zero"], 3.0)
 
 
@@ -170,17 +170,17 @@ def test_a_motor_the_wrong_way_round_is_put_right(config: Path, capsys: Capture)
     with Board(-1e-3) as board:
         assert app.run(["devices", "calibrate", board.in_lockstep, "--seconds", "0"]) == 0
         assert "the other way round, which is corrected" in capsys.readouterr().err
-        assert known(board.in_lockstep)[0].sign == -1
+        assert known_axes(board.in_lockstep)[0].sign == -1
         # A fifth of its force is as much as it gets.
         assert 0.1 < board.strongest < 4.01
-        device = _core.Device(board.in_lockstep, [known(board.in_lockstep)[0].for_core(0)])
+        device = _core.Device(board.in_lockstep, [known_axes(board.in_lockstep)[0].for_core(0)])
         assert device.direction(0, 1e-3) == 1.0
         device.close()
         assert (
             app.run(["devices", "calibrate", board.in_lockstep, "--turned", "--seconds", "0"]) == 0
         )
-    assert known(board.in_lockstep)[0].gain == -1.0
-    assert known(board.in_lockstep)[0].range == pytest.approx((-0.05, 0.05))
+    assert known_axes(board.in_lockstep)[0].gain == -1.0
+    assert known_axes(board.in_lockstep)[0].range == pytest.approx((-0.05, 0.05))
 
 
 def test_what_does_not_move_is_not_guessed(config: Path, capsys: Capture):
@@ -220,14 +220,14 @@ def test_an_axis_at_an_address_is_tried_before_it_plays_each_time(
         assert not config.exists()
         assert app.run([*duet, f"remi={board.in_lockstep}", "--plain", "--record", "a.take"]) == 0
         assert "let go of the key" in capsys.readouterr().err
-        assert known(board.in_lockstep)[0].sign == -1
+        assert known_axes(board.in_lockstep)[0].sign == -1
         # Who answers at an address is not known by what answered there before.
         assert app.run([*duet, f"remi={board.in_lockstep}", "--plain"]) == 0
         assert "let go of the key" in capsys.readouterr().err
         board.gain = 1e-3
         assert app.run([*duet, f"remi={board.in_lockstep}", "--plain"]) == 0
         assert "taken for another board" in capsys.readouterr().err
-        assert known(board.in_lockstep)[0].sign == 1
+        assert known_axes(board.in_lockstep)[0].sign == 1
         board.gain = -1e-3
     about = json.loads(_core.read_recording("a.take").about)
     assert about["axes"][0]["device"] == f"{board.in_lockstep}#0"
@@ -253,38 +253,38 @@ def test_a_force_answers_one_tick_after_its_cause(tmp_path: Path):
 def test_a_board_is_itself_at_any_port(config: Path, monkeypatch: pytest.MonkeyPatch):
     plugged = {"/dev/ttyACM0": "usb:16c0:0483:11", "/dev/ttyACM1": "usb:16c0:0483:22"}
     monkeypatch.setattr(_core, "serial_identity", plugged.get)
-    remember("frame:/dev/ttyACM0?lockstep", 2, AXIS)
+    store_axis("frame:/dev/ttyACM0?lockstep", 2, AXIS)
     assert '[calibration."usb:16c0:0483:11#2"]' in config.read_text()
-    assert known("frame:/dev/ttyACM0") == {2: AXIS}
-    assert certain("frame:/dev/ttyACM0") == {2}
-    assert known("frame:/dev/ttyACM1") == {}
+    assert known_axes("frame:/dev/ttyACM0") == {2: AXIS}
+    assert own_axes("frame:/dev/ttyACM0") == {2}
+    assert known_axes("frame:/dev/ttyACM1") == {}
     # Plugged in the other way round.
     plugged["/dev/ttyACM0"], plugged["/dev/ttyACM1"] = plugged["/dev/ttyACM1"], "usb:16c0:0483:11"
-    assert known("frame:/dev/ttyACM0") == {}
-    assert certain("frame:/dev/ttyACM1") == {2}
+    assert known_axes("frame:/dev/ttyACM0") == {}
+    assert own_axes("frame:/dev/ttyACM1") == {2}
 
 
 def test_an_entry_of_a_path_counts_only_until_it_is_tried(
     config: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(_core, "serial_identity", lambda path: None)
-    remember("frame:/dev/ttyACM0", 0, AXIS)
-    assert known("frame:/dev/ttyACM0") == {0: AXIS}
-    assert certain("frame:/dev/ttyACM0") == set()
+    store_axis("frame:/dev/ttyACM0", 0, AXIS)
+    assert known_axes("frame:/dev/ttyACM0") == {0: AXIS}
+    assert own_axes("frame:/dev/ttyACM0") == set()
     # The board that is there now has a number: what is found of it is its own.
     monkeypatch.setattr(_core, "serial_identity", lambda path: "usb:16c0:0483:11")
-    assert known("frame:/dev/ttyACM0") == {0: AXIS}
-    assert certain("frame:/dev/ttyACM0") == set()
+    assert known_axes("frame:/dev/ttyACM0") == {0: AXIS}
+    assert own_axes("frame:/dev/ttyACM0") == set()
     other = Axis(1, 0.0, 1.0, (-0.05, 0.05), 1.0)
-    remember("frame:/dev/ttyACM0", 0, other)
-    assert known("frame:/dev/ttyACM0") == {0: other}
-    assert certain("frame:/dev/ttyACM0") == {0}
+    store_axis("frame:/dev/ttyACM0", 0, other)
+    assert known_axes("frame:/dev/ttyACM0") == {0: other}
+    assert own_axes("frame:/dev/ttyACM0") == {0}
 
 
 def test_messages_call_a_device_by_its_name_and_leave_options_out() -> None:
     url = "frame+udp://127.0.0.1:40123?lockstep&patience=300"
     asked = {"remi": "tgr0.1", "ada": "tgr0.0", "zoe": "emul:?lockstep#1"}
-    shown = [one.shown for one in boards.boards(asked, {"tgr0": url})]
+    shown = [one.display_name for one in boards.boards(asked, {"tgr0": url})]
     assert shown == ["tgr0", "emul:"]
     said = event_sentence((0, "gone", 0.0), ["remi"], shown)
     assert said == "tgr0 is disconnected; its stand-in plays on"

@@ -26,10 +26,15 @@ from sweep import few
 from ergon import _core
 from ergon.cli import app
 from ergon.common.extras import install_command
-from ergon.live.datagrams import MOST, MalformedDatagramError, messages, written
-from ergon.live.osc import Osc, OscError, place
-from ergon.live.osc_in import alone
-from ergon.live.osc_out import HearingClock, OscTeller
+from ergon.live.datagrams import (
+    DATAGRAM_BYTES_MAX,
+    MalformedDatagramError,
+    encode_message,
+    parse_messages,
+)
+from ergon.live.osc import OscError, OscServer, parse_address
+from ergon.live.osc_in import own_instruments
+from ergon.live.osc_out import HearingClock, OscSender
 from ergon.live.perform import PlaybackConfig, perform
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
@@ -100,7 +105,7 @@ class Listener:
         return [(now, tag, said) for now, tag, where, said in self.heard if where == address]
 
     def say(self, port: int, address: str, *arguments: Any) -> None:
-        self.socket.sendto(written(address, arguments), ("127.0.0.1", port))
+        self.socket.sendto(encode_message(address, arguments), ("127.0.0.1", port))
 
 
 @pytest.fixture
@@ -113,15 +118,15 @@ def listener() -> Iterator[Listener]:
 @contextlib.contextmanager
 def played(
     staged: Stage, order: PlaybackConfig, there: int | None = None
-) -> Iterator[tuple[_core.Performance, Osc]]:
+) -> Iterator[tuple[_core.Performance, OscServer]]:
     """A performance with OSC, ended afterwards."""
-    osc = Osc(("127.0.0.1", 0), None if there is None else ("127.0.0.1", there))
+    osc = OscServer(("127.0.0.1", 0), None if there is None else ("127.0.0.1", there))
     performance = perform(staged, order)
     try:
         osc.begin(performance, staged, order.gain, order.start)
         yield performance, osc
     finally:
-        osc.rest()
+        osc.stop_serving()
         osc.close()
         performance.stop()
         performance.close(1.0)
@@ -190,7 +195,7 @@ def test_beats_and_strikes_are_told_where_they_are(listener: Listener):
     with played(staged, PlaybackConfig(audio="null:fast"), listener.port) as (performance, osc):
         while not performance.wait(1.0):
             pass
-        osc.rest()
+        osc.stop_serving()
         listener.drain()
     beats = [tuple(said) for *_, said in listener.of("/ergon/beat")]
     # Two bars of three quarters, then bars of seven eighths, each beat an eighth long or a quarter.
@@ -258,11 +263,11 @@ def test_time_tags_say_when_it_is_heard():
             assert when is not None
             strikes.append((card.now, when, card.began + card.LATENCY + arguments[3]))
 
-    teller = OscTeller(card, staged, 0, send)  # type: ignore[arg-type]
+    teller = OscSender(card, staged, 0, send)  # type: ignore[arg-type]
     turns = int(staged.n_frames / staged.rate / 0.0101)
     for turn in range(turns):
         card.now = card.began + 0.0101 * turn
-        teller.turn(lambda: card.now)
+        teller.send_new(lambda: card.now)
     assert len(strikes) == len(staged.gestures) >= 4
     block, frame = card.BLOCK / staged.rate, 1 / staged.rate
     assert all(-frame <= tag - true < block + frame for _, tag, true in strikes)
@@ -277,20 +282,20 @@ def test_an_ear_takes_the_earliest_of_late_blocks():
             self.latency, self.paced, self.dropped, self.alive = 0.01, True, 0, True
 
     ear = HearingClock(1000.0, 500)
-    assert ear.when(500) is None
+    assert ear.instant_of(500) is None
     for i, late in enumerate((0.004, 0.0, 0.007, 0.002)):
-        ear.look(Said(0.1 * i - late), 50.0 + 0.1 * i)  # type: ignore[arg-type]
-    assert ear.when(1500) == pytest.approx(51.01)
+        ear.update(Said(0.1 * i - late), 50.0 + 0.1 * i)  # type: ignore[arg-type]
+    assert ear.instant_of(1500) == pytest.approx(51.01)
     # An underrun puts silence in: what was known is no longer true.
-    ear.look(Said(0.395, underruns=1), 50.4)  # type: ignore[arg-type]
-    assert ear.when(1500) == pytest.approx(51.015)
+    ear.update(Said(0.395, underruns=1), 50.4)  # type: ignore[arg-type]
+    assert ear.instant_of(1500) == pytest.approx(51.015)
 
 
 # --- what is asked --------------------------------------------------------------------------------
 
 
 def test_a_player_has_what_no_other_key_reaches():
-    assert alone(piece(), ["bell", "cup", "pot"]) == {"ada": ["bell", "cup"], "bo": []}
+    assert own_instruments(piece(), ["bell", "cup", "pot"]) == {"ada": ["bell", "cup"], "bo": []}
 
 
 @pytest.fixture(scope="module")
@@ -336,13 +341,13 @@ def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
     """What is heard when a gain falls to nothing at once, computed as fast as it goes."""
     import soundfile
 
-    osc = Osc(("127.0.0.1", 0), None)
+    osc = OscServer(("127.0.0.1", 0), None)
     performance = perform(staged, PlaybackConfig(audio=f"file:{path}", gain=0.1, ahead=256))
     if address is not None:
         osc.begin(performance, staged, 0.1)
         assert osc.place is not None
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
-            asking.sendto(written(address, [float("-inf")]), osc.place)
+            asking.sendto(encode_message(address, [float("-inf")]), osc.place)
     while not performance.wait(1.0):
         pass
     osc.close()
@@ -381,7 +386,7 @@ def _message(address: str, *arguments: object) -> bytes:
 def test_strange_bytes_are_messages_or_malformed(datagram: bytes):
     for bytes_ in (datagram, b"#bundle\0" + datagram, b"/a\0\0," + datagram):
         with contextlib.suppress(MalformedDatagramError):
-            for address, _ in messages(bytes_):
+            for address, _ in parse_messages(bytes_):
                 assert address.startswith("/")
 
 
@@ -400,21 +405,21 @@ def test_strange_bytes_are_messages_or_malformed(datagram: bytes):
 )
 def test_a_spoilt_datagram_harms_nobody(datagram: bytes, at: int, spoil: bytes):
     with contextlib.suppress(MalformedDatagramError):
-        assert all(one == ("/a", [1, 0.5, "x"]) for one in messages(datagram))
+        assert all(one == ("/a", [1, 0.5, "x"]) for one in parse_messages(datagram))
     at %= len(datagram)
     with contextlib.suppress(MalformedDatagramError):
-        messages(datagram[:at] + spoil + datagram[at + len(spoil) :])
+        parse_messages(datagram[:at] + spoil + datagram[at + len(spoil) :])
 
 
 def test_a_bundle_that_would_be_read_for_ever_is_malformed():
     for size in (-4, 0, 3, 1 << 20):
         with pytest.raises(MalformedDatagramError):
-            messages(b"#bundle\0" + bytes(8) + struct.pack(">i", size) + _message("/a"))
+            parse_messages(b"#bundle\0" + bytes(8) + struct.pack(">i", size) + _message("/a"))
     deep = _message("/a")
     for _ in range(9):
         deep = b"#bundle\0" + bytes(8) + struct.pack(">i", len(deep)) + deep
     with pytest.raises(MalformedDatagramError):
-        messages(deep)
+        parse_messages(deep)
 
 
 def test_a_flood_gets_few_answers(listener: Listener):
@@ -424,7 +429,7 @@ def test_a_flood_gets_few_answers(listener: Listener):
         for i in range(100):
             listener.say(osc.place[1], "/ergon/cmd", "a" * 2000)
             listener.say(osc.place[1], f"/x{i}")
-            listener.socket.sendto(bytes(MOST + 1), ("127.0.0.1", osc.place[1]))
+            listener.socket.sendto(bytes(DATAGRAM_BYTES_MAX + 1), ("127.0.0.1", osc.place[1]))
         until(lambda: osc.malformed > 0, "what is no OSC is counted")
         listener.until("/ergon/error")
         listener.drain()
@@ -437,17 +442,17 @@ def test_a_flood_gets_few_answers(listener: Listener):
 
 
 def test_a_place_is_this_machine_unless_a_host_is_named():
-    assert place("9000") == ("127.0.0.1", 9000)
-    assert place("0.0.0.0:9000") == ("0.0.0.0", 9000)
-    assert place("[::1]:9000") == ("::1", 9000)
+    assert parse_address("9000") == ("127.0.0.1", 9000)
+    assert parse_address("0.0.0.0:9000") == ("0.0.0.0", 9000)
+    assert parse_address("[::1]:9000") == ("::1", 9000)
     for text in ("", "host", "host:", "1:-1", "70000", "host:9o"):
         with pytest.raises(OscError, match="HOST:PORT"):
-            place(text)
+            parse_address(text)
 
 
 def test_a_port_that_is_taken_is_said(listener: Listener):
     with pytest.raises(OscError, match=f"cannot listen at 127.0.0.1:{listener.port}"):
-        Osc(("127.0.0.1", listener.port), None)
+        OscServer(("127.0.0.1", listener.port), None)
 
 
 def test_without_python_osc_it_is_said_how_to_get_it(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from ergon.live.display import HandView, PerformanceView, decibels_of, lines
+from ergon.live.display import HandView, PerformanceView, decibels_of, view_lines
 from ergon.live.trouble import troubles
 from ergon.repl.prompt.status import status as status_line
 from ergon.repl.session_protocol import State
@@ -64,7 +64,7 @@ def test_troubles_stand_first_in_the_status_line_of_a_prompt():
 def test_a_display_shows_troubles_and_the_force_that_is_sent():
     hand = HandView("remi", "k2", 0.0, (-0.01, 0.01), 0.45, True, False, 0.037, 0.083)
     view = PerformanceView("1|1", (), (hand,), 0.1, 0, 3, -12.0, ("gaps 3",), True)
-    where, counts, key = lines(view, 200)
+    where, counts, key = view_lines(view, 200)
     assert "PANIC" in where
     assert "gaps 3" in counts
     assert "+0.450 N, sent  +0.037 N (8.3 %)" in key

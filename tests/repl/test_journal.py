@@ -14,8 +14,8 @@ from patience import PATIENCE, until
 from sessions import Stepped
 from tests.repl.test_journal_hostile import KEYS, SCORE
 
-from ergon.repl.session.commits import Commits, Waiting
-from ergon.repl.session.journal import Journal, JournalError, read
+from ergon.repl.session.commits import Commits, WaitingLine
+from ergon.repl.session.journal import Journal, JournalError, read_events
 from ergon.repl.session.journal_content import read_journal
 
 
@@ -29,7 +29,7 @@ def test_journals_that_begin_at_once_get_a_name_each(tmp_path: Path) -> None:
         def begin(path: Path, ready: threading.Barrier) -> None:
             ready.wait()
             try:
-                with closing(Journal.begun(path)) as journal:
+                with closing(Journal.begin(path)) as journal:
                     begun.append(journal.path)
             except BaseException as error:
                 failed.append(error)
@@ -63,13 +63,13 @@ def test_every_line_comes_to_the_disk_and_nobody_waits_for_it(
 
     monkeypatch.setattr("os.fsync", fsync)
     with closing(Journal(tmp_path / "a.jsonl")) as journal:
-        journal.tell("line", number=1)  # returns while the disk stands still
-        journal.tell("line", number=2)
+        journal.append("line", number=1)  # returns while the disk stands still
+        journal.append("line", number=2)
         written = journal.path.stat().st_size
-        assert [event.get("number", int) for event in read(journal.path)] == [1, 2]
+        assert [event.get("number", int) for event in read_events(journal.path)] == [1, 2]
         slow.set()
         until(lambda: sizes and sizes[-1] == written, "two lines on the disk")
-        journal.tell("line", number=3)
+        journal.append("line", number=3)
         until(lambda: sizes[-1] > written, "the third")
     assert sizes[-1] == (tmp_path / "a.jsonl").stat().st_size
 
@@ -85,11 +85,11 @@ def test_a_disk_that_fails_is_told_and_the_music_goes_on(
 
     monkeypatch.setattr("os.fsync", fsync)
     journal = Journal(tmp_path / "a.jsonl")
-    journal.tell("line", number=1)
+    journal.append("line", number=1)
     assert tried.wait(PATIENCE)
     journal.close()
-    assert "Input/output error" in journal.trouble()
-    assert journal.trouble() == ""
+    assert "Input/output error" in journal.pop_failure()
+    assert journal.pop_failure() == ""
 
 
 def test_a_journal_is_a_file_of_a_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -129,7 +129,7 @@ def test_lines_that_only_look_or_write_do_nothing_again(tmp_path: Path) -> None:
         for number, line in enumerate(
             ("save", "save x", "keep 1bar as y", f"py open({str(tmp_path / 'z')!r}, 'w')"), 50
         ):
-            tell = stepped.session.journal.tell
+            tell = stepped.session.journal.append
             tell("line", number=number, line=line, beat=1.0, start=frame, goes=None, resets=False)
             tell("commit", number=number, frame=frame, beat=1.0)
         stepped.run(1.0)
@@ -147,7 +147,7 @@ def test_the_end_stands_below_a_line_that_takes_effect_while_the_engine_closes(
     at.ok("gain ring -3dB")
     monkeypatch.setattr(at.engine, "close", lambda: at.engine.process(int(4 * at.rate)))
     at.session.close()
-    *_, commit, end = read(at.journal)
+    *_, commit, end = read_events(at.journal)
     assert (commit.name, end.name) == ("commit", "end")
     assert end.get("frame", int) >= commit.get("frame", int)
 
@@ -165,13 +165,13 @@ def test_a_line_takes_over_at_its_own_frame_where_the_timeline_is_extended_too(
     live.run(2.0)
     live.close()
     taken: list[tuple[int, int]] = []
-    hand = Commits._hand
+    hand = Commits._hand_over
 
-    def noted(commits: Commits, group: list[Waiting]) -> None:
+    def noted(commits: Commits, group: list[WaitingLine]) -> None:
         taken.extend((one.start, one.number) for one in group)
         hand(commits, group)
 
-    monkeypatch.setattr(Commits, "_hand", noted)
+    monkeypatch.setattr(Commits, "_hand_over", noted)
     live.again()
     extended = [start for start, number in taken if number == 0]
     assert extended

@@ -27,7 +27,7 @@ from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import SessionStart
 from ergon.repl.session.journal_hands import JournalHand, JournalTake
 from ergon.repl.session.live import LiveEngine
-from ergon.repl.session.running import begin, follow
+from ergon.repl.session.running import stage_first, stage_next
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
@@ -90,8 +90,8 @@ class Played:
         for board in self.boards:
             board.wait()
         self.session.pump()
-        if (path := self.session.guidance.due()) is not None:
-            self.session.guidance.hand(*path)
+        if (path := self.session.guidance.paths_due()) is not None:
+            self.session.guidance.send(*path)
 
     def take_effect(self) -> None:
         """Until no line waits: a busy machine gives lines more time."""
@@ -105,7 +105,7 @@ class Played:
         """A board answers no more, until its player's key is gone; the others go on."""
         board.leave()
         self.boards.remove(board)
-        self._until(lambda: player in self.session.commits.engine.status().away)
+        self._until(lambda: player in self.session.commits.engine.status().disconnected)
 
     def find(self, board: Paced) -> None:
         """A board answers again, until no key is gone."""
@@ -113,7 +113,7 @@ class Played:
 
         def is_back() -> bool:
             board.may(20)
-            return not self.session.commits.engine.status().away
+            return not self.session.commits.engine.status().disconnected
 
         self._until(is_back)
         board.hold()
@@ -162,7 +162,7 @@ def playing(folder: Path, text: str = SCORE) -> Iterator[Played]:
             None,
             take=JournalTake(folder / "session.take", hands),
         )
-        journal.tell("session", **opening.fields())
+        journal.append("session", **opening.fields())
         with closing(session):
             try:
                 yield Played(session, [one, two], folder)
@@ -358,7 +358,7 @@ def test_what_one_hand_plays_on_two_instruments_goes_on_to_the_last_bit(tmp_path
     texts = Texts.read(path)
     version = Version(0, "", texts, piece_of(texts))
     real = {"remi": None, "zoe": None}
-    begun = begin(version, Clock(), real, None)
+    begun = stage_first(version, Clock(), real, None)
     zoe = next(hand.index for hand in begun.stage.live if hand.player == "zoe")
 
     def played(simulation: _core.Simulation, first: int, last: int) -> np.ndarray:
@@ -372,6 +372,6 @@ def test_what_one_hand_plays_on_two_instruments_goes_on_to_the_last_bit(tmp_path
     played(simulation, 0, 100)
     wanted = played(simulation.fork(), 100, 300)
     assert np.abs(wanted).max() > 1e-4
-    after = follow(begun, version, Clock(), 4400, leave=0.0, enter=0.0, real=real, extends=True)
+    after = stage_next(begun, version, Clock(), 4400, leave=0.0, enter=0.0, real=real, extends=True)
     after.stage.simulation.take_over(simulation)
     assert np.array_equal(played(after.stage.simulation, 100, 300), wanted)

@@ -21,7 +21,7 @@ from sessions import EVERY, Stepped
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.journal_content import read_journal
-from ergon.repl.session.replay import ReplayedSession, resumed
+from ergon.repl.session.replay import ReplayedSession, resumed_state
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.staging.refusals import StageError
@@ -125,7 +125,7 @@ def played(path: Path) -> list[str]:
         again = ReplayedSession(read_journal(path))
         again.process(np.zeros((min(again.n_frames, 3 * EVERY), again.n_channels)))
         replay = read_journal(path, resumes=True)
-        version, clock, _ = resumed(replay)
+        version, clock, _ = resumed_state(replay)
         session = Session(
             version,
             lambda stage: SteppedEngine(stage, tick_frames=EVERY, highpass=None),

@@ -342,7 +342,7 @@ def _tempo(meter="4/4"):
 
 def _all(trigger, tempo, begin, until):
     found, after = [], begin
-    while (beat := trigger.next(tempo, begin, after, until)) is not None:
+    while (beat := trigger.next_beat(tempo, begin, after, until)) is not None:
         found.append(beat)
         after = beat
     return found
@@ -351,15 +351,15 @@ def _all(trigger, tempo, begin, until):
 def test_when_a_rule_runs():
     tempo = _tempo("3/4")
     assert _all(parse_every("2bar"), tempo, 4.0, 20.0) == [10.0, 16.0]  # from 2|2
-    assert parse_every("2bar").next(tempo, 40.0, 3.0, 9.0) == 4.0  # before it began, in step
+    assert parse_every("2bar").next_beat(tempo, 40.0, 3.0, 9.0) == 4.0  # before it began, in step
     assert _all(parse_every("5"), tempo, 1.0, 12.0) == [6.0, 11.0]
-    assert parse_every("5").next(tempo, 21.0, 0.5, 9.0) == 1.0
+    assert parse_every("5").next_beat(tempo, 21.0, 0.5, 9.0) == 1.0
     assert _all(parse_condition("bar % 2 == 0"), tempo, 0.0, 16.0) == [3.0, 9.0, 15.0]
     assert _all(parse_condition("beat == 3 and bar >= 2"), tempo, 0.0, 9.0) == [5.0, 8.0]
-    assert parse_condition("bar == 1").begins(tempo, 0.0)
-    assert not parse_condition("bar == 1").begins(tempo, 0.5)
-    assert not parse_condition("bar == 1").begins(tempo, 1.0)
-    assert parse_condition("beat == 2").begins(tempo, 1.0 + SAME / 2)
+    assert parse_condition("bar == 1").runs_at_start(tempo, 0.0)
+    assert not parse_condition("bar == 1").runs_at_start(tempo, 0.5)
+    assert not parse_condition("bar == 1").runs_at_start(tempo, 1.0)
+    assert parse_condition("beat == 2").runs_at_start(tempo, 1.0 + SAME / 2)
 
 
 def test_what_a_journal_keeps_of_a_rule_is_read_as_it_was():

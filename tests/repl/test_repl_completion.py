@@ -120,4 +120,4 @@ def test_help_names_every_verb_once():
 
 def test_the_committed_cheat_sheet_is_that_of_the_table():
     committed = (ROOT / "docs/cheat-sheet.md").read_text(encoding="utf-8")
-    assert committed == help.sheet()  # make docs
+    assert committed == help.cheat_sheet()  # make docs

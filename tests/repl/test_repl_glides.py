@@ -57,7 +57,7 @@ def test_a_string_glides_in_pitch_and_what_is_saved_glides_too(session, tmp_path
     session.ok("play from 1|1")
     session.ok("set bell.s.f A3 over 2bar")
     session.run(8.0)
-    begun = session.session.commits.running.clock.by
+    begun = session.session.commits.running.clock.began_at
     (entry,) = session.session.commits.head.piece.automation
     tempo = session.session.commits.head.piece.tempo_map
     start = begun + tempo.seconds(tempo.resolve(entry.at))

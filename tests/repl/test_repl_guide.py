@@ -71,8 +71,8 @@ class Led:
 
         def look() -> None:
             self.session.pump()
-            if (path := self.session.guidance.due()) is not None:
-                self.session.guidance.hand(*path)
+            if (path := self.session.guidance.paths_due()) is not None:
+                self.session.guidance.send(*path)
             status = engine.performance.status()
             beat = self.session.commits.running.beat(status.frame)
             found.append((beat % 4.0, status.hands[0].position))
@@ -100,7 +100,7 @@ def led(folder: Path, hand: float = 0.0) -> Iterator[Led]:
         )
         every = session.commits.engine.tick_frames
         opening = SessionStart(texts, 0.0, version.faders, every, 1.0, 1.0, None)
-        journal.tell("session", **opening.fields())
+        journal.append("session", **opening.fields())
         with closing(session):
             try:
                 yield Led(session, board)
@@ -191,7 +191,7 @@ def hands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 def test_a_key_that_is_gone_is_not_led(tmp_path: Path):
     with led(tmp_path) as own:
         own.board.leave()
-        until(lambda: "remi" in own.session.commits.engine.status().away, "the key is gone")
+        until(lambda: "remi" in own.session.commits.engine.status().disconnected, "the key is gone")
         assert "the device of remi's key is gone" in own.session.submit("guide remi ada").text
 
 
@@ -201,7 +201,10 @@ def test_a_session_that_closes_waits_for_no_board(tmp_path: Path, is_away: bool)
     with led(tmp_path) as own:
         if is_away:
             own.board.leave()
-            until(lambda: "remi" in own.session.commits.engine.status().away, "the key is gone")
+            until(
+                lambda: "remi" in own.session.commits.engine.status().disconnected,
+                "the key is gone",
+            )
             time.sleep(0.3)  # by now it is searched for; if not, closing has less to end
         closes = threading.Thread(target=own.session.close, daemon=True)
         closes.start()

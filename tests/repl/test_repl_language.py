@@ -43,7 +43,7 @@ def test_every_command_is_reached_by_a_line_above():
 @pytest.mark.parametrize("form", verbs.FORMS, ids=lambda form: form.written)
 def test_the_example_of_every_verb_is_taken(form: verbs.Form):
     assert isinstance(one(form.example.replace("as solo", "as solo-2")), c.Command)
-    text = "\n".join(help.about(form.verb))
+    text = "\n".join(help.verb_help(form.verb))
     assert form.written in text
     assert form.example in text
 

@@ -34,8 +34,8 @@ def stepped(tmp_path):
 def test_a_line_that_is_late_is_not_taken(stepped, monkeypatch):
     stepped.ok("play")
     text = stepped.session.commits.head.texts.text
-    monkeypatch.setattr(computing, "LINE", 0.0)
-    monkeypatch.setattr(computing, "FILES", 30.0)
+    monkeypatch.setattr(computing, "LINE_SECONDS", 0.0)
+    monkeypatch.setattr(computing, "FILES_SECONDS", 30.0)
     reply = stepped.type("ada plays knock")
     assert not reply.taken
     assert "more than 0 s to compute; nothing has changed" in reply.text
@@ -45,15 +45,15 @@ def test_a_line_that_is_late_is_not_taken(stepped, monkeypatch):
     frame = stepped.engine.frame
     stepped.run(0.001)
     assert stepped.engine.frame == frame + 2000  # it goes on
-    monkeypatch.setattr(computing, "LINE", 1e3)
+    monkeypatch.setattr(computing, "LINE_SECONDS", 1e3)
     stepped.ok("ada plays knock")
 
 
 def test_what_reads_files_has_longer(stepped, monkeypatch):
-    monkeypatch.setattr(computing, "LINE", 0.0)
+    monkeypatch.setattr(computing, "LINE_SECONDS", 0.0)
     stepped.ok("reload")
     stepped.ok("play")
-    monkeypatch.setattr(computing, "FILES", 0.0)
+    monkeypatch.setattr(computing, "FILES_SECONDS", 0.0)
     reply = stepped.type("reload")
     assert not reply.taken
     assert "more than 0 s" in reply.text
@@ -61,7 +61,7 @@ def test_what_reads_files_has_longer(stepped, monkeypatch):
 
 @pytest.mark.parametrize("how", ["cancel", "panic"])
 def test_a_line_is_dropped_while_it_is_computed(stepped, monkeypatch, how):
-    monkeypatch.setattr(computing, "LINE", 1e6)
+    monkeypatch.setattr(computing, "LINE_SECONDS", 1e6)
     stepped.ok("play")
     text = stepped.session.commits.head.texts.text
     begun = threading.Event()

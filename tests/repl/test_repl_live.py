@@ -22,11 +22,11 @@ from ergon.api.options import SessionOptions
 from ergon.api.pages import pages_of
 from ergon.common.report import Report
 from ergon.live.pages import Pages
-from ergon.live.perform import PlaybackConfig, bars
+from ergon.live.perform import PlaybackConfig, bar_frames
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import SessionStart, read_journal
 from ergon.repl.session.live import LiveEngine
-from ergon.repl.session.replay import resumed
+from ergon.repl.session.replay import resumed_state
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
@@ -55,7 +55,7 @@ def session_on(
     )
     every = session.commits.engine.tick_frames
     opening = SessionStart(texts, 0.0, version.faders, every, 300.0, 1.0, None)
-    journal.tell("session", **opening.fields())
+    journal.append("session", **opening.fields())
     session.run()
     return session
 
@@ -119,7 +119,7 @@ def test_a_piece_begins_at_any_bar(tmp_path: Path):
         until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
         stage = session.commits.running.stage
         second = int(stage.rate)
-        frames = bars(stage, second, 10 * second)
+        frames = bar_frames(stage, second, 10 * second)
         assert frames
         assert all(second <= frame < 10 * second for frame in frames)
         tempo = stage.piece.tempo_map
@@ -140,7 +140,7 @@ def test_a_panic_is_silent_and_forgets(tmp_path: Path):
         commits = session.commits
         # A stop that comes too late for a busy engine is handed over again: until then it goes on.
         until(lambda: not (commits.under_way or commits.waiting), "the stop is made")
-        until(lambda: not commits.running.clock.goes, "the piece stands")
+        until(lambda: not commits.running.clock.is_running, "the piece stands")
         assert session.state().playing == ()
         until(lambda: session.state().level < -90.0, "silence")
         ok(session, "release")
@@ -182,10 +182,10 @@ def test_a_journal_restores_what_was_accepted(tmp_path: Path):
         journal = (tmp_path / "session.jsonl").read_text(encoding="utf-8")
     cut = tmp_path / "cut.jsonl"
     cut.write_text(journal + '{"v": 1, "event": "li', encoding="utf-8")
-    version, clock, _ = resumed(read_journal(cut))
+    version, clock, _ = resumed_state(read_journal(cut))
     assert version.texts.text == head.texts.text
     assert version.faders == head.faders
-    assert clock.by is None
+    assert clock.began_at is None
 
 
 @pytest.mark.parametrize(

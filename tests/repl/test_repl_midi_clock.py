@@ -13,8 +13,8 @@ from sweep import few
 from tests.repl.test_repl_session import SCORE
 
 from ergon.live.clock_follower import ClockFollower
-from ergon.live.midi_messages import Transport, message, song_position
-from ergon.live.midi_ports import ArrivalStamps, MidiError, chosen
+from ergon.live.midi_messages import Transport, encode_song_position, parse_message
+from ergon.live.midi_ports import ArrivalStamps, MidiError, choose_port
 from ergon.live.midi_sender import ECHO, TimedSender
 from ergon.repl.session.midi_clock import ClockEvents, ClockIn
 
@@ -30,7 +30,7 @@ def test_a_session_tells_24_clocks_a_beat_where_its_beats_are(tmp_path):
     def go(seconds: float) -> None:
         for _ in range(round(seconds / STEP)):
             own.run(STEP)
-            told.extend(events.before(own.engine.frame))
+            told.extend(events.pop_before(own.engine.frame))
 
     go(0.1)
     own.ok("play")
@@ -52,7 +52,7 @@ def test_a_session_tells_24_clocks_a_beat_where_its_beats_are(tmp_path):
     assert told[-1][1] == bytes([0xFC])
     own.ok("play from 9|2.1")
     go(1.0)
-    assert told[n][1] == song_position(33.25)  # the next sixteenth
+    assert told[n][1] == encode_song_position(33.25)  # the next sixteenth
     assert told[n + 1][1] == bytes([0xFB])
     running = own.session.commits.running
     first = running.clock.seconds(running.version.piece.tempo_map, 33.25)
@@ -107,7 +107,7 @@ def followed(own, master, seconds, *, latency=0.03, since=0.2, start=True):
         now = began + step * STEP
         for at, data in master.until(now):
             clock.receive(data, at)
-        clock.turn(now)
+        clock.follow(now)
         own.run(STEP)
     running = own.session.commits.running
     tempo = running.version.piece.tempo_map
@@ -130,7 +130,7 @@ def followed(own, master, seconds, *, latency=0.03, since=0.2, start=True):
 def test_a_session_follows_within_a_millisecond_a_beat(tmp_path, bpm, jitter):
     own = Stepped(SCORE, tmp_path, keeps=False)
     errors, lines = followed(own, Master(bpm, jitter=jitter), 30.0)
-    assert own.session.commits.running.clock.goes
+    assert own.session.commits.running.clock.is_running
     settled = errors[16 : round(28.0 * bpm / 60)]
     assert len(settled) > 20
     # Messages that come late by chance are late on average, too.
@@ -186,13 +186,13 @@ def test_stop_and_continue_are_followed(tmp_path):
         ([0xFA], True),
         ([0xFC], False),
         ([0xFC], False),
-        ([*song_position(9.0)], False),
+        ([*encode_song_position(9.0)], False),
         ([0xFB], True),
     ):
         clock.receive(bytes(data), 0.0)
-        clock.turn(0.0)
+        clock.follow(0.0)
         own.run(0.1)
-        assert own.session.commits.running.clock.goes is wanted
+        assert own.session.commits.running.clock.is_running is wanted
     assert own.where.startswith("3|2")
     assert own.session.messages() == []
     own.close()
@@ -200,27 +200,27 @@ def test_stop_and_continue_are_followed(tmp_path):
 
 def test_a_follower_knows_when_there_is_nothing_to_follow():
     follower = ClockFollower()
-    assert follower.beat() is None
+    assert follower.estimate() is None
     for n in range(30):
         follower.receive(Transport.CLOCK, 1e-4 * n)  # 25,000 bpm
-    assert follower.beat() is None
+    assert follower.estimate() is None
     assert not follower.is_heard(2.0)
     for n in range(30):
         follower.receive(Transport.CLOCK, 5.0 + n / 48)
-    found = follower.beat()
+    found = follower.estimate()
     assert found is not None
     assert found.length == pytest.approx(0.5)
     assert follower.is_heard(5.9)
     follower.receive(Transport.CLOCK, 4.0)  # a clock that goes back
-    assert follower.beat() is None
+    assert follower.estimate() is None
 
 
 def test_messages_of_every_length_are_read():
-    assert message(b"") is None
-    assert message(bytes([0xF8])) is Transport.CLOCK
-    assert message(bytes([0xF8, 0])) is None
-    assert message(bytes([0xF2, 8, 1])).clocks == (8 + 128) * 6
-    assert message(song_position(1e9)).clocks == 0x3FFF * 6
+    assert parse_message(b"") is None
+    assert parse_message(bytes([0xF8])) is Transport.CLOCK
+    assert parse_message(bytes([0xF8, 0])) is None
+    assert parse_message(bytes([0xF2, 8, 1])).clocks == (8 + 128) * 6
+    assert parse_message(encode_song_position(1e9)).clocks == 0x3FFF * 6
 
 
 def test_a_sender_sends_in_the_order_of_instants_and_never_early():
@@ -269,11 +269,11 @@ def test_stamps_are_those_of_the_system_and_not_of_a_late_thread():
 
 def test_a_port_is_found_by_a_part_of_its_name():
     names = ["Midi Through:Port-0", "nanoKONTROL2 MIDI 1", "nanoKEY2 MIDI 1"]
-    assert chosen("kontrol", names, "input") == 1
-    assert chosen("Midi Through:Port-0", names, "input") == 0
+    assert choose_port("kontrol", names, "input") == 1
+    assert choose_port("Midi Through:Port-0", names, "input") == 0
     with pytest.raises(MidiError, match="2 MIDI inputs are called so"):
-        chosen("nano", names, "input")
+        choose_port("nano", names, "input")
     with pytest.raises(MidiError, match="no MIDI output is called 'x'; there are 'Midi"):
-        chosen("x", names, "output")
+        choose_port("x", names, "output")
     with pytest.raises(MidiError, match="there is none; `virtual`"):
-        chosen("x", [], "output")
+        choose_port("x", [], "output")

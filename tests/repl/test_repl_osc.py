@@ -12,14 +12,14 @@ from tests.live.test_live_osc import Listener, listener  # noqa: F401  # a fixtu
 from tests.repl.test_repl_live import session_on
 from tests.repl.test_repl_session import SCORE
 
-from ergon.live.osc import Osc
+from ergon.live.osc import OscServer
 from ergon.repl.session.osc import SessionEvents, SessionOsc
 
 
 @contextmanager
 def served(folder: Path, there: int | None = None):
     """A session that plays nowhere, and the port where it hears OSC."""
-    osc = Osc(("127.0.0.1", 0), None if there is None else ("127.0.0.1", there))
+    osc = OscServer(("127.0.0.1", 0), None if there is None else ("127.0.0.1", there))
     with closing(session_on(folder, "null")) as session:
         session.attach(SessionOsc(session, osc, session.commits.engine.performance))
         assert osc.place is not None
@@ -50,7 +50,7 @@ def test_requests_are_lines_of_the_journal(tmp_path: Path, listener: Listener): 
         until(lambda: faders().master < 1.0, "the master level is set")
         assert faders().gains["bell"] == pytest.approx(10**-0.3)
         listener.say(port, "/ergon/stop", 1)
-        until(lambda: not session.commits.running.clock.goes, "the piece stops")
+        until(lambda: not session.commits.running.clock.is_running, "the piece stops")
         listener.say(port, "/ergon/panic")
         until(lambda: session.state().panicked, "a panic")
         assert listener.until("/ergon/trouble")[3][:1] == ["PANIC"]
@@ -97,7 +97,7 @@ def test_beats_and_gestures_are_those_of_the_versions_that_played(tmp_path: Path
     def go(seconds: float) -> None:
         for _ in range(round(seconds / 0.01)):
             own.run(0.01)
-            told.extend(events.before(own.engine.frame))
+            told.extend(events.pop_before(own.engine.frame))
 
     go(0.1)
     assert told == []  # the piece is stopped

@@ -20,9 +20,9 @@ from tests.live.test_live_osc import Listener, listener, piece, played  # noqa: 
 from tests.repl.test_repl_live import session_on
 
 from ergon import _core
-from ergon.live.osc import Osc
+from ergon.live.osc import OscServer
 from ergon.live.osc_in import OscRequestError
-from ergon.live.osc_values import ToldInputs
+from ergon.live.osc_values import InputValues
 from ergon.live.perform import PlaybackConfig
 from ergon.live.trouble import troubles
 from ergon.repl.session.engine import SteppedEngine
@@ -59,7 +59,7 @@ class Told:
 
     def __init__(self, folder: Path, said: Listener) -> None:
         self.own = Stepped(SCORE, folder)
-        self._said, self._osc = said, Osc(("127.0.0.1", 0), None)
+        self._said, self._osc = said, OscServer(("127.0.0.1", 0), None)
         performance = cast(_core.Performance, SimpleNamespace())
         self._served = SessionOsc(self.own.session, self._osc, performance)
 
@@ -175,7 +175,7 @@ class Asked:
     def __init__(self) -> None:
         self.now, self.takes = 0.0, True
         self.told: list[tuple[str, float]] = []
-        self.inputs = ToldInputs(self._tell, lambda: self.now)
+        self.inputs = InputValues(self._tell, lambda: self.now)
 
     def _tell(self, name: str, value: float) -> bool:
         if self.takes:
@@ -188,10 +188,10 @@ def test_of_values_that_come_too_fast_the_latest_acts():
     for at in range(1000):  # in one second, to two inputs by turns
         asked.now = at / 1000
         for name in "ab":
-            asked.inputs.of(name)([at])
-        asked.inputs.turn()
+            asked.inputs.handler_of(name)([at])
+        asked.inputs.send_due()
     asked.now = 1.1
-    asked.inputs.turn()
+    asked.inputs.send_due()
     assert 200 <= len(asked.told) <= 222
     assert dict(asked.told) == {"a": 999.0, "b": 999.0}
     assert abs(sum(name == "a" for name, _ in asked.told) - len(asked.told) / 2) <= 1
@@ -200,15 +200,15 @@ def test_of_values_that_come_too_fast_the_latest_acts():
 def test_a_value_that_finds_no_room_is_told_later():
     asked = Asked()
     asked.takes = False
-    asked.inputs.of("a")([0.5])
-    asked.inputs.of("a")([0.25])
+    asked.inputs.handler_of("a")([0.5])
+    asked.inputs.handler_of("a")([0.25])
     assert asked.told == []
     asked.takes = True
-    asked.inputs.turn()
+    asked.inputs.send_due()
     assert asked.told == [("a", 0.25)]
     for wrong in ([], [1.0, 2.0], ["1"], [10**400]):
         with pytest.raises(OscRequestError, match="finite number"):
-            asked.inputs.of("a")(wrong)
+            asked.inputs.handler_of("a")(wrong)
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_a_forged_value_is_refused_with_its_place(told: Told, damage: dict[str, 
 
 @contextmanager
 def served(folder: Path, audio: str) -> Iterator[tuple[Any, int]]:
-    osc = Osc(("127.0.0.1", 0), None)
+    osc = OscServer(("127.0.0.1", 0), None)
     with closing(session_on(folder, audio, text=SCORE)) as session:
         session.attach(SessionOsc(session, osc, session.commits.engine.performance))
         assert osc.place is not None
@@ -297,7 +297,7 @@ def test_a_performance_is_told_at_a_tick(folder: Path, listener: Listener):  # n
     mixed = []
     for frame, (name, value) in zip(acted, said.items(), strict=True):
         mixed.append(own.process(frame - own.frame))
-        own.tell(input_number(name), value)
+        own.set_input(input_number(name), value)
     mixed.append(own.process(staged.n_frames - own.frame))
     sound, _ = soundfile.read(folder / "heard.wav", dtype="float32", always_2d=True)
     check_heard(sound, np.concatenate(mixed).astype(np.float32), found)

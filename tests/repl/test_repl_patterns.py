@@ -79,7 +79,7 @@ def test_a_line_says_what_a_part_says(session, tmp_path, line, row):
     if "now" not in line:
         assert row in added.replace('"', "'")
     session.run(5.0)
-    begun = session.session.commits.running.clock.by
+    begun = session.session.commits.running.clock.began_at
     wanted = written(text, tmp_path, 3.0)
     shift = round(begun * session.rate)
     found = session.sound[shift : shift + len(wanted)]
@@ -176,7 +176,7 @@ def test_what_is_kept_plays_as_it_was_played(session, tmp_path):
     session.ok("ada plays choose knock tap lean every 1/2 chance 0.7")
     session.ok("leo plays knock (tap tap) lean euclid 5 8 every 3rd do mirror")
     session.run(12.3)
-    first = session.session.commits.now() // 4.0 * 4.0 - 8.0  # the two bars that are over
+    first = session.session.commits.beat_now() // 4.0 * 4.0 - 8.0  # the two bars that are over
     session.ok("keep 2bar as verse")
     played = gestures(session), gestures(session, "leo")
     kept = load(tmp_path / "verse.yaml").piece
@@ -338,7 +338,7 @@ def test_strikes_from_the_middle_are_those_of_the_whole(tmp_path):
             session.ok("rain strikes drum.m every 1/4 impulse 1mNs chance 0.5")
             session.ok(f"play from {start}")
             session.run(22.0 if name == "a" else 6.0)
-            begun = session.session.commits.running.clock.by
+            begun = session.session.commits.running.clock.began_at
             shift = round((begun + 16.0) * session.rate)
             step = np.abs(np.diff(session.sound[shift:, 1], 2))[: int(4 * session.rate)]
             heard.append(np.flatnonzero(step > 0.2 * step.max()) // 1000)
@@ -386,7 +386,7 @@ def test_a_parameter_follows_a_pattern_and_is_undone(session, tmp_path):
     session.ok("ada plays knock every 1")
     session.ok("set bell.m.f A3 C4 E4 every 1")
     session.run(4.0)
-    begun = session.session.commits.running.clock.by
+    begun = session.session.commits.running.clock.began_at
     heard = [round(hertz(value(session, begun + 2.0 + beat / 2 + 0.1)), 1) for beat in range(4)]
     assert heard == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.6, 329.6, 220.0)]
     session.ok("lfo bell.m.t60 0.5..2 period 1bar shape triangle")
@@ -459,7 +459,7 @@ def test_values_from_the_middle_are_those_of_the_whole(tmp_path, line):
             if name == "b":
                 session.ok("play from 9|1")
             session.run(18.0 if name == "a" else 4.0)
-            by = session.session.commits.running.clock.by
+            by = session.session.commits.running.clock.began_at
             found.append([value(session, by + at) for at in np.arange(17.0, 19.0, 0.02)])
             same(session)
     assert found[0] == pytest.approx(found[1], rel=1e-9)
@@ -503,7 +503,7 @@ def test_notes_are_typed_undone_rested_and_rendered(session, tmp_path):
     reply = session.ok("bell notes A3 C4 E4 euclid 5 8")
     assert "2|1" in reply.text
     session.run(4.0)
-    begun = session.session.commits.running.clock.by
+    begun = session.session.commits.running.clock.began_at
     beats = [4 + at / 2 for at in (0, 2, 3, 5, 6)]  # the second bar's pulses, eight to a bar
     heard = [hertz(value(session, begun + beat / 2)) for beat in beats]
     assert heard == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.63, 329.63, 220.0, 261.63)]

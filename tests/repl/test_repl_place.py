@@ -17,7 +17,7 @@ from ergon.repl.wire import local_socket
 
 
 def test_the_place_is_its_owners_alone(short_folder: Path):
-    found = local_socket.default({"XDG_RUNTIME_DIR": str(short_folder)})
+    found = local_socket.default_path({"XDG_RUNTIME_DIR": str(short_folder)})
     assert found == short_folder / "ergon" / "session.sock"
     assert stat.S_IMODE(found.parent.stat().st_mode) == 0o700
     door = local_socket.ServerSocket(found)
@@ -30,12 +30,12 @@ def test_the_place_is_its_owners_alone(short_folder: Path):
     assert list(found.parent.iterdir()) == []
     found.parent.chmod(0o755)
     with pytest.raises(local_socket.SocketError, match="you alone may open"):
-        local_socket.default({"XDG_RUNTIME_DIR": str(short_folder)})
+        local_socket.default_path({"XDG_RUNTIME_DIR": str(short_folder)})
     found.parent.rmdir()
     (short_folder / "elsewhere").mkdir(mode=0o700)
     found.parent.symlink_to(short_folder / "elsewhere")
     with pytest.raises(local_socket.SocketError, match="you alone may open"):
-        local_socket.default({"XDG_RUNTIME_DIR": str(short_folder)})
+        local_socket.default_path({"XDG_RUNTIME_DIR": str(short_folder)})
 
 
 def test_without_a_runtime_folder_it_lies_in_one_of_the_users_own(
@@ -43,7 +43,7 @@ def test_without_a_runtime_folder_it_lies_in_one_of_the_users_own(
 ):
     monkeypatch.setattr(tempfile, "tempdir", str(short_folder))
     for environment in ({}, {"XDG_RUNTIME_DIR": "not/absolute"}, {"XDG_RUNTIME_DIR": "/nowhere"}):
-        found = local_socket.default(environment)
+        found = local_socket.default_path(environment)
         assert found == short_folder / f"ergon-{os.geteuid()}" / "session.sock"
         assert stat.S_IMODE(found.parent.stat().st_mode) == 0o700
 

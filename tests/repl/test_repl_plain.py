@@ -13,8 +13,8 @@ from patience import PATIENCE
 from terminals import CTRL_C, CTRL_D, CTRL_S, CTRL_Z, ENTER, F12, Terminal
 
 from ergon.repl.prompt import history
-from ergon.repl.prompt.message_throttle import HELD, PER_SECOND, MessageThrottle
-from ergon.repl.prompt.output import clean, echo, lines_of, typed
+from ergon.repl.prompt.message_throttle import HELD_MAX, PER_SECOND, MessageThrottle
+from ergon.repl.prompt.output import clean, echo, reply_lines, valid_unicode
 from ergon.repl.prompt.run import history_of_user
 from ergon.repl.prompt.status import status
 from ergon.repl.session_protocol import Reply, State
@@ -170,17 +170,17 @@ def test_a_plain_terminal_hears_f12_with_the_line_and_ctrl_d(tmp_path: Path):
 
 def test_messages_at_a_pace_that_can_be_read():
     folded = MessageThrottle()
-    folded.take(["first"] * 3)
-    assert folded.due(0.0) == ["first … 2 more"]
-    folded.take(["first"])
-    assert folded.due(0.9) == []  # within a second it stands there already
-    assert folded.due(1.0) == ["first"]
-    folded.take(f"number {n}" for n in range(HELD + 7))
+    folded.add(["first"] * 3)
+    assert folded.pop_due(0.0) == ["first … 2 more"]
+    folded.add(["first"])
+    assert folded.pop_due(0.9) == []  # within a second it stands there already
+    assert folded.pop_due(1.0) == ["first"]
+    folded.add(f"number {n}" for n in range(HELD_MAX + 7))
     shown: list[tuple[float, str]] = []
     for step in range(1, 200):
         now = 1.0 + step / 10
-        shown += [(now, line) for line in folded.due(now)]
-    assert [line for _, line in shown] == [f"number {n}" for n in range(HELD)] + ["… 7 more"]
+        shown += [(now, line) for line in folded.pop_due(now)]
+    assert [line for _, line in shown] == [f"number {n}" for n in range(HELD_MAX)] + ["… 7 more"]
     times = [1.0, *(now for now, _ in shown)]
     assert all(
         sum(start <= time < start + 0.999 for time in times) <= PER_SECOND for start in times
@@ -189,9 +189,9 @@ def test_messages_at_a_pace_that_can_be_read():
 
 def test_what_waits_at_the_end_is_told():
     folded = MessageThrottle()
-    folded.take(["one", "two", "two"])
-    assert folded.rest() == ["one", "two … 1 more"]
-    assert folded.rest() == []
+    folded.add(["one", "two", "two"])
+    assert folded.pop_all() == ["one", "two … 1 more"]
+    assert folded.pop_all() == []
 
 
 def test_the_status_line_shortens_what_plays_first():
@@ -223,15 +223,15 @@ def test_nothing_that_is_shown_steers_the_terminal():
     hostile = "".join(map(chr, range(0x20))) + "\x7f\x9b2J\u202e\ud800 é漢🎻"
     shown = clean(hostile)
     assert set(shown) == set("?\t\n 2Jé漢🎻")
-    told = lines_of(Reply(False, hostile, try_=hostile, lines=(hostile,)), plain=True)
+    told = reply_lines(Reply(False, hostile, try_=hostile, lines=(hostile,)), plain=True)
     assert not set("".join(told)) & set("\x1b\x9b\x07\ud800\r")
     assert echo("1|1 > ", "a\nb\x1b") == "1|1 > a\n    . b?"
 
 
 def test_what_is_typed_can_be_written():
-    assert typed(b"a\xff\xc3".decode("utf-8", "surrogateescape")) == "a\ufffd\ufffd"
-    assert typed("é漢🎻") == "é漢🎻"
-    typed("\ud800 \udcff").encode()
+    assert valid_unicode(b"a\xff\xc3".decode("utf-8", "surrogateescape")) == "a\ufffd\ufffd"
+    assert valid_unicode("é漢🎻") == "é漢🎻"
+    valid_unicode("\ud800 \udcff").encode()
 
 
 def test_where_the_history_lies(tmp_path: Path):

@@ -15,7 +15,7 @@ from tests.repl.test_repl_session import SCORE
 
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.journal_content import read_journal
-from ergon.repl.session.watch import Watch
+from ergon.repl.session.watch import FileWatch
 from ergon.scores.edits.texts import Texts
 
 LINES = ("ada plays knock every 1 now", "set bell.m.t60 2s now", "tempo 90 now")
@@ -176,7 +176,7 @@ def test_a_file_that_is_no_score_changes_nothing(at: Stepped, tmp_path: Path, te
 def test_a_loaded_score_is_the_one_that_is_watched(at: Stepped, tmp_path: Path) -> None:
     other = tmp_path / "other.yaml"
     other.write_text(SCORE)
-    at.session.watch = Watch(Texts.read(tmp_path / "score.yaml"))
+    at.session.watch = FileWatch(Texts.read(tmp_path / "score.yaml"))
     at.ok(f"load {other}")
     os.utime(tmp_path / "score.yaml", (1, 1))
     assert not at.session.watch.has_changed()

@@ -19,7 +19,7 @@ from ergon.exchange import together
 from ergon.notation.text.files import installed
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.journal_content import read_journal
-from ergon.repl.session.replay import resumed
+from ergon.repl.session.replay import resumed_state
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import piece_of
 from ergon.scores.reading.load import load
@@ -45,7 +45,7 @@ def files(folder: Path) -> dict[str, str]:
 def gone_on(folder: Path) -> Session:
     """A session that goes on where the journal ends."""
     replay = read_journal(folder / "session.jsonl", resumes=True)
-    version, clock, past = resumed(replay)
+    version, clock, past = resumed_state(replay)
     return Session(
         version,
         lambda stage: SteppedEngine(stage, tick_frames=EVERY, highpass=None),

@@ -290,7 +290,7 @@ def test_a_score_whose_bars_are_past_begins_when_it_is_loaded(at: Stepped, tmp_p
     at.session.close()
     assert np.array_equal(at.again(), at.sound)
     again = Stepped.resumed(at.journal)
-    assert again.session.commits.running.clock.at == 4.0
+    assert again.session.commits.running.clock.stopped_beat == 4.0
     again.close()
 
 

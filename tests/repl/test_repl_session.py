@@ -80,7 +80,7 @@ def onset(sound: np.ndarray, channel: int = 0) -> int:
 def test_a_line_before_its_boundary_plays_as_if_it_had_been_written(session, tmp_path):
     """Check 9: what is typed in bar 1 for bar 2 is what a score says of bar 2, to the sample."""
     session.ok("play")
-    begun = session.session.commits.running.clock.by
+    begun = session.session.commits.running.clock.began_at
     assert begun is not None
     session.run(0.7)
     assert session.ok("ada plays knock every 1 times 3").text.startswith("ok 2|1 ada: knock")
@@ -207,7 +207,7 @@ def test_nothing_comes_back_after_a_panic(session, phase):
     session.run(1.0 + 0.0125 * phase)
     session.ok("panic")
     session.run(0.1)
-    assert not session.session.commits.running.clock.goes
+    assert not session.session.commits.running.clock.is_running
     session.ok("release")
     session.ok("play")
     session.run(0.1)
@@ -313,9 +313,11 @@ def test_lines_of_one_frame_keep_their_order_in_the_journal(session):
     session.ok("set bell.m.f 300Hz in 3")
     session.ok("stop now")
     session.run(0.5)
-    commits.making.seconds = 10.0  # as on a slow machine: this line waits longer than the other
+    commits.making_time.seconds = (
+        10.0  # as on a slow machine: this line waits longer than the other
+    )
     session.ok("set bell.m.f 400Hz")
-    commits.making.seconds = 0.0
+    commits.making_time.seconds = 0.0
     session.ok("play from 100|1")
     session.ok("ada plays knock every 1 now")
     session.run(3.0)
@@ -397,7 +399,7 @@ def test_strikes_end_at_the_boundary_and_begin_there(tmp_path):
         assert onset(stepped.sound) < 0.5 * stepped.rate
         stepped.ok("hush at 4|1")
         stepped.run(5.0)
-        by = stepped.session.commits.running.clock.by
+        by = stepped.session.commits.running.clock.began_at
         last = len(stepped.sound) - 1 - onset(stepped.sound[::-1])
         tempo = stepped.session.commits.head.piece.tempo_map
         end = (tempo.seconds(tempo.bars.start(4)) + by) * stepped.rate
@@ -462,8 +464,8 @@ def test_a_late_line_does_not_come_back_after_a_panic(session):
     ((ticket, lines, _),) = commits.under_way
     assert [one.line for one in lines] == ["ada plays knock every 1/2 now"]
     session.session.stops.panic_in_turn()
-    session.engine._coming.clear()
-    assert [one.line for one in commits.late(ticket)] == ["panic"]
+    session.engine._changes.clear()
+    assert [one.line for one in commits.requeue_late(ticket)] == ["panic"]
     session.run(0.5)
     session.ok("release")
     session.ok("play")

@@ -16,7 +16,7 @@ from sockets import raw, remote, serving
 from ergon.repl.session_protocol import Reply, State
 from ergon.repl.wire import local_socket
 from ergon.repl.wire.protocol import MAX_LINE, MAX_TEXT, REQUESTS, VERSION, encode, encode_state
-from ergon.repl.wire.remote import Remote
+from ergon.repl.wire.remote import RemoteSession
 from ergon.repl.wire.serve import MAX_PROMPTS
 
 
@@ -198,7 +198,7 @@ def test_a_prompt_waits_for_a_session_that_went_away(short_folder: Path):
     path, vanish = short_folder / "s", threading.Event()
     thread = threading.Thread(target=vanishing, args=(path, vanish))
     thread.start()
-    found: list[Remote] = []
+    found: list[RemoteSession] = []
 
     def connected() -> bool:
         with contextlib.suppress(local_socket.NoSessionError):

@@ -13,7 +13,7 @@ from sessions import Stepped
 from tests.repl.test_repl_live import session_on
 from tests.repl.test_repl_session import SCORE
 
-from ergon.live.perform import bars
+from ergon.live.perform import bar_frames
 from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import ReplayedSession
 from ergon.repl.session.running import rehearsal
@@ -49,7 +49,7 @@ def test_a_first_line_may_begin_the_piece_anywhere(tmp_path: Path) -> None:
 def test_bars_of_a_jump_lie_between_its_frames(at: Stepped) -> None:
     at.ok("play from 100|1")
     running = at.session.commits.running
-    found = bars(running.stage, running.start, running.start + int(10 * at.rate))
+    found = bar_frames(running.stage, running.start, running.start + int(10 * at.rate))
     assert found == sorted(set(found))
     assert len(found) >= 4
     assert found[0] >= running.start

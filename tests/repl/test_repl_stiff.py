@@ -10,7 +10,7 @@ import pytest
 from stiffenings import HANDS, Rig, Scene, measured, rig
 from sweep import few
 
-from ergon.live.automated import automation_felt
+from ergon.live.automated import felt_modules
 from ergon.repl.session.version import piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.stage import stage
@@ -107,7 +107,7 @@ def test_a_scale_has_fallen_when_a_stiffer_scene_begins_and_rises_when_it_is_gon
     with rig(tmp_path, "firm", Scene().text) as own:
         own.ok(STIFF)
         at = own.session.commits.running.start
-        last = own.session.commits.running.bearings[0].last.scale
+        last = own.session.commits.running.force_bounds[0].last.scale
         seen = _ticks(own, at + 40 * 44)
         # The tick whose first frame is that of the change is the first to end behind it.
         assert next(scale for frame, scale in seen if frame > at) == pytest.approx(last, abs=1e-9)
@@ -115,7 +115,7 @@ def test_a_scale_has_fallen_when_a_stiffer_scene_begins_and_rises_when_it_is_gon
         # Softer over a second: nothing is given back before the glide says so.
         own.ok("set bell.b.K 300N/m over 1bar now")
         running = own.session.commits.running
-        (bearing,) = running.bearings
+        (bearing,) = running.force_bounds
         assert bearing.last.scale == 1.0
         bounds = [(running.start + 44 * ticks, scale) for ticks, scale in bearing.bounds]
         for frame, scale in _ticks(own, bounds[-1][0] + 300 * 44):
@@ -137,15 +137,15 @@ def _ticks(own: Rig, until: int) -> list[tuple[int, float]]:
 def test_what_is_far_from_a_hand_costs_nothing(tmp_path: Path):
     """Counted: how often a scene is played against the key."""
     with rig(tmp_path, "firm", Scene().text) as own:
-        bounds = own.engine.force_bounds
+        bounds = own.engine.bounds_finder
         lines = "ada plays knock every 1 now", "tempo 200 now", "gain bell -6dB now", "undo"
-        before = bounds.asked
+        before = bounds.n_responses
         for line in lines:
             own.ok(line)
             own.run(0.1)
-        assert bounds.asked == before
+        assert bounds.n_responses == before
         own.ok(STIFF)
-        assert bounds.asked == before + 1  # where it glides to: what it glides from is known
+        assert bounds.n_responses == before + 1  # where it glides to: what it glides from is known
 
 
 @pytest.mark.slow
@@ -208,7 +208,7 @@ def test_a_duet_knows_no_force_for_automation_that_its_hand_feels(tmp_path: Path
     automation = f"automation: [{{lfo: {target}, range: 1..30, period: 2bar, at: 1|1}}]\n"
     path.write_text(SOFT_GROUND.text + automation, encoding="utf-8")
     staged = stage(piece_of(Texts.read(path)), real={"remi": None})
-    found = automation_felt(staged, ["remi"])
+    found = felt_modules(staged, ["remi"])
     assert found == ({"remi": ["bell.m"]} if target == "bell.m.K" else {})
 
 
@@ -218,10 +218,10 @@ def test_automation_that_no_hand_feels_takes_no_force_away(tmp_path: Path):
         own.ok("lfo k1.K 1..30 period 2bar now")
         own.run(0.5)
         assert own.scale == 1.0
-        asked = own.engine.force_bounds.asked
+        asked = own.engine.bounds_finder.n_responses
         own.ok("lfo k1.K 1..40 period 2bar now")
         own.run(0.3)
-        assert own.engine.force_bounds.asked <= asked + 1
+        assert own.engine.bounds_finder.n_responses <= asked + 1
 
 
 def test_automation_with_more_values_than_are_checked_is_refused(tmp_path: Path):

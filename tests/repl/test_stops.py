@@ -29,7 +29,7 @@ from ergon.repl.language.scope import scope_of
 from ergon.repl.line_queue import LineQueue
 from ergon.repl.prompt.error_boundary import ErrorBoundary
 from ergon.repl.session_protocol import SessionProtocol, stop_of
-from ergon.repl.wire.remote import Remote
+from ergon.repl.wire.remote import RemoteSession
 
 SHARED = """\
 ergon: 1
@@ -230,7 +230,7 @@ def test_lines_before_a_stop_bring_nothing_back():
     turns.end()
     assert face.asked == ["panic", "panic", "input ends"]
     found = [turns.next() for _ in range(5)]
-    assert [turn and (turn.who, turn.releases) for turn in found] == [
+    assert [turn and (turn.sender, turn.releases) for turn in found] == [
         *[(1, False), (2, False), (3, False), (4, False)],
         None,
     ]
@@ -292,7 +292,7 @@ def test_stops_are_the_words_of_the_language(tmp_path: Path, line: str):
 
 
 def test_every_face_has_every_stop():
-    for face in (ErrorBoundary, Remote, Acted):
+    for face in (ErrorBoundary, RemoteSession, Acted):
         for name in ("panic", "let_go", "input_ends"):
             assert callable(getattr(face, name)), (face, name)
     assert SessionProtocol is not None

@@ -21,7 +21,7 @@ from sweep import crossed, few
 from tests.robust.test_kills import LIVE, SCORE
 
 from ergon import _core
-from ergon.repl.session.journal import read
+from ergon.repl.session.journal import read_events
 
 DEVICE = [*ERGON, "emulate", "frame", "--udp", "0", "--json"]
 NEVER = ("Traceback", "internal error", "Exception ignored", "panicked", "in ergon itself")
@@ -235,7 +235,7 @@ def test_a_journal_on_a_full_disk_is_told_and_never_whole(small: Path) -> None:
     assert "cannot be written" in out + told
     assert "No space left" in out + told
     if (small / "session.jsonl").exists():
-        assert "end" not in [event.name for event in read(small / "session.jsonl")]
+        assert "end" not in [event.name for event in read_events(small / "session.jsonl")]
 
 
 @pytest.mark.parametrize("line", WRITERS)
@@ -392,7 +392,7 @@ def test_two_sessions_in_one_folder(here: Path) -> None:
         assert "ok" in out
     found = set()
     for name in ("session.jsonl", "session-2.jsonl", "session-3.jsonl"):
-        events = list(read(here / name))
+        events = list(read_events(here / name))
         assert events[-1].name == "end"
         found |= {str(event.fields["line"]) for event in events if event.name == "line"}
     assert found == {f"gain bell -{number}dB" for number in (1, 2, 3)}

@@ -26,7 +26,7 @@ from commands import ERGON
 from ergon import _core
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.journal_content import read_journal
-from ergon.repl.session.replay import resumed
+from ergon.repl.session.replay import resumed_state
 
 SEED = 12
 MANY = 1000
@@ -237,7 +237,7 @@ def repl(folder: Path, chance: random.Random) -> None:
     events = [event.fields["line"] for _, event in sorted(found.lines.items())]
     assert events == list(LINES[: len(events)])
     assert len(events) >= accepted
-    text = resumed(found)[0].texts.text
+    text = resumed_state(found)[0].texts.text
     assert ("every: 1, until: 999|1" in text) == (len(events) > 1)
     assert ("2@1/8" in text) == (len(events) == len(LINES))
     code, said = ended(folder, *line, "--resume", "session.jsonl")

@@ -12,7 +12,7 @@ from ergon.notation.text.bounds import MARKER, FileBounds
 from ergon.repl.language.commands import Load, Reload
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.journal_content import read_journal
-from ergon.repl.session.replay import resumed
+from ergon.repl.session.replay import resumed_state
 from ergon.repl.session.version import NotTakenError, Version
 from ergon.repl.session.version_edits import VERSION_EDITS
 from ergon.scores.edits.texts import Texts
@@ -217,7 +217,7 @@ def test_a_journal_reads_in_its_own_folder(piece):
             '{{"v": 1, "event": "session", "score": "{}", "text": "{}", "every": 64,'
             ' "gain": 1.0, "limit": 1.0}}\n'.format(secret / "s.yaml", text)
         )
-        loaded = read_journal(Path("s.jsonl")).opening.texts.load()
+        loaded = read_journal(Path("s.jsonl")).start.texts.load()
         assert [d.code for d in loaded.diagnostics] == ["E107"]
         assert all("secret" not in d.message for d in loaded.diagnostics)
 
@@ -240,9 +240,9 @@ def test_a_session_goes_on_where_its_journal_lies(piece):
             ):
                 read_journal(Path("s.jsonl"), resumes=True)
             named = read_journal(Path("s.jsonl"), str(score), resumes=True)
-            assert resumed(named)[0].texts.path == str(score)
+            assert resumed_state(named)[0].texts.path == str(score)
         else:
-            version, *_ = resumed(read_journal(Path("s.jsonl"), resumes=True))
+            version, *_ = resumed_state(read_journal(Path("s.jsonl"), resumes=True))
             Path("../x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
             Path("s.yaml").write_text("ergon: 1\nuse: [../x.yaml]\n" + PLAYED)
             with pytest.raises(NotTakenError, match="outside the score's folder"):

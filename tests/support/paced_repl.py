@@ -69,11 +69,11 @@ class Driver:
         self.paces.remove(lost)
         lost.leave()
         lost.free()
-        self._until(lambda: "zoe" in self.session.commits.engine.status().away)
+        self._until(lambda: "zoe" in self.session.commits.engine.status().disconnected)
 
     def find(self) -> None:
         self.boards[1].come()
-        self._until(lambda: not self.session.commits.engine.status().away)
+        self._until(lambda: not self.session.commits.engine.status().disconnected)
 
     def _until(self, true) -> None:
         while not true():
@@ -87,9 +87,9 @@ class Driver:
         for board in self.paces:
             board.wait()
         self.session.pump()
-        if (path := self.session.guidance.due()) is not None:
+        if (path := self.session.guidance.paths_due()) is not None:
             with self.session.lock:
-                self.session.guidance.hand(*path)
+                self.session.guidance.send(*path)
 
 
 def by_frames(config: PlaybackConfig) -> PlaybackConfig:
@@ -98,8 +98,8 @@ def by_frames(config: PlaybackConfig) -> PlaybackConfig:
 
 
 if __name__ == "__main__":
-    computing.LINE = computing.FILES = 1e3
-    commits._AGAIN = 0.0  # time stands still while a line is computed
+    computing.LINE_SECONDS = computing.FILES_SECONDS = 1e3
+    commits._MAKING_FACTOR = 0.0  # time stands still while a line is computed
     hand = {"stiffness": 900.0, "sine": 5e-3}
     with paced(hertz=2.0, **hand) as one, paced(hertz=3.0, **hand) as two:
         port = midi_ports.ProcessPort()

@@ -4,5 +4,5 @@ from ergon.cli.app import main
 from ergon.repl.session import computing
 
 if __name__ == "__main__":
-    computing.LINE = computing.FILES = 1e3
+    computing.LINE_SECONDS = computing.FILES_SECONDS = 1e3
     main()

@@ -10,10 +10,10 @@ import numpy as np
 from ergon.exchange import frozen as exchange
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.engine import SteppedEngine
-from ergon.repl.session.frozen_parts import held, of_frozen
-from ergon.repl.session.journal import Journal, free
+from ergon.repl.session.frozen_parts import frozen_folder, load_frozen
+from ergon.repl.session.journal import Journal, free_path
 from ergon.repl.session.journal_content import SessionStart, read_journal
-from ergon.repl.session.replay import ReplayedSession, resumed
+from ergon.repl.session.replay import ReplayedSession, resumed_state
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.repl.session_protocol import Reply
@@ -47,17 +47,17 @@ class Stepped:
         if frozen is not None:
             found = exchange.read(frozen)
             listening = build_network(version.piece, frozenset(found.parts)).listening
-            frozen = of_frozen(frozen, found, version.piece, listening)
+            frozen = frozen_folder(frozen, found, version.piece, listening)
         self._open(own, version, Clock(), None, None, journal, keeps, frozen, is_seen)
 
     @classmethod
     def resumed(cls, journal: Path) -> Stepped:
         """A session that continues where a journal ends, with its own journal beside it."""
         found = read_journal(journal, resumes=True)
-        version, clock, past = resumed(found)
+        version, clock, past = resumed_state(found)
         own = cls.__new__(cls)
-        folder = found.opening.frozen
-        own._open(free(journal), version, clock, past, found.disk, True, True, folder)
+        folder = found.start.frozen
+        own._open(free_path(journal), version, clock, past, found.disk, True, True, folder)
         return own
 
     def _open(
@@ -73,7 +73,7 @@ class Stepped:
             clock=clock,
             past=past,
             disk=disk,
-            frozen=() if frozen is None else held(frozen, version, {}),
+            frozen=() if frozen is None else load_frozen(frozen, version, {}),
             is_seen=is_seen,
         )
         if written is not None:
@@ -82,9 +82,11 @@ class Stepped:
             beside["sounds_as"] = version.sounds_as
             beside["is_seen"] = is_seen
             beside["frozen"] = None if frozen is None else frozen.beside(path)
-            opening = SessionStart(version.texts, clock.at, version.faders, EVERY, *heard, **beside)
+            opening = SessionStart(
+                version.texts, clock.stopped_beat, version.faders, EVERY, *heard, **beside
+            )
             known = self.session.disk.hashes_by_name(version.texts)
-            written.tell("session", **opening.fields(), disk=known)
+            written.append("session", **opening.fields(), disk=known)
         self._sound: list[np.ndarray] = []
         self._keeps = keeps
         self.hash = hashlib.sha256()

@@ -13,12 +13,12 @@ from patience import PATIENCE, until
 from ergon.repl.session_protocol import Reply, State
 from ergon.repl.wire import local_socket
 from ergon.repl.wire.protocol import encode
-from ergon.repl.wire.remote import Remote
+from ergon.repl.wire.remote import RemoteSession
 from ergon.repl.wire.serve import SessionServer
 
 
-def remote(path: Path) -> Remote:
-    return Remote(path, "ergon repl --socket")
+def remote(path: Path) -> RemoteSession:
+    return RemoteSession(path, "ergon repl --socket")
 
 
 class Acted:
