@@ -96,7 +96,7 @@ def test_doctor_keeps_what_it_measures(monkeypatch: pytest.MonkeyPatch, capsys: 
         assert seconds > 0.0
         return fitness.Finding("speed", "measured", numbers={"correction": 1.5})
 
-    monkeypatch.setattr(fitness, "speed", speed)
+    monkeypatch.setattr(fitness, "measure_speed", speed)
     assert app.run(["doctor", "--no-audio", "--seconds", "0.1"]) == 0
     assert "speed    measured" in capsys.readouterr().out
     assert machine_speed.read_correction() == 1.5
