@@ -26,9 +26,9 @@ from ergon.rendering.remote import Answer, ClusterError, Request
 from . import cluster_worker
 from .cluster_worker import Job
 from .errors import OptionError
+from .parallel_results import results_as_completed
 from .plan import budget_of
 from .score_bundle import bundled, digest
-from .spread import results_as_completed
 
 if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded

@@ -22,8 +22,8 @@ from ergon.exchange.wave_header import Bits
 from . import score as scores
 from .errors import OptionError, ScoreError
 from .options import AccuracyOptions, ReadOptions
+from .parallel_results import results_as_completed
 from .score_bundle import ScoreBundle, bundled, digest
-from .spread import results_as_completed
 from .sweep_table import FIGURES, SweepRow, Table
 from .sweep_variant import Outcome, compute, on_worker
 

@@ -15,7 +15,7 @@ from .outcome import Refused
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ergon.lab.elsewhere import Workers
+    from ergon.lab.cluster_workers import Workers
     from ergon.scores.reading.load import Loaded
 
 FORMS = ("csv", "svg", "png")
@@ -71,7 +71,7 @@ def workers(
         return
     from ergon.api.cluster import open_cluster
     from ergon.api.score_bundle import bundled
-    from ergon.lab.elsewhere import Workers
+    from ergon.lab.cluster_workers import Workers
 
     if trust:
         raise Refused("--on excludes --trust; leave one of the two out")

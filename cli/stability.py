@@ -111,10 +111,10 @@ def _maps(
     seconds: float,
     accurate: float | None,
 ) -> tuple[dict[str, Map], str]:
-    from ergon.lab import atlas
+    from ergon.lab import map_catalogue
 
     piece = None if loaded is None else score.piece_of(loaded)
-    known = atlas.maps(method, piece, seconds, accurate)
+    known = map_catalogue.maps(method, piece, seconds, accurate)
     names = laboratory.words(chosen, tuple(known), "--maps")
     title = f"where {method} is stable, and where right"
     if piece is not None:

@@ -10,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from ergon.exchange.safe import write_text
-from ergon.lab import atlas, chart_table, draw_chart, draw_maps, map_table
+from ergon.lab import chart_table, draw_chart, draw_maps, map_catalogue, map_table
 from ergon.lab.chart import measure, planned, settings
 from ergon.lab.machine import machine
 from ergon.lab.maps import survey_all
@@ -58,7 +58,7 @@ def _chart(folder: Path, name: str) -> str:
 
 
 def _maps(folder: Path, method: str) -> str:
-    found = survey_all(atlas.built_in(method), lambda done: None)
+    found = survey_all(map_catalogue.built_in(method), lambda done: None)
     title = f"where {method} is stable, and where right"
     name = "stability" if method == "ca" else f"stability-{method}"
     stem = folder / name

@@ -12,9 +12,9 @@ import pytest
 import soundfile
 from patience import PATIENCE
 
-from ergon.exchange import temporary, together
+from ergon.exchange import atomic_writes, temporary
+from ergon.exchange.atomic_writes import write_all
 from ergon.exchange.safe import MARK, FileRefusedError, is_ours, open_for_writing, write_text
-from ergon.exchange.together import write_all
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
@@ -245,14 +245,14 @@ def test_who_makes_a_new_file_first_keeps_it(
 ) -> None:
     old, new = tmp_path / "a.txt", tmp_path / "b.txt"
     old.write_text("before")
-    put = together._move_to_target
+    put = atomic_writes._move_to_target
 
     def raced(part: Path, target: Path, *, is_new: bool) -> None:
         if target == new:
             new.write_text("theirs")
         put(part, target, is_new=is_new)
 
-    monkeypatch.setattr(together, "_move_to_target", raced)
+    monkeypatch.setattr(atomic_writes, "_move_to_target", raced)
     with pytest.raises(FileRefusedError, match="File exists"):
         write_all({old: b"after", new: b"ours"}, lambda path: None)
     assert (old.read_text(), new.read_text()) == ("before", "theirs")

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from ergon import _core
-from ergon.lab import atlas, canonical, map_table, maps
+from ergon.lab import canonical, map_catalogue, map_table, maps
 from ergon.lab.names import MAPS, METHODS, ORDERS
 from ergon.lab.runs import Setting, start
 from ergon.lab.stiffness import has_contacts, stiffer
 from ergon.lab.truth import converged
 from ergon.scores.reading.load import load
 
-BUILT_IN = atlas.built_in("ca")
+BUILT_IN = map_catalogue.built_in("ca")
 BORDERS = {
-    (name, method): atlas.built_in(method)[name]
+    (name, method): map_catalogue.built_in(method)[name]
     for method in METHODS
     for name in ("cell", "rate", "coupling")
 }
@@ -29,7 +29,7 @@ def silent(done: int) -> None:
 def survey(
     name: str, rows: slice = slice(None), method: str = "ca"
 ) -> tuple[maps.Map, list[maps.Spot]]:
-    whole = atlas.built_in(method)[name]
+    whole = map_catalogue.built_in(method)[name]
     one = replace(whole, ys=whole.ys[rows])
     return one, maps.survey(one, silent)
 
@@ -78,7 +78,7 @@ def test_by_modes_what_is_linear_is_right_wherever_it_runs():
 
 def test_by_modes_a_contact_is_stepped_and_has_the_border_of_what_steps_it():
     for name in ("contact", "strike"):
-        one, plain = BUILT_IN[name], atlas.built_in("modal")[name]
+        one, plain = BUILT_IN[name], map_catalogue.built_in("modal")[name]
         assert one.load is not None
         assert plain.load is not None
         for x in one.xs:
@@ -122,7 +122,7 @@ def test_every_method_has_limits_and_every_map_a_name():
     assert tuple(BUILT_IN) == MAPS
     for method in METHODS:
         assert canonical.limit(method) >= 4.0
-        assert set(atlas.built_in(method)) == set(MAPS)
+        assert set(map_catalogue.built_in(method)) == set(MAPS)
     assert ORDERS["ca"] == 2
 
 
@@ -187,7 +187,7 @@ def test_stiffer_means_every_spring():
 
 def test_a_score_fails_where_its_certificate_says():
     """λ ≈ K·T²/M: 4 at 44.1 kHz is 7.8 MN/m for 1 g, 26 times the score's."""
-    one = atlas.of_score(piece(), 0.05, "ca")["springs"]
+    one = map_catalogue.of_score(piece(), 0.05, "ca")["springs"]
     spots = {(s.x, s.y): s for s in maps.survey(one, silent)}
     assert spots[16.0, 1.0].stable is True
     assert spots[32.0, 1.0].stable is False

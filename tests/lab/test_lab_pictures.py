@@ -10,8 +10,8 @@ from sweep import few
 
 from ergon.exchange.safe import FileRefusedError, is_ours
 from ergon.lab import chart_table, draw_chart, draw_maps, map_table, maps, table
-from ergon.lab.atlas import built_in
 from ergon.lab.chart import Chart, Point
+from ergon.lab.map_catalogue import built_in
 from ergon.lab.pictures import MatplotlibMissingError, save, targets
 from ergon.lab.runs import Setting
 

@@ -7,7 +7,7 @@ import pytest
 from sweep import few
 
 from ergon import _core
-from ergon.lab import atlas, map_table, maps, slow_key_scene
+from ergon.lab import map_catalogue, map_table, maps, slow_key_scene
 from ergon.lab.names import CUTS, SLOW
 from ergon.lab.slow_key_scene import QUICK, RATE, SOFT, SlowKeyPoint, SlowKeyScene
 
@@ -15,7 +15,7 @@ KEYS = {"soft": SOFT, "quick": QUICK}
 
 
 def survey(name: str, *every: float) -> tuple[maps.Map, list[maps.Spot]]:
-    whole = atlas.built_in(SLOW)[name]
+    whole = map_catalogue.built_in(SLOW)[name]
     one = replace(whole, xs=whole.xs[::4], ys=every)  # the whole maps: `make charts`
     return one, maps.survey(one, lambda done: None)
 
@@ -36,7 +36,7 @@ def test_a_soft_key_is_preserved_wherever_a_plan_says_so():
 
 @pytest.mark.slow
 def test_what_the_certificate_refuses_grows_and_nothing_else_does():
-    one = atlas.built_in(SLOW)["quick"]
+    one = map_catalogue.built_in(SLOW)["quick"]
     places = [(x, y) for y in (20.0, 36.0, 54.0) for x in one.xs[::4]]
     spots = [maps.predicted_and_run(one, x, y)[0] for x, y in places]
     assert {spot.certified for spot in spots if spot.theory} == {True, False}
@@ -79,7 +79,7 @@ def test_a_factor_that_no_certificate_sees_changes_no_bit():
 
 @pytest.mark.slow
 def test_the_table_says_what_counts_as_right():
-    one = replace(atlas.built_in(SLOW)["soft"], xs=(1.0,), ys=(10.0, 12.0))
+    one = replace(map_catalogue.built_in(SLOW)["soft"], xs=(1.0,), ys=(10.0, 12.0))
     assert [one.right_db(y) for y in (2.0, 10.0, 12.0, 60.0)] == [-75.0, -75.0, -70.0, -70.0]
     spots = maps.survey(one, lambda done: None)
     strict = replace(one, right=((float("inf"), -88.0),))

@@ -8,7 +8,7 @@ import pytest
 from sweep import few
 
 from ergon.cli import app
-from ergon.lab import chart, elsewhere, pictures
+from ergon.lab import chart, cluster_workers, pictures
 
 SCORE = """\
 ergon: 1
@@ -64,10 +64,10 @@ def test_costs_are_in_seconds_of_home(monkeypatch: pytest.MonkeyPatch):
         point = {"status": "ok", "reason": "", "cost": 3 * 0.02}
         return {"point": point, "samples": bytes(80), "n_channels": 1, "yardstick": 3 * 0.5}
 
-    monkeypatch.setattr(elsewhere, "play", slow)
-    monkeypatch.setattr(elsewhere, "yardstick", lambda: 0.5)
+    monkeypatch.setattr(cluster_workers, "play", slow)
+    monkeypatch.setattr(cluster_workers, "yardstick", lambda: 0.5)
     with elsewhere_cluster() as cluster:
-        (found,) = elsewhere.Workers(cluster, content).played([setting], 10, has_energy=False)  # type: ignore[arg-type]
+        (found,) = cluster_workers.Workers(cluster, content).played([setting], 10, has_energy=False)  # type: ignore[arg-type]
     assert found.point.cost == pytest.approx(0.02)
     assert found.sound is not None
     assert found.sound.shape == (10, 1)

@@ -17,7 +17,7 @@ from ergon.api import score as scores
 from ergon.api.cluster import Cluster
 from ergon.api.cluster_worker import check_version, lock, version
 from ergon.api.score_bundle import ScoreBundle, unpack, with_local_paths
-from ergon.lab import atlas
+from ergon.lab import map_catalogue
 from ergon.lab.chart import ROUNDS, Played, Point, played_beside, yardstick
 from ergon.lab.maps import Map, Spot, compute_spot
 from ergon.lab.runs import Setting
@@ -144,7 +144,7 @@ def survey(asked: list[Any], which: _Which, name: str, x: float) -> list[dict[st
 def _map(which: _Which, name: str) -> Map:
     content = which.get("content")
     if content is None:
-        return atlas.maps(which["method"], None, which["seconds"], which["accurate"])[name]
+        return map_catalogue.maps(which["method"], None, which["seconds"], which["accurate"])[name]
     with unpack(content) as path:
         piece = scores.piece_of(scores.read(path))
-        return atlas.maps(which["method"], piece, which["seconds"], which["accurate"])[name]
+        return map_catalogue.maps(which["method"], piece, which["seconds"], which["accurate"])[name]
