@@ -60,15 +60,15 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
         return None, []
     from ergon import _core
     from ergon.scores.staging.highest_modes import highest_modes, warn_low_modes, warn_over_limit
-    from ergon.scores.staging.implausible import implausible
+    from ergon.scores.staging.implausible import warn_implausible
     from ergon.scores.staging.preparing import prepare
     from ergon.scores.staging.refusals import StageError
-    from ergon.scores.staging.unused import unused
+    from ergon.scores.staging.unused import warn_unused
 
     staged = None
     try:
         staged = stage_as_checked(loaded.piece, report)
-        found = [*unused(loaded.piece), *implausible(loaded.piece), *staged.diagnostics]
+        found = [*warn_unused(loaded.piece), *warn_implausible(loaded.piece), *staged.diagnostics]
         found += warn_low_modes(highest_modes(loaded.piece, staged.built))
         found += warn_over_limit(loaded.piece, staged.built, staged.paths)
     except StageError as error:

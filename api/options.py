@@ -51,7 +51,7 @@ class AccuracyOptions(ReadOptions):
         """
         from ergon.notation.text.spelling import nearest
         from ergon.scores.reading.piece import METHODS, Accuracy
-        from ergon.scores.staging.planning import wished
+        from ergon.scores.staging.planning import requested_accuracy
 
         given = {"method": self.method, "error": self.error, "cents": self.cents}
         names = [name for name, value in given.items() if value is not None]
@@ -70,7 +70,9 @@ class AccuracyOptions(ReadOptions):
             if method is not None and method not in METHODS:
                 raise OptionError("plan", f"there is no method '{method}'", value=str(self.plan))
             return Accuracy(**followed.budget, cpu=of_score.cpu)  # type: ignore[arg-type]
-        return wished(of_score, method=self.method, error=self._error_db(), cents=self.cents)
+        return requested_accuracy(
+            of_score, method=self.method, error=self._error_db(), cents=self.cents
+        )
 
     def _error_db(self) -> float | None:
         from ergon.notation.tables.quantities import ERROR, quantity

@@ -93,11 +93,11 @@ def stage_piece(
     """
     from ergon.exchange import machine_speed
     from ergon.exchange.plan_store import of_user
-    from ergon.scores.staging.implausible import implausible
+    from ergon.scores.staging.implausible import warn_implausible
     from ergon.scores.staging.planning import draft_error
     from ergon.scores.staging.recording_stages import stage_or_plan
     from ergon.scores.staging.stage import stage
-    from ergon.scores.staging.unused import unused
+    from ergon.scores.staging.unused import warn_unused
 
     piece = piece_of(loaded)
     start = time.perf_counter()
@@ -131,7 +131,7 @@ def stage_piece(
     plan_s = time.perf_counter() - start
     if options is not None and options.draft and staged.plan is not None:
         (report or Report()).say(draft_error(staged.plan))
-    show(report, loaded, [*unused(piece), *implausible(played), *staged.diagnostics])
+    show(report, loaded, [*warn_unused(piece), *warn_implausible(played), *staged.diagnostics])
     return Staged(piece, staged, plan_s)
 
 

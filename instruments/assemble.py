@@ -23,7 +23,7 @@ from ergon.instruments.module_kinds import (
 from ergon.instruments.space import Space
 from ergon.instruments.space import add as add_points
 from ergon.instruments.space.points import add_surface, along, unit
-from ergon.instruments.spread import is_pairwise, singles
+from ergon.instruments.spread import is_pairwise, single_links
 
 _Fields = Mapping[str, Any]
 
@@ -139,7 +139,7 @@ class Assembly:
                 continue
             first = self.network.n_lia
             with self._collecting_refusals():
-                own = list(singles(module))
+                own = list(single_links(module))
                 for one in own:
                     self.link(name, one, *one.fields["between"], reach=reach)
                 if module.fields.get("box") is not None:

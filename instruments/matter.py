@@ -34,7 +34,7 @@ class _Refused(Exception):
         self.code, self.message, self.field = code, message, field
 
 
-def made_of(kind: str, values: Values, *, quietly: bool = False) -> Values | None:
+def from_material(kind: str, values: Values, *, quietly: bool = False) -> Values | None:
     """The fields of a body, with mass, pitch, stiffness and decay computed from its material.
 
     None if an error was reported, or if fields are missing and `quietly` is set.

@@ -8,7 +8,7 @@ from functools import reduce
 from typing import Any
 
 from ergon.instruments import checks
-from ergon.instruments.matter import MATTER, made_of
+from ergon.instruments.matter import MATTER, from_material
 from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, KINDS, tables, with_optional_fields
@@ -235,7 +235,7 @@ def _followed(kind: str, values: Values, axes: int = 1) -> Values | None:
     if axes > 1:
         return values
     follow = {"BANK": listed, "MODES": placed}.get(kind)
-    return made_of(kind, values) if follow is None else follow(values)
+    return from_material(kind, values) if follow is None else follow(values)
 
 
 def module(name: str, kind: str, values: Values, axes: int = 1) -> Module:
@@ -391,7 +391,7 @@ def _retuned(values: Values, body: Values) -> Values | None:
     if values.kind == "MODES":
         own = retuned_modes(body, values, lambda f, to: moved("f", f, between(min(f), to)))
         return _followed("MODES", own)
-    body = made_of(values.kind, body, quietly=True) or body
+    body = from_material(values.kind, body, quietly=True) or body
     given, nodes = dict(body.given), dict(body.nodes)
     for name in values.written("f", "t60", "M"):
         if name not in values.given:

@@ -95,7 +95,7 @@ def has_wall(fields: Mapping[str, Any]) -> bool:
     return any(shape is not None for shape in shapes) or fields.get("side") == "inside"
 
 
-def singles(module: Module) -> Iterator[Module]:
+def single_links(module: Module) -> Iterator[Module]:
     """The single links of a link over a range, `bridge.0` and so on; the link itself if it is one.
 
     A link that acts between all points of two ranges is one link; a box is one for each wall.

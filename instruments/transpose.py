@@ -16,7 +16,7 @@ from fractions import Fraction
 from typing import Any
 
 from ergon import _core
-from ergon.instruments.matter import made_of
+from ergon.instruments.matter import from_material
 from ergon.instruments.modal import Each
 from ergon.instruments.module_kinds import Start
 from ergon.instruments.stiff import Stretched
@@ -201,7 +201,7 @@ def named_pitch(values: Values) -> float | None:
     for body in [values] if values.kind else bodies:
         fields = body.given.get(body.kind)
         if isinstance(fields, Values):
-            fields = made_of(body.kind, fields, quietly=True) or fields
+            fields = from_material(body.kind, fields, quietly=True) or fields
         f = fields.given.get("f") if isinstance(fields, Values) else None
         if isinstance(f, tuple) and body.kind == "MODES":
             f = min(f, default=None)
@@ -240,7 +240,7 @@ def _fields(kind: str, fields: Values, interval: Interval) -> Values:
     """
     if is_mechanics(kind, fields):
         return fields
-    fields = made_of(kind, fields, quietly=True) or fields
+    fields = from_material(kind, fields, quietly=True) or fields
     given = {name: moved(name, value, interval) for name, value in fields.given.items()}
     if kind == "LNL" or fields.written("modes"):
         given["interval"] = given["interval"].then(interval) if "interval" in given else interval

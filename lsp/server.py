@@ -25,7 +25,7 @@ from ergon.api.check import try_stage
 from ergon.notation.text import document
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, Diagnostic, TextError
-from ergon.notation.text.files import installed
+from ergon.notation.text.files import installed_path
 from ergon.notation.text.format import formatted
 from ergon.notation.text.values import Place
 from ergon.scores.reading.load import Loaded, load
@@ -293,7 +293,9 @@ def _uri(file: str, open_uri: str) -> str:
     path = Path(file)
     if path == _path(open_uri):
         return open_uri
-    return from_fs_path(str((path if path.exists() else installed(file)).resolve())) or open_uri
+    return (
+        from_fs_path(str((path if path.exists() else installed_path(file)).resolve())) or open_uri
+    )
 
 
 _HANDLERS: dict[str, Callable[..., Any]] = {

@@ -20,10 +20,10 @@ from ergon.common.report import Report
 from ergon.notation.text.errors import Diagnostic, full
 from ergon.scores.reading.load import Loaded, load
 from ergon.scores.staging.highest_modes import highest_modes, warn_low_modes, warn_over_limit
-from ergon.scores.staging.implausible import implausible
+from ergon.scores.staging.implausible import warn_implausible
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import stage
-from ergon.scores.staging.unused import unused
+from ergon.scores.staging.unused import warn_unused
 
 _TABLE = Path(__file__).with_name("codes.yaml")
 NAME = "score.yaml"  # what the examples are called
@@ -69,7 +69,7 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
             played = stage(loaded.piece, planned=True)
         except StageError as error:
             return [*loaded.diagnostics, *error.diagnostics], loaded
-        reports = [*loaded.diagnostics, *unused(loaded.piece), *implausible(loaded.piece)]
+        reports = [*loaded.diagnostics, *warn_unused(loaded.piece), *warn_implausible(loaded.piece)]
         reports += played.diagnostics
         if entry.code == "W331":
             return [*reports, *warn_low_modes(highest_modes(loaded.piece, played.built))], loaded

@@ -15,7 +15,7 @@ from ergon.instruments.model import Module, Output, Target
 from ergon.instruments.module_kinds import GENERATORS, LINKS
 from ergon.instruments.proxies import add as add_proxy
 from ergon.instruments.proxies import targets
-from ergon.instruments.spread import singles
+from ergon.instruments.spread import single_links
 from ergon.models.errors import ModelError
 from ergon.models.programs.first_step import last_step, ratios
 from ergon.notation.text.values import Place
@@ -365,7 +365,7 @@ class _Builder:
                     self._push(end)
                 return
             first = len(self.to.links)
-            for one in singles(module):
+            for one in single_links(module):
                 a, b = (self._members(end)[:1] for end in one.fields["between"])
                 if a and b:
                     called = f"{part.name}.{one.name}"

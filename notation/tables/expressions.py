@@ -309,7 +309,7 @@ class NamedAmounts:
     wrong: list[tuple[Scalar, TextError]]
 
 
-def lets(of: Document) -> NamedAmounts:
+def named_amounts(of: Document) -> NamedAmounts:
     """The values that `let:` of a document names; read once."""
     if of.lets is None:
         root, node = of.root, of.let
@@ -359,7 +359,7 @@ def parse_with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
     try:
         return parse(node.text)
     except TextError as plain:
-        pieces = _replaced(node.text, lets(node.document).names)
+        pieces = _replaced(node.text, named_amounts(node.document).names)
         if len(pieces) < 2:
             raise
         try:
@@ -382,7 +382,7 @@ def parse_with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
 
 def has_name(word: str, of: Document) -> bool:
     """Whether a name of `let:` stands in a word."""
-    names = lets(of).names
+    names = named_amounts(of).names
     return any(part in names for part in _WORD.findall(word))
 
 
@@ -398,7 +398,7 @@ def word_value(word: str, of: Document, parse: Callable[[str], _T]) -> _T:
     try:
         return parse(word)
     except TextError as plain:
-        names = lets(of).names
+        names = named_amounts(of).names
         if not is_computed(word, of):
             plain.suggestion = plain.suggestion or nearest(word, names)
             raise
@@ -416,7 +416,7 @@ def position(text: str, of: Document, parse: Callable[[str], _T]) -> _T:
 
     Raises TextError.
     """
-    names = lets(of).names
+    names = named_amounts(of).names
     begun = _BEGUN.fullmatch(text)
     try:
         found = parse(text)
@@ -455,7 +455,7 @@ def note_of(word: str, of: Document) -> str | None:
     """The note that a word of a table gives, if it is an expression. Raises TextError."""
     if not is_computed(word, of):
         return None
-    amount = evaluate(word, lets(of).names)
+    amount = evaluate(word, named_amounts(of).names)
     return amount.literal if amount.unit == "note" else None
 
 
@@ -484,7 +484,7 @@ def literal(node: Scalar) -> str | None:
     """The literal that the expression in a node gives; None if the node is not an expression.
     Raises TextError.
     """
-    names = lets(node.document).names
+    names = named_amounts(node.document).names
     text = node.text
     if not looks_like(text, names):
         return None

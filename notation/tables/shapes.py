@@ -191,7 +191,7 @@ class NamedValues(Shape):
         """Read a node; its document keeps the values."""
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
-        found = expressions.lets(node.document)
+        found = expressions.named_amounts(node.document)
         for scalar, error in found.wrong:
             context.text_error(error, scalar, name, inside=False)
         return dict(found.names)

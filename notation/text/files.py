@@ -43,7 +43,7 @@ def shipped(path: Path) -> str | None:
     return None
 
 
-def installed(name: str) -> Path:
+def installed_path(name: str) -> Path:
     """Where a file that ships is installed, by the name by which scores use it."""
     first, *rest = PurePosixPath(name).parts
     root = _LIBRARY.get(first)
@@ -236,7 +236,7 @@ def _similar(name: str, folder: Path) -> str | None:
     known: dict[str, str] = {}
     own = _library_folder(name)
     for prefix in (own,) if own else _LIBRARY:
-        paths = sorted(installed(prefix).glob("*.yaml"))
+        paths = sorted(installed_path(prefix).glob("*.yaml"))
         known |= {path.stem: f"{prefix}/{path.name}" for path in paths}
     for inside in (PurePosixPath(), PurePosixPath(name).parent):
         if inside.is_absolute() or ".." in inside.parts:
@@ -255,7 +255,7 @@ def _library_folder(name: str) -> str | None:
     """The folder of the library, such as `layouts`, in which a name is looked for."""
     prefix, *rest = PurePosixPath(name).parts or ("",)
     is_plain = len(rest) == 1 and prefix not in ("", ".", "..", "/")
-    return prefix if is_plain and installed(prefix).is_dir() else None
+    return prefix if is_plain and installed_path(prefix).is_dir() else None
 
 
 def _library_list(name: str) -> str | None:
@@ -263,7 +263,7 @@ def _library_list(name: str) -> str | None:
     many.
     """
     prefix = _library_folder(name)
-    files = sorted(installed(prefix).glob("*.yaml")) if prefix else []
+    files = sorted(installed_path(prefix).glob("*.yaml")) if prefix else []
     if not 0 < len(files) <= _MAX_TOLD:
         return None
     return f"in the library: {', '.join(f'{prefix}/{path.name}' for path in files)}"

@@ -7,7 +7,7 @@ import re
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from ergon.common.errors import ErgonError
-from ergon.notation.text.files import installed, is_below, is_file, is_shipped, shipped
+from ergon.notation.text.files import installed_path, is_below, is_file, is_shipped, shipped
 
 LIBRARY = "ergon:"  # prefix of a file that ships with ergon
 _CONTROL = re.compile(
@@ -32,7 +32,7 @@ def journal_name(file: str, folder: Path) -> str:
 def file_named(name: str, folder: Path) -> str:
     """The file that a journal names, for a score in `folder`. Raises JournalNameError."""
     if name.startswith(LIBRARY):
-        path = installed(_check_relative(name.removeprefix(LIBRARY)))
+        path = installed_path(_check_relative(name.removeprefix(LIBRARY)))
         if path.suffix != ".yaml" or not is_shipped(path):
             raise JournalNameError(f"{_printable(name)} is not a file of the library")
         return str(path)

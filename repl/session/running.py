@@ -14,7 +14,13 @@ from ergon.scores.reading.piece import NO_OPTIONS, Play
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.preparing import Span
 from ergon.scores.staging.stage import StageTakeover, stage
-from ergon.scores.staging.version_glides import Glide, LeavingLink, glides, leaving, with_leaving
+from ergon.scores.staging.version_glides import (
+    Glide,
+    LeavingLink,
+    glides,
+    leaving_links,
+    with_leaving,
+)
 
 if TYPE_CHECKING:
     from ergon.live.force_bounds import HandForceBounds
@@ -142,7 +148,7 @@ def stage_next(
         frozen = still_frozen(frozen, before.version, version, real)
         pieces = before.version.sounding, version.sounding
         moving = glides(*pieces, before.glides, after, version.glide)
-        links = leaving(*pieces, before.glides, before.leaving, after)
+        links = leaving_links(*pieces, before.glides, before.leaving, after)
         moving = (*moving, *(one.glide for one in links))
     spans = (*old, *new)
     staged = _staged(

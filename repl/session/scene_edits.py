@@ -93,9 +93,9 @@ def _scene(command: c.Scene) -> VersionEdit:
             end = tempo.after(beat, command.over)
             glide = max(GLIDE, tempo.seconds(end) - tempo.seconds(beat))
             if command.before is not None:
-                texts = scenes.bring(texts, piece_of(texts), first, beat, end)
+                texts = scenes.play_scene(texts, piece_of(texts), first, beat, end)
                 begin = end
-        texts = scenes.bring(texts, piece_of(texts), own, begin)
+        texts = scenes.play_scene(texts, piece_of(texts), own, begin)
         texts = scenes.tuned(texts, piece, own)  # last: no beat depends on a parameter
         return replace(with_texts(version, texts), glide=glide, freed_parameters=released)
 

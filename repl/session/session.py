@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ergon import _core
 from ergon.live.display import decibels_of
 from ergon.notation.text.edit import EditError
-from ergon.notation.text.lasting import lasting
+from ergon.notation.text.without_gc import without_gc
 from ergon.repl.language.complete import complete
 from ergon.repl.language.highlight import tokens
 from ergon.repl.language.lines import is_whole
@@ -66,7 +66,7 @@ class Session(SessionCore):
             )
             return reply
 
-    @lasting
+    @without_gc
     def _do_lines(self, text: str) -> Reply:
         if _LONE_SURROGATE.search(text):  # a journal with it could not be read
             raise NotTakenError("this line contains half of a character (a lone surrogate)")

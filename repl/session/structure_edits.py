@@ -56,7 +56,7 @@ def _route(command: c.Route, version: Version, beat: float) -> Texts:
     given = {
         name: words[name].text for name in ("gain", "pan") if getattr(command, name) is not None
     }
-    texts = space.treat(texts, piece, command.name, given)
+    texts = space.set_route_fields(texts, piece, command.name, given)
     return texts if command.send is None else space.send(texts, piece, command.name, *command.send)
 
 

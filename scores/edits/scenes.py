@@ -51,7 +51,9 @@ class Scene:
         return cls(texts, piece, tempo.bars.start(bar + 1))
 
 
-def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | None = None) -> Texts:
+def play_scene(
+    texts: Texts, piece: Piece, scene: Scene, at: float, until: float | None = None
+) -> Texts:
     """Play a scene from a beat on, repeatedly until `until` or another scene; everything else ends.
 
     Its gestures, takes, couplings, strikes and automation are brought in. `piece` is the piece

@@ -17,7 +17,7 @@ from ergon.scores.reading.piece import Piece, Route
 _SOON = 0.02  # [s] to silence, before a fade in
 
 
-def treat(texts: Texts, piece: Piece, name: str, fields: Mapping[str, str]) -> Texts:
+def set_route_fields(texts: Texts, piece: Piece, name: str, fields: Mapping[str, str]) -> Texts:
     """Set fields (`pan`, `gain`) of the routes of an instrument. Raises EditError."""
     texts = structure.routed(texts, piece)
     for path in _routes(texts, name):

@@ -10,8 +10,8 @@ from ergon.notation.text.bounds import FileBounds
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, Diagnostic, Severity
 from ergon.notation.text.files import Files
-from ergon.notation.text.lasting import lasting
 from ergon.notation.text.memory import Memory
+from ergon.notation.text.without_gc import without_gc
 from ergon.scores.reading.check import Checker
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.uses import Names, Uses
@@ -40,7 +40,7 @@ class Loaded:
         return *map(Path, self.files), *(take.path for take in takes if take.path is not None)
 
 
-@lasting
+@without_gc
 def load(
     path: str | Path,
     *,

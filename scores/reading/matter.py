@@ -14,7 +14,7 @@ from ergon.instruments.names import Part, PartNames
 from ergon.instruments.read import instrument
 from ergon.instruments.space import mesh_file
 from ergon.instruments.transpose import moved, named_pitch
-from ergon.notation.tables.expressions import lets
+from ergon.notation.tables.expressions import named_amounts
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
@@ -159,7 +159,7 @@ class PartsReader:
         if memory is None or values is not entry.values or is_file_read:
             return make(values)
         # The key has the name too, because one node may have several names (a YAML alias).
-        named = tuple(lets(values.node.document).names.items())
+        named = tuple(named_amounts(values.node.document).names.items())
         key = section, values.node, values.context.name, named
         return memory.made(key, partial(make, values))
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from ergon.notation.clock.positions import Position
 from ergon.notation.clock.tempo import Entry, TempoError, TempoMap
-from ergon.notation.tables.expressions import lets
+from ergon.notation.tables.expressions import named_amounts
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING
 from ergon.notation.text.errors import Collector, TextError, quote
@@ -35,7 +35,7 @@ class Times:
             if at is not MISSING
         )
         self._known = tuple(score["marks"] or {})
-        self._lets = lets(score.node.document).names
+        self._lets = named_amounts(score.node.document).names
         self.map = self._map()
         said = [(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
         file = score.node.document.file

@@ -75,7 +75,7 @@ class _Curve:
         return self.x[after - 1] + (self.x[after] - self.x[after - 1]) * share
 
 
-def automated(
+def automation_points(
     piece: Piece, since: float, until: float, collector: Collector
 ) -> dict[Where, Points]:
     """The points of each automated module, for the beats from `since` to `until`."""

@@ -10,12 +10,12 @@ from math import inf, pi, sqrt
 
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import KINDS, LINKS, member_count
-from ergon.instruments.spread import singles, size
+from ergon.instruments.spread import single_links, size
 from ergon.notation.text.errors import Diagnostic, quote
 from ergon.scores.reading.piece import Key, Piece
 
 
-def implausible(piece: Piece) -> list[Diagnostic]:
+def warn_implausible(piece: Piece) -> list[Diagnostic]:
     """Report W326 to W329 and W333, each where it is written.
 
     Instruments under `units: ca` have no SI values to check.
@@ -97,7 +97,7 @@ class _Scene:
         sign = 1.0 if but.fields["side"] == "below" else -1.0
         place = but.places.get("gap", but.place)
         pressed, nearest = -inf, -inf  # the deepest of the points of a range
-        for one in singles(but):
+        for one in single_links(but):
             (a, b), gap = one.fields["between"], one.fields["gap"]
             start = sign * (self._start(a) - self._start(b)) - gap
             pressed = max(pressed, start) if gap < 0.0 else pressed

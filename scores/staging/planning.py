@@ -338,7 +338,7 @@ def error_text(heard: _core.AudibleError) -> str:
     )
 
 
-def wished(
+def requested_accuracy(
     accuracy: Accuracy, *, method: str | None, error: float | None, cents: float | None
 ) -> Accuracy:
     """The accuracy with what the command line asks for in place of the score's; `cpu` stays."""

@@ -12,10 +12,10 @@ from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.notation.clock.shifted import NEVER, StoppedTempoMap
 from ergon.notation.text.errors import Collector
-from ergon.notation.text.lasting import lasting
 from ergon.notation.text.values import Place
+from ergon.notation.text.without_gc import without_gc
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.automating import automated, takeover_points
+from ergon.scores.staging.automating import automation_points, takeover_points
 from ergon.scores.staging.built_network import COUPLING_ENDED, BuiltNetwork, acting, build_network
 from ergon.scores.staging.drives import drive, sounds_in
 from ergon.scores.staging.hands import ALL, Hands, Window
@@ -24,7 +24,7 @@ from ergon.scores.staging.live import LiveHand, check_players, held, join, stand
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.parameter_values import Led, Points, Where
 from ergon.scores.staging.refusals import StageError, refuse, refused
-from ergon.scores.staging.striking import ANY, Striking
+from ergon.scores.staging.striking import ALL_TIME, Striking
 from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
 
@@ -69,7 +69,7 @@ class PreparedPiece:
         return self.built.network
 
 
-@lasting
+@without_gc
 def prepare(
     piece: Piece,
     real: Real | None = None,
@@ -134,12 +134,12 @@ def _automate(
     if not piece.automation and not any(strikes.notes for strikes in piece.strikes):
         return {}
     if spans is None:
-        return automated(piece, -math.inf, tempo.beats(n_frames / piece.rate), collector)
+        return automation_points(piece, -math.inf, tempo.beats(n_frames / piece.rate), collector)
     if isinstance(tempo, StoppedTempoMap) or not spans:
         here = tempo.beats(0.0)
-        return automated(piece, here, here, collector)
+        return automation_points(piece, here, here, collector)
     window = spans[-1].window
-    return automated(piece, window.since, window.until, collector)
+    return automation_points(piece, window.since, window.until, collector)
 
 
 def _length(piece: Piece, live: Sequence[LiveHand]) -> float:
@@ -187,7 +187,7 @@ def _play(
 def _within(piece: Piece, window: Window) -> tuple[float, float]:
     """The instants of a window [s], in the engine's time."""
     if window is ALL:
-        return ANY
+        return ALL_TIME
     tempo = piece.tempo_map
     first = tempo.seconds(window.since) if window.since > -math.inf else 0.0
     last = tempo.seconds(window.until) if window.until < math.inf else math.inf

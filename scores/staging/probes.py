@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from ergon.instruments.model import Instrument, Module, Output, Target
 from ergon.instruments.module_kinds import HOLDERS, member_count
-from ergon.instruments.spread import singles
+from ergon.instruments.spread import single_links
 from ergon.notation.tables.value_kinds import AXES
 from ergon.scores.reading.piece import Piece, Route
 
@@ -128,7 +128,7 @@ def _rubbings(piece: Piece) -> Iterator[tuple[str, str, Module]]:
 def _named(part: str, module: Module) -> Iterator[tuple[str, str, Module]]:
     """The single links of a link, each with its name and that of the whole."""
     whole = ".".join(filter(None, (part, module.name)))
-    for one in singles(module):
+    for one in single_links(module):
         yield ".".join(filter(None, (part, one.name))), whole, one
 
 

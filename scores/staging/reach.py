@@ -16,7 +16,7 @@ from ergon.instruments import proxies
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import LINKS
-from ergon.instruments.spread import singles
+from ergon.instruments.spread import single_links
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.built_network import add_parts
@@ -101,7 +101,7 @@ class _LinkGraph:
         for part, module in modules:
             if module.kind in LINKS:
                 link = Link(".".join(filter(None, (part, module.name))), module.place)
-                pairs = dict.fromkeys(self._pair(one) for one in singles(module))
+                pairs = dict.fromkeys(self._pair(one) for one in single_links(module))
                 self._ends[part, module.name] = {end for pair in pairs for end in pair}
                 for pair in pairs:
                     self._link(link, *pair)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from ergon import _core
 from ergon.instruments import native
 from ergon.notation.text.errors import Collector, Diagnostic, quote
-from ergon.notation.text.lasting import lasting
+from ergon.notation.text.without_gc import without_gc
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging.built_network import BuiltNetwork
 from ergon.scores.staging.hands import ErgonPlaces, StagedGesture
@@ -172,7 +172,7 @@ class StageTakeover:
     strike_points: StrikePoints = ()
 
 
-@lasting
+@without_gc
 def stage(
     piece: Piece,
     *,

@@ -20,7 +20,7 @@ from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.sweep_fields import Passing
 from ergon.scores.staging.sweep_members import visits
 
-ANY = (-math.inf, math.inf)
+ALL_TIME = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Striking:
     strikes: Strikes
     mats: Sequence[int]
     source: int
-    within: tuple[float, float] = ANY  # interval of instants [s]
+    within: tuple[float, float] = ALL_TIME  # interval of instants [s]
     assembly: Assembly | None = None  # for targets of melodies, sweeps and paths
 
     def play(self, collector: Collector) -> float:

@@ -31,7 +31,7 @@ class _Groups:
             self._above[a] = b
 
 
-def unused(piece: Piece) -> list[Diagnostic]:
+def warn_unused(piece: Piece) -> list[Diagnostic]:
     """Report W321 if an instrument reaches no output that is heard, W322 if nothing moves it.
 
     W321 is reported only if the piece has some output that is heard, W322 only if it has parts

@@ -10,7 +10,7 @@ from ergon import _core
 from ergon.common.decay import LN_1000
 from ergon.instruments.model import Instrument
 from ergon.instruments.module_kinds import LINKS
-from ergon.instruments.spread import singles
+from ergon.instruments.spread import single_links
 
 if TYPE_CHECKING:
     from ergon.instruments.assemble import Assembly
@@ -123,7 +123,7 @@ class LeavingLink:
     glide: Glide
 
 
-def leaving(
+def leaving_links(
     before: Piece,
     after: Piece,
     running: Iterable[Glide],
@@ -172,7 +172,7 @@ def _links(piece: Piece) -> dict[tuple[str, str], Module]:
         if part.ca_rate is None
         for module in part.modules
         if module.kind in LINKS
-        for one in singles(module)
+        for one in single_links(module)
     }
 
 

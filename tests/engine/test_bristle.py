@@ -8,7 +8,7 @@ from planned_sound import off_db, planned, played, ready
 from sweep import few
 
 from ergon import _core
-from ergon.scores.staging.implausible import implausible
+from ergon.scores.staging.implausible import warn_implausible
 
 N = 4410  # frames that are judged: 0.1 s
 
@@ -144,7 +144,7 @@ BLOCK = (
 def test_what_is_said_of_its_fields(fields: str, found: list[str]):
     text = BLOCK.format(fields)
     piece = check(text).piece
-    told = [] if piece is None else [one.code for one in implausible(piece)]
+    told = [] if piece is None else [one.code for one in warn_implausible(piece)]
     assert codes(text) + told == found
 
 

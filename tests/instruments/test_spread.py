@@ -10,10 +10,10 @@ from edited import opened, piece_of, value
 from ergon.api.simulate import never_closed_warnings, simulate
 from ergon.scores.edits import matter
 from ergon.scores.staging.built_network import build_network
-from ergon.scores.staging.implausible import implausible
+from ergon.scores.staging.implausible import warn_implausible
 from ergon.scores.staging.reach import ties
 from ergon.scores.staging.stage import stage
-from ergon.scores.staging.version_glides import glides, leaving, with_leaving
+from ergon.scores.staging.version_glides import glides, leaving_links, with_leaving
 
 SCORE = """\
 ergon: 1
@@ -189,7 +189,7 @@ def test_a_force_is_that_of_points_that_there_are():
 
 
 def warned(line: str, wall: str = SOL) -> list:
-    return implausible(check(SCORE % (wall, line, "c")).piece)
+    return warn_implausible(check(SCORE % (wall, line, "c")).piece)
 
 
 def test_a_gap_below_zero_is_told_once_with_the_deepest():
@@ -277,7 +277,7 @@ def test_points_that_come_and_go_fade_one_by_one():
         ("c.3", (0.0,), (2e4,)),
         ("c.4", (0.0,), (2e4,)),
     ]
-    going = leaving(long, short, (), (), 0.0)
+    going = leaving_links(long, short, (), (), 0.0)
     assert [one.glide.module for one in going] == ["c.3", "c.4"]
     kept = with_leaving(short, going)
     assert {one.glide.written for one in going} == {("s", "c")}

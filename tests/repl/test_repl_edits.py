@@ -30,7 +30,7 @@ def test_bars_are_kept_as_they_were(path, span):
         assert kept.tempo_map.seconds(beat) == pytest.approx(seconds, abs=1e-9)
         assert kept.tempo_map.bar_beat(beat)[1] == tempo.bar_beat(start + beat)[1]
     scene = Scene.of(said, kept)
-    back = piece_of(scenes.bring(texts, piece, scene, 100.0, 100.0 + scene.beats))
+    back = piece_of(scenes.play_scene(texts, piece, scene, 100.0, 100.0 + scene.beats))
     for player in piece.players:
         again = [(b - 100.0, *rest) for b, *rest in begun(back, player) if b >= 100.0]
         same(again, begun(kept, player))

@@ -16,7 +16,7 @@ from sessions import EVERY, Stepped
 from tests.repl.test_journal_hostile import KEYS, SCORE
 
 from ergon.exchange import atomic_writes
-from ergon.notation.text.files import installed
+from ergon.notation.text.files import installed_path
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import resumed_state
@@ -130,7 +130,7 @@ def test_a_session_that_went_on_twice_still_knows_its_files(at: Stepped, tmp_pat
 def test_what_ships_is_never_written_but_stands_beside_the_score(
     at: Stepped, tmp_path: Path
 ) -> None:
-    library = installed("instruments/bell.yaml")
+    library = installed_path("instruments/bell.yaml")
     before = library.read_bytes(), library.stat().st_mtime_ns
     at.ok("set bell.hum.t60 x0.5")
     assert str(tmp_path / "instruments" / "bell.yaml") in at.ok("save").text
@@ -149,7 +149,7 @@ def test_a_score_that_ships_is_saved_where_we_are(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    shipped = installed("one-gesture.yaml")
+    shipped = installed_path("one-gesture.yaml")
     before = shipped.read_bytes(), sorted(os.listdir(shipped.parent))
     lines = "seed 5\nsave\nkeep 1bar as one-gesture\nsave mine\nquit\n"
     done = subprocess.run(

@@ -229,7 +229,7 @@ def test_what_is_kept_of_any_score_comes_back_in_rounds(path, span):
     kept = piece_of(said)
     scene = Scene.of(said, kept)
     assert scene.beats == pytest.approx(stop - start)
-    back = piece_of(scenes.bring(texts, piece, scene, 100.0, 100.0 + 2 * scene.beats))
+    back = piece_of(scenes.play_scene(texts, piece, scene, 100.0, 100.0 + 2 * scene.beats))
     for player in piece.players:
         once = [(b, *rest) for b, *rest in begun(kept, player)]
         wanted = sorted((b + turn * scene.beats, *rest) for turn in (0, 1) for b, *rest in once)
@@ -254,7 +254,7 @@ def test_strikes_come_back_in_rounds(until: float | None):
     texts, piece = opened("s.yaml", STRUCK + "marks: {end: 3|1}\n")
     scene = Scene.of(texts, piece)
     assert scene.beats == 8.0
-    back = piece_of(scenes.bring(texts, piece, scene, 100.0, until))
+    back = piece_of(scenes.play_scene(texts, piece, scene, 100.0, until))
     tempo = back.tempo_map
     new = [
         (one.name, tempo.resolve(one.at), tempo.resolve(one.until), one.every is None)
@@ -394,7 +394,7 @@ def test_strikes_by_a_pattern_come_back_in_rounds_of_the_scene():
                     found.append((beat - first, one.notes[note].value))
         return sorted(found)
 
-    back = piece_of(scenes.bring(texts, piece, scene, 100.0, 132.0))
+    back = piece_of(scenes.play_scene(texts, piece, scene, 100.0, 132.0))
     for name in ("tune", "walk"):
         once = struck(scene.piece, name, 0.0, 16.0)
         assert once

@@ -12,7 +12,7 @@ from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.pattern.values import SCALES, parse_values
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.automating import GLIDE, automated
+from ergon.scores.staging.automating import GLIDE, automation_points
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.preparing import Span, prepare
 from ergon.scores.staging.stage import stage
@@ -46,7 +46,7 @@ def piece(lines: str, seed: int = 5, tail: float = 8.0) -> Piece:
 
 def points(of: Piece, module: str = "m", since: float = -math.inf, until: float = 8.0):
     collector = Collector()
-    found = automated(of, since, until, collector)
+    found = automation_points(of, since, until, collector)
     assert not collector.has_errors()
     return found["bell", module]
 
@@ -168,7 +168,7 @@ def test_a_glide_goes_evenly_in_pitch_and_stays():
 def test_a_written_curve_passes_its_points():
     line = "{set: bell.m.f, to: A3@0 smooth A4@1 line A3@2 hold A3@250ms, at: 1|2, until: 2|3}"
     collector = Collector()
-    automated(piece(line), -math.inf, 8.0, collector)
+    automation_points(piece(line), -math.inf, 8.0, collector)
     assert "do not rise in time" in collector.finish()[0].message
     found = points(piece(line.replace("250ms", "3")))
 

@@ -7,7 +7,7 @@ from checked import check
 
 import ergon
 from ergon.scores.reading.load import load
-from ergon.scores.staging.implausible import implausible
+from ergon.scores.staging.implausible import warn_implausible
 
 ROOT = Path(__file__).parents[2]
 SCORE = """\
@@ -25,7 +25,7 @@ instruments:
 def codes(text: str) -> list[str]:
     piece = check(text).piece
     assert piece is not None
-    return [found.code for found in implausible(piece)]
+    return [found.code for found in warn_implausible(piece)]
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_said_and_nearly_said(before, after, wanted):
 def test_no_bundled_score_is_implausible(path):
     piece = load(path).piece
     assert piece is not None
-    assert implausible(piece) == []
+    assert warn_implausible(piece) == []
 
 
 def test_a_measurement_may_be_soft(tmp_path):

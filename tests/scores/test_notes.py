@@ -11,7 +11,7 @@ from ergon.scores.edits.matter import set_value
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import stage
-from ergon.scores.staging.unused import unused
+from ergon.scores.staging.unused import warn_unused
 
 
 def piece(text: str) -> Piece:
@@ -248,7 +248,7 @@ def test_a_note_that_is_missing_is_named_with_those_that_are_there():
 def test_notes_that_are_not_played_are_no_warnings_where_others_are():
     struck = "strikes: {s: {to: [string.D3.hammer, gong.C2.centre], at: 0, impulse: 20mNs}}\n"
     made = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n")
-    said = [d.message.split(":")[0] for d in unused(made) if d.code == "W322"]
+    said = [d.message.split(":")[0] for d in warn_unused(made) if d.code == "W322"]
     assert said == ["nothing moves 'cell'"]
     assert not never_closed_warnings(made, simulate(made, "s.yaml"))
     soft = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n".replace("20mNs", "1uNs"))

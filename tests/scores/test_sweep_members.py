@@ -14,7 +14,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sweep_fields import SWEEPS
 from ergon.scores.staging.built_network import BuiltNetwork, build_network
 from ergon.scores.staging.stage import stage
-from ergon.scores.staging.striking import ANY, Striking
+from ergon.scores.staging.striking import ALL_TIME, Striking
 
 SCORE = """\
 ergon: 1
@@ -46,7 +46,7 @@ class Struck:
         self.strikes.append((at, mat, impulse))
 
 
-def struck(made: Piece, within: tuple[float, float] = ANY) -> list[tuple[float, int, float]]:
+def struck(made: Piece, within: tuple[float, float] = ALL_TIME) -> list[tuple[float, int, float]]:
     """(instant [s], MAT, impulse) of all strikes, as they are put on the timeline."""
     built, collector, timeline = built_of(made), Collector(), Struck()
     for one in made.strikes:

@@ -13,7 +13,7 @@ _Arguments = ParamSpec("_Arguments")
 _Made = TypeVar("_Made")
 
 
-def lasting(build: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made]:
+def without_gc(build: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made]:
     """Make a function run with the cyclic garbage collector off; a collection takes as long as the
     building.
     """
