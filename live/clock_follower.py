@@ -46,9 +46,8 @@ class ClockFollower:
     def __init__(self) -> None:
         """Begin without a clock."""
         self._clocks: deque[tuple[int, float]] = deque(maxlen=_CLOCKS_KEPT)
-        self._stray_clocks: list[
-            tuple[int, float]
-        ] = []  # the latest, where all are off the estimate
+        # The latest clocks, where all are off the estimate.
+        self._stray_clocks: list[tuple[int, float]] = []
         self._next = 0  # the number of the next clock
         self._last = -math.inf
         self.is_placed = False

@@ -105,9 +105,8 @@ class SessionCore:
         past = past or PastVersions([PastVersion.from_version(version, "1|1")], 0)
         self.history = History([one.number for one in past.versions], past.index)
         self.commits.past_versions.update((one.number, one) for one in past.versions)
-        self.cancelled: list[
-            WaitingLine
-        ] = []  # lines that `undo` took back before they took effect
+        # Lines that `undo` took back before they took effect.
+        self.cancelled: list[WaitingLine] = []
         self.captures = Captures(hands)
         self.sound_file = SoundFile()
         self.guidance = Guidance(self.commits)

@@ -95,9 +95,8 @@ class EngineEvent:
     frame: int
     ticket: int | None = None
     is_late: bool = False
-    act_ticket: int | None = (
-        None  # the ticket of a strike or a value, which acted unless it `is_late`
-    )
+    # The ticket of a strike or a value, which acted unless it `is_late`.
+    act_ticket: int | None = None
     sentence: str = ""
     real: Mapping[str, bool] = field(default_factory=dict)
 

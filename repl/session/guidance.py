@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 # The length of a path [s]; it is replaced after half of it. Making one takes some hundredths of a
 # second.
 _PATH_SECONDS = 6.0
-# During a rest longer than _REST_MAX the hand is free; guidance begins _LEAD_IN the next gesture
-# [s].
+# During a rest longer than _REST_MAX the hand is free; guidance begins _LEAD_IN before the next
+# gesture [s].
 _REST_MAX = 1.0
 _LEAD_IN = 0.2
 # The time assumed for making the first path; later, that of the slowest of the last paths [s].

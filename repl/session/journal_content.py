@@ -147,10 +147,9 @@ class JournalContent:
     # Frame, beat, line.
     commits: list[tuple[int, float, JournalEvent]] = field(default_factory=list)
     dropped: set[int] = field(default_factory=set)
-    late: dict[int, float] = field(
-        default_factory=dict
-    )  # by number: the beat that a late line waits for
-    starts: dict[int, int] = field(default_factory=dict)  # and the frame that it waits for
+    # The beat, and the frame, that a late line waits for, by its number.
+    late: dict[int, float] = field(default_factory=dict)
+    starts: dict[int, int] = field(default_factory=dict)
     n_frames: int = 0
     ended: bool = False
     silences: list[Silence] = field(default_factory=list)

@@ -48,7 +48,7 @@ def score_named(name: str, journal: Path) -> Path | None:
 
     Raises JournalNameError if no score can have such a name.
     """
-    _check_length(name)
+    _check_file_name(name)
     path = Path(name)
     beside = journal.parent / path
     if not is_file(path) and is_file(beside):
@@ -60,7 +60,7 @@ def score_named(name: str, journal: Path) -> Path | None:
 
 def _check_relative(name: str) -> str:
     """Check that a name is relative and does not go up, on any system."""
-    _check_length(name)
+    _check_file_name(name)
     windows, posix = PureWindowsPath(name), PurePosixPath(name)
     if windows.drive or windows.root or posix.is_absolute() or not posix.parts:
         raise JournalNameError(f"{_printable(name)} is not relative to the folder of the score")
@@ -69,7 +69,7 @@ def _check_relative(name: str) -> str:
     return str(posix)
 
 
-def _check_length(name: str) -> None:
+def _check_file_name(name: str) -> None:
     """Check that a file can have such a name."""
     if not name or _CONTROL.search(name):
         raise JournalNameError(f"{_printable(name)} is not a valid file name")

@@ -313,9 +313,8 @@ def test_lines_of_one_frame_keep_their_order_in_the_journal(session):
     session.ok("set bell.m.f 300Hz in 3")
     session.ok("stop now")
     session.run(0.5)
-    commits.making_time.seconds = (
-        10.0  # as on a slow machine: this line waits longer than the other
-    )
+    # As on a slow machine: this line waits longer than the other.
+    commits.making_time.seconds = 10.0
     session.ok("set bell.m.f 400Hz")
     commits.making_time.seconds = 0.0
     session.ok("play from 100|1")
