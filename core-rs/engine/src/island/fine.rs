@@ -347,8 +347,9 @@ impl Fine {
         self.work.products += script.ways;
         self.pushed.fill(0.0);
         self.ways(&script, scheme, bodies, body, &next);
-        self.tell_laws(&script, &laws, gates, body);
-        if any || !self.frictions.is_empty() || self.has_glided.contains(&true) {
+        let is_located = any || !self.frictions.is_empty() || self.has_glided.contains(&true);
+        self.start_laws(&script, &laws, gates, !is_located);
+        if is_located {
             self.given.fill(0.0);
             let n = script.basis.n();
             for (values, way) in self.values.chunks(n).zip(self.way.chunks_mut(n)) {
@@ -377,6 +378,7 @@ impl Fine {
         } else {
             self.collocate(&script, &laws, gates);
         }
+        self.tell_laws(&script, &laws, body);
         self.give(&script, bodies, body);
     }
 

@@ -39,11 +39,17 @@ impl DerefMut for Register {
     }
 }
 
+/// Links that are evaluated together outside a run: lanes of the most common vector.
+pub(crate) const FEW: usize = 4;
+pub(crate) type Few = [f64; FEW];
+
 /// Register 0 holds d, 1 holds v, 2 + i the result of step i.
 const FIRST: usize = 2;
 const MAX_REGISTERS: usize = FIRST + super::parse::MAX_NODES;
-/// Number of registers that is enough for most laws: a single link then touches a quarter of a kilobyte.
+/// Number of registers that is enough for most laws: a single link then touches a quarter of a kilobyte. And for most
+/// of those that are evaluated for a few links at once.
 const FEW_REGISTERS: usize = 32;
+const FEWER_REGISTERS: usize = 16;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Step {
@@ -177,6 +183,25 @@ impl Program {
             };
         }
         r[self.result]
+    }
+
+    /// The values for a few links, with the bits of `value`; each operation is chosen once for all of them.
+    pub(super) fn values(&self, d: Few, v: Few) -> Few {
+        let needed = FIRST + self.steps.len();
+        if needed <= FEWER_REGISTERS {
+            self.few::<FEWER_REGISTERS>(d, v)
+        } else if needed <= FEW_REGISTERS {
+            self.few::<FEW_REGISTERS>(d, v)
+        } else {
+            self.few::<MAX_REGISTERS>(d, v)
+        }
+    }
+
+    fn few<const N: usize>(&self, d: Few, v: Few) -> Few {
+        let mut registers = [[0.0; FEW]; N];
+        (registers[0], registers[1]) = (d, v);
+        lanes::run_few(&self.steps, &mut registers);
+        registers[self.result]
     }
 
     /// The values of the first `n` lanes; `registers` are this program's, with d and v loaded into 0 and 1.

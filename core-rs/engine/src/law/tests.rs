@@ -316,9 +316,9 @@ fn trees() -> impl Strategy<Value = String> {
 }
 
 proptest! {
-    // Three evaluations with the same bits: the tree itself, a single link, and a run of links.
+    // Four evaluations with the same bits: the tree itself, a single link, a few links, and a run of links.
     #[test]
-    fn program_equals_tree_and_run_equals_scalar(
+    fn program_equals_tree_and_runs_equal_scalar(
         text in trees(),
         links in prop::collection::vec((-10.0f64..10.0, -10.0f64..10.0), 1..600),
         reach in prop::sample::select(vec![1.0, 0.3, 4.0]),
@@ -343,6 +343,10 @@ proptest! {
             prop_assert!(same(walked, law.force(*d, *v)), "{walked} {}", law.force(*d, *v));
             prop_assert!(same(walked, force), "{walked} {force}");
         }
+        let [few_d, few_v]: [Few; 2] = [&d, &v].map(|all| std::array::from_fn(|lane| all[lane % all.len()]));
+        for ((d, v), force) in few_d.iter().zip(&few_v).zip(law.forces(&few_d, &few_v)) {
+            prop_assert!(same(law.force(*d, *v), force), "{} {force}", law.force(*d, *v));
+        }
     }
 
     #[test]
@@ -355,6 +359,8 @@ proptest! {
         for (d, force) in links.iter().zip(forces) {
             prop_assert!(same(law.force(*d, 0.0), force));
         }
+        let few: Few = std::array::from_fn(|lane| links[lane % links.len()]);
+        prop_assert_eq!(law.forces(&few, &few), few.map(|d| law.force(d, 0.0)));
     }
 }
 

@@ -310,27 +310,36 @@ impl Fine {
         change / largest
     }
 
-    /// Write the forces of all laws at the start of the frame into `body.link`.
-    pub(super) fn tell_laws(
+    /// Compute elongation, rate and force of each law at the start of the frame. If `collocate` follows, it computes
+    /// the forces of expressions itself.
+    pub(super) fn start_laws(
         &mut self,
         script: &Script,
         laws: &LawScript,
         gates: &[f64],
-        body: &mut Body,
+        is_collocated: bool,
     ) {
         let n = script.basis.n();
         for (own, &link) in laws.links.iter().enumerate() {
             let (a, b) = script.ends[link];
-            let run = &script.links[link];
             let [a, b] = [a, b].map(|end| &self.values[end * n..(end + 1) * n]);
             let [e, v] = [0, 1].map(|which| {
                 let row = &laws.ends[0][which];
                 dot(row, b) - dot(row, a)
             });
             let law = self.law(script, laws, gates, (own, 0.0));
-            let force = law.at(e - run.rest, v * law.rate());
-            body.link[run.first] = force;
-            self.laws[own].begin = force;
+            let (e, v) = (e - script.links[link].rest, v * law.rate());
+            self.laws[own].start = [e, v];
+            if !(is_collocated && law.is_expression()) {
+                self.laws[own].begin = law.at(e, v);
+            }
+        }
+    }
+
+    /// Write the force of each law at the start of the frame into `body.link`.
+    pub(super) fn tell_laws(&self, script: &Script, laws: &LawScript, body: &mut Body) {
+        for (state, &link) in self.laws.iter().zip(&laws.links) {
+            body.link[script.links[link].first] = state.begin;
         }
     }
 

@@ -1,8 +1,9 @@
 //! A compiled expression over a run of links: one plain loop for each step, which becomes SIMD code.
 
 use super::super::tree::{Binary, Unary, choose, whole_power};
-use super::{FIRST, Register, Step};
+use super::{FEW, FIRST, Few, Register, Step};
 use crate::maths::lanes;
+use crate::maths::wide::wide;
 
 /// Lanes in the widest vector: a loop over whole vectors has no remainder.
 const VECTOR: usize = 8;
@@ -17,19 +18,34 @@ pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
     for (i, step) in steps.iter().enumerate() {
         let (before, after) = registers.split_at_mut(FIRST + i);
         let n = if is_slow(step) { needed } else { n };
-        let out = &mut after[0][..n];
-        match *step {
-            Step::Constant(_) | Step::Open(..) => {}
-            Step::Unary(operation, a) => unary(operation, out, &before[a][..n]),
-            Step::WholePower(exponent, a) => whole_powers(exponent, out, &before[a][..n]),
-            Step::Binary(operation, a, b) => {
-                binary(operation, out, &before[a][..n], &before[b][..n]);
+        compute(step, &mut after[0][..n], |register| &before[register][..n]);
+    }
+}
+
+wide! {
+    /// Run every step for a few links; d and v are loaded into registers 0 and 1.
+    pub(super) fn run_few(steps: &[Step], registers: &mut [Few]) {
+        for (i, step) in steps.iter().enumerate() {
+            let (before, after) = registers.split_at_mut(FIRST + i);
+            match *step {
+                Step::Constant(value) | Step::Open(_, value) => after[0] = [value; FEW],
+                _ => compute(step, &mut after[0], |register| &before[register]),
             }
-            Step::Where(c, a, b) => {
-                let [c, a, b] = [c, a, b].map(|register| &before[register][..n]);
-                for (out, ((c, a), b)) in out.iter_mut().zip(c.iter().zip(a).zip(b)) {
-                    *out = choose(*c, *a, *b);
-                }
+        }
+    }
+}
+
+/// Compute one step for all lanes of `out`, from registers of as many lanes. Constants are in place.
+#[inline(always)]
+fn compute<'r>(step: &Step, out: &mut [f64], of: impl Fn(usize) -> &'r [f64]) {
+    match *step {
+        Step::Constant(_) | Step::Open(..) => {}
+        Step::Unary(operation, a) => unary(operation, out, of(a)),
+        Step::WholePower(exponent, a) => whole_powers(exponent, out, of(a)),
+        Step::Binary(operation, a, b) => binary(operation, out, of(a), of(b)),
+        Step::Where(c, a, b) => {
+            for (out, ((c, a), b)) in out.iter_mut().zip(of(c).iter().zip(of(a)).zip(of(b))) {
+                *out = choose(*c, *a, *b);
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{STAGES, Square, Stages, WEIGHTS, inverse};
 use crate::island::fine::basis::dot;
-use crate::law::Scratch;
+use crate::law::{FEW, Scratch};
 use crate::network::Bristle;
 use crate::scheme::Kind;
 
@@ -39,7 +39,8 @@ pub(in crate::island::fine) struct LawState {
     pub(super) bend: f64,
     pub(super) bend_at_end: f64,
     pub(super) saved_bend: f64,
-    /// Force at the start of the frame [N].
+    /// Elongation and its rate at the start of the frame [m, m/s], and the force there [N].
+    pub(super) start: [f64; 2],
     pub(super) begin: f64,
     /// The largest force of the last frames [N].
     pub(super) largest: f64,
@@ -83,6 +84,11 @@ impl LawNow<'_> {
             Kind::Lnl { rate, .. } | Kind::Bristle { rate, .. } => *rate,
             _ => 1.0,
         }
+    }
+
+    /// Whether it is an LNL, whose force at the start of a frame is computed together with those at the Gauss points.
+    pub(super) fn is_expression(&self) -> bool {
+        matches!(self.kind, Kind::Lnl { .. })
     }
 
     /// Its force at an elongation and a rate [N].
@@ -155,10 +161,19 @@ impl LawState {
             return forces;
         }
         match now[0].kind {
-            Kind::Lnl { law, .. } if law.is_native() => {
-                let mut forces = [0.0; STAGES];
-                law.eval_in(e, v, &mut forces, &mut self.scratch, &mut self.room);
-                forces.map(|force| now[0].open * force)
+            Kind::Lnl { law, .. } => {
+                // The law at the start of the frame takes the fourth lane.
+                let [e, v] = [(e, self.start[0]), (v, self.start[1])]
+                    .map(|([first, second, third], start)| [*first, *second, *third, start]);
+                let mut forces = [0.0; FEW];
+                if law.is_native() {
+                    law.eval_in(&e, &v, &mut forces, &mut self.scratch, &mut self.room);
+                } else {
+                    forces = law.forces(&e, &v);
+                }
+                let [first, second, third, begin] = forces.map(|force| now[0].open * force);
+                self.begin = begin;
+                [first, second, third]
             }
             _ => std::array::from_fn(|stage| now[stage].at(e[stage], v[stage])),
         }
