@@ -177,10 +177,22 @@ def _notes(piece: Piece) -> Iterator[Automation]:
             yield Automation(*said, None, one.place, one.place, one.who)
 
 
+def complete_until(piece: Piece, until: float) -> float:
+    """The instant [s] up to which points for the beats up to `until` are those of a longer piece:
+    the pitch of a note behind that beat begins before its strike.
+    """
+    return piece.tempo_map.seconds(until) - 2 * _EARLY / piece.rate
+
+
 def takeover_points(
-    before: Mapping[Where, Points], after: Mapping[Where, Points], piece: Piece, start: float
+    before: Mapping[Where, Points],
+    after: Mapping[Where, Points],
+    piece: Piece,
+    start: float,
+    known: float,
 ) -> dict[Where, Points]:
-    """The points of a stage that takes over at `start` [s] from one with other points.
+    """The points of a stage that takes over at `start` [s] from one with other points, which are
+    complete up to the instant `known` [s].
 
     Points that do not change continue bit by bit; others are reached within `GLIDE`.
     """
@@ -193,7 +205,7 @@ def takeover_points(
         old, new = before.get(where) or [own], after.get(where) or [own]
         if len(old[0]) != len(new[0]):
             old = [own]  # it was a module of another kind
-        if not _is_same(old, new, start):
+        if not _is_same(old, new, start, known):
             soon = start + GLIDE
             later = (point for point in new if point[0] > soon)
             new = [(start, *value_at(old, start)), (soon, *value_at(new, soon)), *later]
@@ -202,15 +214,18 @@ def takeover_points(
     return found
 
 
-def _is_same(old: Points, new: Points, start: float) -> bool:
-    """Whether two sequences of points are equal from an instant on, as far as both go."""
+def _is_same(old: Points, new: Points, start: float, known: float) -> bool:
+    """Whether two sequences of points are equal from an instant on, as far as both go and the old
+    one is `known`.
+    """
     old_from, new_from = (
         max(0, bisect_right(points, start, key=lambda point: point[0]) - 1) for points in (old, new)
     )
     old, new = old[old_from:], new[new_from:]
     if len(old) == 1 or len(new) == 1:  # one of them is constant
         return all(point[1:] == old[0][1:] for point in (*old, *new))
-    return all(one == other for one, other in zip(old, new, strict=False))
+    last = max(start, known)
+    return all(one == other for one, other in zip(old, new, strict=False) if one[0] <= last)
 
 
 def value_at(points: Points, instant: float) -> tuple[float, ...]:
@@ -247,7 +262,7 @@ def _curve(
             curve.set(tempo.seconds(ended), own, tempo.seconds(begin))
         try:
             if one.swing is not None:
-                _swing(piece, one.swing, curve, (begin, min(stop, until)), since)
+                _swing(piece, one.swing, curve, (begin, stop), (since, until))
                 ended = stop
             elif one.points:
                 _glide(piece, one, curve, begin, stop)
@@ -349,10 +364,15 @@ _SCALES: Mapping[str, tuple[Callable[[float], float], Callable[[float], float]]]
 
 
 def _swing(
-    piece: Piece, swing: Swing, curve: _Curve, span: tuple[float, float], since: float
+    piece: Piece,
+    swing: Swing,
+    curve: _Curve,
+    span: tuple[float, float],
+    window: tuple[float, float],
 ) -> None:
-    """Add a swing to a curve, starting one period before the beat `since`."""
+    """Add a swing to a curve, from one period before the window to its first point behind it."""
     tempo, own = piece.tempo_map, curve.own
+    since, until = window
     low, high = swing.low.of(own), swing.high.of(own)
     begin, stop = span
 
@@ -373,6 +393,8 @@ def _swing(
             curve.set(instant, value, tempo.seconds(beat_of(number + 1)))
         elif swing.shape != "square" or not curve.t:
             curve.to(instant, value)
+        if beat > until:
+            break
 
 
 def _share(shape: Shape, place: int) -> float:

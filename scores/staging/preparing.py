@@ -15,7 +15,7 @@ from ergon.notation.text.errors import Collector
 from ergon.notation.text.values import Place
 from ergon.notation.text.without_gc import without_gc
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.automating import automation_points, takeover_points
+from ergon.scores.staging.automating import automation_points, complete_until, takeover_points
 from ergon.scores.staging.built_network import COUPLING_ENDED, BuiltNetwork, acting, build_network
 from ergon.scores.staging.drives import drive, sounds_in
 from ergon.scores.staging.hands import ALL, Hands, Window
@@ -41,6 +41,7 @@ class EarlierStage(Protocol):
     built: BuiltNetwork
     takes: Mapping[Hashable, _core.Take]
     paths: Mapping[Where, Points]
+    paths_until: float
 
 
 class Span(NamedTuple):
@@ -61,6 +62,7 @@ class PreparedPiece:
     collector: Collector
     live: tuple[LiveHand, ...]
     paths: Mapping[Where, Points]
+    paths_until: float
     fades_from: int | None
 
     @property
@@ -109,9 +111,10 @@ def prepare(
         check_travel(piece, timeline, hands.gestures, collector)
         check_rooms(piece, collector)
         n_frames = _frames(piece, end, collector) if spans is None else 0
-        paths = _automate(piece, spans, n_frames, collector)
+        paths, paths_until = _automate(piece, spans, n_frames, collector)
         if like is not None:
-            paths = takeover_points(like.paths, paths, piece, start / piece.rate)
+            begin = start / piece.rate
+            paths = takeover_points(like.paths, paths, piece, begin, like.paths_until)
         for where, points in paths.items():
             if led := Led.of(piece, where):
                 try:
@@ -123,23 +126,28 @@ def prepare(
     if collector.has_errors():
         raise StageError(collector.finish())
     fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
-    return PreparedPiece(built, timeline, n_frames, hands, collector, live, paths, fades_from)
+    of_paths = paths, paths_until
+    return PreparedPiece(built, timeline, n_frames, hands, collector, live, *of_paths, fades_from)
 
 
 def _automate(
     piece: Piece, spans: Sequence[Span] | None, n_frames: int, collector: Collector
-) -> dict[Where, Points]:
-    """The points of automated modules, up to the end of the piece or of its last stretch."""
+) -> tuple[dict[Where, Points], float]:
+    """The points of automated modules, up to the end of the piece or of its last stretch, and the
+    instant up to which they are complete [s].
+    """
     tempo = piece.tempo_map
     if not piece.automation and not any(strikes.notes for strikes in piece.strikes):
-        return {}
+        return {}, math.inf
     if spans is None:
-        return automation_points(piece, -math.inf, tempo.beats(n_frames / piece.rate), collector)
+        end = tempo.beats(n_frames / piece.rate)
+        return automation_points(piece, -math.inf, end, collector), math.inf
     if isinstance(tempo, StoppedTempoMap) or not spans:
         here = tempo.beats(0.0)
-        return automation_points(piece, here, here, collector)
-    window = spans[-1].window
-    return automation_points(piece, window.since, window.until, collector)
+        return automation_points(piece, here, here, collector), math.inf
+    since, until, _ = spans[-1].window
+    points = automation_points(piece, since, until, collector)
+    return points, complete_until(piece, until)
 
 
 def _length(piece: Piece, live: Sequence[LiveHand]) -> float:

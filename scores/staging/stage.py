@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Container, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -50,6 +51,7 @@ class Stage:
     live: tuple[LiveHand, ...] = ()
     takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
     paths: Mapping[Where, Points] = field(default_factory=dict)  # of modules with automation
+    paths_until: float = math.inf  # [s] up to which these paths are complete
     planned_for: Accuracy | None = None
     # From this frame on a render may end when the sound has faded; None: it ends at `n_frames`.
     fades_from: int | None = None
@@ -264,6 +266,7 @@ def stage(
         ready.live,
         ready.hands.takes.files,
         ready.paths,
+        ready.paths_until,
         planned_for,
         ready.fades_from,
         timeline=ready.timeline,

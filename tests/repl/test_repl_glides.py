@@ -84,17 +84,32 @@ def test_a_string_glides_in_pitch_and_what_is_saved_glides_too(session, tmp_path
     assert np.array_equal(session.again(), session.sound)
 
 
-def test_when_the_timeline_is_extended_changes_no_bit(tmp_path, monkeypatch):
+STRING = "      s: {STRING: {masses: 20, M: 5g, f: 110Hz, t60: 8s, X0: {at: 5, x: 1mm}}}\n"
+ONE_PITCH = SCORE.replace(STRING, "").replace("SOX: s.7", "SOX: m")
+NOTES = "bell notes C4 A3 euclid 5 8 impulse 0.1mNs..1mNs"
+
+
+@pytest.mark.parametrize(
+    ("score", "lines"),
+    [
+        (SCORE, ["set bell.s.f A3 over 2bar"]),
+        # The pitch follows two. At the end of the timeline one is known further than the other.
+        (ONE_PITCH, [NOTES, "lfo bell.f 0.9..1.1 period 1bar"]),
+        (ONE_PITCH, [NOTES, "lfo bell.f 0.9..1.1 period 200bar", "lfo bell.b.K 0.5..1.5 period 3"]),
+    ],
+)
+def test_when_the_timeline_is_extended_changes_no_bit(score, lines, tmp_path, monkeypatch):
     """The session looks at its engine whenever it can, and extends its timeline when it looks."""
     sounds = []
     for look in (0.03, 0.06):
         monkeypatch.setattr(sessions, "_LOOK", look)
         folder = tmp_path / str(look)
         folder.mkdir()
-        with closing(Stepped(SCORE, folder)) as stepped:
+        with closing(Stepped(score, folder)) as stepped:
             stepped.ok("play from 1|1")
-            stepped.ok("set bell.s.f A3 over 2bar")
-            stepped.run(8.0)
+            for line in lines:
+                stepped.ok(line)
+            stepped.run(12.0)
             sounds.append(stepped.sound)
     assert np.array_equal(*sounds)
 

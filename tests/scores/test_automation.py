@@ -110,6 +110,18 @@ def test_a_swing_goes_between_its_ends(shape, expected):
     assert found[0][:2] == (0.0, 900.0)  # from its own value
 
 
+def test_a_swing_moves_up_to_the_end_of_a_piece():
+    """Its points are a second apart, and the piece ends in between."""
+    line = "{lfo: bell.m.f, range: 200Hz..300Hz, period: 64, at: 1|1}"
+    [cut, whole] = [stage(piece(line, tail=tail)) for tail in (7.5, 9.0)]
+    sounds = []
+    for one in (cut, whole):
+        sound = np.zeros((cut.n_frames, one.simulation.n_out))
+        one.simulation.process(sound)
+        sounds.append(sound)
+    assert np.array_equal(*sounds)
+
+
 def test_a_phase_begins_in_the_middle_of_a_swing():
     half = "{lfo: bell.n.K, range: 1kN/m..2kN/m, period: 4, phase: 0.25, at: 1|1, until: 2|1}"
     found = points(piece(half), "n")
