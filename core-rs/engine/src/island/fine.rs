@@ -22,7 +22,7 @@ use crate::kernel;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 use crate::units::Rate;
-use basis::{At, Basis};
+use basis::{At, Basis, add_rows};
 use joint::Joint;
 use laws::{LawScript, LawState};
 use slides::{Frame, Frictions};
@@ -45,6 +45,8 @@ struct Script {
     /// (n_joints²)
     moves: Vec<Vec<f64>>,
     jumps: Vec<f64>,
+    /// Number of products by which an impulse on each joint changes all paths   (n_joints)
+    reached: Vec<u64>,
     /// Displacement of one joint at the instants of a frame by an impulse at another at its start; empty but between
     /// ports   (n_joints²)
     begun: Vec<Vec<f64>>,
@@ -470,7 +472,7 @@ impl Fine {
             *given += impulse * value;
         }
         script.bend(joint, impulse, at, &mut self.way);
-        self.work.products += (n * n) as u64;
+        self.work.products += script.reached[joint];
     }
 
     /// Apply the impulses of a frame to bodies and MATs.
@@ -512,13 +514,11 @@ impl Script {
     /// Change the paths of all joints by an impulse on one of them [N·s].
     fn bend(&self, joint: usize, impulse: f64, at: &At, way: &mut [f64]) {
         let (n, n_joints) = (self.basis.n(), self.joints.len());
-        for (other, way) in way.chunks_mut(n).enumerate() {
-            let moves = &self.moves[joint * n_joints + other];
-            for (row, value) in moves.chunks(n).zip(&at.value) {
-                let by = impulse * value;
-                for (own, moves) in way.iter_mut().zip(row) {
-                    *own += by * moves;
-                }
+        let shares = at.value.map(|value| impulse * value);
+        let moves = &self.moves[joint * n_joints..(joint + 1) * n_joints];
+        for (moves, way) in moves.iter().zip(way.chunks_mut(n)) {
+            if !moves.is_empty() {
+                add_rows(moves, &shares[..n], way);
             }
         }
     }

@@ -87,6 +87,41 @@ fn error(reach: f64, n: usize) -> f64 {
     (1..=n).fold(2.0, |error, k| error * 0.25 * reach / k as f64)
 }
 
+/// Add rows of polynomials, each times a factor, to a sum of them   (n, n and n; n)
+pub(super) fn add_rows(rows: &[f64], factors: &[f64], sum: &mut [f64]) {
+    // If their number is known when this is compiled, the sum stays in registers. Most bases are as small as these.
+    match sum.len() {
+        4 => add_known::<4>(rows, factors, sum),
+        5 => add_known::<5>(rows, factors, sum),
+        6 => add_known::<6>(rows, factors, sum),
+        7 => add_known::<7>(rows, factors, sum),
+        8 => add_known::<8>(rows, factors, sum),
+        9 => add_known::<9>(rows, factors, sum),
+        10 => add_known::<10>(rows, factors, sum),
+        n => {
+            for (row, factor) in rows.chunks_exact(n).zip(factors) {
+                for (own, by) in sum.iter_mut().zip(row) {
+                    *own += factor * by;
+                }
+            }
+        }
+    }
+}
+
+fn add_known<const N: usize>(rows: &[f64], factors: &[f64], sum: &mut [f64]) {
+    let (rows, []) = rows.as_chunks::<N>() else {
+        return;
+    };
+    let ([sum], []) = sum.as_chunks_mut::<N>() else {
+        return;
+    };
+    for (row, factor) in rows.iter().zip(factors) {
+        for (own, by) in sum.iter_mut().zip(row) {
+            *own += factor * by;
+        }
+    }
+}
+
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
@@ -114,6 +149,24 @@ impl At {
 mod tests {
     use super::*;
     use crate::maths::sin;
+
+    #[test]
+    fn rows_are_added_in_order_however_many_polynomials_there_are() {
+        for n in LEAST..MOST {
+            let number = |at: usize| sin(at as f64 + 0.3);
+            let rows: Vec<f64> = (0..n * n).map(number).collect();
+            let factors: Vec<f64> = (0..n).map(|k| number(k + 777)).collect();
+            let mut sum: Vec<f64> = (0..n).map(|k| number(k + 999)).collect();
+            let mut plain = sum.clone();
+            for k in 0..n {
+                for (own, by) in plain.iter_mut().zip(&rows[k * n..]) {
+                    *own += factors[k] * by;
+                }
+            }
+            add_rows(&rows, &factors, &mut sum);
+            assert_eq!(sum, plain, "{n} polynomials");
+        }
+    }
 
     #[test]
     fn a_swing_and_its_velocity_are_known_between_the_instants() {

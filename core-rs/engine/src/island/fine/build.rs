@@ -64,17 +64,16 @@ impl Fine {
         let instants = n as u64;
         let responses = joints
             .iter()
-            .map(|own| pairs(own) * modes(own) * instants * instants)
-            .sum::<u64>();
+            .map(|own| (RESPONSE + pairs(own)) * modes(own) * instants * instants)
+            .sum();
         let ways = joints
             .iter()
             .map(|own| (2 * modes(own) + instants) * instants)
             .sum();
-        let pair = |pair: usize| {
-            let ends = (&joints[pair / n_joints], &joints[pair % n_joints]);
-            moves(ends, bodies, (&basis, rate))
-        };
-        let (moves, jumps): (Vec<_>, _) = (0..n_joints * n_joints).map(pair).unzip();
+        let from = |joint: &Joint| moves(joint, &joints, bodies, (&basis, rate));
+        let (moves, jumps): (Vec<_>, _) = joints.iter().flat_map(from).unzip();
+        let products = |moves: &[Vec<f64>]| moves.iter().map(Vec::len).sum::<usize>() as u64;
+        let reached = moves.chunks(n_joints.max(1)).map(products).collect();
         let begun = begun(&moves, &joints, &basis);
         let script = Script {
             steps,
@@ -85,6 +84,7 @@ impl Fine {
             joints,
             moves,
             jumps,
+            reached,
             begun,
             ways,
         };
@@ -108,7 +108,7 @@ impl Fine {
             has_touched: false,
             work: FineWork {
                 instants: 0,
-                products: RESPONSE * responses,
+                products: responses,
             },
             laws: law_script.states(&script),
             law_script: Arc::new(law_script),

@@ -142,31 +142,48 @@ pub(super) fn joint(
     }
 }
 
-/// Response of one joint's path to an impulse at another: a row for each polynomial of the impulse's instant, (n, n)
-/// [m/N·s], and the velocity at once [m/frame per N·s]. Empty if the impulse does not reach that joint within a frame.
+/// Response of each joint's path to an impulse at one of them: a row for each polynomial of the impulse's instant, (n,
+/// n) [m/N·s], and the velocity at once [m/frame per N·s]. Empty if the impulse does not reach that joint within a
+/// frame.
 pub(super) fn moves(
-    (from, to): (&Joint, &Joint),
+    from: &Joint,
+    joints: &[Joint],
     bodies: &[RunningBody],
     (basis, rate): (&Basis, Rate),
-) -> (Vec<f64>, f64) {
-    let step = rate.step();
-    let table = |answer: &dyn Fn(f64) -> f64| {
-        let mut both = vec![0.0; basis.n() * basis.n()];
-        answers(basis, &mut both, &|part| answer(part * step));
-        both
-    };
-    match (from.port, to.port) {
+) -> Vec<(Vec<f64>, f64)> {
+    let (n, step) = (basis.n(), rate.step());
+    let body = |owner: usize| bodies[owner].modal();
+    let of_modes = from.port.and_then(|(owner, port)| {
+        // All ports of a body move by the same modes: each mode's response is computed once.
+        let instants = basis.instants.iter();
+        let times: Vec<f64> = instants
+            .flat_map(|from| basis.instants.iter().map(move |to| (to - from) * step))
+            .collect();
+        Some(body(owner)?.responses(port, &times))
+    });
+    let to = |to: &Joint| match (from.port, to.port) {
         (Some((owner, from)), Some((same, to))) if owner == same => {
-            let Some(modal) = bodies[owner].modal() else {
+            let (Some(modal), Some(of_modes)) = (body(owner), &of_modes) else {
                 return (Vec::new(), 0.0);
             };
-            let at = |t: f64| modal.response(from, to, t);
-            (table(&at), step * modal.jump(from, to))
+            let mut both = vec![0.0; n * n];
+            for (row, weight) in of_modes.chunks(n * n).zip(modal.weights(from, to)) {
+                for (value, answer) in both.iter_mut().zip(row) {
+                    *value += weight * answer;
+                }
+            }
+            basis.fit_both(&mut both);
+            (both, step * modal.jump(from, to))
         }
         (None, None) if from.mat == to.mat => match &from.cell {
-            Some(cell) => (table(&|t| cell.answer_around(t)), step * cell.jump()),
+            Some(cell) => {
+                let mut both = vec![0.0; n * n];
+                answers(basis, &mut both, &|part| cell.answer_around(part * step));
+                (both, step * cell.jump())
+            }
             None => (Vec::new(), 0.0),
         },
         _ => (Vec::new(), 0.0),
-    }
+    };
+    joints.iter().map(to).collect()
 }

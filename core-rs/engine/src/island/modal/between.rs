@@ -31,10 +31,7 @@ impl RunningModal {
             own.map_or((0.0, 0.0), |own| own.interpolation(instants[j], rate))
         };
         let kick = |port: usize, mode: usize, j: usize| {
-            let own = match &plan.answers {
-                Some(answers) => Some(answers.ports[port][mode]),
-                None => plan.response(mode),
-            };
+            let own = plan.port_response(port, mode);
             own.map_or([0.0; 2], |own| own.split(square, instants[j], rate))
         };
         let n_tables = match &plan.answers {
@@ -63,18 +60,26 @@ impl RunningModal {
         });
     }
 
-    /// Displacement of a port by an impulse at another, `t` [s] after it [m/N·s]; extended to times before it.
-    pub(crate) fn response(&self, from: usize, to: usize, t: f64) -> f64 {
+    /// Displacement of each mode by an impulse at a port, at times [s] after it [m/N·s]; extended to times before it
+    /// (n_modes, n_times)
+    pub(crate) fn responses(&self, from: usize, times: &[f64]) -> Vec<f64> {
         let plan = &self.script.plan;
-        if let Some(answers) = &plan.answers {
-            let terms = answers.ports[from].iter().zip(&plan.ports[to].shape);
-            return terms.map(|(answer, share)| share * answer.around(t)).sum();
-        }
+        let each = |mode: usize| {
+            let own = plan.port_response(from, mode);
+            times
+                .iter()
+                .map(move |&t| own.map_or(0.0, |own| own.around(t)))
+        };
+        (0..plan.modes.len()).flat_map(each).collect()
+    }
+
+    /// Weights of these displacements in that of another port   (n_modes)
+    pub(crate) fn weights(&self, from: usize, to: usize) -> impl Iterator<Item = f64> {
+        let plan = &self.script.plan;
+        // The responses of complex modes already contain the shares of the first port.
+        let is_complex = plan.answers.is_some();
         let shapes = plan.ports[from].shape.iter().zip(&plan.ports[to].shape);
-        let terms = plan.modes.iter().zip(shapes);
-        terms
-            .map(|(mode, (a, b))| mode.cell.map_or(0.0, |cell| a * b * cell.answer_around(t)))
-            .sum()
+        shapes.map(move |(a, b)| if is_complex { *b } else { a * b })
     }
 
     /// Velocity that an impulse at one port gives another at once [m/s per N·s].

@@ -110,6 +110,15 @@ impl Modal {
         }
     }
 
+    /// The continuous motion of a mode after an impulse at a port, which contains the share of that port if the modes
+    /// are complex; `None` for modes of the discrete network.
+    pub(crate) fn port_response(&self, port: usize, mode: usize) -> Option<Response> {
+        match &self.answers {
+            Some(answers) => Some(answers.ports[port][mode]),
+            None => self.response(mode),
+        }
+    }
+
     /// The body started against forces that act on its ports at frame 0 (n_mat of the island): as for any MAT, the
     /// position of each mode one frame earlier is shifted by ½·F·gain.
     pub(crate) fn pushed(&self, force: &[f64]) -> Self {
