@@ -12,6 +12,7 @@ from accuracy import reference
 from accuracy.equations import read
 from accuracy.random_scenes import text as random_text
 from ergon import _core
+from ergon.cli.plan import EXACT
 from ergon.lab import metrics
 from ergon.lab.runs import Oversampled
 from ergon.lab.scene import NetworkAndTimeline, Score
@@ -42,7 +43,8 @@ class Plan:
 
     `spectrum`: if the plan says that the motion is chaotic, the mean difference of third octaves
     over the render, minus that of two tolerances of the reference. `stated` is FLOOR_DB if the
-    plan says that it is exact. `doubt`: the difference of two tolerances of the reference over
+    plan says that it is exact, and infinite if it says that it did not measure the error. `doubt`:
+    the difference of two tolerances of the reference over
     the pilot's time. `refused`: why there is no plan or no render; then nothing else is known.
     """
 
@@ -74,14 +76,15 @@ class Plan:
 
     @property
     def is_silent_miss(self) -> bool:
-        """Whether the real error exceeds the stated one by more than 1.5 dB, and the budget,
-        without a warning.
+        """Whether the real error exceeds the budget, and the stated one by more than 1.5 dB or none
+        is stated, without a warning.
 
         For a chaotic motion: whether the spectrum differs, without a warning.
         """
         if self.chaotic:
             return self.spectrum > UNLIKE and not self.warned
-        return self.is_judged and self.excess > 1.5 and not self.is_met and not self.warned
+        is_told = self.warned or (self.stated < inf and self.excess <= 1.5)
+        return self.is_judged and not self.is_met and not is_told
 
     @property
     def excess(self) -> float:
@@ -211,7 +214,8 @@ def _plan(
     islands = {(row.error_db, row.error_s) for row in rows}
     errors = [db for db, _ in islands if db is not None]
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
-    stated = [*errors, *left_out]
+    is_measured = all(row.error_db is not None or row.what in EXACT for row in rows if row.cost)
+    stated = [*errors, *left_out] if is_measured else [inf]
     pilot = _pilot(made)
     is_chaotic = any(row.spectral_db is not None for row in rows)
     heard = exact.sound

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 
 from accuracy.audit import BUDGETS, Audit, Plan
 
@@ -133,4 +134,6 @@ def _cell(plan: Plan) -> str:
     ]
     said = " ".join(word for word, holds in words if holds)
     stated = "exact" if plan.stated <= -150.0 else f"{plan.stated:.0f}"
+    if plan.stated == inf:
+        stated = "not measured"
     return f"{stated} / {plan.real:.0f} {said}".strip()
