@@ -4,6 +4,7 @@
 must hold of every scene: that a plan is no more than 1.5 dB worse than it says, or warns.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import bristles
@@ -70,6 +71,18 @@ def test_what_a_plan_by_ear_leaves_out_above_hearing_is_no_error():
     found = audit.look("string-7", named("string-7"), (audit.BY_EAR,), plain=False)
     honest(found)
     assert found.plans[0].stated > -100.0
+
+
+def test_an_error_that_was_not_measured_has_to_be_told():
+    """A plan that states nothing is a silent miss if its error is large and it does not warn."""
+    plan = audit.Plan(-40.0, stated=np.inf, real=-20.0, doubt=-120.0)
+    told = replace(plan, warned=True)
+    assert (plan.is_silent_miss, told.is_silent_miss) == (True, False)
+    assert not replace(plan, real=-50.0).is_silent_miss
+    found = audit.Audit("unknown", (told,) * len(audit.BUDGETS))
+    tally = tables.tallies([found])[0]
+    assert (tally.warned, tally.silent, tally.worst) == (1, 0, None)
+    assert "| not measured / -20 cannot |" in tables.scene(found)
 
 
 FRICTION = {f"{kind}, {name}": scene for kind, scenes in

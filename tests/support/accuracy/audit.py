@@ -44,8 +44,8 @@ class Plan:
     `spectrum`: if the plan says that the motion is chaotic, the mean difference of third octaves
     over the render, minus that of two tolerances of the reference. `stated` is FLOOR_DB if the
     plan says that it is exact, and infinite if it says that it did not measure the error. `doubt`:
-    the difference of two tolerances of the reference over
-    the pilot's time. `refused`: why there is no plan or no render; then nothing else is known.
+    the difference of two tolerances of the reference over the pilot's time. `refused`: why there is
+    no plan or no render; then nothing else is known.
     """
 
     budget: float | None

@@ -47,7 +47,7 @@ def _tally(pairs: Sequence[tuple[Audit, Plan]]) -> Tally:
         met=count(lambda plan: plan.is_met),
         warned=count(lambda plan: plan.warned),
         silent=count(lambda plan: plan.is_silent_miss),
-        worst=max((plan.excess for _, plan in judged), default=None),
+        worst=max((plan.excess for _, plan in judged if plan.stated < inf), default=None),
         median=ratios[len(ratios) // 2] if ratios else None,
         most=ratios[-1] if ratios else None,
     )
