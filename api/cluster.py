@@ -42,6 +42,7 @@ _CONNECTING = 20.0  # [s]
 _LOOK_EVERY = 1.0  # [s] between looks at the connection
 _BEGINNINGS = 5
 _LOST = 30  # looks without a scheduler or without workers, until that is an error
+_LOGS = ("asyncio", "distributed", "tornado")  # of Dask, and of what it stands on
 _ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss)://[^\s/]+:\d+")
 
 
@@ -261,8 +262,8 @@ def _encrypted(distributed: Any, on: str) -> Any:
 
 def _silence() -> None:
     """Silence the logs of Dask, which repeat each failure: ergon reports it once, as a sentence."""
-    for name in ("asyncio", "distributed", *logging.root.manager.loggerDict):
-        if name == "asyncio" or name.partition(".")[0] == "distributed":
+    for name in (*_LOGS, *logging.root.manager.loggerDict):
+        if name.partition(".")[0] in _LOGS:
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 

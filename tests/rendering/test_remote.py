@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import random
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
@@ -277,3 +279,23 @@ def test_groups_are_even():
     assert max(sum(costs[i] for i in group) for group in groups) == 6.0
     assert group_by_cost([1.0], 4) == [[0]]
     assert group_by_cost([], 4) == []
+
+
+FAILING = """
+import logging
+from ergon.api import cluster
+cluster._CONNECTING = 0.1
+try:
+    with cluster.open_cluster("tcp://127.0.0.1:9", print):
+        pass
+except cluster.ClusterError as error:
+    print(error)
+for name in ("tornado.application", "distributed.core", "asyncio"):
+    logging.getLogger(name).error("Exception in callback")
+"""
+
+
+def test_a_failure_is_told_once_and_not_by_the_logs_of_dask():
+    done = subprocess.run([sys.executable, "-c", FAILING], capture_output=True, text=True)
+    assert "tcp://127.0.0.1:9: no " in done.stdout
+    assert done.stderr == ""
