@@ -191,10 +191,10 @@ def takeover_points(
     start: float,
     known: float,
 ) -> dict[Where, Points]:
-    """The points of a stage that takes over at `start` [s] from one with other points, which are
-    complete up to the instant `known` [s].
+    """The points of a stage that takes over at `start` [s] from one with the points `before`.
 
-    Points that do not change continue bit by bit; others are reached within `GLIDE`.
+    Points that do not change continue bit by bit; others are reached within `GLIDE`. The points
+    `before` are complete up to the instant `known` [s], and compared up to there.
     """
     found: dict[Where, Points] = {}
     for where in {**before, **after}:
@@ -215,8 +215,8 @@ def takeover_points(
 
 
 def _is_same(old: Points, new: Points, start: float, known: float) -> bool:
-    """Whether two sequences of points are equal from an instant on, as far as both go and the old
-    one is `known`.
+    """Whether two sequences of points are equal from an instant on, as far as both go, and up to
+    the instant `known` [s].
     """
     old_from, new_from = (
         max(0, bisect_right(points, start, key=lambda point: point[0]) - 1) for points in (old, new)

@@ -46,9 +46,9 @@ pub(crate) type Few = [f64; FEW];
 /// Register 0 holds d, 1 holds v, 2 + i the result of step i.
 const FIRST: usize = 2;
 const MAX_REGISTERS: usize = FIRST + super::parse::MAX_NODES;
-/// Number of registers that is enough for most laws: a single link then touches a quarter of a kilobyte. And for most
-/// of those that are evaluated for a few links at once.
+/// Number of registers that is enough for most laws: a single link then touches a quarter of a kilobyte.
 const FEW_REGISTERS: usize = 32;
+/// The same for a few links at once, whose registers are cleared for each evaluation.
 const FEWER_REGISTERS: usize = 16;
 
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -310,8 +310,8 @@ impl Fine {
         change / largest
     }
 
-    /// Compute elongation, rate and force of each law at the start of the frame. If `collocate` follows, it computes
-    /// the forces of expressions itself.
+    /// Compute elongation, rate and force of each law at the start of the frame, but not the force of an expression if
+    /// the frame is collocated: `collocate` computes it together with those at the Gauss points.
     pub(super) fn start_laws(
         &mut self,
         script: &Script,

@@ -76,7 +76,7 @@ impl RunningModal {
     /// Weights of these displacements in that of another port   (n_modes)
     pub(crate) fn weights(&self, from: usize, to: usize) -> impl Iterator<Item = f64> {
         let plan = &self.script.plan;
-        // The responses of complex modes already contain the shares of the first port.
+        // The responses of complex modes already contain the shares of the port `from`.
         let is_complex = plan.answers.is_some();
         let shapes = plan.ports[from].shape.iter().zip(&plan.ports[to].shape);
         shapes.map(move |(a, b)| if is_complex { *b } else { a * b })
