@@ -33,7 +33,6 @@ _HOW = {
     "still": "nothing: nothing moves it",
 }
 _LOADS, _LARGEST_PARTS = 8, 4  # that are listed one by one
-EXACT = ("modes", "complex modes", "oscillators", "unheard", "still")
 _HEARD = "pitch, T60, third octaves"
 _HEAD = ("part", "modules", "computed", "error", _HEARD, "cost", "stable", "left out")
 
@@ -182,6 +181,8 @@ def _table(rows: list[PlanRow]) -> str:
 
 
 def _line(row: PlanRow) -> tuple[str, ...]:
+    from ergon.scores.staging.planning import needs_trial
+
     computed = _HOW[row.what]
     if row.modes is not None:
         kept, of = row.modes
@@ -197,7 +198,7 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         computed += f", contacts ×{row.contact_substeps}"
     is_left_out = row.what in ("unheard", "still")
     error = "" if is_left_out else "exact" if row.error_db is None else f"{row.error_db:.0f} dB"
-    if row.what not in EXACT and row.error_db is None:
+    if needs_trial(row) and row.error_db is None:
         error = "not measured"
     if row.preserved:
         error += ", preserved"

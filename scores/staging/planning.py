@@ -21,6 +21,8 @@ _SHARE, _LOOSER_SHARE = 0.5, 0.125
 _DRAFT = -20.0
 # Methods of meshes, whose errors are known only from trials.
 _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
+# What has no error but for what is left out.
+_EXACT = ("modes", "complex modes", "oscillators", "unheard", "still")
 
 # What accuracy by ear allows for pitches, T60 and third octaves, or for the waveform where nothing
 # else is known.
@@ -200,11 +202,16 @@ def make(
     return Planned(*chosen, notes_with_cost, planner.finish())
 
 
+def needs_trial(row: _core.PlanRow) -> bool:
+    """Whether the error of a row is known only from a trial."""
+    return row.what not in _EXACT
+
+
 def draft_error(plan: _core.Plan) -> str:
     """A sentence on the known error of a plan that was made without trials."""
     rows = [row for row in plan.rows() if row.cost > 0.0]
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
-    tried = [row for row in rows if row.what in _BY_TRIAL or row.what in ("stepped", "e4")]
+    tried = filter(needs_trial, rows)
     names = list(dict.fromkeys(name for row in tried for name in row.parts))
     known = "nothing is left out"
     if left_out:

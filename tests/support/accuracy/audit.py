@@ -12,7 +12,6 @@ from accuracy import reference
 from accuracy.equations import read
 from accuracy.random_scenes import text as random_text
 from ergon import _core
-from ergon.cli.plan import EXACT
 from ergon.lab import metrics
 from ergon.lab.runs import Oversampled
 from ergon.lab.scene import NetworkAndTimeline, Score
@@ -214,8 +213,8 @@ def _plan(
     islands = {(row.error_db, row.error_s) for row in rows}
     errors = [db for db, _ in islands if db is not None]
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
-    is_measured = all(row.error_db is not None or row.what in EXACT for row in rows if row.cost)
-    stated = [*errors, *left_out] if is_measured else [inf]
+    is_unknown = any(planning.needs_trial(row) and row.error_db is None for row in rows if row.cost)
+    stated = [inf] if is_unknown else [*errors, *left_out]
     pilot = _pilot(made)
     is_chaotic = any(row.spectral_db is not None for row in rows)
     heard = exact.sound

@@ -154,7 +154,7 @@ pub(super) fn moves(
     let (n, step) = (basis.n(), rate.step());
     let body = |owner: usize| bodies[owner].modal();
     let of_modes = from.port.and_then(|(owner, port)| {
-        // All ports of a body move by the same modes: each mode's response is computed once.
+        // All ports of a body move by the same modes: the response of each to this port is computed once.
         let instants = basis.instants.iter();
         let times: Vec<f64> = instants
             .flat_map(|from| basis.instants.iter().map(move |to| (to - from) * step))
