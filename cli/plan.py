@@ -171,6 +171,7 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "offered": row.offered,
         "stays": row.stays,
         "cut_short": row.cut_short,
+        "diverges": row.diverges,
     }
 
 
@@ -199,7 +200,7 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     is_left_out = row.what in ("unheard", "still")
     error = "" if is_left_out else "exact" if row.error_db is None else f"{row.error_db:.0f} dB"
     if needs_trial(row) and row.error_db is None:
-        error = "not measured"
+        error = "diverges" if row.diverges else "not measured"
     if row.preserved:
         error += ", preserved"
     if row.cut_short:
@@ -300,6 +301,8 @@ def _why(row: PlanRow) -> list[str]:
         said.append(f"  Of that {error_text(row.audible)}.")
     if row.cut_short:
         said.append("  Planning ended there: its trials had done all the work that they may.")
+    if row.diverges:
+        said.append("  Its motion diverged in a trial: a render stops there.")
     if row.spectral_db is not None:
         said.append("  After that it is chaotic: no two methods give the same waveform;")
         said.append(f"  its third octaves are right to {row.spectral_db:.1f} dB, in the mean.")

@@ -179,6 +179,7 @@ def make(
         missed += _missed_by_ear(made, accuracy.cents)
     notes = [("W403", sentence) for sentence in missed]
     notes += [("W403", sentence) for sentence in _cut_short(made, accuracy)]
+    notes += [("W403", sentence) for sentence in _diverging(made)]
     told = 1.0 if is_free else correction
     if accuracy.cpu is None or (not is_free and told * cost(made) <= accuracy.cpu):
         return Planned(made, accuracy, tuple(notes), planner.finish())
@@ -236,7 +237,7 @@ def _cut_short(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
     error = accuracy.error
     found: dict[tuple[float | None, float | None], list[str]] = {}
     for row in plan.rows():
-        if row.cut_short and not _is_met(row, accuracy):
+        if row.cut_short and not row.diverges and not _is_met(row, accuracy):
             found.setdefault((row.error_db, row.error_s), []).extend(row.parts)
     said = []
     for (db, over), parts in found.items():
@@ -250,6 +251,17 @@ def _cut_short(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
         names = " + ".join(dict.fromkeys(parts))
         said.append(f"{names}: planning reached its work limit; {known}")
     return said
+
+
+def _diverging(plan: _core.Plan) -> list[str]:
+    """A sentence for parts that diverged in their trials: no method that was tried is stable."""
+    names = dict.fromkeys(name for row in plan.rows() if row.diverges for name in row.parts)
+    if not names:
+        return []
+    return [
+        f"{' + '.join(names)}: the motion diverged in a trial; a render stops there with E401, and "
+        "a performance mutes the part. Reduce K or the law, weaken the strikes, or raise the rate"
+    ]
 
 
 def _is_met(row: _core.PlanRow, accuracy: Accuracy) -> bool:
@@ -272,7 +284,7 @@ def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list
     unknown: list[str] = []
     for row in plan.rows():
         db, over = row.error_db, row.error_s
-        if row.cut_short:
+        if row.cut_short or row.diverges:
             continue
         if db is None or over is None:
             if row.what in _BY_TRIAL and is_foreseen:

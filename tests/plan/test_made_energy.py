@@ -1,5 +1,6 @@
 """Energy that steps make: refused or told of, with its place, and never called proved."""
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -87,6 +88,32 @@ def test_a_little_is_told_of(capsys: Capture) -> None:
     assert "W404" not in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("error", [None, -60.0])
+@pytest.mark.parametrize("scene", ["hard-4", "hard-14"])
+def test_a_plan_says_that_a_trial_diverged(
+    scene: str, error: float | None, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.setenv("ERGON_CACHE", "on")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(Path.cwd()))
+    text = (SCENES / f"stability-{scene}.yaml").read_text()
+    if error is not None:
+        text += f"accuracy: {{error: {error}dB}}\n"
+    Path("a.yaml").write_text(text)
+    for is_kept in (False, True):
+        assert app.run(["plan", "a.yaml", "--json"]) == 0
+        *warnings, row, plan = map(json.loads, capsys.readouterr().out.splitlines())
+        assert (row["diverges"], row["error_db"], plan["kept"]) == (True, None, is_kept)
+        said = [one["message"] for one in warnings if one.get("code") == "W403"]
+        assert len(said) == 1
+        assert "s: the motion diverged in a trial; a render stops there with E401" in said[0]
+    assert app.run(["check", "a.yaml"]) == 0
+    # Without an accuracy `check` makes no plan.
+    assert ("W403" in capsys.readouterr().err) == (error is not None)
+    assert app.run(["render", "a.yaml"]) == 4
+    err = capsys.readouterr().err
+    assert err.index("warning[W403]") < err.index("error[E401]")
+
+
 def test_of_links_that_harden_no_method_is_proved() -> None:
     piece = load(str(SCENES / "stability-hard-4.yaml")).piece
     assert piece is not None
@@ -107,7 +134,13 @@ def test_a_link_that_a_method_does_not_know_is_refused() -> None:
 
 def test_an_error_that_no_trial_measured_is_warned_of() -> None:
     row = SimpleNamespace(
-        what="ieq", parts=["gong"], error_db=None, error_s=None, spectral_db=None, cut_short=False
+        what="ieq",
+        parts=["gong"],
+        error_db=None,
+        error_s=None,
+        spectral_db=None,
+        cut_short=False,
+        diverges=False,
     )
     plan = SimpleNamespace(rows=lambda: [row])
     (said,) = planning._missed(plan, -60.0, is_foreseen=True)  # type: ignore[arg-type]

@@ -110,6 +110,7 @@ def row(
         error_s=0.5,
         spectral_db=spectral,
         cut_short=cut_short,
+        diverges=False,
     )
 
 

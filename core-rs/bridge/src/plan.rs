@@ -235,6 +235,7 @@ pub(crate) struct PlanRow {
     stays: Option<String>,
     offered: bool,
     cut_short: bool,
+    diverges: bool,
 }
 
 impl PlanRow {
@@ -305,6 +306,7 @@ impl PlanRow {
             stays: row.stays.clone(),
             offered: row.is_offered,
             cut_short: row.is_cut_short,
+            diverges: row.diverges,
         }
     }
 }

@@ -1251,6 +1251,7 @@ class PlanRow:
     offered: bool  # slow by the plan's choice, not by a rate of its own: it costs less
     stays: str | None  # parts with their own rate that are computed at every frame, and why
     cut_short: bool  # the allowance of work for trials was spent before all were played
+    diverges: bool  # its motion diverged in its trial
 
 @final
 class Plan:

@@ -299,7 +299,12 @@ impl<'a> Maker<'a> {
             Ok(solved) => solved,
         };
         let Solved {
-            found: ChosenIsland { island, error },
+            found:
+                ChosenIsland {
+                    island,
+                    error,
+                    diverges,
+                },
             growth,
             slow_error,
             refused_slow,
@@ -359,6 +364,7 @@ impl<'a> Maker<'a> {
         let is_cut_short = self.allowance.n_refused() > n_refused;
         for row in &mut self.plan.rows[first_row..] {
             row.is_cut_short = is_cut_short;
+            row.diverges = diverges;
             row.stays = stay_reasons(&refused_slow, row);
         }
         self.plan.stay.extend(refused_slow);

@@ -113,6 +113,8 @@ pub struct Row {
     pub is_offered: bool,
     /// The allowance of trials was spent before all of them were played.
     pub is_cut_short: bool,
+    /// Its motion diverged in its trial.
+    pub diverges: bool,
 }
 
 /// Limits up to which a slow part counts as preserved: frames from kick to kick, and error [dB].
@@ -148,6 +150,7 @@ impl Row {
             stays: None,
             is_offered: false,
             is_cut_short: false,
+            diverges: false,
         }
     }
 

@@ -110,8 +110,12 @@ pub(in crate::plan) fn pilot(
         }
         let error = stated_error(found.error, found.parting.as_ref(), None);
         let own = (found.contact_substeps, &*found.run);
-        let island = pruned(&island, own, budget.left_out())?;
-        return Ok(ChosenIsland { island, error }.into());
+        let chosen = ChosenIsland {
+            island: pruned(&island, own, budget.left_out())?,
+            error,
+            diverges: found.run.is_lost,
+        };
+        return Ok(chosen.into());
     };
     let mut best = search.improve(start, budget)?;
     if best.run.is_lost
@@ -164,7 +168,11 @@ pub(in crate::plan) fn pilot(
         && horizon::error_may_grow(&best.island.island_plan);
     let finer = is_open_ended.then(|| search.finer(&best.island)).flatten();
     Ok(PilotResult {
-        chosen: ChosenIsland { island, error },
+        chosen: ChosenIsland {
+            island,
+            error,
+            diverges: best.run.is_lost,
+        },
         long_run: finer.map(|finer| LongRunPair {
             contact_substeps: [&best.island, &finer].map(|island| search.contact_substeps(island)),
             own: best.island,

@@ -22,6 +22,8 @@ const SUBSTEPS_MAX: usize = 2 * TIMES_MAX as usize * Budget::STEPS_MAX;
 pub(in crate::plan) struct ChosenIsland {
     pub(in crate::plan) island: Assembled,
     pub(in crate::plan) error: Option<Measured>,
+    /// Its motion diverged in its trial.
+    pub(in crate::plan) diverges: bool,
 }
 
 impl ChosenIsland {
@@ -30,6 +32,7 @@ impl ChosenIsland {
         Self {
             island,
             error: None,
+            diverges: false,
         }
     }
 }
@@ -110,6 +113,7 @@ impl PilotResult {
             *shape as u32,
             own as u32,
             finer as u32,
+            u32::from(self.chosen.diverges),
         ];
         let mut numbers = TrialRecord::numbers_of(self.chosen.error);
         numbers.extend(bodies.iter().map(|body| body.left_out));
@@ -128,8 +132,13 @@ impl PilotResult {
     ) -> Option<Self> {
         let (error, left_out) = record.error()?;
         let (how, kept) = record.counts.split_first()?;
-        let &[oversampling, contact_substeps, shape, own, finer] = &how[..] else {
+        let &[oversampling, contact_substeps, shape, own, finer, diverges] = &how[..] else {
             return None;
+        };
+        let diverges = match diverges {
+            0 => false,
+            1 => true,
+            _ => return None,
         };
         let is_much = own.max(finer) as usize > SUBSTEPS_MAX;
         if !(1..=2 * TIMES_MAX).contains(&oversampling) || is_much {
@@ -167,7 +176,11 @@ impl PilotResult {
             None
         };
         Some(Self {
-            chosen: ChosenIsland { island, error },
+            chosen: ChosenIsland {
+                island,
+                error,
+                diverges,
+            },
             long_run,
         })
     }
