@@ -147,6 +147,17 @@ def test_a_string_on_a_bridge_of_many_points_goes_by_its_modes(points: int):
     assert plan.real <= -60.0
 
 
+def test_many_contacts_on_one_string_are_exact():
+    """Their impulses are kept as amplitudes of its modes."""
+    text = named("bridge-60").replace("masses: 90", "masses: 24").replace("0..59", "0..19")
+    for old, new in [("b.64", "b.21"), ("b.70", "b.22"), ("b.30", "b.10"), ("0.2s", "0.05s")]:
+        text = text.replace(old, new)
+    (plan,) = audit.look("bridge", text, (None,), plain=False).plans
+    assert "modes" in plan.how
+    assert not plan.warned
+    assert max(plan.stated, plan.real) <= -120.0
+
+
 @pytest.mark.parametrize(
     "family",
     few(["mesh", "hammer", "chain", "hard", "law", "bristle"], ["mesh", "hammer", "hard", "law"]),

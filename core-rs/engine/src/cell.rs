@@ -12,7 +12,7 @@ pub(crate) use response::{Response, recurrence};
 
 use std::f64::consts::{LN_10, TAU};
 
-use crate::maths::{asin, exp, expm1, log1p, sin, sqrt};
+use crate::maths::{asin, cos, exp, expm1, log1p, sin, sqrt};
 use crate::units::Rate;
 
 /// Decay rate σ [1/s] for a decay of 60 dB in `t60` [s]; `None`: no decay.
@@ -242,6 +242,19 @@ impl Cell {
             Poles::Creeping { slow, fast } => {
                 let gap = fast - slow;
                 -exp(-slow * t) * expm1(-gap * t) / gap
+            }
+        }
+    }
+
+    /// Displacement per unit of initial displacement, `t` [s] >= 0 after it is released without velocity.
+    pub(crate) fn released(&self, t: f64) -> f64 {
+        match self.poles {
+            Poles::Oscillating { omega } => {
+                exp(-self.sigma * t) * cos(omega * t) + self.sigma * self.response(t)
+            }
+            Poles::Creeping { slow, fast } => {
+                let gap = fast - slow;
+                exp(-slow * t) * (1.0 - slow * expm1(-gap * t) / gap)
             }
         }
     }

@@ -10,6 +10,7 @@ mod pairwise;
 pub(crate) mod ports;
 pub(crate) mod proxies;
 mod pull;
+pub(crate) mod pushed_modes;
 mod runs;
 mod space;
 pub(crate) mod springs;

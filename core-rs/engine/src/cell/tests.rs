@@ -59,6 +59,33 @@ fn flow(m: f64, k: f64, z: f64, t: f64, x: f64, v: f64) -> (f64, f64) {
     )
 }
 
+#[test]
+fn a_released_cell_moves_as_the_matrix_exponential() {
+    // Without loss, below, at and above critical damping, and without a spring.
+    for (k, z) in [
+        (4e6, 0.0),
+        (4e6, 300.0),
+        (1e6, 2e3),
+        (1e6, 9e3),
+        (0.0, 50.0),
+        (0.0, 0.0),
+    ] {
+        let cell = Cell::new(2.0, 2.0 * k, 2.0 * z);
+        for t in [0.0, 1e-5, 3e-4, 2e-3] {
+            let exact = if t == 0.0 {
+                1.0
+            } else {
+                flow(1.0, k, z, t, 1.0, 0.0).0
+            };
+            let found = cell.released(t);
+            assert!(
+                (found - exact).abs() < 1e-12,
+                "{k} {z} {t}: {found} {exact}"
+            );
+        }
+    }
+}
+
 // Reference values, computed by another program with more digits.
 #[test]
 fn ratios_match_the_vectors() {

@@ -9,6 +9,7 @@
 
 mod basis;
 mod build;
+mod crowded;
 mod joint;
 mod laws;
 mod march;
@@ -23,6 +24,7 @@ use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 use crate::units::Rate;
 use basis::{At, Basis, add_rows};
+use crowded::{CrowdedBody, CrowdedMotion};
 use joint::Joint;
 use laws::{LawScript, LawState};
 use slides::{Frame, Frictions};
@@ -41,14 +43,17 @@ struct Script {
     /// The two joints of each link.
     ends: Vec<(usize, usize)>,
     joints: Vec<Joint>,
-    /// Response of one joint's path to an impulse at another   (n_joints², n·n), and of its velocity at once
-    /// (n_joints²)
+    /// Bodies of which the modes are pushed, and body and row of each joint that is on one   (n_joints)
+    crowded: Vec<CrowdedBody>,
+    places: Vec<Option<(usize, usize)>>,
+    /// Response of one joint's path to an impulse at another   (n_joints², n·n); empty between those of a crowded body.
+    /// And that of its velocity at once   (n_joints²)
     moves: Vec<Vec<f64>>,
     jumps: Vec<f64>,
-    /// Number of products by which an impulse on each joint changes all paths   (n_joints)
+    /// Number of products by which an impulse on each joint changes all paths in `moves`   (n_joints)
     reached: Vec<u64>,
     /// Displacement of one joint at the instants of a frame by an impulse at another at its start; empty but between
-    /// ports   (n_joints²)
+    /// ports, and between those of a crowded body   (n_joints²)
     begun: Vec<Vec<f64>>,
     /// Number of products that the free paths of all joints take in each frame.
     ways: u64,
@@ -73,6 +78,8 @@ pub(crate) struct Fine {
     given: Vec<f64>,
     /// `way` and `given` before a step that may be repeated.
     saved: [Vec<f64>; 2],
+    /// What the impulses of this frame add to each crowded body.
+    crowded: Vec<CrowdedMotion>,
     /// Force that each stepped joint still feels in the next frame   (n_joints)
     later: Vec<f64>,
     /// Force on each joint that acts over the whole frame [N]   (n_joints)
@@ -84,8 +91,9 @@ pub(crate) struct Fine {
     rests: Vec<bool>,
     /// Whether the instant at which each contact closes or opens in this step is known.
     located: Vec<bool>,
-    /// Forces of contacts that are solved together [N]   (n_links)
+    /// Forces of contacts that are solved together [N], and their penetrations before [m]   (n_links)
     forces: Vec<f64>,
+    depths: Vec<f64>,
     /// K and Z of each link at the start of this frame, and at its end   (n_links)
     numbers: Vec<[[f64; 2]; 2]>,
     /// Whether each joint has glided since the tables of laws were made   (n_joints)
@@ -203,6 +211,7 @@ impl Fine {
         keep(&mut self.rests, &stays);
         keep(&mut self.located, &stays);
         keep(&mut self.forces, &stays);
+        keep(&mut self.depths, &stays);
         keep(&mut self.numbers, &stays);
         *laws = LawScript::new(script);
         self.frictions = Frictions::new(script);
@@ -348,6 +357,7 @@ impl Fine {
         let (script, laws) = (self.script.clone(), self.law_script.clone());
         self.work.products += script.ways;
         self.pushed.fill(0.0);
+        self.begin_crowded();
         self.ways(&script, scheme, bodies, body, &next);
         let is_located = any || !self.frictions.is_empty() || self.has_glided.contains(&true);
         self.start_laws(&script, &laws, gates, !is_located);
@@ -390,7 +400,11 @@ impl Fine {
         let is_moved_by = |mover: usize, moved: usize| {
             let n = script.joints.len();
             let pairs = |(a, b): (usize, usize)| [a, b];
-            let of = |from: usize, to: usize| !script.moves[from * n + to].is_empty();
+            let of = |from: usize, to: usize| {
+                let place = |joint: usize| script.places[joint].map(|(body, _)| body);
+                let is_same = place(from).is_some() && place(from) == place(to);
+                is_same || !script.moves[from * n + to].is_empty()
+            };
             let (mover, moved) = (pairs(script.ends[mover]), pairs(script.ends[moved]));
             mover
                 .iter()
@@ -456,6 +470,9 @@ impl Fine {
                 continue;
             }
             let impulse = force * script.rate.step();
+            if self.push_crowded(script, at, impulse) {
+                continue;
+            }
             for (other, values) in self.values.chunks_mut(n).enumerate() {
                 for (x, by) in values.iter_mut().zip(&script.begun[at * n_joints + other]) {
                     *x += impulse * by;
@@ -471,8 +488,10 @@ impl Fine {
         for (given, value) in given.iter_mut().zip(&at.value) {
             *given += impulse * value;
         }
-        script.bend(joint, impulse, at, &mut self.way);
-        self.work.products += script.reached[joint];
+        if !self.push_crowded(script, joint, impulse) {
+            script.bend(joint, impulse, at, &mut self.way);
+            self.work.products += script.reached[joint];
+        }
     }
 
     /// Apply the impulses of a frame to bodies and MATs.

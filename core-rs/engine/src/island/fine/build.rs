@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use super::basis::{At, Basis, ERROR, ERROR_OF_FRICTION, dot};
+use super::crowded::{CrowdedBody, crowded_bodies};
 use super::joint::{Joint, joint, moves, reach};
 use super::laws::LawScript;
 use super::slides::Frictions;
@@ -49,6 +50,8 @@ impl Fine {
         let at = |mat: usize| mats.binary_search(&mat).unwrap_or(0);
         let ends = links.iter().map(|run| (at(run.a), at(run.b))).collect();
         let n_joints = joints.len();
+        let crowded = crowded_bodies(&links, &joints, bodies, (&basis, rate));
+        let is_crowded = |owner: usize| crowded.iter().any(|body| body.owner() == owner);
         // Number of modes that give the position of a joint; 1 for a mass.
         let modes = |joint: &Joint| {
             let body = joint.port.and_then(|(owner, _)| bodies[owner].modal());
@@ -62,15 +65,22 @@ impl Fine {
             joints.iter().filter(same).count().max(1) as u64
         };
         let instants = n as u64;
+        let has_rows = |own: &&Joint| own.port.is_none_or(|(owner, _)| !is_crowded(owner));
+        let tables = |body: &CrowdedBody| {
+            let motions = 2 * instants * body.n_modes() as u64;
+            motions * (RESPONSE + instants)
+        };
         let responses = joints
             .iter()
+            .filter(has_rows)
             .map(|own| (RESPONSE + pairs(own)) * modes(own) * instants * instants)
-            .sum();
+            .sum::<u64>();
+        let of_crowded: u64 = crowded.iter().map(tables).sum();
         let ways = joints
             .iter()
             .map(|own| (2 * modes(own) + instants) * instants)
             .sum();
-        let from = |joint: &Joint| moves(joint, &joints, bodies, (&basis, rate));
+        let from = |joint: &Joint| moves(joint, &joints, bodies, (&basis, rate), is_crowded);
         let (moves, jumps): (Vec<_>, _) = joints.iter().flat_map(from).unzip();
         let products = |moves: &[Vec<f64>]| moves.iter().map(Vec::len).sum::<usize>() as u64;
         let reached = moves.chunks(n_joints.max(1)).map(products).collect();
@@ -81,6 +91,8 @@ impl Fine {
             basis,
             links,
             ends,
+            places: CrowdedBody::places(&crowded, n_joints),
+            crowded,
             joints,
             moves,
             jumps,
@@ -96,6 +108,7 @@ impl Fine {
             saved: [vec![0.0; n_joints * n], vec![0.0; n_joints * n]],
             values: vec![0.0; n_joints * n],
             pushed: vec![0.0; n_joints * n],
+            crowded: script.crowded.iter().map(CrowdedBody::motion).collect(),
             later: vec![0.0; n_joints],
             steady: vec![0.0; n_joints],
             near: vec![false; n_links],
@@ -103,12 +116,13 @@ impl Fine {
             rests: vec![false; n_links],
             located: vec![false; n_links],
             forces: vec![0.0; n_links],
+            depths: vec![0.0; n_links],
             numbers: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
             has_glided: vec![false; n_joints],
             has_touched: false,
             work: FineWork {
                 instants: 0,
-                products: responses,
+                products: responses + of_crowded,
             },
             laws: law_script.states(&script),
             law_script: Arc::new(law_script),

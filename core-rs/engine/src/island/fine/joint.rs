@@ -143,17 +143,21 @@ pub(super) fn joint(
 }
 
 /// Response of each joint's path to an impulse at one of them: a row for each polynomial of the impulse's instant, (n,
-/// n) [m/N·s], and the velocity at once [m/frame per N·s]. Empty if the impulse does not reach that joint within a
-/// frame.
+/// n) [m/N·s], and the velocity at once [m/frame per N·s]. No rows if the impulse does not reach that joint within a
+/// frame, or if both are on a crowded body.
 pub(super) fn moves(
     from: &Joint,
     joints: &[Joint],
     bodies: &[RunningBody],
     (basis, rate): (&Basis, Rate),
+    is_crowded: impl Fn(usize) -> bool,
 ) -> Vec<(Vec<f64>, f64)> {
     let (n, step) = (basis.n(), rate.step());
     let body = |owner: usize| bodies[owner].modal();
     let of_modes = from.port.and_then(|(owner, port)| {
+        if is_crowded(owner) {
+            return None;
+        }
         // All ports of a body move by the same modes: the response of each to this port is computed once.
         let instants = basis.instants.iter();
         let times: Vec<f64> = instants
@@ -163,8 +167,12 @@ pub(super) fn moves(
     });
     let to = |to: &Joint| match (from.port, to.port) {
         (Some((owner, from)), Some((same, to))) if owner == same => {
-            let (Some(modal), Some(of_modes)) = (body(owner), &of_modes) else {
+            let Some(modal) = body(owner) else {
                 return (Vec::new(), 0.0);
+            };
+            let jump = step * modal.jump(from, to);
+            let Some(of_modes) = &of_modes else {
+                return (Vec::new(), jump);
             };
             let mut both = vec![0.0; n * n];
             for (row, weight) in of_modes.chunks(n * n).zip(modal.weights(from, to)) {
@@ -173,7 +181,7 @@ pub(super) fn moves(
                 }
             }
             basis.fit_both(&mut both);
-            (both, step * modal.jump(from, to))
+            (both, jump)
         }
         (None, None) if from.mat == to.mat => match &from.cell {
             Some(cell) => {

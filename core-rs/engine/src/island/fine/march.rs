@@ -6,7 +6,7 @@
 
 use std::f64::consts::PI;
 
-use super::basis::{At, dot};
+use super::basis::At;
 use super::laws::{LawScript, LawState};
 use super::{Fine, Script};
 use crate::integrate::STAGES;
@@ -121,7 +121,7 @@ impl Fine {
         gates: &[f64],
         body: &mut Body,
     ) {
-        let start = At::new(script.basis.n(), 0.0);
+        let start = self.at(script, 0.0);
         let mut rests_fast = false;
         for index in 0..script.links.len() {
             let rested = std::mem::take(&mut self.rests[index]);
@@ -193,12 +193,9 @@ impl Fine {
 
     /// Penetration [m] and how fast it grows [m/frame].
     fn look(&self, script: &Script, own: &Own<'_>, at: &At) -> [f64; 2] {
-        let n = script.basis.n();
         let (a, b) = own.ends;
-        let [a, b] = [a, b].map(|end| &self.way[end * n..(end + 1) * n]);
-        let g = dot(b, &at.value) - dot(a, &at.value) - own.rest;
-        let v = dot(b, &at.slope) - dot(a, &at.slope);
-        [own.side * g, own.side * v]
+        let [[x_a, v_a], [x_b, v_b]] = [a, b].map(|end| self.see(script, end, at));
+        [own.side * (x_b - x_a - own.rest), own.side * (v_b - v_a)]
     }
 
     /// Push both ends of a contact [N·s].
@@ -220,6 +217,7 @@ impl Fine {
         let [way, given] = &mut self.saved;
         way.copy_from_slice(&self.way);
         given.copy_from_slice(&self.given);
+        self.save_crowded(script);
         for law in &mut self.laws {
             law.save();
         }
@@ -257,10 +255,11 @@ impl Fine {
         let Some(own) = self.own(script, forces.1, (index, s)) else {
             return h;
         };
-        let held = |fine: &Self, s: f64| {
+        let held = |fine: &mut Self, s: f64| {
+            let at = fine.at(script, s);
             let own = fine.own(script, forces.1, (index, s));
             own.map_or((0.0, [0.0; 2]), |own| {
-                let state = fine.look(script, &own, &At::new(script.basis.n(), s));
+                let state = fine.look(script, &own, &at);
                 (own.holds(state), state)
             })
         };
@@ -302,13 +301,14 @@ impl Fine {
     fn restore(&mut self) {
         self.way.copy_from_slice(&self.saved[0]);
         self.given.copy_from_slice(&self.saved[1]);
+        self.restore_crowded();
         self.laws.iter_mut().for_each(LawState::restore);
     }
 
     /// Length of the step from `s`.
-    fn length(&self, script: &Script, gates: &[f64], s: f64) -> f64 {
+    fn length(&mut self, script: &Script, gates: &[f64], s: f64) -> f64 {
         let (steps, step) = (script.steps as f64, script.rate.step());
-        let at = At::new(script.basis.n(), s);
+        let at = self.at(script, s);
         let mut quickest = 1.0_f64;
         for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
             if let Some(own) = self.own(script, gates, (index, s)) {
@@ -342,7 +342,7 @@ impl Fine {
         is_back: bool,
     ) {
         let n = script.links.len();
-        let at = At::new(script.basis.n(), s);
+        let at = self.at(script, s);
         for turn in 0..n {
             let index = if is_back { n - 1 - turn } else { turn };
             if !self.pushes[index] {
@@ -361,8 +361,8 @@ impl Fine {
     }
 
     /// A contact that stops or begins to push at `s`, and was not located in this step.
-    fn turned(&self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
-        let at = At::new(script.basis.n(), s);
+    fn turned(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
+        let at = self.at(script, s);
         let others = (0..script.links.len()).filter(|&index| !self.located[index]);
         others.into_iter().find(|&index| {
             self.own(script, gates, (index, s)).is_some_and(|own| {
@@ -377,16 +377,16 @@ impl Fine {
     }
 
     /// The first instant from `s` on at which a contact closes while none pushes, and which.
-    fn next_closing(&self, script: &Script, gates: &[f64], s: f64) -> Option<(f64, usize)> {
-        let n = script.basis.n();
+    fn next_closing(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<(f64, usize)> {
         let mut from = s;
         for look in 1..=LOOKS {
             let to = s + (1.0 - s) * look as f64 / LOOKS as f64;
             let mut first: Option<(f64, usize)> = None;
             for index in 0..script.links.len() {
-                let closes = |s: f64| {
+                let mut closes = |s: f64| {
+                    let at = self.at(script, s);
                     let own = self.own(script, gates, (index, s));
-                    own.is_some_and(|own| own.closes(self.look(script, &own, &At::new(n, s))))
+                    own.is_some_and(|own| own.closes(self.look(script, &own, &at)))
                 };
                 if !closes(to) {
                     continue;
@@ -416,14 +416,18 @@ impl Fine {
 
     /// The rest of a frame that would take too many steps: by the discrete gradient, stable at any step length.
     fn finish(&mut self, script: &Script, laws: &LawScript, gates: &[f64], from: f64) {
-        let n = script.basis.n();
         let h = (1.0 - from) / script.steps as f64;
         let step = script.rate.step();
         for part in 0..script.steps {
             let s = from + part as f64 * h;
-            let [start, middle, end] = [s, s + 0.5 * h, s + h].map(|s| At::new(n, s));
-            self.saved[0].copy_from_slice(&self.way);
+            let instants = [s, s + 0.5 * h, s + h];
+            let start = self.at(script, instants[0]);
+            for index in 0..script.links.len() {
+                let own = self.own(script, gates, (index, instants[1]));
+                self.depths[index] = own.map_or(0.0, |own| self.look(script, &own, &start)[0]);
+            }
             self.bend(script, (laws, gates), (&start, 0.5 * h));
+            let middle = self.at(script, instants[1]);
             for law in 0..laws.links.len() {
                 self.kick_law(script, (laws, gates), law, (&middle, h));
             }
@@ -435,11 +439,11 @@ impl Fine {
                         continue;
                     };
                     self.work.instants += 1;
+                    let now = self.depths[index];
                     // Remove the force of the last round.
+                    let middle = self.at(script, instants[1]);
                     self.push(script, &own, -self.forces[index] * h * step, &middle);
-                    std::mem::swap(&mut self.way, &mut self.saved[0]);
-                    let [now, _] = self.look(script, &own, &start);
-                    std::mem::swap(&mut self.way, &mut self.saved[0]);
+                    let end = self.at(script, instants[2]);
                     let [free, _] = self.look(script, &own, &end);
                     let contact = Contact {
                         k: own.k,
@@ -449,6 +453,7 @@ impl Fine {
                         clamp: own.but.clamp,
                     };
                     let force = contact.push(free, now, now.max(free));
+                    let middle = self.at(script, instants[1]);
                     self.push(script, &own, force * h * step, &middle);
                     change = change.max((force - self.forces[index]).abs() - AGREE * force.abs());
                     self.forces[index] = force;
@@ -457,6 +462,7 @@ impl Fine {
                     break;
                 }
             }
+            let end = self.at(script, instants[2]);
             self.bend(script, (laws, gates), (&end, 0.5 * h));
             for (rests, force) in self.rests.iter_mut().zip(&self.forces) {
                 *rests &= *force != 0.0;

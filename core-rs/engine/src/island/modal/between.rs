@@ -1,7 +1,7 @@
 //! A body between two frames: positions of its ports at instants of a frame, and effects of impulses at such instants.
 
 use super::{ROOM, RunningModal, lanes};
-use crate::cell::Response;
+use crate::cell::{Cell, Response};
 use crate::kernel::bank::{LANES, Lanes};
 use crate::kernel::ports;
 use crate::state::Body;
@@ -80,6 +80,20 @@ impl RunningModal {
         let is_complex = plan.answers.is_some();
         let shapes = plan.ports[from].shape.iter().zip(&plan.ports[to].shape);
         shapes.map(move |(a, b)| if is_complex { *b } else { a * b })
+    }
+
+    /// The continuous motion of each mode, and of nothing but it; `None` for modes that are complex or discrete   (n_modes)
+    pub(crate) fn cells(&self) -> Option<Vec<Cell>> {
+        let plan = &self.script.plan;
+        let cells = plan.modes.iter().map(|mode| mode.cell);
+        cells
+            .collect::<Option<Vec<Cell>>>()
+            .filter(|_| plan.answers.is_none())
+    }
+
+    /// Share of each mode in the position of a port   (n_modes)
+    pub(crate) fn shape(&self, port: usize) -> &[f64] {
+        &self.script.plan.ports[port].shape
     }
 
     /// Velocity that an impulse at one port gives another at once [m/s per N·s].

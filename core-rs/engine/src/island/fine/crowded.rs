@@ -1,0 +1,339 @@
+//! Bodies that many contacts touch: impulses on them are kept as amplitudes of their modes.
+//!
+//! An impulse changes the paths of all joints of a body. Computed path by path, that takes n² products for each joint.
+//! If there are many joints, it takes less to add the impulse to the modes, and to sum over the modes where a joint is
+//! looked at.
+
+use super::basis::{At, Basis, dot};
+use super::joint::Joint;
+use super::{Fine, Script};
+use crate::cell::Cell;
+use crate::island::inside::RunningBody;
+use crate::kernel::bank::SUMS;
+use crate::kernel::pushed_modes::{Group, ModeTables, PushedGroup, bring, push, see, settle};
+use crate::scheme::{Kind, Run};
+use crate::units::Rate;
+
+/// Share of the joints that push at once, as a bridge or a fret that a string wraps.
+const PUSHING: f64 = 0.25;
+/// Kicks in a step.
+const KICKS: f64 = 6.0;
+/// Paths of pairs are kept unless sums over modes take this many times fewer products.
+const GAIN: f64 = 1.5;
+/// Highest loss of a mode's velocity, 2σ [1/frame]: beyond it P and Q lose digits to each other.
+const LOSS_MAX: f64 = 0.5;
+
+/// The constant data of such a body.
+#[derive(Clone, Debug)]
+pub(super) struct CrowdedBody {
+    owner: usize,
+    n_modes: usize,
+    tables: ModeTables,
+    /// Joints on the body, and the shares of the modes in the position of each   (n_groups each)
+    rows: Vec<(usize, Vec<Group>)>,
+}
+
+/// The motion that impulses add to such a body in a frame.
+#[derive(Clone, Debug)]
+pub(super) struct CrowdedMotion {
+    groups: Vec<PushedGroup>,
+    /// Amplitudes before a step that may be repeated   (n_groups)
+    saved: Vec<[Group; 2]>,
+    /// The instant of the frame to which the groups are brought, 0 to 1; NaN if to none.
+    s: f64,
+}
+
+/// All bodies of which the modes are to be pushed.
+pub(super) fn crowded_bodies(
+    links: &[Run],
+    joints: &[Joint],
+    bodies: &[RunningBody],
+    (basis, rate): (&Basis, Rate),
+) -> Vec<CrowdedBody> {
+    // Laws and friction are solved from the responses of pairs.
+    if !links.iter().all(|run| matches!(run.kind, Kind::But(_))) {
+        return Vec::new();
+    }
+    let owners = 0..bodies.len();
+    let found = owners.filter_map(|owner| CrowdedBody::new(owner, joints, bodies, (basis, rate)));
+    found.collect()
+}
+
+impl CrowdedBody {
+    /// `None` if the paths of pairs take less, or if its modes are complex or discrete.
+    fn new(
+        owner: usize,
+        joints: &[Joint],
+        bodies: &[RunningBody],
+        (basis, rate): (&Basis, Rate),
+    ) -> Option<Self> {
+        let ports: Vec<(usize, usize)> = (joints.iter().enumerate())
+            .filter_map(|(at, joint)| match joint.port {
+                Some((own, port)) if own == owner => Some((at, port)),
+                _ => None,
+            })
+            .collect();
+        let body = bodies[owner].modal()?;
+        let (n, n_modes) = (basis.n(), body.n_modes());
+        if !is_crowded(ports.len(), n_modes, n) {
+            return None;
+        }
+        let cells = body.cells()?;
+        let step = rate.step();
+        if cells.iter().any(|cell| cell.viscosity() * step > LOSS_MAX) {
+            return None;
+        }
+        let n_groups = n_modes.div_ceil(SUMS);
+        let row = |port: usize| {
+            let mut row = vec![[0.0; SUMS]; n_groups];
+            for (mode, share) in body.shape(port).iter().enumerate() {
+                row[mode / SUMS][mode % SUMS] = *share;
+            }
+            row
+        };
+        Some(Self {
+            owner,
+            n_modes,
+            tables: tables(&cells, basis, rate),
+            rows: ports
+                .iter()
+                .map(|&(joint, port)| (joint, row(port)))
+                .collect(),
+        })
+    }
+
+    /// The motion at rest.
+    pub(super) fn motion(&self) -> CrowdedMotion {
+        CrowdedMotion {
+            groups: vec![PushedGroup::START; self.tables.rates.len()],
+            saved: vec![[[0.0; SUMS]; 2]; self.tables.rates.len()],
+            s: 0.0,
+        }
+    }
+
+    /// Body and row of each joint that is on such a body   (n_joints)
+    pub(super) fn places(bodies: &[Self], n_joints: usize) -> Vec<Option<(usize, usize)>> {
+        let mut places = vec![None; n_joints];
+        for (body, own) in bodies.iter().enumerate() {
+            for (row, &(joint, _)) in own.rows.iter().enumerate() {
+                places[joint] = Some((body, row));
+            }
+        }
+        places
+    }
+
+    pub(super) fn owner(&self) -> usize {
+        self.owner
+    }
+
+    pub(super) fn n_modes(&self) -> usize {
+        self.n_modes
+    }
+}
+
+/// Whether sums over modes take far fewer products than paths of pairs, if a share of the joints push at once.
+fn is_crowded(n_joints: usize, n_modes: usize, n: usize) -> bool {
+    let (joints, modes, n) = (n_joints as f64, n_modes as f64, n as f64);
+    let pushing = (PUSHING * joints).max(1.0);
+    let of_pairs = KICKS * pushing * joints * n * n;
+    // For each kick the instant, and what each contact sees and pushes; for each step what all joints see.
+    let of_modes = modes * (KICKS * (2.0 * n + 8.0 + 3.0 * pushing) + 2.0 * joints);
+    of_pairs > GAIN * of_modes
+}
+
+/// The tables of modes with these motions. A group that is not full is filled with copies of a mode, which have no share
+/// in any position.
+fn tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
+    let (n, step) = (basis.n(), rate.step());
+    let n_groups = cells.len().div_ceil(SUMS);
+    let mut motions = vec![[[0.0; SUMS]; 2]; n_groups * n];
+    let mut rates = vec![[[0.0; SUMS]; 2]; n_groups];
+    let mut coefficients = vec![0.0; n];
+    for at in 0..n_groups * SUMS {
+        let (cell, group, lane) = (&cells[at.min(cells.len() - 1)], at / SUMS, at % SUMS);
+        for which in 0..2 {
+            let value = |s: &f64| unit_motion(cell, s * step, which, step);
+            let values: Vec<f64> = basis.instants.iter().map(value).collect();
+            basis.fit(&values, &mut coefficients);
+            let own = motions[group * n..(group + 1) * n].iter_mut();
+            for (motion, coefficient) in own.zip(&coefficients) {
+                motion[which][lane] = *coefficient;
+            }
+        }
+        rates[group][0][lane] = cell.stiffness() * step * step;
+        rates[group][1][lane] = cell.viscosity() * step;
+    }
+    ModeTables { n, motions, rates }
+}
+
+/// Displacement `t` [s] after a start with 1 m (`which` = 0), or with 1 m a frame.
+fn unit_motion(cell: &Cell, t: f64, which: usize, step: f64) -> f64 {
+    if which == 0 {
+        cell.released(t)
+    } else {
+        cell.response(t) / step
+    }
+}
+
+impl CrowdedMotion {
+    /// Begin a frame.
+    fn begin(&mut self) {
+        self.groups.fill(PushedGroup::START);
+        self.s = 0.0;
+    }
+
+    fn save(&mut self, body: &CrowdedBody) {
+        settle(&body.tables, &mut self.groups);
+        for (saved, group) in self.saved.iter_mut().zip(&self.groups) {
+            *saved = group.amplitudes;
+        }
+    }
+
+    fn restore(&mut self) {
+        for (saved, group) in self.saved.iter().zip(&mut self.groups) {
+            group.restore(*saved);
+        }
+        self.s = f64::NAN;
+    }
+}
+
+impl Fine {
+    /// Begin a frame.
+    pub(super) fn begin_crowded(&mut self) {
+        self.crowded.iter_mut().for_each(CrowdedMotion::begin);
+    }
+
+    /// Keep what impulses have added so far, for a step that may be repeated.
+    pub(super) fn save_crowded(&mut self, script: &Script) {
+        for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
+            motion.save(body);
+        }
+    }
+
+    /// Undo the last step.
+    pub(super) fn restore_crowded(&mut self) {
+        self.crowded.iter_mut().for_each(CrowdedMotion::restore);
+    }
+
+    /// An instant of this frame, 0 to 1. From now on joints are looked at, and pushed, at this instant.
+    pub(super) fn at(&mut self, script: &Script, s: f64) -> At {
+        let at = At::new(script.basis.n(), s);
+        for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
+            if motion.s.to_bits() != s.to_bits() {
+                bring(&body.tables, &at.value, &mut motion.groups);
+                motion.s = s;
+                self.work.products += ((2 * body.tables.n + 8) * body.n_modes) as u64;
+            }
+        }
+        at
+    }
+
+    /// Position [m] and velocity [m/frame] of a joint at this instant.
+    pub(super) fn see(&self, script: &Script, joint: usize, at: &At) -> [f64; 2] {
+        let n = script.basis.n();
+        let way = &self.way[joint * n..(joint + 1) * n];
+        let [x, v] = [&at.value, &at.slope].map(|polynomials| dot(way, polynomials));
+        match script.places[joint] {
+            None => [x, v],
+            Some((body, row)) => {
+                let [y, u] = see(
+                    &script.crowded[body].rows[row].1,
+                    &self.crowded[body].groups,
+                );
+                [x + y, v + u]
+            }
+        }
+    }
+
+    /// Push a joint that is on such a body at this instant [N·s]; false if it is on none.
+    pub(super) fn push_crowded(&mut self, script: &Script, joint: usize, impulse: f64) -> bool {
+        let Some((body, row)) = script.places[joint] else {
+            return false;
+        };
+        let (own, motion) = (&script.crowded[body], &mut self.crowded[body]);
+        push(
+            &own.rows[row].1,
+            impulse * script.rate.step(),
+            &mut motion.groups,
+        );
+        // What it changes, and what is seen of it.
+        self.work.products += 3 * own.n_modes as u64;
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::island::fine::basis::ERROR;
+    use crate::maths::sin;
+
+    #[test]
+    fn modes_move_as_each_impulse_says() {
+        let rate = Rate::new(44_100.0).unwrap();
+        // Oscillating, critically damped, creeping and free modes; more than a group holds.
+        let cells: Vec<Cell> = (0..13)
+            .map(|i| match i % 4 {
+                0 => Cell::new(1.0, 9e6 * f64::from((i + 1) * (i + 1)), 50.0),
+                1 => Cell::new(1.0, 1e6, 2e3),
+                2 => Cell::new(1.0, 1e6, 1e4),
+                _ => Cell::new(1.0, 0.0, 0.0),
+            })
+            .collect();
+        let reach = cells.iter().map(Cell::reach).fold(0.0, f64::max) * rate.step();
+        let basis = Basis::new(reach, ERROR);
+        let tables = tables(&cells, &basis, rate);
+        let share = |row: usize, mode: usize| sin((7 * row + 3 * mode + 1) as f64);
+        let rows: Vec<Vec<Group>> = (0..3)
+            .map(|row| {
+                let mut groups = vec![[0.0; SUMS]; 2];
+                (0..13).for_each(|mode| groups[mode / SUMS][mode % SUMS] = share(row, mode));
+                groups
+            })
+            .collect();
+        let mut groups = vec![PushedGroup::START; 2];
+        // Instant, row and impulse; two of them at one instant.
+        let pushes = [
+            (0.0, 0, 1e-3),
+            (0.3, 1, -2e-3),
+            (0.3, 2, 3e-3),
+            (0.85, 0, 5e-4),
+        ];
+        let mut now = 0.0;
+        for &(s, row, impulse) in &pushes {
+            if s != now {
+                bring(&tables, &At::new(basis.n(), s).value, &mut groups);
+                now = s;
+            }
+            push(&rows[row], impulse * rate.step(), &mut groups);
+        }
+        for end in [0.85, 0.9, 1.0] {
+            // At the instant of the last impulse the velocity has changed already.
+            if end != now {
+                bring(&tables, &At::new(basis.n(), end).value, &mut groups);
+            }
+            for (seen, row_seen) in rows.iter().enumerate() {
+                let [x, v] = see(row_seen, &groups);
+                let mut exact = [0.0; 2];
+                for &(s, row, impulse) in &pushes {
+                    let t = (end - s) * rate.step();
+                    for (mode, cell) in cells.iter().enumerate() {
+                        let part = impulse * share(row, mode) * share(seen, mode);
+                        exact[0] += part * cell.response(t);
+                        let slope = cell.released(t) - cell.viscosity() * cell.response(t);
+                        exact[1] += part * slope * rate.step();
+                    }
+                }
+                let size = 1e-8 * rate.step() * 3e-3;
+                assert!((x - exact[0]).abs() < size, "{x} {}", exact[0]);
+                assert!((v - exact[1]).abs() < 10.0 * size, "{v} {}", exact[1]);
+            }
+        }
+    }
+
+    #[test]
+    fn few_contacts_keep_the_paths_of_pairs() {
+        assert!(!is_crowded(1, 40, 9) && !is_crowded(12, 90, 9));
+        assert!(is_crowded(30, 90, 9) && is_crowded(19, 45, 9));
+    }
+}
