@@ -147,6 +147,16 @@ def test_a_string_on_a_bridge_of_many_points_goes_by_its_modes(points: int):
     assert plan.real <= -60.0
 
 
+@pytest.mark.parametrize("scene", few(["chain-106", "chain-138", "hard-165"], ["chain-138"]))
+def test_new_random_scenes_miss_in_silence_no_more(scene: str):
+    """Losses of two contacts on one mass; clamped contacts that close while others push; rows of
+    springs beside single ones. What was stated was up to 37 dB below the error.
+    """
+    family, seed = scene.split("-")
+    for plan in audit.look(scene, random_scenes.text(family, int(seed)), plain=False).plans:
+        assert not plan.is_silent_miss, plan
+
+
 def test_many_contacts_on_one_string_are_exact():
     """Their impulses are kept as amplitudes of its modes."""
     text = named("bridge-60").replace("masses: 90", "masses: 24").replace("0..59", "0..19")

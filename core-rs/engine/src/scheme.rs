@@ -166,6 +166,11 @@ impl Run {
         }
     }
 
+    /// Whether it is of hardening springs.
+    fn is_hardening(&self) -> bool {
+        !matches!(self.kind, Kind::Ref) && self.spring().is_some()
+    }
+
     /// Whether it is a law, with or without a state of its own.
     fn is_law(&self) -> bool {
         matches!(self.kind, Kind::Lnl { .. } | Kind::Bristle { .. })
@@ -355,8 +360,9 @@ impl Scheme {
 
     /// Contacts and laws that can be computed in substeps, however many laws there are.
     fn substepped(&self) -> impl Iterator<Item = &Run> {
+        let takes_springs = self.takes_springs();
         let runs = self.runs.iter().chain(&self.exact);
-        runs.filter(|run| self.may_substep(run))
+        runs.filter(move |run| self.may_substep(run, takes_springs))
     }
 
     /// Whether the ends of slides and holds of all its dry friction can be located between frames: beside no contacts and
@@ -394,8 +400,17 @@ impl Scheme {
     }
 
     /// Whether a run can be computed in substeps.
-    fn may_substep(&self, run: &Run) -> bool {
-        run.can_substep() && self.may_end_between(run.a) && self.may_end_between(run.b)
+    fn may_substep(&self, run: &Run, takes_springs: bool) -> bool {
+        let is_taken = takes_springs || !run.is_hardening();
+        let is_free = self.may_end_between(run.a) && self.may_end_between(run.b);
+        is_taken && run.can_substep() && is_free
+    }
+
+    /// Whether hardening springs that are single links are computed in substeps: they are few, and no rows of such springs
+    /// are left to the scheme. Beside these the others would gain nothing.
+    fn takes_springs(&self) -> bool {
+        let mut springs = self.runs.iter().filter(|run| run.is_hardening());
+        springs.clone().count() <= Self::FINE_LAWS && springs.all(|run| run.len == 1)
     }
 
     /// Whether a MAT may be the end of a run that is computed in substeps: proxies and masses that change are known at
@@ -458,6 +473,7 @@ impl Scheme {
     /// Remove and return the contacts and laws that are computed in substeps, laws only if there are few; if there are
     /// none, dry friction. `steered` as in [`Self::has_fine`].
     pub(crate) fn take_fine(&mut self, steered: &[usize]) -> Vec<Run> {
+        let takes_springs = self.takes_springs();
         if self.may_locate_friction(steered) {
             let exact = std::mem::take(&mut self.exact).into_iter();
             let (dry, others) = exact.partition(Run::is_dry);
@@ -468,9 +484,9 @@ impl Scheme {
             std::mem::take(&mut self.runs),
             std::mem::take(&mut self.exact),
         );
-        let is_law = |run: &Run| run.is_law() && self.may_substep(run);
+        let is_law = |run: &Run| run.is_law() && self.may_substep(run, takes_springs);
         let are_few = runs.iter().filter(|run| is_law(run)).count() <= Self::FINE_LAWS;
-        let is_fine = |run: &Run| self.may_substep(run) && (are_few || !is_law(run));
+        let is_fine = |run: &Run| self.may_substep(run, takes_springs) && (are_few || !is_law(run));
         let (mut fine, runs) = runs.into_iter().partition::<Vec<_>, _>(is_fine);
         let (exact, left) = exact.into_iter().partition::<Vec<_>, _>(is_fine);
         fine.extend(exact);

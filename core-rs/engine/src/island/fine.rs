@@ -29,6 +29,8 @@ use joint::Joint;
 use laws::{LawScript, LawState};
 use slides::{Frame, Frictions};
 
+/// Links whose pushes change each other's velocity by less than this part of their own are not coupled.
+const UNCOUPLED: f64 = 1e-6;
 /// A contact that is further than this from closing stays open, however its distance is rounded [m].
 const HAIR: f64 = 1e-9;
 
@@ -50,6 +52,8 @@ struct Script {
     /// And that of its velocity at once   (n_joints²)
     moves: Vec<Vec<f64>>,
     jumps: Vec<f64>,
+    /// Whether a push of one link changes the velocity of another at once.
+    is_coupled: bool,
     /// Number of products by which an impulse on each joint changes all paths in `moves`   (n_joints)
     reached: Vec<u64>,
     /// Displacement of one joint at the instants of a frame by an impulse at another at its start; empty but between
@@ -138,9 +142,15 @@ pub(crate) struct FineWork {
     pub(crate) instants: u64,
     /// Products in sums.
     pub(crate) products: u64,
+    /// Forces of laws that other laws felt, round by round.
+    pub(crate) couplings: u64,
 }
 
-crate::archive::state!(FineWork { instants, products });
+crate::archive::state!(FineWork {
+    instants,
+    products,
+    couplings
+});
 
 impl Fine {
     /// The instants of a frame, 0 to 1, at which bodies give paths and take impulses.
@@ -528,6 +538,22 @@ impl Script {
     fn jump(&self, a: usize, b: usize) -> f64 {
         let jump = |from: usize, to: usize| self.jumps[from * self.joints.len() + to];
         jump(a, a) + jump(b, b) - jump(a, b) - jump(b, a)
+    }
+
+    /// Whether a push of one link changes the velocity of another at once, by more than `UNCOUPLED` of what it changes its
+    /// own.
+    fn is_coupled(&self) -> bool {
+        let jump = |from: usize, to: usize| self.jumps[from * self.joints.len() + to];
+        let between = |(a, b): (usize, usize), (c, d): (usize, usize)| {
+            jump(a, c) + jump(b, d) - jump(a, d) - jump(b, c)
+        };
+        let ends = self.ends.iter().enumerate();
+        let mut pairs =
+            ends.flat_map(|(at, one)| self.ends[..at].iter().map(move |other| (one, other)));
+        pairs.any(|(one, other)| {
+            let own = between(*one, *one).min(between(*other, *other));
+            between(*one, *other).abs() > UNCOUPLED * own
+        })
     }
 
     /// Change the paths of all joints by an impulse on one of them [N·s].

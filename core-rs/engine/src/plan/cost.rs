@@ -140,7 +140,11 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
         }
         _ => 0.0,
     };
-    let ns: f64 = laws.iter().map(each).sum();
+    // Each law feels all others.
+    let is_collocated = |run: &&&Run| !matches!(run.kind, LinkKind::Dry(_));
+    let n_collocated = laws.iter().filter(is_collocated).count() as f64;
+    let pairs = n_collocated * (n_collocated - 1.0).max(0.0);
+    let ns = laws.iter().map(each).sum::<f64>() + parts * ROUNDS * pairs * Costs::of("coupling");
     // At each instant of a frame, a port gives its position and takes its force, mode by mode.
     let has_law = |port: &&usize| {
         let ends = |run: &&Run| [run.a, run.b].contains(port);
@@ -156,6 +160,8 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
 
 /// Instants of a frame: 8 to 10 for strings of 17 to 35 masses, plus a reserve for what lies between modes.
 const INSTANTS: f64 = 12.0;
+/// Rounds in which laws agree on their forces.
+const ROUNDS: f64 = 3.0;
 /// The share of the possible parts of a frame that are computed on average (a rope that is stretched 800 times a
 /// second).
 const PARTS: f64 = 0.25;

@@ -85,7 +85,8 @@ impl Fine {
         let products = |moves: &[Vec<f64>]| moves.iter().map(Vec::len).sum::<usize>() as u64;
         let reached = moves.chunks(n_joints.max(1)).map(products).collect();
         let begun = begun(&moves, &joints, &basis);
-        let script = Script {
+        let mut script = Script {
+            is_coupled: false,
             steps,
             rate,
             basis,
@@ -100,6 +101,7 @@ impl Fine {
             begun,
             ways,
         };
+        script.is_coupled = script.is_coupled();
         let law_script = LawScript::new(&script);
         let n_links = script.links.len();
         Self {
@@ -123,6 +125,7 @@ impl Fine {
             work: FineWork {
                 instants: 0,
                 products: responses + of_crowded,
+                couplings: 0,
             },
             laws: law_script.states(&script),
             law_script: Arc::new(law_script),

@@ -155,6 +155,7 @@ impl Fine {
             (state.force, state.known) = ([state.begin; STAGES], None);
         }
         for _ in 0..BRACKET_ROUNDS {
+            self.work.couplings += (n_laws * (n_laws - 1)) as u64;
             let mut change = 0.0_f64;
             for law in 0..n_laws {
                 let state = &self.laws[law];
@@ -223,6 +224,7 @@ impl Fine {
     fn bend_paths(&mut self, script: &Script, division: &Division, part: usize) {
         let (n, n_laws) = (script.basis.n(), self.laws.len());
         let h = script.rate.step() / division.parts as f64;
+        self.work.products += (n_laws * n_laws * STAGES * n) as u64;
         for to in 0..n_laws {
             let mut path = std::mem::take(&mut self.laws[to].path);
             for (from, other) in self.laws.iter().enumerate() {
@@ -263,6 +265,7 @@ impl Fine {
             }
         }
         self.work.instants += n_laws as u64;
+        self.work.couplings += (n_laws * (n_laws - 1)) as u64;
         missed
     }
 
@@ -288,6 +291,7 @@ impl Fine {
             .map(|stage| self.law(script, laws, gates, (law, division.s[3 * part + stage])));
         let h = 1.0 / division.parts as f64;
         self.work.instants += 1;
+        self.work.couplings += n_laws as u64 - 1;
         let rate = now[0].rate();
         let v = v.map(|v| v * rate);
         let state = &mut self.laws[law];

@@ -66,6 +66,15 @@ impl Own<'_> {
         }
     }
 
+    /// What changes its sign where the contact closes or opens: the penetration, or the force that is not clamped.
+    fn side_of(&self, [g, v]: [f64; 2], is_gap: bool) -> f64 {
+        if is_gap {
+            g
+        } else {
+            self.elastic(g) + self.z * v
+        }
+    }
+
     /// Whether its force ends before it opens.
     fn is_pulled_off(&self) -> bool {
         self.but.clamp && self.z > 0.0
@@ -255,22 +264,27 @@ impl Fine {
         let Some(own) = self.own(script, forces.1, (index, s)) else {
             return h;
         };
-        let held = |fine: &mut Self, s: f64| {
+        let look = |fine: &mut Self, s: f64| {
             let at = fine.at(script, s);
-            let own = fine.own(script, forces.1, (index, s));
-            own.map_or((0.0, [0.0; 2]), |own| {
-                let state = fine.look(script, &own, &at);
-                (own.holds(state), state)
-            })
+            let own = fine.own(script, forces.1, (index, s)).unwrap_or(own);
+            (own, fine.look(script, &own, &at))
         };
-        let (mut taken, (at_high, mut state)) = (h, held(self, s + h));
+        let at_end = look(self, s + h);
         self.restore();
-        let mut low = (0.0, held(self, s).0);
-        let mut high = (h, at_high);
-        if (low.1 > 0.0) == (high.1 > 0.0) {
+        let at_start = look(self, s);
+        let mut is_gap = !own.is_pulled_off() || (!self.pushes[index] && at_start.1[0] <= 0.0);
+        let differ = |is_gap: bool| {
+            let [start, end] = [at_start, at_end].map(|(own, state)| own.side_of(state, is_gap));
+            (start > 0.0) != (end > 0.0)
+        };
+        // It may open and approach again within the step: its force is then positive at both ends.
+        is_gap |= !differ(is_gap);
+        if !differ(is_gap) {
             return 0.0; // it had turned before `s`
         }
-        let is_gap = !own.is_pulled_off() || at_high == state[0];
+        let value = |(own, state): (Own<'_>, [f64; 2])| own.side_of(state, is_gap);
+        let (mut taken, mut state) = (h, at_end.1);
+        let (mut low, mut high) = ((0.0, value(at_start)), (h, value(at_end)));
         for _ in 0..TRIES {
             // Newton's step if the criterion is the gap, whose slope is known.
             let newton = taken - state[0] / state[1];
@@ -285,8 +299,9 @@ impl Fine {
             if moved <= FOUND * h || *left == 0 {
                 break;
             }
-            let found;
-            (found, state) = held(self, s + taken);
+            let found = look(self, s + taken);
+            state = found.1;
+            let found = value(found);
             // Halving the value at the end that stays keeps the secant from approaching from one side only.
             if (found > 0.0) == (low.1 > 0.0) {
                 (low, high.1) = ((taken, found), 0.5 * high.1);
@@ -332,31 +347,55 @@ impl Fine {
         self.bend(script, forces, (&At::new(script.basis.n(), s + h), 0.5 * h));
     }
 
-    /// Kicks of all contacts that push: one after the other, because of their losses, and in reverse order in a step's
-    /// second half.
+    /// Kicks of all contacts that push, and of all laws. If their losses depend on each other, half of each kick is given
+    /// in one order and half in the reverse order: then the whole is symmetric.
     fn kick(
         &mut self,
         script: &Script,
-        (laws, gates): (&LawScript, &[f64]),
+        forces: (&LawScript, &[f64]),
         (s, b): (f64, f64),
         is_back: bool,
     ) {
-        let n = script.links.len();
         let at = self.at(script, s);
+        let n_pushing = self.pushes.iter().filter(|pushes| **pushes).count();
+        if script.is_coupled && n_pushing + forces.0.links.len() > 1 {
+            self.kick_in_order(script, forces, (&at, 0.5 * b), false);
+            self.kick_in_order(script, forces, (&at, 0.5 * b), true);
+        } else {
+            self.kick_in_order(script, forces, (&at, b), is_back);
+        }
+    }
+
+    /// Kicks one after the other, or in reverse order.
+    fn kick_in_order(
+        &mut self,
+        script: &Script,
+        (laws, gates): (&LawScript, &[f64]),
+        (at, b): (&At, f64),
+        is_back: bool,
+    ) {
+        let n = script.links.len();
+        if is_back {
+            for law in (0..laws.links.len()).rev() {
+                self.kick_law(script, (laws, gates), law, (at, b));
+            }
+        }
         for turn in 0..n {
             let index = if is_back { n - 1 - turn } else { turn };
             if !self.pushes[index] {
                 continue;
             }
-            let Some(own) = self.own(script, gates, (index, s)) else {
+            let Some(own) = self.own(script, gates, (index, at.s)) else {
                 continue;
             };
             self.work.instants += 1;
-            let impulse = own.kick(self.look(script, &own, &at), b, script.rate.step());
-            self.push(script, &own, impulse, &at);
+            let impulse = own.kick(self.look(script, &own, at), b, script.rate.step());
+            self.push(script, &own, impulse, at);
         }
-        for law in 0..laws.links.len() {
-            self.kick_law(script, (laws, gates), law, (&at, b));
+        if !is_back {
+            for law in 0..laws.links.len() {
+                self.kick_law(script, (laws, gates), law, (at, b));
+            }
         }
     }
 

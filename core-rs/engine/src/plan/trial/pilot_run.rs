@@ -205,6 +205,7 @@ impl<'a> Meter<'a> {
         let added = 1e-9
             * (Costs::of("kick") * fine.instants as f64
                 + Costs::of("port") * fine.products as f64
+                + Costs::of("coupling") * fine.couplings as f64
                 + Costs::of("contact") * island.solved_again() as f64)
             + self.step * island.guard_steps() as f64;
         let more = added - self.added;
