@@ -147,10 +147,13 @@ def test_a_string_on_a_bridge_of_many_points_goes_by_its_modes(points: int):
     assert plan.real <= -60.0
 
 
-@pytest.mark.parametrize("scene", few(["chain-106", "chain-138", "hard-165"], ["chain-138"]))
+@pytest.mark.parametrize(
+    "scene", few(["chain-106", "chain-138", "hard-165", "body-109"], ["chain-138", "body-109"])
+)
 def test_new_random_scenes_miss_in_silence_no_more(scene: str):
     """Losses of two contacts on one mass; clamped contacts that close while others push; rows of
-    springs beside single ones. What was stated was up to 37 dB below the error.
+    springs beside single ones; a plate that drifts away. The error was up to 37 dB above what was
+    stated.
     """
     family, seed = scene.split("-")
     for plan in audit.look(scene, random_scenes.text(family, int(seed)), plain=False).plans:

@@ -347,8 +347,8 @@ impl Fine {
         self.bend(script, forces, (&At::new(script.basis.n(), s + h), 0.5 * h));
     }
 
-    /// Kicks of all contacts that push, and of all laws. If their losses depend on each other, half of each kick is given
-    /// in one order and half in the reverse order: then the whole is symmetric.
+    /// Kicks of all contacts that push, and of all laws. If they change velocities on which losses depend, half of each
+    /// kick is given in one order and half in the reverse order: then the whole is symmetric.
     fn kick(
         &mut self,
         script: &Script,
@@ -357,13 +357,26 @@ impl Fine {
         is_back: bool,
     ) {
         let at = self.at(script, s);
-        let n_pushing = self.pushes.iter().filter(|pushes| **pushes).count();
-        if script.is_coupled && n_pushing + forces.0.links.len() > 1 {
+        if script.is_coupled && self.order_matters(forces.0) {
             self.kick_in_order(script, forces, (&at, 0.5 * b), false);
             self.kick_in_order(script, forces, (&at, 0.5 * b), true);
         } else {
             self.kick_in_order(script, forces, (&at, b), is_back);
         }
+    }
+
+    /// Whether the order of kicks matters: several act, and at least one depends on a velocity.
+    fn order_matters(&self, laws: &LawScript) -> bool {
+        let pushing = || {
+            self.pushes
+                .iter()
+                .zip(&self.numbers)
+                .filter(|(pushes, _)| **pushes)
+        };
+        let has_loss = |[start, end]: &[[f64; 2]; 2]| start[1] != 0.0 || end[1] != 0.0;
+        let n_laws = laws.links.len();
+        pushing().count() + n_laws > 1
+            && (n_laws > 0 || pushing().any(|(_, numbers)| has_loss(numbers)))
     }
 
     /// Kicks one after the other, or in reverse order.

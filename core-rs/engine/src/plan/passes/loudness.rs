@@ -14,8 +14,29 @@ const TIMES: usize = 10;
 /// Frames at once.
 const BLOCK: usize = 256;
 
-/// Energy that each output heard, up to the end of each span   (TIMES, n_out)
-pub(in crate::plan) struct Loudness(Vec<Vec<f64>>);
+/// What an output heard up to the end of a span.
+#[derive(Clone, Copy, Default)]
+struct Heard {
+    n_frames: usize,
+    sum: f64,
+    energy: f64,
+}
+
+impl Heard {
+    /// Energy without that of the mean: a body that drifts away would hide all modes. 0 if the rest is rounding.
+    fn energy_about_mean(&self) -> f64 {
+        const ROUNDING: f64 = 1e-26;
+        let about_mean = self.energy - self.sum * self.sum / self.n_frames as f64;
+        if about_mean > ROUNDING * self.energy {
+            about_mean
+        } else {
+            0.0
+        }
+    }
+}
+
+/// What each output heard, up to the end of each span   (TIMES, n_out)
+pub(in crate::plan) struct Loudness(Vec<Vec<Heard>>);
 
 impl Loudness {
     /// Plays a bank; outputs are numbered as in `network`.
@@ -35,7 +56,7 @@ impl Loudness {
         let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, BLOCK, false);
         let span = (FIRST * rate.hertz()) as usize;
         let mut sound = vec![0.0; BLOCK * n_out];
-        let mut sums = vec![0.0; n_out];
+        let mut sums = vec![Heard::default(); n_out];
         let spans = (0..TIMES).map(|_| {
             for at in (0..span).step_by(BLOCK) {
                 let n_frames = BLOCK.min(span - at);
@@ -44,9 +65,11 @@ impl Loudness {
                 playing.process(sound, n_out, n_frames);
                 derivatives.process(sound, n_out);
                 for frame in sound.chunks_exact(n_out.max(1)) {
-                    sums.iter_mut()
-                        .zip(frame)
-                        .for_each(|(sum, x)| *sum += x * x);
+                    for (heard, x) in sums.iter_mut().zip(frame) {
+                        heard.n_frames += 1;
+                        heard.sum += x;
+                        heard.energy += x * x;
+                    }
                 }
             }
             sums.clone()
@@ -54,10 +77,14 @@ impl Loudness {
         Self(spans.collect())
     }
 
-    /// The loudness of these modes relative to all, the largest over outputs and spans [dB].
+    /// The loudness of these modes relative to all, the largest over outputs and spans [dB]: ‖x‖/‖all − mean‖, as errors
+    /// are measured.
     pub(in crate::plan) fn relative_to(&self, all: &Self) -> f64 {
-        let ratios = self.0.iter().flatten().zip(all.0.iter().flatten());
-        let heard = ratios.filter(|(_, all)| **all > 0.0);
-        10.0 * log10(heard.map(|(some, all)| some / all).fold(1e-40, f64::max))
+        let pairs = self.0.iter().flatten().zip(all.0.iter().flatten());
+        let ratios = pairs.filter_map(|(some, all)| {
+            let all = all.energy_about_mean();
+            (all > 0.0).then(|| some.energy / all)
+        });
+        10.0 * log10(ratios.fold(1e-40, f64::max))
     }
 }
