@@ -70,12 +70,9 @@ The cost of what would help is counted in that of CA at the score's rate.
   shifts the next slip. The scenes of the family `dry` had errors of -36 to -70 dB so at 8 times
   the rate (`dry-6`, `dry-1`). A strike on a mass that such friction holds acts as a force for a
   frame: -55 and -73 dB at 44.1 kHz.
-* **bridge-2**: 19 contacts under a string of 45 masses. At -40 to -80 dB its pilot is a short one,
-  as planning may take 1 s of work. What is stated holds over that; the whole render is at -71 dB,
-  30 dB further off.
-* **bridge-30** and **bridge-60** overspend at -40 dB (2.1 and 2.9) for the same reason: a pilot of
-  0.05 or 0.1 s weighs the first milliseconds of the contacts more, where `ca2p` is at -37 and
-  -39.6 dB.
+* **bridge-30** and **bridge-60** overspend at -40 dB (2.1 and 2.9): planning pays for pilots of 0.1
+  and 0.05 s, which weigh the first milliseconds of the contacts more. There `ca2p` is at -39.6 and
+  -37 dB.
 """
 
 
