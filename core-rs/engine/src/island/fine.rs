@@ -536,23 +536,25 @@ impl Fine {
 impl Script {
     /// Change of a link's rate of elongation by an impulse of the link [m/frame per N·s].
     fn jump(&self, a: usize, b: usize) -> f64 {
+        self.jump_between((a, b), (a, b))
+    }
+
+    /// Change of the rate of elongation of the second link, given by its joints, by an impulse of the first [m/frame per
+    /// N·s].
+    fn jump_between(&self, (a, b): (usize, usize), (c, d): (usize, usize)) -> f64 {
         let jump = |from: usize, to: usize| self.jumps[from * self.joints.len() + to];
-        jump(a, a) + jump(b, b) - jump(a, b) - jump(b, a)
+        jump(a, c) + jump(b, d) - jump(a, d) - jump(b, c)
     }
 
     /// Whether a push of one link changes the velocity of another at once, by more than `UNCOUPLED` of what it changes its
     /// own.
-    fn is_coupled(&self) -> bool {
-        let jump = |from: usize, to: usize| self.jumps[from * self.joints.len() + to];
-        let between = |(a, b): (usize, usize), (c, d): (usize, usize)| {
-            jump(a, c) + jump(b, d) - jump(a, d) - jump(b, c)
-        };
+    fn has_coupled_links(&self) -> bool {
         let ends = self.ends.iter().enumerate();
         let mut pairs =
             ends.flat_map(|(at, one)| self.ends[..at].iter().map(move |other| (one, other)));
         pairs.any(|(one, other)| {
-            let own = between(*one, *one).min(between(*other, *other));
-            between(*one, *other).abs() > UNCOUPLED * own
+            let own = [*one, *other].map(|link| self.jump_between(link, link));
+            self.jump_between(*one, *other).abs() > UNCOUPLED * own[0].min(own[1])
         })
     }
 

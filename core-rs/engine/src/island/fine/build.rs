@@ -101,7 +101,7 @@ impl Fine {
             begun,
             ways,
         };
-        script.is_coupled = script.is_coupled();
+        script.is_coupled = script.has_coupled_links();
         let law_script = LawScript::new(&script);
         let n_links = script.links.len();
         Self {
