@@ -109,8 +109,7 @@ pub(in crate::plan) fn pilot(
             return Ok(ChosenIsland::unmeasured(island).into());
         }
         // Only contacts and laws were held against finer ones. That is the error of the island if it is chaotic.
-        let error =
-            (found.parting.as_ref()).and_then(|parting| stated_error(None, Some(parting), None));
+        let error = stated_error(None, found.parting.as_ref(), None);
         let own = (found.contact_substeps, &*found.run);
         let chosen = ChosenIsland {
             island: pruned(&island, own, budget.left_out())?,
