@@ -33,6 +33,7 @@ PLAIN = (
 # makes 2 dB.
 UNLIKE = 3.0  # [dB]
 FLOOR_DB = -150.0  # errors below are rounding, of the reference too
+LEAST = 0.05  # [s] of sound that a plan compares at least
 THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three of them
 
 
@@ -163,15 +164,18 @@ def look_drawn(family: str, seed: int) -> Audit:
 def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) -> float:
     """The metric of plans: ‖y - x‖/‖x - mean‖ [dB] of the worst output, up to `seconds`.
 
-    The worst of three spans, each THIRD longer than the last; a render may end earlier.
+    The worst of three spans, each THIRD longer than the last; a render may end earlier. Of the two
+    shorter ones, one that ends less than LEAST after the first sound does not count.
     """
     if not np.isfinite(y).all():
         return inf
     n_frames = len(x) if seconds == inf else round(seconds * rate)
+    moves = np.flatnonzero((x != x[0]).any(axis=1))
+    least = (moves[0] if len(moves) else 0) + LEAST * rate
     worst = 0.0
     for thirds in (2, 1, 0):
         end = min(n_frames - int(thirds * THIRD * rate), len(x))
-        if end < 2:
+        if end < (least if thirds else 2):
             continue
         ours, theirs = y[:end], x[:end]
         apart = np.sum((ours - theirs) ** 2, axis=0)

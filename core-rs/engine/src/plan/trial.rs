@@ -11,6 +11,7 @@ pub(in crate::plan) mod multirate;
 pub(in crate::plan) mod pilot;
 pub(in crate::plan) mod pilot_result;
 pub(in crate::plan) mod pilot_run;
+pub(in crate::plan) mod plain;
 pub(in crate::plan) mod prune_modes;
 pub(in crate::plan) mod record;
 pub(in crate::plan) mod runs;

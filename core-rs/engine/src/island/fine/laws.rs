@@ -32,6 +32,9 @@ const LOOK_AGAIN: usize = 3;
 /// frames, but unequal steps lose the cancellation of errors that equal steps have (a cubic spring: -72 dB at 1e-3,
 /// -104 dB with whole frames alone).
 const SMOOTH: f64 = 1e-6;
+/// More parts than these come with a smaller share, by the cube of their number: else a trial that asks for them would
+/// compute the same parts as one that does not, and see no error.
+const PARTS: usize = 32;
 /// Newton's method has failed if forces still change by more than this share of the largest.
 const LOST: f64 = 1e-3;
 /// Rounds over laws that are solved by bisection.
@@ -69,11 +72,11 @@ impl Fine {
         } else {
             1.0
         };
-        if missed <= SMOOTH {
+        if missed <= laws.smooth {
             return self.give_laws(script, laws, (0, 0));
         }
         // The deviation falls with the cube of the number of parts.
-        let wanted = pow(missed / SMOOTH, 1.0 / 3.0);
+        let wanted = pow(missed / laws.smooth, 1.0 / 3.0);
         let finer = laws
             .divisions
             .partition_point(|own| (own.parts as f64) < wanted);

@@ -9,30 +9,32 @@ use std::rc::Rc;
 use crate::integrate::MeshMethod;
 use crate::network::Error;
 use crate::plan::budget::Budget;
-use crate::plan::passes::assemble::{Assembled, Shape};
+use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{TrialError, unless_spent};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::waveform_error::{
-    DOUBLING, EarlyComparison, ORDERS, amplitude_difference, amplitude_sum, difference,
+    EarlyComparison, amplitude_difference, amplitude_sum, difference,
 };
 
-/// Methods that are tried for meshes.
-const MESH_METHODS: [(MeshMethod, u32); 5] = [
-    (MeshMethod::Ca2p, 1),
-    (MeshMethod::Ca2p, 2),
-    (MeshMethod::Ca2p, 4),
-    (MeshMethod::Bm4, 1),
-    (MeshMethod::Bm4, 2),
+/// Steps a frame of the island, and the methods that are then tried for its meshes. At more than one step a frame single
+/// laws beside a mesh gain too.
+const MESH_METHODS: [(u32, (MeshMethod, u32)); 8] = [
+    (1, (MeshMethod::Ca2p, 1)),
+    (1, (MeshMethod::Ca2p, 2)),
+    (1, (MeshMethod::Ca2p, 4)),
+    (1, (MeshMethod::Bm4, 1)),
+    (1, (MeshMethod::Bm4, 2)),
+    (2, (MeshMethod::Ca2p, 1)),
+    (4, (MeshMethod::Ca2p, 1)),
+    (2, (MeshMethod::Bm4, 1)),
 ];
 /// A way is tried only if it costs at most this part of the cost of the island found.
 const WORTH: f64 = 0.9;
 /// The part of the remaining allowance that these trials may take.
-pub(in crate::plan) const SHARE: f64 = 0.25;
-/// Errors above this say nothing about the order of convergence [dB].
-const ROUGH: f64 = -25.0;
+pub(in crate::plan) const SHARE: f64 = 0.5;
 /// Margin below the budget for what comes after the pilot, over which the runs are compared [dB].
 const MARGIN: f64 = 0.1;
 /// The same if errors may grow after the pilot.
@@ -40,17 +42,10 @@ const MARGIN_OF_KEYS: f64 = 3.0;
 /// Most attempts to find a more exact reference.
 const REFINEMENTS_MAX: usize = 6;
 /// Contacts are refined by this factor to measure their error. By their lowest order the error is above the measured
-/// change by `MORE_THAN_CHANGE` [dB].
+/// change by `MORE_THAN_CHANGE`, and that of the finer ones below it by `LESS_THAN_CHANGE` [dB].
 const FINER_CONTACTS: usize = 4;
 const MORE_THAN_CHANGE: f64 = 2.5;
-
-/// A way that was not exact enough. Ways of the same shape at a little higher rate are then skipped.
-struct Refused {
-    shape: Shape,
-    oversampling: u32,
-    /// Lower bound of its error [dB].
-    error: f64,
-}
+const LESS_THAN_CHANGE: f64 = 9.5;
 
 /// The reference that ways are compared with: the most exact known run.
 struct Reference {
@@ -59,12 +54,10 @@ struct Reference {
     error: f64,
     /// The candidate that gave the reference run.
     best: Candidate,
-    /// The error of contacts and laws at the substeps of the search [dB].
+    /// The error of contacts and laws in its runs [dB].
     contacts: f64,
-    /// Whether `contacts` was measured rather than taken from the search.
-    are_measured: bool,
-    /// Factor by which contacts have been refined so far.
-    contact_refinement: usize,
+    /// Contact substeps a frame, once contacts have been refined.
+    fine: Option<usize>,
     /// Attempts left to find a more exact reference.
     attempts_left: usize,
 }
@@ -93,22 +86,9 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             MARGIN
         };
         let aim = self.budget.asked() - margin;
-        let mut refused: Vec<Refused> = Vec::new();
         let mut reference = Reference::of(found, of_contacts);
         for variant in self.variants(WORTH * cost) {
             let plan = &variant.island_plan;
-            let (shape, oversampling) = (variant.shape, plan.oversampling);
-            let is_in_vain = |other: &Refused| {
-                let doublings = (oversampling / other.oversampling).max(1).ilog2();
-                let falls = ORDERS.1 * DOUBLING * f64::from(doublings);
-                other.shape == shape
-                    && shape != Shape::Meshes
-                    && other.error < ROUGH
-                    && other.error - falls > aim
-            };
-            if refused.iter().any(is_in_vain) {
-                continue;
-            }
             let substeps = plan.contact_substeps;
             let mut comparison = EarlyComparison::against(&reference.run.sound, self.spans);
             let run = self
@@ -117,18 +97,9 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                     let apart = comparison.update(frames, sound);
                     apart.is_none_or(|apart| amplitude_difference(apart, reference.error) <= aim)
                 })?;
-            let Some(run) = run else {
-                let error = amplitude_difference(comparison.lower_bound, reference.error);
-                refused.push(Refused {
-                    shape,
-                    oversampling,
-                    error,
-                });
+            let Some(run) = run.filter(|run| !run.is_lost) else {
                 continue;
             };
-            if run.is_lost {
-                continue;
-            }
             loop {
                 let apart = difference(&run.sound, &reference.run.sound, self.spans);
                 let most = amplitude_sum([apart, reference.error]);
@@ -136,7 +107,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                     return Ok(Some(Candidate {
                         error: most,
                         contact_substeps: substeps,
-                        oversampling,
+                        oversampling: plan.oversampling,
                         island: variant,
                         run,
                         ..found.clone()
@@ -145,11 +116,6 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                 let error = amplitude_difference(apart, reference.error);
                 // The reference may not be exact enough.
                 if error > aim || !self.refine_reference(&mut reference, found)? {
-                    refused.push(Refused {
-                        shape,
-                        oversampling,
-                        error,
-                    });
                     break;
                 }
             }
@@ -164,64 +130,73 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         reference: &mut Reference,
         found: &Candidate,
     ) -> Result<bool, TrialError> {
-        if reference.contacts > f64::NEG_INFINITY && !reference.are_measured {
-            let finer = FINER_CONTACTS * found.contact_substeps;
-            let finer = (&found.island.island_plan, finer);
-            let finer = self.runs.play(finer, self.allowance)?;
-            let change = difference(&found.run.sound, &finer.sound, self.spans);
-            reference.contacts = reference.contacts.min(change + MORE_THAN_CHANGE);
-            reference.are_measured = true;
-            let (run, error) = reference.best.finest();
-            reference.replace_if_better(run.clone(), amplitude_sum([error, reference.contacts]));
-            self.refine_reference_contacts(reference)?;
-            return Ok(true);
-        }
-        // If laws have kinks, the change at half the step is partly an error of the laws.
-        if found.island.may_collocate && self.refine_reference_contacts(reference)? {
+        if reference.contacts > f64::NEG_INFINITY && reference.fine.is_none() {
+            self.refine_contacts(reference, found)?;
             return Ok(true);
         }
         if reference.attempts_left == 0 {
             return Ok(false);
         }
         reference.attempts_left -= 1;
-        let Some(better) = self.better(&reference.best)? else {
+        let search = Search {
+            substeps_per_frame: reference.fine.unwrap_or(self.substeps_per_frame),
+            ..*self
+        };
+        let Some(better) = search.better(&reference.best)? else {
             reference.attempts_left = 0;
             return Ok(false);
         };
-        reference.best = better;
-        let (run, error) = reference.best.finest();
-        reference.replace_if_better(run.clone(), amplitude_sum([error, reference.contacts]));
+        reference.replace(better);
         Ok(true)
     }
 
-    /// Tries the reference island with more contact substeps, if that is possible. Returns whether that is more exact.
-    fn refine_reference_contacts(&self, reference: &mut Reference) -> Result<bool, TrialError> {
-        let times = FINER_CONTACTS * reference.contact_refinement;
-        let finer_search = Search {
-            substeps_per_frame: times * self.substeps_per_frame,
+    /// Measures the error of contacts by computing them finer, and takes those as the reference if they are more exact.
+    fn refine_contacts(
+        &self,
+        reference: &mut Reference,
+        found: &Candidate,
+    ) -> Result<(), TrialError> {
+        let island = &found.island;
+        let play = |substeps| {
+            self.runs
+                .play((&island.island_plan, substeps), self.allowance)
+        };
+        let apart =
+            |one: &PilotRun, other: &PilotRun| difference(&one.sound, &other.sound, self.spans);
+        // With kinks two runs may agree by chance, so a third one is played. How finely laws divide a frame depends on
+        // the frame unless there are more substeps than plans use.
+        let has_kinks = island.may_collocate;
+        let substeps = match has_kinks {
+            true => Budget::STEPS_MAX.max(found.contact_substeps),
+            false => found.contact_substeps,
+        };
+        let substeps = FINER_CONTACTS * substeps;
+        let run = play(substeps)?;
+        let change = apart(&found.run, &run);
+        let (of_found, of_finer) = if has_kinks {
+            let of_finer = apart(&*play(substeps / 2)?, &run);
+            (amplitude_sum([change, of_finer]), of_finer)
+        } else {
+            (change + MORE_THAN_CHANGE, change - LESS_THAN_CHANGE)
+        };
+        let (run_of_found, error) = found.finest();
+        reference.run = run_of_found.clone();
+        reference.error = amplitude_sum([error, of_found]);
+        reference.contacts = of_finer;
+        let fine = substeps * island.island_plan.oversampling as usize;
+        reference.fine = Some(fine);
+        let Some(finer) = self.finer(island) else {
+            return Ok(());
+        };
+        let search = Search {
+            substeps_per_frame: fine,
             ..*self
         };
-        let island = &reference.best.island;
-        let substeps = finer_search.contact_substeps(island);
-        let is_finer = substeps > reference.best.contact_substeps && substeps <= Budget::STEPS_MAX;
-        let Some(finer) = self.finer(island).filter(|_| is_finer) else {
-            return Ok(false);
-        };
-        let run = self
-            .runs
-            .play((&island.island_plan, substeps), self.allowance)?;
-        let any = (reference.best.method_index, None, f64::INFINITY);
-        let own = finer_search.compare_with_finer(island.clone(), run, &finer, any)?;
-        reference.contact_refinement = times;
-        let falls = ORDERS.0 * DOUBLING * f64::from(times.ilog2());
-        let Some(own) = own else {
-            return Ok(false);
-        };
-        let (run, error) = own.finest();
-        Ok(reference.replace_if_better(
-            run.clone(),
-            amplitude_sum([error, reference.contacts - falls]),
-        ))
+        let any = (found.method_index, None, f64::INFINITY);
+        if let Some(own) = search.compare_with_finer(island.clone(), run, &finer, any)? {
+            reference.replace(own);
+        }
+        Ok(())
     }
 
     /// All ways to compute an island that cost at most `most` [ns a frame], in order of their cost.
@@ -236,13 +211,13 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             ]
             .map(|choice| (times, choice))
         };
-        let fixed = MESH_METHODS.map(|method| {
+        let methods = MESH_METHODS.into_iter().flat_map(|(times, method)| {
             [
-                (1, MethodChoice::Meshes(method)),
-                (1, MethodChoice::All(method)),
+                (times, MethodChoice::Meshes(method)),
+                (times, MethodChoice::All(method)),
             ]
         });
-        let all = times.flat_map(at).chain(fixed.into_iter().flatten());
+        let all = times.flat_map(at).chain(methods);
         let mut found: Vec<(f64, Assembled)> = Vec::new();
         for how in all {
             let Ok(mut variant) = (self.assemble)(how) else {
@@ -275,18 +250,18 @@ impl Reference {
             error: amplitude_sum([error, contacts]),
             best: found.clone(),
             contacts,
-            are_measured: false,
-            contact_refinement: 1,
+            fine: None,
             attempts_left: REFINEMENTS_MAX,
         }
     }
 
-    /// Takes a run as the reference if its error [dB] is smaller than the present one. Returns whether it is.
-    fn replace_if_better(&mut self, run: Rc<PilotRun>, error: f64) -> bool {
-        let is_better = error < self.error;
-        if is_better {
-            (self.run, self.error) = (run, error);
+    /// Goes on from a candidate, and takes its most exact run if that has a smaller error than the present one.
+    fn replace(&mut self, best: Candidate) {
+        let (run, own) = best.finest();
+        let error = amplitude_sum([own, self.contacts]);
+        if error < self.error {
+            (self.run, self.error) = (run.clone(), error);
         }
-        is_better
+        self.best = best;
     }
 }

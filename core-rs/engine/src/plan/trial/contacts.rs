@@ -31,7 +31,7 @@ pub(in crate::plan) struct Contacts {
     /// How runs part, if the motion is chaotic; the error is then that of the time until they part.
     pub(in crate::plan) parting: Option<Parting>,
     /// More contact substeps gain nothing.
-    pub(in crate::plan) is_idle: bool,
+    is_idle: bool,
 }
 
 impl Contacts {
@@ -51,6 +51,11 @@ impl Contacts {
         let finer = (&island.island_plan, 2 * self.contact_substeps);
         let finer = runs.play(finer, allowance)?;
         Ok(Audible::of_budget(budget, (&self.run, &finer.sound), spans))
+    }
+
+    /// How runs part if more contact substeps gain nothing because the motion is chaotic.
+    pub(in crate::plan) fn chaos(&self) -> Option<&Parting> {
+        self.parting.as_ref().filter(|_| self.is_idle)
     }
 
     /// The result of a run in which part of the island diverged: nothing else is known.

@@ -54,6 +54,29 @@ pub(in crate::plan) fn pilot(
     };
     let (excerpt, stretches) = (runs.excerpt(), OnceCell::new());
     let heard = (&spans, &stretches);
+    let trial = (assemble, &runs, budget, allowance);
+    let seconds = |frames: usize| (excerpt.from + frames) as f64 / spans.rate;
+    let pruned = |island: &Assembled, (steps, run): (usize, &PilotRun), most: Option<f64>| {
+        prune(island, (steps, run), (excerpt, budget, most), allowance)
+    };
+    let pruned_within = |best: &Candidate| {
+        let left = amplitude_difference(budget.asked(), best.error);
+        let most = budget.left_out().map(|most| most.min(left));
+        pruned(&best.island, (best.contact_substeps, &best.run), most)
+    };
+    let first = OnceCell::new();
+    let as_assembled = (&island, island.island_plan.contact_substeps);
+    let plainly = Search::new(trial, (&spans, &first), as_assembled, None);
+    if let Some(best) = plainly.plain(&island)? {
+        let error = Measured {
+            db: best.error,
+            over: seconds(excerpt.n_frames),
+            spectral: None,
+            audible: None,
+        };
+        let island = pruned_within(&best)?;
+        return Ok(finished(&plainly, best, island, Some(error)));
+    }
     let contacts = |are_laws_fine: bool| {
         let fineness = (budget, are_laws_fine);
         unless_spent(contacts(&island, fineness, &runs, heard, allowance))
@@ -63,8 +86,13 @@ pub(in crate::plan) fn pilot(
     let Some(mut found) = contacts(is_by_waveform)? else {
         return Ok(ChosenIsland::unmeasured(island).into());
     };
-    let trial = (assemble, &runs, budget, allowance);
-    let mut start = Search::new(trial, heard, (&island, &found)).start(&island, &found.run)?;
+    let mut search = Search::new(
+        trial,
+        heard,
+        (&island, found.contact_substeps),
+        found.chaos(),
+    );
+    let mut start = search.start(&island, &found.run)?;
     // A steep law that is computed once a frame may chatter; two runs then differ as if the motion were chaotic.
     let may_chatter = island.may_collocate && !is_by_waveform;
     if may_chatter
@@ -72,12 +100,16 @@ pub(in crate::plan) fn pilot(
         && let Some(fine) = contacts(true)?
     {
         found = fine;
-        start = Search::new(trial, heard, (&island, &found)).start(&island, &found.run)?;
+        search = Search::new(
+            trial,
+            heard,
+            (&island, found.contact_substeps),
+            found.chaos(),
+        );
+        start = search.start(&island, &found.run)?;
     }
-    let search = Search::new(trial, heard, (&island, &found));
     let of_contacts = unless_spent(found.audible(&island, budget, (&runs, &spans), allowance))?;
     let stated_error = |own: Option<f64>, parting: Option<&Parting>, audible: Option<Audible>| {
-        let seconds = |frames: usize| (excerpt.from + frames) as f64 / spans.rate;
         if let (Some(parting), Some(stretches)) = (parting, stretches.get()) {
             let (db, until) = parting.valid_span(budget.asked(), stretches);
             return Some(Measured {
@@ -93,9 +125,6 @@ pub(in crate::plan) fn pilot(
             spectral: None,
             audible: audible.map(|own| own.with(of_contacts.flatten().unwrap_or_default())),
         })
-    };
-    let pruned = |island: &Assembled, (steps, run): (usize, &PilotRun), most: Option<f64>| {
-        prune(island, (steps, run), (excerpt, budget, most), allowance)
     };
     let Some(start) = start else {
         if found.run.is_lost
@@ -144,31 +173,46 @@ pub(in crate::plan) fn pilot(
     let mut error = stated_error(own, parting.as_ref(), best.audible);
     let own = (best.contact_substeps, &*best.run);
     let mut island = pruned(&best.island, own, budget.left_out())?;
-    let is_kept = error.is_some_and(|error| error.spectral.is_none() && error.db <= budget.asked());
-    if matches!(budget, Budget::Error(_)) && is_kept {
+    if let Some(measured) = error
+        && matches!(budget, Budget::Error(_))
+        && measured.spectral.is_none()
+    {
         let part = allowance.fraction(cheapest::SHARE);
         let search = Search {
             allowance: &part,
             ..search
         };
-        let cheaper = search.cheapest((&best, island.island_plan.cost()), found.error)?;
+        // If the search ended above the budget, any way within it is better.
+        let cost = match measured.db <= budget.asked() {
+            true => island.island_plan.cost(),
+            false => f64::INFINITY,
+        };
+        let cheaper = search.cheapest((&best, cost), found.error)?;
         allowance.spend_fraction(&part, cheapest::SHARE);
         if let Some(cheaper) = cheaper {
             best = cheaper;
             // This error includes that of contacts.
-            error = error.map(|error| Measured {
+            error = Some(Measured {
                 db: best.error,
-                ..error
+                ..measured
             });
-            let left = amplitude_difference(budget.asked(), best.error);
-            let most = budget.left_out().map(|most| most.min(left));
-            island = pruned(&best.island, (best.contact_substeps, &best.run), most)?;
+            island = pruned_within(&best)?;
         }
     }
+    Ok(finished(&search, best, island, error))
+}
+
+/// The result of a search: the best way, the same island without modes that are not heard, and its error.
+fn finished<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>>(
+    search: &Search<'_, F>,
+    best: Candidate,
+    island: Assembled,
+    error: Option<Measured>,
+) -> PilotResult {
     let is_open_ended = error.is_some_and(|error| error.spectral.is_none())
         && horizon::error_may_grow(&best.island.island_plan);
     let finer = is_open_ended.then(|| search.finer(&best.island)).flatten();
-    Ok(PilotResult {
+    PilotResult {
         chosen: ChosenIsland {
             island,
             error,
@@ -179,7 +223,7 @@ pub(in crate::plan) fn pilot(
             own: best.island,
             finer,
         }),
-    })
+    }
 }
 
 /// Chooses the runs of an island and the spans over which they are compared: as long as the allowance pays for a

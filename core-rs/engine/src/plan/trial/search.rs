@@ -13,7 +13,6 @@ use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
-use crate::plan::trial::contacts::Contacts;
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::waveform_error::{
@@ -83,20 +82,21 @@ const SPECTRUM_GAIN: f64 = 1.0;
 type Trial<'a, F> = (&'a F, &'a Runs, &'a Budget, &'a Allowance);
 
 impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, F> {
-    /// Starts from an island whose contact substeps `found` holds.
+    /// Starts from an island with its contact substeps, and a chaotic parting that is already known.
     pub(in crate::plan) fn new(
         (assemble, runs, budget, allowance): Trial<'a, F>,
         (spans, stretches): (&'a Spans, &'a OnceCell<Stretches>),
-        (island, found): (&Assembled, &'a Contacts),
+        (island, contact_substeps): (&Assembled, usize),
+        chaos: Option<&'a Parting>,
     ) -> Self {
         Self {
             assemble,
-            chaos: found.parting.as_ref().filter(|_| found.is_idle),
+            chaos,
             stretches,
             spans,
             allowance,
             // Contacts that are computed once a step stay so at any oversampling.
-            substeps_per_frame: match found.contact_substeps {
+            substeps_per_frame: match contact_substeps {
                 1 => 1,
                 some => some * island.island_plan.oversampling as usize,
             },

@@ -1,7 +1,7 @@
 //! Constant tables of laws between frames: the response of each law's elongation to the forces of the others.
 
 use super::state::LawState;
-use super::{POINTS, STAGES, Square, WEIGHTS};
+use super::{PARTS, POINTS, SMOOTH, STAGES, Square, WEIGHTS};
 use crate::island::fine::Script;
 use crate::island::fine::basis::{At, dot};
 use crate::scheme::Kind;
@@ -31,6 +31,8 @@ pub(in crate::island::fine) struct LawScript {
     pub(in crate::island::fine) links: Vec<usize>,
     /// Parts of a frame: 1, 2, 4, and so on.
     pub(super) divisions: Vec<Division>,
+    /// Largest deviation with which a frame is taken as a whole, relative to the largest force.
+    pub(super) smooth: f64,
     /// Weights of the values at the instants of a frame in the value, and in the slope, at its ends   (n each)
     pub(super) ends: [[Vec<f64>; 2]; 2],
     /// Response of one law's elongation and rate at the end of a whole frame to the force of another   (n_laws²)
@@ -67,6 +69,7 @@ impl LawScript {
             }
             found
         };
+        let excess = (most as f64 / PARTS as f64).max(1.0);
         let rows = |s: f64| {
             let at = At::new(script.basis.n(), s);
             [&at.value, &at.slope].map(|values| script.basis.weights(values))
@@ -76,6 +79,7 @@ impl LawScript {
                 .take_while(|&parts| parts <= most)
                 .map(divide)
                 .collect(),
+            smooth: SMOOTH / (excess * excess * excess),
             ends: [rows(0.0), rows(1.0)],
             moves_end: pairs.iter().map(at_end).collect(),
             ahead: POINTS.map(|c| shares(1.0 + c)),
