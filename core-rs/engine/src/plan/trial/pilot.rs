@@ -14,15 +14,15 @@ use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
-use crate::plan::trial::chaos::Parting;
+use crate::plan::trial::chaos::{Parting, Stretches};
 use crate::plan::trial::cheapest;
-use crate::plan::trial::contacts::contacts;
+use crate::plan::trial::contacts::{Contacts, contacts};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_result::{ChosenIsland, LongRunPair, PilotResult};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, find_excerpt};
 use crate::plan::trial::prune_modes::prune;
 use crate::plan::trial::runs::Runs;
-use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
+use crate::plan::trial::search::{Candidate, Search, TIMES_MAX, Trial};
 use crate::plan::trial::waveform_error::{PARTS, Spans, amplitude_difference, power_sum};
 
 /// Work of a search in multiples of its first run, if contacts dominate the cost: they are also computed twice and four
@@ -44,163 +44,257 @@ pub(in crate::plan) fn pilot(
         // Nobody knows beforehand what a hand or a session will do: nothing is left out.
         return Ok(ChosenIsland::unmeasured(island).into());
     }
-    let excerpt = unless_spent(find_excerpt(&island.island_plan, allowance))?;
-    let Some(excerpt) = excerpt.filter(|excerpt| excerpt.n_frames > 0) else {
-        return Ok(ChosenIsland::unmeasured(island).into());
+    let found = match Pilot::new((assemble, budget, allowance), &island)? {
+        Some(pilot) => pilot.find()?,
+        None => None,
     };
-    let chosen = unless_spent(choose_runs(&island, excerpt, budget, allowance))?;
-    let Some((runs, spans)) = chosen else {
-        return Ok(ChosenIsland::unmeasured(island).into());
-    };
-    let (excerpt, stretches) = (runs.excerpt(), OnceCell::new());
-    let heard = (&spans, &stretches);
-    let trial = (assemble, &runs, budget, allowance);
-    let seconds = |frames: usize| (excerpt.from + frames) as f64 / spans.rate;
-    let pruned = |island: &Assembled, (steps, run): (usize, &PilotRun), most: Option<f64>| {
-        prune(island, (steps, run), (excerpt, budget, most), allowance)
-    };
-    let pruned_within = |best: &Candidate| {
-        let left = amplitude_difference(budget.asked(), best.error);
-        let most = budget.left_out().map(|most| most.min(left));
-        pruned(&best.island, (best.contact_substeps, &best.run), most)
-    };
-    let first = OnceCell::new();
-    let as_assembled = (&island, island.island_plan.contact_substeps);
-    let plainly = Search::new(trial, (&spans, &first), as_assembled, None);
-    if let Some(best) = plainly.plain(&island)? {
+    Ok(found.unwrap_or_else(|| ChosenIsland::unmeasured(island).into()))
+}
+
+/// An island and what its trials share.
+struct Pilot<'a, F> {
+    assemble: &'a F,
+    budget: &'a Budget,
+    allowance: &'a Allowance,
+    /// The island at its lowest stable oversampling.
+    island: &'a Assembled,
+    runs: Runs,
+    spans: Spans,
+    /// The stretches of the first run that was not lost.
+    stretches: OnceCell<Stretches>,
+}
+
+impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Pilot<'a, F> {
+    /// Chooses what is played; `None` if nothing is, or if the allowance ended first.
+    fn new(
+        (assemble, budget, allowance): (&'a F, &'a Budget, &'a Allowance),
+        island: &'a Assembled,
+    ) -> Result<Option<Self>, Error> {
+        let excerpt = unless_spent(find_excerpt(&island.island_plan, allowance))?;
+        let Some(excerpt) = excerpt.filter(|excerpt| excerpt.n_frames > 0) else {
+            return Ok(None);
+        };
+        let chosen = unless_spent(choose_runs(island, excerpt, budget, allowance))?;
+        Ok(chosen.map(|(runs, spans)| Self {
+            assemble,
+            budget,
+            allowance,
+            island,
+            runs,
+            spans,
+            stretches: OnceCell::new(),
+        }))
+    }
+
+    /// Finds the island; `None` if the allowance ended before anything was known.
+    fn find(&self) -> Result<Option<PilotResult>, Error> {
+        if let Some(found) = self.find_plain()? {
+            return Ok(Some(found));
+        }
+        // If the budget does not promise a waveform, laws are exact enough at one computation a step.
+        let is_by_waveform = matches!(self.budget, Budget::Error(_));
+        let Some(mut found) = self.contacts(is_by_waveform)? else {
+            return Ok(None);
+        };
+        let mut start = self.search(&found).start(self.island, &found.run)?;
+        // A steep law that is computed once a frame may chatter; two runs then differ as if the motion were chaotic.
+        let may_chatter = self.island.may_collocate && !is_by_waveform;
+        if may_chatter
+            && start.as_ref().is_some_and(Candidate::differs_by_spectrum)
+            && let Some(fine) = self.contacts(true)?
+        {
+            found = fine;
+            start = self.search(&found).start(self.island, &found.run)?;
+        }
+        let played = (&self.runs, &self.spans);
+        let audible = found.audible(self.island, self.budget, played, self.allowance);
+        let audible = unless_spent(audible)?.flatten().unwrap_or_default();
+        let result = match start {
+            Some(start) => self.find_by_search((&found, audible), start)?,
+            None => self.contacts_alone(&found)?,
+        };
+        Ok(Some(result))
+    }
+
+    /// The island by a plain way, if that is tried first and keeps the budget.
+    fn find_plain(&self) -> Result<Option<PilotResult>, Error> {
+        let stretches = OnceCell::new();
+        let as_assembled = (self.island, self.island.island_plan.contact_substeps);
+        let search = Search::new(self.trial(), (&self.spans, &stretches), as_assembled, None);
+        let Some(best) = search.plain(self.island)? else {
+            return Ok(None);
+        };
         let error = Measured {
             db: best.error,
-            over: seconds(excerpt.n_frames),
+            over: self.seconds(self.runs.excerpt().n_frames),
             spectral: None,
             audible: None,
         };
-        let island = pruned_within(&best)?;
-        return Ok(finished(&plainly, best, island, Some(error)));
+        let island = self.pruned_within(&best)?;
+        Ok(Some(finished(&search, best, island, Some(error))))
     }
-    let contacts = |are_laws_fine: bool| {
-        let fineness = (budget, are_laws_fine);
-        unless_spent(contacts(&island, fineness, &runs, heard, allowance))
-    };
-    // If the budget does not promise a waveform, laws are exact enough at one computation a step.
-    let is_by_waveform = matches!(budget, Budget::Error(_));
-    let Some(mut found) = contacts(is_by_waveform)? else {
-        return Ok(ChosenIsland::unmeasured(island).into());
-    };
-    let mut search = Search::new(
-        trial,
-        heard,
-        (&island, found.contact_substeps),
-        found.chaos(),
-    );
-    let mut start = search.start(&island, &found.run)?;
-    // A steep law that is computed once a frame may chatter; two runs then differ as if the motion were chaotic.
-    let may_chatter = island.may_collocate && !is_by_waveform;
-    if may_chatter
-        && start.as_ref().is_some_and(Candidate::differs_by_spectrum)
-        && let Some(fine) = contacts(true)?
-    {
-        found = fine;
-        search = Search::new(
-            trial,
-            heard,
-            (&island, found.contact_substeps),
-            found.chaos(),
-        );
-        start = search.start(&island, &found.run)?;
-    }
-    let of_contacts = unless_spent(found.audible(&island, budget, (&runs, &spans), allowance))?;
-    let stated_error = |own: Option<f64>, parting: Option<&Parting>, audible: Option<Audible>| {
-        if let (Some(parting), Some(stretches)) = (parting, stretches.get()) {
-            let (db, until) = parting.valid_span(budget.asked(), stretches);
-            return Some(Measured {
-                db,
-                over: seconds(until),
-                spectral: Some(parting.spectral),
-                audible: None,
-            });
-        }
-        own.map(|own| Measured {
-            db: power_sum(own, found.error.unwrap_or(f64::NEG_INFINITY)),
-            over: seconds(excerpt.n_frames),
-            spectral: None,
-            audible: audible.map(|own| own.with(of_contacts.flatten().unwrap_or_default())),
-        })
-    };
-    let Some(start) = start else {
+
+    /// The result if nothing was held against half its step.
+    fn contacts_alone(&self, found: &Contacts) -> Result<PilotResult, Error> {
         if found.run.is_lost
-            && let Some((island, run)) = unconditionally_stable(assemble, &runs, allowance)?
+            && let Some((island, run)) = self.unconditionally_stable()?
         {
             let steps = island.island_plan.contact_substeps;
             let island = match run {
-                Some(run) => pruned(&island, (steps, &run), budget.left_out())?,
+                Some(run) => self.pruned(&island, (steps, &run), self.budget.left_out())?,
                 None => island,
             };
             return Ok(ChosenIsland::unmeasured(island).into());
         }
-        // Only contacts and laws were held against finer ones. That is the error of the island if it is chaotic.
-        let error = stated_error(None, found.parting.as_ref(), None);
         let own = (found.contact_substeps, &*found.run);
         let chosen = ChosenIsland {
-            island: pruned(&island, own, budget.left_out())?,
-            error,
+            island: self.pruned(self.island, own, self.budget.left_out())?,
+            // Only contacts and laws were held against finer ones. That is the error of the island if it is chaotic.
+            error: found.parting.as_ref().and_then(|own| self.valid_span(own)),
             diverges: found.run.is_lost,
         };
-        return Ok(chosen.into());
-    };
-    let mut best = search.improve(start, budget)?;
-    if best.run.is_lost
-        && let Some((island, run)) = unconditionally_stable(assemble, &runs, allowance)?
-    {
-        let Some(run) = run else {
-            return Ok(ChosenIsland::unmeasured(island).into());
-        };
-        best = Candidate {
-            contact_substeps: island.island_plan.contact_substeps,
-            island,
-            run,
-            error: f64::NAN,
-            parting: None,
-            audible: None,
-            ..best
-        };
+        Ok(chosen.into())
     }
-    // An island that is lost, or whose meshes cannot diverge, was compared with nothing.
-    let own = Some(best.error).filter(|own| own.is_finite());
-    let parting = match best.parting.clone() {
-        Some(parting) => Some(parting.with(found.parting.as_ref())),
-        None => found.parting.clone(),
-    };
-    let mut error = stated_error(own, parting.as_ref(), best.audible);
-    let own = (best.contact_substeps, &*best.run);
-    let mut island = pruned(&best.island, own, budget.left_out())?;
-    if let Some(measured) = error
-        && matches!(budget, Budget::Error(_))
-        && measured.spectral.is_none()
-    {
-        let part = allowance.fraction(cheapest::SHARE);
-        let search = Search {
-            allowance: &part,
-            ..search
-        };
-        // If the search ended above the budget, any way within it is better.
-        let cost = match measured.db <= budget.asked() {
-            true => island.island_plan.cost(),
-            false => f64::INFINITY,
-        };
-        let cheaper = search.cheapest((&best, cost), found.error)?;
-        allowance.spend_fraction(&part, cheapest::SHARE);
-        if let Some(cheaper) = cheaper {
-            best = cheaper;
-            // This error includes that of contacts.
-            error = Some(Measured {
-                db: best.error,
-                ..measured
-            });
-            island = pruned_within(&best)?;
+
+    /// The best island that the search finds, or a cheaper one; `audible` is the audible error of contacts.
+    fn find_by_search(
+        &self,
+        (found, audible): (&Contacts, Audible),
+        start: Candidate,
+    ) -> Result<PilotResult, Error> {
+        let search = self.search(found);
+        let mut best = search.improve(start, self.budget)?;
+        if best.run.is_lost
+            && let Some((island, run)) = self.unconditionally_stable()?
+        {
+            let Some(run) = run else {
+                return Ok(ChosenIsland::unmeasured(island).into());
+            };
+            best = Candidate {
+                contact_substeps: island.island_plan.contact_substeps,
+                island,
+                run,
+                error: f64::NAN,
+                parting: None,
+                audible: None,
+                ..best
+            };
         }
+        let parting = match best.parting.clone() {
+            Some(parting) => Some(parting.with(found.parting.as_ref())),
+            None => found.parting.clone(),
+        };
+        let parted = parting
+            .as_ref()
+            .and_then(|parting| self.valid_span(parting));
+        // An island that is lost, or whose meshes cannot diverge, was compared with nothing.
+        let is_compared = best.error.is_finite();
+        let mut error = parted.or_else(|| {
+            is_compared.then(|| Measured {
+                db: power_sum(best.error, found.error.unwrap_or(f64::NEG_INFINITY)),
+                over: self.seconds(self.runs.excerpt().n_frames),
+                spectral: None,
+                audible: best.audible.map(|own| own.with(audible)),
+            })
+        });
+        let own = (best.contact_substeps, &*best.run);
+        let mut island = self.pruned(&best.island, own, self.budget.left_out())?;
+        if let Some(measured) = error
+            && matches!(self.budget, Budget::Error(_))
+            && measured.spectral.is_none()
+        {
+            let part = self.allowance.fraction(cheapest::SHARE);
+            let search = Search {
+                allowance: &part,
+                ..search
+            };
+            // If the search ended above the budget, any way within it is better.
+            let cost = match measured.db <= self.budget.asked() {
+                true => island.island_plan.cost(),
+                false => f64::INFINITY,
+            };
+            let cheaper = search.cheapest((&best, cost), found.error)?;
+            self.allowance.spend_fraction(&part, cheapest::SHARE);
+            if let Some(cheaper) = cheaper {
+                best = cheaper;
+                // This error includes that of contacts.
+                error = Some(Measured {
+                    db: best.error,
+                    ..measured
+                });
+                island = self.pruned_within(&best)?;
+            }
+        }
+        Ok(finished(&search, best, island, error))
     }
-    Ok(finished(&search, best, island, error))
+
+    fn trial(&self) -> Trial<'_, F> {
+        (self.assemble, &self.runs, self.budget, self.allowance)
+    }
+
+    /// A search that starts from the contact substeps that were found.
+    fn search<'b>(&'b self, found: &'b Contacts) -> Search<'b, F> {
+        let heard = (&self.spans, &self.stretches);
+        let start = (self.island, found.contact_substeps);
+        Search::new(self.trial(), heard, start, found.chaos())
+    }
+
+    /// Chooses the contact substeps; `None` if the allowance ended first.
+    fn contacts(&self, are_laws_fine: bool) -> Result<Option<Contacts>, Error> {
+        let fineness = (self.budget, are_laws_fine);
+        let heard = (&self.spans, &self.stretches);
+        let found = contacts(self.island, fineness, &self.runs, heard, self.allowance);
+        unless_spent(found)
+    }
+
+    /// The time at which a number of frames of the excerpt has been played [s].
+    fn seconds(&self, n_frames: usize) -> f64 {
+        (self.runs.excerpt().from + n_frames) as f64 / self.spans.rate
+    }
+
+    /// The error of a chaotic motion, and how long it holds.
+    fn valid_span(&self, parting: &Parting) -> Option<Measured> {
+        let (db, until) = parting.valid_span(self.budget.asked(), self.stretches.get()?);
+        Some(Measured {
+            db,
+            over: self.seconds(until),
+            spectral: Some(parting.spectral),
+            audible: None,
+        })
+    }
+
+    fn pruned(
+        &self,
+        island: &Assembled,
+        (steps, run): (usize, &PilotRun),
+        most: Option<f64>,
+    ) -> Result<Assembled, Error> {
+        let played = (self.runs.excerpt(), self.budget, most);
+        prune(island, (steps, run), played, self.allowance)
+    }
+
+    /// The same, with no more left out than an error leaves of the budget.
+    fn pruned_within(&self, best: &Candidate) -> Result<Assembled, Error> {
+        let left = amplitude_difference(self.budget.asked(), best.error);
+        let most = self.budget.left_out().map(|most| most.min(left));
+        self.pruned(&best.island, (best.contact_substeps, &best.run), most)
+    }
+
+    /// Assembles the island with meshes that cannot diverge, and plays it if the allowance lets it; `None` if it is lost
+    /// too.
+    fn unconditionally_stable(&self) -> Result<Option<StableIsland>, Error> {
+        let Ok(island) = (self.assemble)((1, MethodChoice::Unconditional)) else {
+            return Ok(None);
+        };
+        let played = (&island.island_plan, island.island_plan.contact_substeps);
+        let run = unless_spent(self.runs.play(played, self.allowance))?;
+        let is_lost = run.as_ref().is_some_and(|run| run.is_lost);
+        Ok((!is_lost).then_some((island, run)))
+    }
 }
+
+/// An island whose meshes cannot diverge, and its run, if the allowance paid for one.
+type StableIsland = (Assembled, Option<Rc<PilotRun>>);
 
 /// The result of a search: the best way, the same island without modes that are not heard, and its error.
 fn finished<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>>(
@@ -260,25 +354,6 @@ fn choose_runs(
         ..excerpt
     };
     Ok((Runs::new(excerpt), spans))
-}
-
-/// An island whose meshes cannot diverge, and its run, if the allowance paid for one.
-type StableIsland = (Assembled, Option<Rc<PilotRun>>);
-
-/// Assembles the island with meshes that cannot diverge, and plays it if the allowance lets it; `None` if it is lost
-/// too.
-fn unconditionally_stable(
-    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
-    runs: &Runs,
-    allowance: &Allowance,
-) -> Result<Option<StableIsland>, Error> {
-    let Ok(island) = assemble((1, MethodChoice::Unconditional)) else {
-        return Ok(None);
-    };
-    let steps = island.island_plan.contact_substeps;
-    let run = unless_spent(runs.play((&island.island_plan, steps), allowance))?;
-    let is_lost = run.as_ref().is_some_and(|run| run.is_lost);
-    Ok((!is_lost).then_some((island, run)))
 }
 
 /// The island at the lowest oversampling at which it is stable.

@@ -79,7 +79,7 @@ const SPECTRUM_NOISE: f64 = 2.0;
 const SPECTRUM_GAIN: f64 = 1.0;
 
 /// How to assemble an island, the runs already played, the budget, and the allowance of work.
-type Trial<'a, F> = (&'a F, &'a Runs, &'a Budget, &'a Allowance);
+pub(in crate::plan) type Trial<'a, F> = (&'a F, &'a Runs, &'a Budget, &'a Allowance);
 
 impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, F> {
     /// Starts from an island with its contact substeps, and a chaotic parting that is already known.
