@@ -23,7 +23,9 @@ use crate::plan::trial::pilot_run::{Excerpt, PilotRun, find_excerpt};
 use crate::plan::trial::prune_modes::prune;
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX, Trial};
-use crate::plan::trial::waveform_error::{PARTS, Spans, amplitude_difference, power_sum};
+use crate::plan::trial::waveform_error::{
+    PARTS, Spans, amplitude_difference, error_beside, power_sum,
+};
 
 /// Work of a search in multiples of its first run, if contacts dominate the cost: they are also computed twice and four
 /// times as finely, and at half the step.
@@ -124,13 +126,13 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Pilot<'a, F
         let Some(best) = search.plain(self.island)? else {
             return Ok(None);
         };
+        let (island, db) = self.pruned_within(&best)?;
         let error = Measured {
-            db: best.error,
+            db,
             over: self.seconds(self.runs.excerpt().n_frames),
             spectral: None,
             audible: None,
         };
-        let island = self.pruned_within(&best)?;
         Ok(Some(finished(&search, best, island, Some(error))))
     }
 
@@ -217,12 +219,10 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Pilot<'a, F
             self.allowance.spend_fraction(&part, cheapest::SHARE);
             if let Some(cheaper) = cheaper {
                 best = cheaper;
+                let (pruned, db) = self.pruned_within(&best)?;
                 // This error includes that of contacts.
-                error = Some(Measured {
-                    db: best.error,
-                    ..measured
-                });
-                island = self.pruned_within(&best)?;
+                error = Some(Measured { db, ..measured });
+                island = pruned;
             }
         }
         Ok(finished(&search, best, island, error))
@@ -273,11 +273,19 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Pilot<'a, F
         prune(island, (steps, run), played, self.allowance)
     }
 
-    /// The same, with no more left out than an error leaves of the budget.
-    fn pruned_within(&self, best: &Candidate) -> Result<Assembled, Error> {
+    /// The same, with no more left out than an error leaves of the budget; also returns the error to state. A reader adds
+    /// it to what is left out by power, but near the budget both may point the same way.
+    fn pruned_within(&self, best: &Candidate) -> Result<(Assembled, f64), Error> {
         let left = amplitude_difference(self.budget.asked(), best.error);
         let most = self.budget.left_out().map(|most| most.min(left));
-        self.pruned(&best.island, (best.contact_substeps, &best.run), most)
+        let own = (best.contact_substeps, &*best.run);
+        let island = self.pruned(&best.island, own, most)?;
+        let left_out = island.bodies.iter().filter_map(|body| body.left_out);
+        let db = match left_out.reduce(power_sum) {
+            Some(left_out) => error_beside(best.error, left_out),
+            None => best.error,
+        };
+        Ok((island, db))
     }
 
     /// Assembles the island with meshes that cannot diverge, and plays it if the allowance lets it; `None` if it is lost

@@ -56,6 +56,12 @@ pub(in crate::plan) fn amplitude_difference(one: f64, other: f64) -> f64 {
     20.0 * log10((decibels(one) - decibels(other)).max(1e-15))
 }
 
+/// An error that, added to another one by power, gives the sum of both by amplitude [dB].
+pub(in crate::plan) fn error_beside(error: f64, other: f64) -> f64 {
+    let (error, other) = (decibels(error), decibels(other));
+    20.0 * log10(sqrt(error * (error + 2.0 * other)).max(1e-15))
+}
+
 /// The spans over which sounds are compared: from the start to one third of the time after the first event, to two
 /// thirds, and to the end.
 pub(in crate::plan) struct Spans {
@@ -185,6 +191,14 @@ mod tests {
             n_out: 1,
             rate: 1_000.0,
             frames: [160, 260, 360],
+        }
+    }
+
+    #[test]
+    fn an_error_beside_another_is_worth_the_sum_of_amplitudes() {
+        for (one, other) in [(-70.0, -66.0), (-60.0, -120.0), (-90.0, -90.0)] {
+            let both = power_sum(error_beside(one, other), other);
+            assert!((both - amplitude_sum([one, other])).abs() < 1e-9, "{both}");
         }
     }
 
