@@ -87,40 +87,75 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         };
         let aim = self.budget.asked() - margin;
         let mut reference = Reference::of(found, of_contacts);
+        let (mut within, mut open) = (None, Vec::new());
         for variant in self.variants(WORTH * cost) {
             let plan = &variant.island_plan;
-            let substeps = plan.contact_substeps;
             let mut comparison = EarlyComparison::against(&reference.run.sound, self.spans);
-            let run = self
-                .runs
-                .play_while((plan, substeps), self.allowance, |frames, sound| {
+            let run = self.runs.play_while(
+                (plan, plan.contact_substeps),
+                self.allowance,
+                |frames, sound| {
                     let apart = comparison.update(frames, sound);
                     apart.is_none_or(|apart| amplitude_difference(apart, reference.error) <= aim)
-                })?;
+                },
+            )?;
             let Some(run) = run.filter(|run| !run.is_lost) else {
                 continue;
             };
-            loop {
-                let apart = difference(&run.sound, &reference.run.sound, self.spans);
-                let most = amplitude_sum([apart, reference.error]);
+            let candidate = Candidate {
+                contact_substeps: plan.contact_substeps,
+                oversampling: plan.oversampling,
+                island: variant,
+                run,
+                ..found.clone()
+            };
+            let [least, most] = self.bounds(&candidate, &reference);
+            if most <= aim {
+                within = Some(Candidate {
+                    error: most,
+                    ..candidate
+                });
+                break;
+            }
+            if least <= aim {
+                open.push(candidate);
+            }
+        }
+        match self.decide(open, &mut within, (&mut reference, found, aim)) {
+            Ok(()) | Err(TrialError::AllowanceSpent) => Ok(within),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Decides with a more exact reference which of the cheaper candidates are within the budget too: the cheapest of
+    /// these replaces `within`.
+    fn decide(
+        &self,
+        mut open: Vec<Candidate>,
+        within: &mut Option<Candidate>,
+        (reference, found, aim): (&mut Reference, &Candidate, f64),
+    ) -> Result<(), TrialError> {
+        while !open.is_empty() && self.refine_reference(reference, found)? {
+            for mut candidate in std::mem::take(&mut open) {
+                let [least, most] = self.bounds(&candidate, reference);
                 if most <= aim {
-                    return Ok(Some(Candidate {
-                        error: most,
-                        contact_substeps: substeps,
-                        oversampling: plan.oversampling,
-                        island: variant,
-                        run,
-                        ..found.clone()
-                    }));
-                }
-                let error = amplitude_difference(apart, reference.error);
-                // The reference may not be exact enough.
-                if error > aim || !self.refine_reference(&mut reference, found)? {
+                    candidate.error = most;
+                    *within = Some(candidate);
                     break;
+                }
+                if least <= aim {
+                    open.push(candidate);
                 }
             }
         }
-        Ok(None)
+        Ok(())
+    }
+
+    /// The least and the largest error that a candidate may have [dB].
+    fn bounds(&self, candidate: &Candidate, reference: &Reference) -> [f64; 2] {
+        let apart = difference(&candidate.run.sound, &reference.run.sound, self.spans);
+        let least = amplitude_difference(apart, reference.error);
+        [least, amplitude_sum([apart, reference.error])]
     }
 
     /// Tries to make the reference more exact, the cheapest means first. Returns whether there was anything left to
