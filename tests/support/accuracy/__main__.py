@@ -33,7 +33,7 @@ across a frame or an event. Nothing of the engine takes part in it.
 
 Errors are by the plan's own metric: ‖y − x‖/‖x − mean‖ of the worst output, over the time that the
 plan's pilot played, and over that less 0.1 s and 0.2 s, whichever is worst. Of the two shorter
-spans, one that ends less than 50 ms after the first sound does not count: no plan compares less.
+spans, one that ends less than 50 ms after the first sound does not count: no pilot plays less.
 
 By ear, where all goes by modes, those above 20 kHz are taken from the exact motion: a plan leaves
 them out.

@@ -33,7 +33,7 @@ PLAIN = (
 # makes 2 dB.
 UNLIKE = 3.0  # [dB]
 FLOOR_DB = -150.0  # errors below are rounding, of the reference too
-LEAST = 0.05  # [s] of sound that a plan compares at least
+LEAST = 0.05  # [s] that the shortest pilot plays
 THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three of them
 
 

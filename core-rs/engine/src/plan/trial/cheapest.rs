@@ -1,5 +1,5 @@
 //! The cheapest way within a budget: once the search has found an island within it, all cheaper ways are tried in order
-//! of their cost, each compared with the most exact known run.
+//! of their cost, each compared with the most exact known run; once it has ended above the budget, all ways.
 //!
 //! The search goes from cheap to dear and estimates errors pessimistically from the change at half a step. So it often
 //! ends at an island dearer than necessary, and a method that it has not reached may be cheaper.
@@ -34,7 +34,7 @@ const MESH_METHODS: [(u32, (MeshMethod, u32)); 8] = [
 /// A way is tried only if it costs at most this part of the cost of the island found.
 const WORTH: f64 = 0.9;
 /// The part of the remaining allowance that these trials may take.
-pub(in crate::plan) const SHARE: f64 = 0.5;
+const SHARE: f64 = 0.5;
 /// Margin below the budget for what comes after the pilot, over which the runs are compared [dB].
 const MARGIN: f64 = 0.1;
 /// The same if errors may grow after the pilot.
@@ -63,9 +63,23 @@ struct Reference {
 }
 
 impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
-    /// Returns the cheapest way to compute the island that keeps the budget; `None` if no way is cheaper. `found` keeps
-    /// the budget at `cost` [ns a frame]; `of_contacts` is the error of its contacts [dB], which the result's error
-    /// includes.
+    /// Makes trials with a part of the remaining allowance. If the part runs out, no other trial ends.
+    pub(in crate::plan) fn with_share<T>(
+        &self,
+        trials: impl FnOnce(&Search<'_, F>) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let part = self.allowance.fraction(SHARE);
+        let found = trials(&Search {
+            allowance: &part,
+            ..*self
+        })?;
+        self.allowance.spend_fraction(&part, SHARE);
+        Ok(found)
+    }
+
+    /// Returns the cheapest way to compute the island that keeps the budget; `None` if none does that is cheaper than
+    /// `cost` [ns a frame]. Ways are compared with the runs of `found`; `of_contacts` is the error of its contacts [dB],
+    /// which the result's error includes.
     pub(in crate::plan) fn cheapest(
         &self,
         (found, cost): (&Candidate, f64),

@@ -15,7 +15,6 @@ use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Parting, Stretches};
-use crate::plan::trial::cheapest;
 use crate::plan::trial::contacts::{Contacts, contacts};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_result::{ChosenIsland, LongRunPair, PilotResult};
@@ -205,19 +204,13 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Pilot<'a, F
             && matches!(self.budget, Budget::Error(_))
             && measured.spectral.is_none()
         {
-            let part = self.allowance.fraction(cheapest::SHARE);
-            let search = Search {
-                allowance: &part,
-                ..search
-            };
             // If the search ended above the budget, any way within it is better.
             let cost = match measured.db <= self.budget.asked() {
                 true => island.island_plan.cost(),
                 false => f64::INFINITY,
             };
-            let cheaper = search.cheapest((&best, cost), found.error)?;
-            self.allowance.spend_fraction(&part, cheapest::SHARE);
-            if let Some(cheaper) = cheaper {
+            let cheaper = search.with_share(|search| search.cheapest((&best, cost), found.error));
+            if let Some(cheaper) = cheaper? {
                 best = cheaper;
                 let (pruned, db) = self.pruned_within(&best)?;
                 // This error includes that of contacts.

@@ -7,7 +7,6 @@ use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{TrialError, unless_spent};
-use crate::plan::trial::cheapest::SHARE;
 use crate::plan::trial::pilot_run::is_affordable;
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::waveform_error::{DOUBLING, difference};
@@ -27,18 +26,13 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         if !self.plainly(1).is_some_and(|plain| is_cheaper(&plain)) {
             return Ok(None);
         }
-        let part = self.allowance.fraction(SHARE);
-        let search = Search {
-            allowance: &part,
-            ..*self
-        };
-        let reference = unless_spent(search.reference())?.flatten();
-        let found = match reference.filter(|reference| reference.parting.is_none()) {
-            Some(reference) => search.cheapest((&reference, cost), None)?,
-            None => None,
-        };
-        self.allowance.spend_fraction(&part, SHARE);
-        Ok(found)
+        self.with_share(|search| {
+            let reference = unless_spent(search.reference())?.flatten();
+            match reference.filter(|reference| reference.parting.is_none()) {
+                Some(reference) => search.cheapest((&reference, cost), None),
+                None => Ok(None),
+            }
+        })
     }
 
     /// The island by the plain way at some oversampling; `None` if it would take too long, or is not stable.
