@@ -1,7 +1,7 @@
 """A plan as a file: its decisions, island by island, so that a later run follows them.
 
 {"ergon_plan": 1, "hash": …, "budget": {"method": "ca"},
- "choices": [[modules, times, steps, [[numbers of a body] …]] …]}
+ "choices": [[modules, times, steps, [[numbers of a body] …], fine_cost] …]}
 
 `budget` is what the plan was made for: `method`, `error` [dB], or `cents` with `upto` [Hz];
 without any of these, the budget is by ear. A plan without `budget` is followed within the budget
@@ -25,7 +25,7 @@ VERSION = 1
 _SIZE_MAX = 50_000_000  # bytes: the numbers of ten million modes
 _NUMBER_MAX = 2**32 - 1
 
-Choices = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
+Choices = Sequence[tuple[int, int, int, Sequence[Sequence[int]], int | None]]
 
 Budget = Mapping[str, str | float]
 _BUDGET_KEYS = ("method", "error", "cents")  # one of these at most
@@ -112,13 +112,17 @@ def parse_choices(content: object) -> Choices:
     return [_choice(choice) for choice in choices]
 
 
-def _choice(value: object) -> tuple[int, int, int, list[list[int]]]:
-    if isinstance(value, list) and len(value) == 4:
-        modules, times, steps, bodies = value
+def _choice(value: object) -> tuple[int, int, int, list[list[int]], int | None]:
+    if isinstance(value, list) and len(value) == 5:
+        modules, times, steps, bodies, cost = value
         is_counts = _is_count(modules) and _is_count(times) and _is_count(steps)
-        if is_counts and isinstance(bodies, list) and all(map(_is_counts, bodies)):
-            return modules, times, steps, bodies
-    raise NotPlanError("a choice is [modules, times, steps, [numbers of each body]], whole numbers")
+        is_cost = cost is None or _is_count(cost)
+        if is_counts and is_cost and isinstance(bodies, list) and all(map(_is_counts, bodies)):
+            return modules, times, steps, bodies, cost
+    raise NotPlanError(
+        "a choice is [modules, times, steps, [numbers of each body], fine_cost or null], whole "
+        "numbers"
+    )
 
 
 def _is_counts(value: object) -> bool:

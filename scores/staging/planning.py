@@ -32,7 +32,7 @@ _BY_EAR = (3.0, 0.05, 1.0)  # [cents, of T60, dB]
 # core-rs/engine/src/plan/trial/search.rs.
 _ALIKE = 2.0
 
-Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
+Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]], int | None]]
 
 
 class Store(Protocol):

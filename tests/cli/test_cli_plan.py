@@ -184,9 +184,9 @@ def test_a_plan_without_a_budget_is_followed_as_the_score_asks(capsys: Capture) 
         ('{"ergon_plan": 1, "choices": [], "budget": {"method": "rk4"}}', "no method 'rk4'"),
         ('{"ergon_plan": 2, "choices": []}', "not a plan of version 1"),
         ('{"ergon_plan": 1, "choices": [[1, 2]]}', "whole numbers"),
-        ('{"ergon_plan": 1, "choices": [[1, 1, 1, [[-1]]]]}', "whole numbers"),
+        ('{"ergon_plan": 1, "choices": [[1, 1, 1, [[-1]], 0]]}', "whole numbers"),
         ('{"ergon_plan": 1, "choices": []}', "another score"),
-        ('{"ergon_plan": 1, "choices": [[27, 1, 0, [[900]]]]}', "another score"),
+        ('{"ergon_plan": 1, "choices": [[27, 1, 0, [[900]], null]]}', "another score"),
         ("[" * 100_000, "not a plan"),
     ],
 )

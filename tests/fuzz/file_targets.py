@@ -92,6 +92,7 @@ def _plan(chance: random.Random) -> str:
         choices = [
             [chance.choice((1, 2, 0, 1 << 31, (1 << 32) - 1)) for _ in range(3)]
             + [[[chance.randrange(4) for _ in range(chance.randrange(4))] for _ in range(2)]]
+            + [chance.choice((None, 0, 1, (1 << 32) - 1))]
             for _ in range(chance.randrange(4))
         ]
         return plan_file.text(choices, "0")  # type: ignore[arg-type]

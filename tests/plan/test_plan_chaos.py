@@ -67,11 +67,13 @@ def error_of(of: NetworkAndTimeline, **budget: float) -> _core.PlanRow:
     return next(row for row in rows if row.error_db is not None)
 
 
-def finer(plan: _core.Plan) -> list[tuple[int, int, int, list[list[int]]]]:
+def finer(plan: _core.Plan) -> list[_core.IslandChoice]:
     """The choices of a plan at twice the rate: contacts at the same instants."""
     return [
-        (modules, 2 * times, max(1, steps // 2), kept)
-        for modules, times, steps, kept in plan.choices()
+        own._replace(
+            oversampling=2 * own.oversampling, contact_substeps=max(1, own.contact_substeps // 2)
+        )
+        for own in plan.choices()
     ]
 
 
@@ -89,7 +91,10 @@ def test_a_gong_that_is_struck_hard_is_judged_by_its_spectrum():
     assert row.spectral_db is not None
     assert row.spectral_db < 2.0
     # No dearer than by CA, for what is dearer keeps the waveform no longer.
-    assert row.cost == _core.Plan(gong.network, gong.timeline, method="ca").rows()[0].cost
+    (choice,) = plan.choices()
+    assert choice.fine_cost is not None
+    by_ca = _core.Plan(gong.network, gong.timeline, method="ca").rows()[0].cost
+    assert row.cost - 1e-9 * choice.fine_cost * RATE == pytest.approx(by_ca)
     half = _core.Plan(gong.network, gong.timeline, error_db=ASKED_DB, pins=finer(plan))
     ours, theirs = play(gong, plan), play(gong, half)
     assert row.error_db is not None
@@ -148,7 +153,7 @@ def test_by_ear_a_method_that_raves_gives_way():
         gong.network,
         gong.timeline,
         method="bm4",
-        pins=[(plan.choices()[0][0], 4, 16, [[2, 2]])],
+        pins=[(plan.choices()[0].modules, 4, 16, [[2, 2]], None)],
     )
     ours, theirs = play(gong, plan), play(gong, truth)
     assert metrics.bands_db(ours, theirs, RATE) < 4.0

@@ -7,6 +7,7 @@ from planned_sound import planned, played
 from sweep import few
 
 from ergon import _core
+from ergon.scores.reading.load import load
 
 SPENT = 1.25
 SCENES = [
@@ -29,13 +30,14 @@ def test_no_plain_setting_is_much_cheaper(family: str, seed: int):
 # Single laws beside a mesh, which gain where all of the island goes twice a frame; friction between
 # frames at 200 and 75 times the cost of a plain way, with which no trial ended; bristles whose
 # search ends above the budget; one that is sure, where the allowance does not pay for deciding
-# whether a cheaper one is.
+# whether a cheaper one is; contacts that cost 480 times the body they touch.
 OTHER_WAYS = [
     ("hard", 114, -60.0),
     ("dry", 152, -40.0),
     ("dry", 122, -40.0),
     ("bristle", 126, -60.0),
     ("hard", 262, -80.0),
+    ("bridge", 304, -40.0),
 ]
 
 
@@ -90,8 +92,28 @@ def told(plan: _core.Plan) -> list[tuple[object, ...]]:
     ]
 
 
-# By one method as a whole, once a step at twice the rate, and with keys whose error is played on.
-WAYS = [("law", 0, -60.0), ("bow", 1, -40.0), ("key", 1, -60.0)]
+# By one method as a whole, once a step at twice the rate, with keys whose error is played on, by
+# contacts between frames, and by a method as a whole with contacts once a step.
+WAYS = [
+    *(("law", 0, -60.0), ("bow", 1, -40.0), ("key", 1, -60.0)),
+    *(("chain", 302, -60.0), ("bridge", 300, -40.0)),
+]
+
+
+def test_what_contacts_cost_between_frames_is_counted():
+    text = random_scenes.text("chain", 302)
+    piece = load("scene.yaml", text=text).piece
+    assert piece is not None
+    stage, plan = planned(text, error_db=-60.0)
+    (choice,) = plan.choices()
+    assert choice.fine_cost is not None
+    pins = [choice._replace(fine_cost=None)]
+    uncounted = _core.Plan(stage.network, stage.timeline, error_db=-60.0, pins=pins)
+    all_of_it, rest = (sum(row.cost for row in made.rows()) for made in (plan, uncounted))
+    counted = 1e-9 * choice.fine_cost * piece.rate
+    assert all_of_it - rest == pytest.approx(counted)
+    assert counted > 5.0 * rest
+    assert plan.hash != uncounted.hash
 
 
 @pytest.mark.parametrize(("family", "seed", "error"), WAYS)

@@ -14,8 +14,8 @@ use crate::timeline::Timeline;
 use crate::words;
 use crate::work::computing;
 
-/// The fields of an `IslandChoice`: (modules, oversampling, contact substeps, numbers of each body).
-type Pin = (usize, u32, usize, Vec<Vec<u32>>);
+/// The fields of an `IslandChoice`: (modules, oversampling, contact substeps, numbers of each body, fine cost).
+type Pin = (usize, u32, usize, Vec<Vec<u32>>, Option<u32>);
 /// The fields of a `TrialRecord`: (numbers, counts, reason).
 type Record = (Vec<Option<f64>>, Vec<Vec<u32>>, Option<String>);
 
@@ -142,6 +142,7 @@ impl Plan {
             oversampling: choice.oversampling,
             contact_substeps: choice.contact_substeps,
             bodies: choice.kept.clone(),
+            fine_cost: choice.fine_cost,
         };
         self.0.choices().iter().map(named).collect()
     }
@@ -166,11 +167,12 @@ impl Plan {
     }
 }
 
-fn choice((modules, times, steps, kept): Pin) -> plan::Choice {
+fn choice((modules, times, steps, kept, fine_cost): Pin) -> plan::Choice {
     plan::Choice {
         modules,
         oversampling: times,
         contact_substeps: steps,
+        fine_cost,
         kept,
     }
 }

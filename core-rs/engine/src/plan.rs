@@ -44,6 +44,8 @@ pub(crate) struct IslandPlan {
     pub(crate) bodies: Vec<BodyPlan>,
     /// Contact substeps a frame while a contact may be closed.
     pub(crate) contact_substeps: usize,
+    /// Work of contacts and laws between frames as a trial counted it [ns a frame]; `None`: the table estimates it.
+    pub(crate) fine_cost: Option<u32>,
     /// Steps of the whole island in `every` frames: its timeline runs at this multiple of the rate.
     pub(crate) oversampling: u32,
     /// 1, except for what is only seen.
@@ -55,8 +57,17 @@ impl IslandPlan {
     /// Nanoseconds a frame, by the table of costs.
     fn cost(&self) -> f64 {
         let bodies = self.bodies.iter().map(cost::body_cost);
-        let hub = cost::stepped_cost(&self.network, &self.timeline) + cost::laws_cost(self);
-        f64::from(self.oversampling) * (hub + bodies.sum::<f64>()) / f64::from(self.every)
+        f64::from(self.oversampling) * (self.hub_cost() + bodies.sum::<f64>())
+            / f64::from(self.every)
+    }
+
+    /// Cost of all but its bodies [ns a step].
+    fn hub_cost(&self) -> f64 {
+        let fine = match self.fine_cost {
+            Some(ns) => f64::from(ns) / f64::from(self.oversampling),
+            None => cost::laws_cost(self),
+        };
+        cost::stepped_cost(&self.network, &self.timeline) + fine
     }
 }
 
@@ -236,6 +247,7 @@ impl Plan {
             timeline: timeline.clone(),
             bodies: Vec::new(),
             contact_substeps,
+            fine_cost: None,
             oversampling: 1,
             every: 1,
             to_whole: Whole::default(),

@@ -1189,6 +1189,7 @@ class IslandChoice(NamedTuple):
     oversampling: int  # steps a frame
     contact_substeps: int  # computations of contacts a step
     bodies: list[list[int]]
+    fine_cost: int | None  # work of contacts and laws between frames [ns a frame], if counted
 
 class FullRatePart(NamedTuple):
     """A part with its own rate that is computed at every frame, and why."""
@@ -1271,7 +1272,7 @@ class Plan:
         error_db: float | None = None,
         cents: float | None = None,
         upto: float | None = None,
-        pins: Sequence[IslandChoice | tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
+        pins: Sequence[tuple[int, int, int, Sequence[Sequence[int]], int | None]] | None = None,
         store: TrialStore | None = None,
         like: Plan | None = None,
         share: float = 1.0,

@@ -11,7 +11,7 @@ use crate::network::{Error, LinkKind, Network, Run, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::choice::{Choice, Pins, wrong_plan_error};
 use crate::plan::cost;
-use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::audible::{Body as Found, ModeKind};
 use crate::plan::passes::body;
 use crate::plan::passes::cells;
@@ -238,6 +238,7 @@ impl<'a> Maker<'a> {
                         modules,
                         oversampling: 1,
                         contact_substeps: 0,
+                        fine_cost: None,
                         kept: vec![found.kept.numbers()],
                     });
                     let mut row = Row::modal(&subset, &found, &own.timeline);
@@ -324,6 +325,7 @@ impl<'a> Maker<'a> {
             modules,
             oversampling: island_plan.oversampling,
             contact_substeps: island_plan.contact_substeps,
+            fine_cost: island_plan.fine_cost,
             kept: bodies.iter().map(Body::numbers).collect(),
         });
         let n_ports: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
@@ -341,11 +343,7 @@ impl<'a> Maker<'a> {
         }
         // The cost of the rest beside bodies has a row of its own, or is added to the row of the first body.
         let mut hub = if self.plan.rows.len() == first_row {
-            cost::seconds(
-                cost::stepped_cost(&island_plan.network, &island_plan.timeline)
-                    + cost::laws_cost(&island_plan),
-                &island_plan.timeline,
-            )
+            cost::seconds(island_plan.hub_cost(), &island_plan.timeline)
         } else {
             0.0
         };
@@ -383,14 +381,14 @@ impl<'a> Maker<'a> {
     ) -> Result<Solved, Error> {
         let (mut subset, mut refused_slow) = multirate::settle(subset, own, self.budget);
         let (found, growth) = loop {
-            let assemble = |how: (u32, MethodChoice<'_>)| {
+            let assemble = |how: How<'_>| {
                 let island = Assembled::new(&subset, own, self.budget, how, pin, &self.memo);
                 self.allowance.spend(self.memo.take_work());
                 island
             };
             // An island that is unstable at once is not worth a pilot.
             let has_slow_parts = subset.network.has_slow_parts();
-            let judged = has_slow_parts.then(|| assemble((1, MethodChoice::ByBudget)));
+            let judged = has_slow_parts.then(|| assemble(How::fine(1, MethodChoice::ByBudget)));
             let mut judged = match judged {
                 Some(Ok(island)) => multirate::certify(&island, &self.allowance),
                 _ => Ok(None),
@@ -398,7 +396,7 @@ impl<'a> Maker<'a> {
             if judged.is_ok() {
                 let found = match pin {
                     Some(pin) => pilot_result::pinned(
-                        assemble((pin.oversampling.max(1), MethodChoice::ByBudget))?,
+                        assemble(How::fine(pin.oversampling.max(1), MethodChoice::ByBudget))?,
                         pin,
                     )
                     .ok_or_else(wrong_plan_error)?,
@@ -439,7 +437,7 @@ impl<'a> Maker<'a> {
         &self,
         subset: &Subset,
         own: &OwnTimeline,
-        assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
+        assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
     ) -> Result<ChosenIsland, Error> {
         let known = (&self.allowance, self.store);
         let is_tried = !matches!(self.budget, Budget::Method(_)) && !own.timeline.is_open;
@@ -452,7 +450,7 @@ impl<'a> Maker<'a> {
         });
         let recalled = series.as_ref().and_then(|series| {
             let (taken, record) = series.find(&self.allowance)?;
-            let assemble = |how: (u32, MethodChoice<'_>), pin: Option<&Choice>| {
+            let assemble = |how: How<'_>, pin: Option<&Choice>| {
                 Assembled::new(subset, own, self.budget, how, pin, &self.memo)
             };
             let result = PilotResult::recalled(&record, &assemble)?;

@@ -28,6 +28,38 @@ pub(in crate::plan) struct Assembled {
     /// It has single laws that can be computed finer than a frame, as contacts are.
     pub(in crate::plan) may_collocate: bool,
     pub(in crate::plan) shape: Shape,
+    /// Contacts and laws are computed once a step, although they might be computed finer.
+    pub(in crate::plan) is_plain: bool,
+}
+
+/// How an island is to be assembled.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::plan) struct How<'a> {
+    /// Steps a frame.
+    pub(in crate::plan) oversampling: u32,
+    pub(in crate::plan) bodies: MethodChoice<'a>,
+    /// Contacts and laws are computed once a step.
+    pub(in crate::plan) is_plain: bool,
+}
+
+impl<'a> How<'a> {
+    /// With contacts and laws as finely as the budget asks.
+    pub(in crate::plan) fn fine(oversampling: u32, bodies: MethodChoice<'a>) -> Self {
+        Self {
+            oversampling,
+            bodies,
+            is_plain: false,
+        }
+    }
+
+    /// With contacts and laws once a step.
+    pub(in crate::plan) fn plain(oversampling: u32, bodies: MethodChoice<'a>) -> Self {
+        Self {
+            oversampling,
+            bodies,
+            is_plain: true,
+        }
+    }
 }
 
 /// What an island is made of, at any rate.
@@ -39,28 +71,16 @@ pub(in crate::plan) enum Shape {
     Stepped,
     /// Meshes that might go by modes.
     Meshes,
-    /// Bodies; contacts and laws are computed once a step.
-    Plain,
-    /// No bodies; contacts and laws are computed once a step.
-    PlainStepped,
 }
 
 impl Shape {
     /// In the order of their numbers in records.
-    pub(in crate::plan) const ALL: [Self; 5] = [
-        Self::Bodies,
-        Self::Stepped,
-        Self::Meshes,
-        Self::Plain,
-        Self::PlainStepped,
-    ];
+    pub(in crate::plan) const ALL: [Self; 3] = [Self::Bodies, Self::Stepped, Self::Meshes];
 
     fn of(choice: MethodChoice<'_>) -> Self {
         match choice {
             MethodChoice::Stepped => Self::Stepped,
             MethodChoice::Meshes(_) => Self::Meshes,
-            MethodChoice::Plain { has_bodies: true } => Self::Plain,
-            MethodChoice::Plain { has_bodies: false } => Self::PlainStepped,
             MethodChoice::ByBudget
             | MethodChoice::Unconditional
             | MethodChoice::AsBefore(_)
@@ -75,10 +95,15 @@ impl Assembled {
         subset: &Subset,
         own: &OwnTimeline,
         budget: &Budget,
-        (oversampling, choice): (u32, MethodChoice<'_>),
+        how: How<'_>,
         pin: Option<&Choice>,
         memo: &Memo<'_>,
     ) -> Result<Self, Error> {
+        let How {
+            oversampling,
+            bodies: choice,
+            is_plain,
+        } = how;
         let timeline = if oversampling == 1 {
             own.timeline.clone()
         } else {
@@ -93,8 +118,7 @@ impl Assembled {
         });
         let subset = sped.as_ref().unwrap_or(subset);
         // What was decided to be computed once a step stays so.
-        let is_once = pin.is_some_and(|pin| pin.contact_substeps == 1)
-            || matches!(choice, MethodChoice::Plain { .. });
+        let is_once = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
         let most = if is_once { 1 } else { Budget::STEPS_MAX };
         let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, choice, memo);
         let mut found = None;
@@ -141,6 +165,7 @@ impl Assembled {
             timeline: inner.timeline,
             bodies: bodies.iter().map(|found| found.inside.clone()).collect(),
             contact_substeps,
+            fine_cost: None,
             oversampling,
             every: 1,
         };
@@ -151,20 +176,25 @@ impl Assembled {
             because,
             may_collocate,
             shape: Shape::of(choice),
+            is_plain,
         })
     }
 
-    /// The choice that gives the same island at another rate; `methods`: those of its meshes.
+    /// How the same island is assembled at another rate; `methods`: those of its meshes.
     pub(in crate::plan) fn again<'a>(
         &self,
+        oversampling: u32,
         methods: &'a [Option<(MeshMethod, u32)>],
-    ) -> MethodChoice<'a> {
-        match (self.shape, methods.iter().flatten().next()) {
+    ) -> How<'a> {
+        let bodies = match (self.shape, methods.iter().flatten().next()) {
             (Shape::Stepped, _) => MethodChoice::Stepped,
             (Shape::Meshes, Some(&way)) => MethodChoice::Meshes(way),
-            (Shape::Plain, _) => MethodChoice::Plain { has_bodies: true },
-            (Shape::PlainStepped, _) => MethodChoice::Plain { has_bodies: false },
             (Shape::Bodies | Shape::Meshes, _) => MethodChoice::AsBefore(methods),
+        };
+        How {
+            oversampling,
+            bodies,
+            is_plain: self.is_plain,
         }
     }
 

@@ -44,11 +44,6 @@ pub(in crate::plan) enum MethodChoice<'a> {
     Stepped,
     /// One method for all that it can step, linear and small bodies too.
     Meshes((MeshMethod, u32)),
-    /// Contacts and laws once a step.
-    Plain {
-        /// Linear bodies are cut out; else all of the island is stepped module by module.
-        has_bodies: bool,
-    },
 }
 
 /// Error of a pitch [cents] by a method, with x = ωT for its step T.
@@ -97,7 +92,7 @@ pub(in crate::plan) fn mesh(
                 certify(&stiffest, rate, method, substeps).ok()?;
                 (method, substeps)
             }
-            MethodChoice::Stepped | MethodChoice::Plain { has_bodies: false } => return None,
+            MethodChoice::Stepped => return None,
             MethodChoice::Unconditional if !is_led => choose(&stiffest, rate, budget, true)?,
             _ if is_led => choose_for_led(&stiffest, rate, budget)?,
             _ => choose(&stiffest, rate, budget, false)?,

@@ -69,10 +69,7 @@ pub(in crate::plan) fn cut(
     let mut wiring = Wiring::new(network, timeline);
     let (mut found, mut why) = (Vec::new(), None);
     // An island that was decided to have no bodies gets none.
-    let are_apart = !matches!(
-        choice,
-        MethodChoice::Stepped | MethodChoice::Plain { has_bodies: false }
-    );
+    let are_apart = !matches!(choice, MethodChoice::Stepped);
     let has_bodies = are_apart && pin.is_none_or(|pin| !pin.kept.is_empty());
     let are_meshes = match pin {
         Some(pin) => pin.kept.iter().any(|own| replaces_modes(own)),

@@ -123,6 +123,7 @@ impl Content {
             timeline,
             bodies,
             contact_substeps,
+            fine_cost: _,
             oversampling,
             every: _,
             to_whole: _,

@@ -180,9 +180,9 @@ impl Row {
     }
 
     pub(in crate::plan) fn stepped(island_plan: &IslandPlan, certificate: Certificate) -> Self {
-        let (network, timeline) = (&island_plan.network, &island_plan.timeline);
-        let ns = cost::stepped_cost(network, timeline) + cost::laws_cost(island_plan);
-        Self::of(network, Computed::Stepped).costing(ns, timeline, certificate.word)
+        let ns = island_plan.hub_cost();
+        let timeline = &island_plan.timeline;
+        Self::of(&island_plan.network, Computed::Stepped).costing(ns, timeline, certificate.word)
     }
 
     /// The row of a body inside an island.

@@ -9,11 +9,11 @@ use std::rc::Rc;
 use crate::integrate::MeshMethod;
 use crate::network::Error;
 use crate::plan::budget::Budget;
-use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{TrialError, unless_spent};
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
+use crate::plan::trial::pilot_run::{FineCost, PilotRun, is_affordable};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::waveform_error::{
     EarlyComparison, amplitude_difference, amplitude_sum, difference,
@@ -62,7 +62,7 @@ struct Reference {
     attempts_left: usize,
 }
 
-impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
+impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// Makes trials with a part of the remaining allowance. If the part runs out, no other trial ends.
     pub(in crate::plan) fn with_share<T>(
         &self,
@@ -102,7 +102,8 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         let aim = self.budget.asked() - margin;
         let mut reference = Reference::of(found, of_contacts);
         let (mut within, mut open) = (None, Vec::new());
-        for variant in self.variants(WORTH * cost) {
+        let most_cost = WORTH * cost;
+        for mut variant in self.variants(found, most_cost) {
             let plan = &variant.island_plan;
             let mut comparison = EarlyComparison::against(&reference.run.sound, self.spans);
             let run = self.runs.play_while(
@@ -116,6 +117,11 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             let Some(run) = run.filter(|run| !run.is_lost) else {
                 continue;
             };
+            variant.island_plan.fine_cost = Some(run.fine_cost.all());
+            if variant.island_plan.cost() > most_cost {
+                continue;
+            }
+            let plan = &variant.island_plan;
             let candidate = Candidate {
                 contact_substeps: plan.contact_substeps,
                 oversampling: plan.oversampling,
@@ -248,30 +254,28 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         Ok(())
     }
 
-    /// All ways to compute an island that cost at most `most` [ns a frame], in order of their cost.
-    fn variants(&self, most: f64) -> Vec<Assembled> {
+    /// All ways to compute an island that cost at most `most` [ns a frame], in order of their cost. What is computed
+    /// between frames is assumed to cost as much as in the run of `found`.
+    fn variants(&self, found: &Candidate, most: f64) -> Vec<Assembled> {
         let times = (0..=TIMES_MAX.ilog2()).map(|doublings| 1 << doublings);
         let at = |times: u32| {
-            [
-                MethodChoice::ByBudget,
-                MethodChoice::Stepped,
-                MethodChoice::Plain { has_bodies: true },
-                MethodChoice::Plain { has_bodies: false },
-            ]
-            .map(|choice| (times, choice))
+            let bodies = [MethodChoice::ByBudget, MethodChoice::Stepped];
+            bodies.map(|bodies| (times, bodies))
         };
         let methods = MESH_METHODS.into_iter().flat_map(|(times, method)| {
-            [
-                (times, MethodChoice::Meshes(method)),
-                (times, MethodChoice::All(method)),
-            ]
+            let bodies = [MethodChoice::Meshes(method), MethodChoice::All(method)];
+            bodies.map(|bodies| (times, bodies))
         });
-        let all = times.flat_map(at).chain(methods);
-        let mut found: Vec<(f64, Assembled)> = Vec::new();
+        let all = times
+            .flat_map(at)
+            .chain(methods)
+            .flat_map(|(times, bodies)| [How::fine(times, bodies), How::plain(times, bodies)]);
+        let mut variants: Vec<(f64, Assembled)> = Vec::new();
         for how in all {
             let Ok(mut variant) = (self.assemble)(how) else {
                 continue;
             };
+            variant.island_plan.fine_cost = found.fine_cost_of(&variant);
             variant.island_plan.contact_substeps = self.contact_substeps(&variant);
             let plan = &variant.island_plan;
             let cost = plan.cost();
@@ -279,13 +283,29 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             let is_same =
                 |known: &Assembled| known.island_plan.contact_substeps == plan.contact_substeps;
             let is_known =
-                (found.iter()).any(|(known, variant)| *known == cost && is_same(variant));
+                (variants.iter()).any(|(known, variant)| *known == cost && is_same(variant));
             if !is_known && cost <= most && is_affordable(plan, self.n_frames) {
-                found.push((cost, variant));
+                variants.push((cost, variant));
             }
         }
-        found.sort_by(|(one, _), (other, _)| one.total_cmp(other));
-        found.into_iter().map(|(_, variant)| variant).collect()
+        variants.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+        variants.into_iter().map(|(_, variant)| variant).collect()
+    }
+}
+
+impl Candidate {
+    /// What contacts and laws of another way cost between frames, by this run; `None` if one of both has none.
+    fn fine_cost_of(&self, variant: &Assembled) -> Option<u32> {
+        let has_fine = variant.may_collocate || variant.island_plan.contact_substeps > 1;
+        if self.contact_substeps == 1 || !has_fine {
+            return None;
+        }
+        let FineCost { own, bodies } = self.run.fine_cost;
+        Some(if variant.has_modes() {
+            own.saturating_add(bodies)
+        } else {
+            own
+        })
     }
 }
 

@@ -7,7 +7,7 @@ use crate::island::inside::BodyPlan;
 use crate::network::{Error, Network, Run, Subset, Term};
 use crate::plan::budget::Budget;
 use crate::plan::cost;
-use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::slow::{RefusedSlow, slow_bodies};
 use crate::plan::passes::solved_modes::Memo;
@@ -222,7 +222,7 @@ pub(in crate::plan) fn error(
         island.island_plan.oversampling,
         island.island_plan.contact_substeps,
     );
-    let how = (oversampling, MethodChoice::AsBefore(&methods));
+    let how = How::fine(oversampling, MethodChoice::AsBefore(&methods));
     let slow = Assembled::new(subset, own, budget, how, None, memo)?;
     let single = Subset {
         network: subset.network.with_macrosteps(|_, every| every.map(|_| 1)),

@@ -9,7 +9,7 @@ use std::rc::Rc;
 
 use crate::network::Error;
 use crate::plan::budget::Budget;
-use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
@@ -32,12 +32,14 @@ const SEARCH_COST: f64 = 12.0;
 
 /// Finds the cheapest island within the budget; `assemble` puts the island together at some oversampling.
 pub(in crate::plan) fn pilot(
-    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
+    assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
     budget: &Budget,
     allowance: &Allowance,
 ) -> Result<PilotResult, Error> {
     if let Budget::Method(_) = budget {
-        return Ok(ChosenIsland::unmeasured(assemble((1, MethodChoice::ByBudget))?).into());
+        return Ok(
+            ChosenIsland::unmeasured(assemble(How::fine(1, MethodChoice::ByBudget))?).into(),
+        );
     }
     let island = lowest_stable(assemble)?;
     let timeline = &island.island_plan.timeline;
@@ -65,7 +67,7 @@ struct Pilot<'a, F> {
     stretches: OnceCell<Stretches>,
 }
 
-impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Pilot<'a, F> {
+impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     /// Chooses what is played; `None` if nothing is, or if the allowance ended first.
     fn new(
         (assemble, budget, allowance): (&'a F, &'a Budget, &'a Allowance),
@@ -284,7 +286,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Pilot<'a, F
     /// Assembles the island with meshes that cannot diverge, and plays it if the allowance lets it; `None` if it is lost
     /// too.
     fn unconditionally_stable(&self) -> Result<Option<StableIsland>, Error> {
-        let Ok(island) = (self.assemble)((1, MethodChoice::Unconditional)) else {
+        let Ok(island) = (self.assemble)(How::fine(1, MethodChoice::Unconditional)) else {
             return Ok(None);
         };
         let played = (&island.island_plan, island.island_plan.contact_substeps);
@@ -298,7 +300,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Pilot<'a, F
 type StableIsland = (Assembled, Option<Rc<PilotRun>>);
 
 /// The result of a search: the best way, the same island without modes that are not heard, and its error.
-fn finished<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>>(
+fn finished<F: Fn(How<'_>) -> Result<Assembled, Error>>(
     search: &Search<'_, F>,
     best: Candidate,
     island: Assembled,
@@ -338,8 +340,12 @@ fn choose_runs(
     let share = Cell::new(1.0);
     // A run that was stopped early is not kept: the shorter excerpt is played again as a whole.
     let heard = |frames: usize| frames.saturating_sub(spans.event()) as f64;
-    let played = (plan, plan.contact_substeps);
-    runs.play_while(played, allowance, |frames, _| {
+    // Contacts and laws are played as finely as their search begins with.
+    let substeps = match island.may_collocate {
+        true => plan.contact_substeps.max(Budget::STEPS_MIN),
+        false => plan.contact_substeps,
+    };
+    runs.play_while((plan, substeps), allowance, |frames, _| {
         let spent = allowance.spent().0 - before;
         let affordable = allowance.share_left(SEARCH_COST * spent);
         share.set(affordable * heard(frames) / heard(excerpt.n_frames));
@@ -359,14 +365,15 @@ fn choose_runs(
 
 /// The island at the lowest oversampling at which it is stable.
 fn lowest_stable(
-    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
+    assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
 ) -> Result<Assembled, Error> {
-    match assemble((1, MethodChoice::ByBudget)) {
+    match assemble(How::fine(1, MethodChoice::ByBudget)) {
         // An island that diverges at this rate may be stable at a higher one.
         Err(error @ Error::Unstable { .. }) => {
             let higher = [2, 4, 8, 2 * TIMES_MAX].into_iter();
-            let mut stable = higher
-                .filter_map(|oversampling| assemble((oversampling, MethodChoice::ByBudget)).ok());
+            let mut stable = higher.filter_map(|oversampling| {
+                assemble(How::fine(oversampling, MethodChoice::ByBudget)).ok()
+            });
             stable.next().ok_or(error)
         }
         other => other,

@@ -4,7 +4,7 @@ use crate::island::inside::BodyPlan;
 use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
-use crate::plan::passes::assemble::{Assembled, Shape};
+use crate::plan::passes::assemble::{Assembled, How, Shape};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::PortedBody;
@@ -50,7 +50,9 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<ChosenI
     });
     let kept = kept.collect::<Option<Vec<_>>>()?;
     let substeps = pin.contact_substeps.clamp(1, Budget::STEPS_MAX);
-    Some(ChosenIsland::unmeasured(island.only(substeps, kept)))
+    let mut island = island.only(substeps, kept);
+    island.island_plan.fine_cost = pin.fine_cost;
+    Some(ChosenIsland::unmeasured(island))
 }
 
 /// The island that a pilot chose, whose error may grow after the pilot's end.
@@ -103,24 +105,27 @@ impl PilotResult {
             bodies,
             because,
             shape,
+            is_plain,
             ..
         } = &self.chosen.island;
         let long_run = self.long_run.as_ref();
         let [own, finer] = long_run.map_or([0, 0], |long_run| long_run.contact_substeps);
-        let how = [
+        let mut how = vec![
             island_plan.oversampling,
             island_plan.contact_substeps as u32,
             *shape as u32,
+            u32::from(*is_plain),
             own as u32,
             finer as u32,
             u32::from(self.chosen.diverges),
         ];
+        how.extend(island_plan.fine_cost);
         let mut numbers = TrialRecord::numbers_of(self.chosen.error);
         numbers.extend(bodies.iter().map(|body| body.left_out));
         let kept = bodies.iter().map(PortedBody::numbers);
         TrialRecord {
             numbers,
-            counts: std::iter::once(how.to_vec()).chain(kept).collect(),
+            counts: std::iter::once(how).chain(kept).collect(),
             reason: because.as_ref().map(|why| why.why().to_owned()),
         }
     }
@@ -128,18 +133,34 @@ impl PilotResult {
     /// What an earlier pilot found; `None` if the record does not fit. `assemble` also takes a choice to repeat.
     pub(in crate::plan) fn recalled(
         record: &TrialRecord,
-        assemble: &impl Fn((u32, MethodChoice<'_>), Option<&Choice>) -> Result<Assembled, Error>,
+        assemble: &impl Fn(How<'_>, Option<&Choice>) -> Result<Assembled, Error>,
     ) -> Option<Self> {
         let (error, left_out) = record.error()?;
         let (how, kept) = record.counts.split_first()?;
-        let &[oversampling, contact_substeps, shape, own, finer, diverges] = &how[..] else {
+        let &[
+            oversampling,
+            contact_substeps,
+            shape,
+            is_plain,
+            own,
+            finer,
+            diverges,
+            ref fine_cost @ ..,
+        ] = &how[..]
+        else {
             return None;
         };
-        let diverges = match diverges {
-            0 => false,
-            1 => true,
+        let fine_cost = match *fine_cost {
+            [] => None,
+            [ns] => Some(ns),
             _ => return None,
         };
+        let flag = |number| match number {
+            0 => Some(false),
+            1 => Some(true),
+            _ => None,
+        };
+        let (is_plain, diverges) = (flag(is_plain)?, flag(diverges)?);
         let is_much = own.max(finer) as usize > SUBSTEPS_MAX;
         if !(1..=2 * TIMES_MAX).contains(&oversampling) || is_much {
             return None;
@@ -148,12 +169,17 @@ impl PilotResult {
         let choice = Choice {
             oversampling,
             contact_substeps: contact_substeps as usize,
+            fine_cost,
             kept: kept.to_vec(),
             ..Choice::default()
         };
-        let island = assemble((oversampling, MethodChoice::ByBudget), Some(&choice)).ok()?;
+        let island = assemble(
+            How::fine(oversampling, MethodChoice::ByBudget),
+            Some(&choice),
+        )
+        .ok()?;
         let ChosenIsland { mut island, .. } = pinned(island, &choice)?;
-        island.shape = shape;
+        (island.shape, island.is_plain) = (shape, is_plain);
         if left_out.len() != island.bodies.len() {
             return None;
         }
@@ -166,7 +192,7 @@ impl PilotResult {
         };
         let long_run = if own > 0 {
             let methods = island.mesh_methods();
-            let at = |times| assemble((times, island.again(&methods)), None).ok();
+            let at = |times| assemble(island.again(times, &methods), None).ok();
             Some(LongRunPair {
                 own: at(oversampling)?,
                 finer: at(2 * oversampling)?,

@@ -48,8 +48,31 @@ pub(in crate::plan) struct PilotRun {
     pub(in crate::plan) sound: Vec<f64>,
     /// Square of the amplitude that each mode of each body reached.
     pub(in crate::plan) squares: Vec<Vec<f64>>,
+    /// Work between frames from the first touch on.
+    pub(in crate::plan) fine_cost: FineCost,
     /// A part of the island diverged.
     pub(in crate::plan) is_lost: bool,
+}
+
+/// Work of contacts and laws between frames [ns a frame].
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::plan) struct FineCost {
+    pub(in crate::plan) own: u32,
+    /// Of the modes of the bodies that they touch.
+    pub(in crate::plan) bodies: u32,
+}
+
+impl FineCost {
+    /// The mean over `n_frames`.
+    fn of(island: &Island, n_frames: usize) -> Self {
+        let mean = |ns: f64| (ns / n_frames.max(1) as f64).round() as u32;
+        let [own, bodies] = fine_cost(island).map(mean);
+        Self { own, bodies }
+    }
+
+    pub(in crate::plan) fn all(self) -> u32 {
+        self.own.saturating_add(self.bodies)
+    }
 }
 
 /// Seconds of work for a frame, by the table of costs.
@@ -201,17 +224,23 @@ impl<'a> Meter<'a> {
     }
 
     fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
-        let fine = island.fine_work();
-        let added = 1e-9
-            * (Costs::of("kick") * fine.instants as f64
-                + Costs::of("port") * fine.products as f64
-                + Costs::of("coupling") * fine.couplings as f64
-                + Costs::of("contact") * island.solved_again() as f64)
+        let [own, bodies] = fine_cost(island);
+        let added = 1e-9 * (own + bodies + Costs::of("contact") * island.solved_again() as f64)
             + self.step * island.guard_steps() as f64;
         let more = added - self.added;
         self.added = added;
         self.allowance.draw(self.frame * n_frames as f64 + more)
     }
+}
+
+/// Work of contacts and laws between frames so far [ns]: their own, and that of the bodies they touch.
+fn fine_cost(island: &Island) -> [f64; 2] {
+    let work = island.fine_work();
+    let own = Costs::of("kick") * work.instants as f64;
+    [
+        own + Costs::of("coupling") * work.couplings as f64,
+        Costs::of("port") * work.products as f64,
+    ]
 }
 
 fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, Error> {
@@ -302,6 +331,7 @@ fn run(
         .iter()
         .map(|body| vec![0.0; body.n_modes()])
         .collect();
+    let mut touched_from = None;
     for at in (0..n_frames).step_by(BLOCK) {
         if at == block {
             island.damp(by);
@@ -314,6 +344,9 @@ fn run(
         let _ = island.process(own, end - at, &mut ThreadTeam::alone());
         derivatives.process(own, n_out);
         island.squares(&mut squares);
+        if island.fine_work().instants > 0 {
+            touched_from.get_or_insert(at);
+        }
         if !goes_on(end, &sound[..end * n_out]) {
             return Ok(None);
         }
@@ -322,6 +355,7 @@ fn run(
         from: excerpt.from,
         sound,
         squares,
+        fine_cost: FineCost::of(&island, n_frames - touched_from.unwrap_or(0)),
         is_lost: !island.muted().is_empty(),
     }))
 }

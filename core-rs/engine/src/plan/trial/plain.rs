@@ -4,14 +4,14 @@
 
 use crate::network::Error;
 use crate::plan::budget::Budget;
-use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{TrialError, unless_spent};
 use crate::plan::trial::pilot_run::is_affordable;
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::waveform_error::{DOUBLING, difference};
 
-impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
+impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// Returns the cheapest plain way within the budget. `None` if each costs more than the `island`, if none keeps the
     /// budget, if the motion is chaotic, or if the budget is not one of the waveform.
     pub(in crate::plan) fn plain(&self, island: &Assembled) -> Result<Option<Candidate>, Error> {
@@ -37,7 +37,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
 
     /// The island by the plain way at some oversampling; `None` if it would take too long, or is not stable.
     fn plainly(&self, times: u32) -> Option<Assembled> {
-        let island = (self.assemble)((times, MethodChoice::Plain { has_bodies: true })).ok()?;
+        let island = (self.assemble)(How::plain(times, MethodChoice::ByBudget)).ok()?;
         is_affordable(&island.island_plan, self.n_frames).then_some(island)
     }
 

@@ -24,13 +24,17 @@ pub(in crate::plan) fn prune(
     (excerpt, budget, most): (Excerpt, &Budget, Option<f64>),
     allowance: &Allowance,
 ) -> Result<Assembled, Error> {
+    let counted = |mut island: Assembled, run: &PilotRun| {
+        island.island_plan.fine_cost = Some(run.fine_cost.all());
+        island
+    };
     let with = |allowed: Option<f64>| {
         let bodies = island.island_plan.bodies.iter().zip(&run.squares);
         let kept = bodies.map(|(body, squares)| match body {
             BodyPlan::Modal(modal) => keep(&island.island_plan, modal, squares, allowed, budget),
             BodyPlan::Mesh(_) | BodyPlan::Slow(_) => KeptModes::none(),
         });
-        island.clone().only(contact_substeps, kept.collect())
+        counted(island.clone().only(contact_substeps, kept.collect()), run)
     };
     let count = |island: &Assembled| {
         island
@@ -72,7 +76,7 @@ pub(in crate::plan) fn prune(
         if loud <= most {
             let bodies = fewer.bodies.iter_mut();
             bodies.for_each(|body| body.left_out = body.left_out.map(|_| loud));
-            return Ok(fewer);
+            return Ok(counted(fewer, &run));
         }
         allowed -= (loud - most).max(QUIETER);
     }

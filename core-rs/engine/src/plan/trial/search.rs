@@ -8,7 +8,7 @@ use crate::integrate::MeshMethod;
 use crate::maths::decibels;
 use crate::network::Error;
 use crate::plan::budget::Budget;
-use crate::plan::passes::assemble::{Assembled, Shape};
+use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
@@ -81,7 +81,7 @@ const SPECTRUM_GAIN: f64 = 1.0;
 /// How to assemble an island, the runs already played, the budget, and the allowance of work.
 pub(in crate::plan) type Trial<'a, F> = (&'a F, &'a Runs, &'a Budget, &'a Allowance);
 
-impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, F> {
+impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
     /// Starts from an island with its contact substeps, and a chaotic parting that is already known.
     pub(in crate::plan) fn new(
         (assemble, runs, budget, allowance): Trial<'a, F>,
@@ -125,12 +125,12 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
     /// more than `gain` [dB], if it would take too long, or if the island is unstable.
     fn measure(
         &self,
-        (oversampling, choice): (u32, MethodChoice<'_>),
+        how: How<'_>,
         method_index: Option<usize>,
         last: Option<f64>,
         (best, gain): (&Candidate, f64),
     ) -> Result<Option<Candidate>, TrialError> {
-        let Ok(island) = (self.assemble)((oversampling, choice)) else {
+        let Ok(island) = (self.assemble)(how) else {
             return Ok(None);
         };
         let Some(finer) = self.finer(&island) else {
@@ -161,11 +161,9 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
     /// Assembles the island at half its step by the same methods: by other methods the result might be the same island
     /// again. `None` if it would take too long to play, or is not stable.
     pub(in crate::plan) fn finer(&self, island: &Assembled) -> Option<Assembled> {
-        let finer = (self.assemble)((
-            2 * island.island_plan.oversampling,
-            island.again(&island.mesh_methods()),
-        ))
-        .ok()?;
+        let methods = island.mesh_methods();
+        let how = island.again(2 * island.island_plan.oversampling, &methods);
+        let finer = (self.assemble)(how).ok()?;
         is_affordable(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
     }
 
@@ -241,7 +239,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
 
     /// Contact substeps a step.
     pub(in crate::plan) fn contact_substeps(&self, island: &Assembled) -> usize {
-        if matches!(island.shape, Shape::Plain | Shape::PlainStepped) {
+        if island.is_plain {
             return island.island_plan.contact_substeps;
         }
         let oversampling = island.island_plan.oversampling;
@@ -293,7 +291,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         let is_led = !best.island.island_plan.timeline.leads.is_empty();
         if best.island.has_modes() && best.oversampling == 1 && !is_led {
             let gain = (best, METHOD_GAIN);
-            let candidate = self.measure((1, MethodChoice::Stepped), None, None, gain)?;
+            let candidate = self.measure(How::fine(1, MethodChoice::Stepped), None, None, gain)?;
             let is_better = |candidate: &Candidate| candidate.beats(best, METHOD_GAIN, self.budget);
             if let Some(candidate) = candidate.filter(is_better) {
                 return Ok(Some(candidate));
@@ -301,7 +299,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         }
         let next = best.method_index.map_or(0, |method_index| method_index + 1);
         for (method_index, &method) in MESH_METHODS.iter().enumerate().skip(next) {
-            let how = (best.oversampling, MethodChoice::All(method));
+            let how = How::fine(best.oversampling, MethodChoice::All(method));
             let candidate = self.measure(how, Some(method_index), None, (best, METHOD_GAIN))?;
             let is_better = |candidate: &Candidate| candidate.beats(best, METHOD_GAIN, self.budget);
             if let Some(candidate) = candidate.filter(is_better) {
@@ -313,9 +311,9 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
         }
         let methods = best.island.mesh_methods();
         let last = (!best.run.is_lost).then_some(best.change);
-        let again = best.island.again(&methods);
-        let (twice, gain) = (2 * best.oversampling, (best, RATE_GAIN));
-        let candidate = self.measure((twice, again), best.method_index, last, gain)?;
+        let twice = 2 * best.oversampling;
+        let (again, gain) = (best.island.again(twice, &methods), (best, RATE_GAIN));
+        let candidate = self.measure(again, best.method_index, last, gain)?;
         let is_better = |candidate: &Candidate| candidate.beats(best, RATE_GAIN, self.budget);
         if let Some(candidate) = candidate.filter(is_better) {
             return Ok(Some(candidate));
@@ -328,7 +326,7 @@ impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, 
             return Ok(None);
         }
         // The method itself may diverge: a simpler method at a higher rate may not.
-        let simple = (twice, MethodChoice::ByBudget);
+        let simple = How::fine(twice, MethodChoice::ByBudget);
         let candidate = self.measure(simple, None, None, gain)?;
         Ok(candidate.filter(is_better))
     }

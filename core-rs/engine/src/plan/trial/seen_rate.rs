@@ -3,7 +3,7 @@
 use crate::network::{Error, Subset};
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
-use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
@@ -33,7 +33,7 @@ pub(in crate::plan) fn error(
         Series::new(store, content)
     });
     measured(series, allowance, || {
-        let how = (1, MethodChoice::ByBudget);
+        let how = How::fine(1, MethodChoice::ByBudget);
         match Assembled::new(subset, own, budget, how, None, memo) {
             Ok(each) => compare_rates(slow, &each.island_plan, allowance),
             Err(_) => Ok(None),
