@@ -1,7 +1,7 @@
 """A plan as a file: its decisions, island by island, so that a later run follows them.
 
 {"ergon_plan": 1, "hash": …, "budget": {"method": "ca"},
- "choices": [[modules, times, steps, [[numbers of a body] …], fine_cost] …]}
+ "choices": [[modules, times, steps, [[numbers of a body] …], counted_cost] …]}
 
 `budget` is what the plan was made for: `method`, `error` [dB], or `cents` with `upto` [Hz];
 without any of these, the budget is by ear. A plan without `budget` is followed within the budget
@@ -120,7 +120,7 @@ def _choice(value: object) -> tuple[int, int, int, list[list[int]], int | None]:
         if is_counts and is_cost and isinstance(bodies, list) and all(map(_is_counts, bodies)):
             return modules, times, steps, bodies, cost
     raise NotPlanError(
-        "a choice is [modules, times, steps, [numbers of each body], fine_cost or null], whole "
+        "a choice is [modules, times, steps, [numbers of each body], counted_cost or null], whole "
         "numbers"
     )
 

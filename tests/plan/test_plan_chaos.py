@@ -92,9 +92,9 @@ def test_a_gong_that_is_struck_hard_is_judged_by_its_spectrum():
     assert row.spectral_db < 2.0
     # No dearer than by CA, for what is dearer keeps the waveform no longer.
     (choice,) = plan.choices()
-    assert choice.fine_cost is not None
+    assert choice.counted_cost is not None
     by_ca = _core.Plan(gong.network, gong.timeline, method="ca").rows()[0].cost
-    assert row.cost - 1e-9 * choice.fine_cost * RATE == pytest.approx(by_ca)
+    assert row.cost - 1e-9 * choice.counted_cost * RATE == pytest.approx(by_ca)
     half = _core.Plan(gong.network, gong.timeline, error_db=ASKED_DB, pins=finer(plan))
     ours, theirs = play(gong, plan), play(gong, half)
     assert row.error_db is not None

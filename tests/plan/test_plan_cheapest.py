@@ -69,6 +69,17 @@ def test_by_ear_nothing_is_looked_for_below_what_is_heard():
     assert asked.how == "ca2p ×2"
 
 
+@pytest.mark.parametrize("seed", [304, 308])
+def test_by_ear_dear_contacts_are_no_more_exact_than_is_heard(seed: int):
+    text = random_scenes.text("bridge", seed)
+    by_ear, asked = audit.look("bridge", text, (audit.BY_EAR, -80.0), plain=False).plans
+    for plan in (by_ear, asked):
+        assert plan.is_met, plan
+        assert plan.excess <= 1.5, plan
+        assert not plan.warned, plan
+    assert by_ear.cost < 0.1 * asked.cost
+
+
 class Store:
     """Records in memory; how many were found."""
 
@@ -106,11 +117,11 @@ def test_what_contacts_cost_between_frames_is_counted():
     assert piece is not None
     stage, plan = planned(text, error_db=-60.0)
     (choice,) = plan.choices()
-    assert choice.fine_cost is not None
-    pins = [choice._replace(fine_cost=None)]
+    assert choice.counted_cost is not None
+    pins = [choice._replace(counted_cost=None)]
     uncounted = _core.Plan(stage.network, stage.timeline, error_db=-60.0, pins=pins)
     all_of_it, rest = (sum(row.cost for row in made.rows()) for made in (plan, uncounted))
-    counted = 1e-9 * choice.fine_cost * piece.rate
+    counted = 1e-9 * choice.counted_cost * piece.rate
     assert all_of_it - rest == pytest.approx(counted)
     assert counted > 5.0 * rest
     assert plan.hash != uncounted.hash

@@ -132,7 +132,7 @@ results! {
         oversampling: u32,
         contact_substeps: usize,
         bodies: Vec<Vec<u32>>,
-        fine_cost: Option<u32>,
+        counted_cost: Option<u32>,
     }
     /// A part with its own rate that is computed at every frame, and why.
     FullRatePart { name: String, why: String }

@@ -142,7 +142,7 @@ impl Plan {
             oversampling: choice.oversampling,
             contact_substeps: choice.contact_substeps,
             bodies: choice.kept.clone(),
-            fine_cost: choice.fine_cost,
+            counted_cost: choice.counted_cost,
         };
         self.0.choices().iter().map(named).collect()
     }
@@ -167,12 +167,12 @@ impl Plan {
     }
 }
 
-fn choice((modules, times, steps, kept, fine_cost): Pin) -> plan::Choice {
+fn choice((modules, times, steps, kept, counted_cost): Pin) -> plan::Choice {
     plan::Choice {
         modules,
         oversampling: times,
         contact_substeps: steps,
-        fine_cost,
+        counted_cost,
         kept,
     }
 }

@@ -276,6 +276,11 @@ impl Simulation {
         self.0.steps_at_rest()
     }
 
+    /// Work so far whose amount depends on the motion, by the table of costs [s].
+    fn counted_work(&self) -> f64 {
+        self.0.counted_work()
+    }
+
     /// The parts that were muted.
     fn muted(&self) -> Vec<MutedPart> {
         let muted = self.0.muted().into_iter();

@@ -46,7 +46,7 @@ use crate::island::written_hand::voice::{Voice, VoiceScript};
 use crate::kernel::Laws;
 use crate::network::Network;
 use crate::scheme::Scheme;
-use crate::state::{Body, Target};
+use crate::state::{Body, ExactWork, Target};
 use crate::timeline::{Drive, Ergon, Gate, GateContinuation, Push};
 use written_hand::SPARKS;
 use written_hand::framed::FramedGesture;
@@ -184,9 +184,9 @@ impl Island {
         fine.map_or_else(fine::FineWork::default, fine::Fine::work)
     }
 
-    /// How many exact contacts and frictions were solved in rounds after the first, so far.
-    pub(crate) fn solved_again(&self) -> u64 {
-        self.state.body.solved_again
+    /// Work of exact contacts and frictions, so far.
+    pub(crate) fn exact_work(&self) -> ExactWork {
+        self.state.body.exact_work
     }
 
     /// Sum over parts of their finer frames so far times the most steps that one such frame took.

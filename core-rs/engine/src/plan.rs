@@ -13,6 +13,7 @@ mod trial;
 
 pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;
+pub(crate) use cost::counted_cost;
 pub use passes::audible::ModeKind;
 pub(crate) use passes::mode_shapes::{ModalTransform, ModeShapes};
 pub(crate) use report::content::Content;
@@ -45,7 +46,7 @@ pub(crate) struct IslandPlan {
     /// Contact substeps a frame while a contact may be closed.
     pub(crate) contact_substeps: usize,
     /// Work of contacts and laws between frames as a trial counted it [ns a frame]; `None`: the table estimates it.
-    pub(crate) fine_cost: Option<u32>,
+    pub(crate) counted_cost: Option<u32>,
     /// Steps of the whole island in `every` frames: its timeline runs at this multiple of the rate.
     pub(crate) oversampling: u32,
     /// 1, except for what is only seen.
@@ -63,7 +64,7 @@ impl IslandPlan {
 
     /// Cost of all but its bodies [ns a step].
     fn hub_cost(&self) -> f64 {
-        let fine = match self.fine_cost {
+        let fine = match self.counted_cost {
             Some(ns) => f64::from(ns) / f64::from(self.oversampling),
             None => cost::laws_cost(self),
         };
@@ -247,7 +248,7 @@ impl Plan {
             timeline: timeline.clone(),
             bodies: Vec::new(),
             contact_substeps,
-            fine_cost: None,
+            counted_cost: None,
             oversampling: 1,
             every: 1,
             to_whole: Whole::default(),

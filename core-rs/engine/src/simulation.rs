@@ -21,7 +21,7 @@ use crate::interrupt;
 use crate::island::{FramedErgon, Island};
 use crate::kernel::thread_team::flushed;
 use crate::network::{Error, Network};
-use crate::plan::{IslandPlan, Plan, Unit, whole};
+use crate::plan::{self, IslandPlan, Plan, Unit, whole};
 use crate::timeline::Timeline;
 
 pub use crate::archive::Damaged;
@@ -478,6 +478,14 @@ impl Simulation {
     /// Number of island steps so far that were skipped because the island was at rest. A snapshot keeps its own count.
     pub fn steps_at_rest(&self) -> u64 {
         self.islands().map(|(island, _)| island.passed()).sum()
+    }
+
+    /// Work so far whose amount depends on the motion, by the table of costs: that of contacts and laws between frames,
+    /// and that of exact contacts beyond one solution a step [s].
+    pub fn counted_work(&self) -> f64 {
+        let islands = self.islands();
+        let ns = islands.flat_map(|(island, _)| plan::counted_cost(island));
+        1e-9 * ns.sum::<f64>()
     }
 
     /// Number of muted parts; does not allocate.

@@ -32,8 +32,8 @@ pub(crate) struct Body {
     pub(crate) outside: Vec<f64>,
     /// The state one frame before, if a frame may have to be computed again in finer steps.
     pub(crate) previous: Option<Box<PreviousState>>,
-    /// How many exact contacts and frictions were solved in rounds after the first, in all frames so far.
-    pub(crate) solved_again: u64,
+    /// Work of exact contacts and frictions, in all frames so far.
+    pub(crate) exact_work: ExactWork,
     /// Room for rounds over exact contacts and frictions that share a MAT.
     pub(crate) mixing: Mixing,
 }
@@ -50,6 +50,15 @@ crate::archive::state!(Body {
     outside,
     previous
 });
+
+/// Work of exact contacts and frictions whose amount depends on the motion, counted.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ExactWork {
+    /// Contacts and frictions that were solved in rounds after the first.
+    pub(crate) solved_again: u64,
+    /// Evaluations of power laws.
+    pub(crate) evaluations: u64,
+}
 
 /// Positions and last steps a frame ago [m]   (n_mat each).
 #[derive(Clone, Debug)]
@@ -88,7 +97,7 @@ impl Body {
             inner: Vec::new(),
             outside: Vec::new(),
             previous: None,
-            solved_again: 0,
+            exact_work: ExactWork::default(),
             mixing: Mixing::new(if scheme.exact_coupled {
                 scheme.exact.len()
             } else {

@@ -1189,7 +1189,7 @@ class IslandChoice(NamedTuple):
     oversampling: int  # steps a frame
     contact_substeps: int  # computations of contacts a step
     bodies: list[list[int]]
-    fine_cost: int | None  # work of contacts and laws between frames [ns a frame], if counted
+    counted_cost: int | None  # work of contacts and laws between frames [ns a frame], if counted
 
 class FullRatePart(NamedTuple):
     """A part with its own rate that is computed at every frame, and why."""
@@ -1543,6 +1543,10 @@ class Simulation:
         """
     def steps_at_rest(self) -> int:
         """Steps of islands so far that were skipped because nothing moved."""
+    def counted_work(self) -> float:
+        """Work so far whose amount depends on the motion, by the table of costs [s]: that of
+        contacts and laws between frames, and that of exact contacts beyond one solution a step.
+        """
     def muted(self) -> list[MutedPart]:
         """The parts that were muted, with on_fault="mute"."""
     def gains(self) -> list[EnergyGain]:

@@ -46,9 +46,9 @@ them out.
   of the reference are.
 * **overspending**: the plan's cost over that of the cheapest plain setting that is within the
   budget too (`--method ca` at 1, 2, 4 and 8 times the rate, `ca2p` and `bm4` at 1 and 2 times,
-  `modal`), both by the table of costs. Below 1 the plan is cheaper than all of them. Settings are
-  held against the reference over the same time as the plan, up to 0.3 s beyond a render's end
-  where the plan's pilot played so long.
+  `modal`), both by the table of costs, with what contacts and laws took in the render. Below 1 the
+  plan is cheaper than all of them. Settings are held against the reference over the same time as
+  the plan, up to 0.3 s beyond a render's end where the plan's pilot played so long.
 * **judged**: rendered, not announced as chaotic, and with a reference that is sure: at a tolerance
   100 times wider it stays at least 10 dB closer than the plan.
 """

@@ -209,7 +209,9 @@ def _plan(
     if isinstance(made, str):
         return Plan(budget, refused=made)
     try:
-        sound = _play(prepare(piece), made.plan, len(exact.sound))
+        scene = prepare(piece)
+        static = planning.make(scene.network, scene.timeline, made.accuracy, _uncounted(made.plan))
+        sound, counted = _play(scene, made.plan, len(exact.sound))
     except (_core.EngineError, StageError) as error:
         return Plan(budget, refused=f"{type(error).__name__}: {error}")
     rows = made.plan.rows()
@@ -232,7 +234,7 @@ def _plan(
         whole=error_db(sound, heard, piece.rate),
         doubt=error_db(exact.rough, exact.sound, piece.rate, pilot),
         pilot=pilot,
-        cost=planning.cost(made.plan),
+        cost=planning.cost(static.plan) + counted * piece.rate,
         warned=bool(made.notes),
         chaotic=is_chaotic,
         spectrum=_unlike(sound, exact, piece.rate) if is_chaotic else 0.0,
@@ -251,16 +253,28 @@ def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[P
         scene = Oversampled.of(Score(piece), times)
         try:
             plan = _core.Plan(scene.network, scene.timeline, method=method)
-            sound = _play(scene, plan, times * len(exact))[::times].copy()
+            pins = _uncounted(plan)
+            static = _core.Plan(scene.network, scene.timeline, method=method, pins=pins)
+            finer, counted = _play(scene, plan, times * len(exact))
+            sound = finer[::times].copy()
             scene.derivatives().process(sound)
         except (_core.EngineError, StageError):
             continue
         reals = tuple(error_db(sound[: len(exact)], exact, piece.rate, own) for own in pilots)
-        yield Plain(method, times, reals, planning.cost(plan))
+        cost = planning.cost(static) + counted * times * piece.rate
+        yield Plain(method, times, reals, cost)
 
 
-def _play(scene: PreparedPiece | NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> np.ndarray:
+def _uncounted(plan: _core.Plan) -> planning.Pins:
+    """The choices of a plan without what its trials counted."""
+    return [own._replace(counted_cost=0) for own in plan.choices()]
+
+
+def _play(
+    scene: PreparedPiece | NetworkAndTimeline, plan: _core.Plan, n_frames: int
+) -> tuple[np.ndarray, float]:
+    """The sound of a plan, and its work that depends on the motion [s a frame]."""
     simulation = _core.Simulation(scene.network, scene.timeline, plan=plan)
     sound = np.empty((n_frames, simulation.n_out))
     simulation.process(sound)
-    return sound
+    return sound, simulation.counted_work() / n_frames

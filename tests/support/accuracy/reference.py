@@ -428,7 +428,9 @@ def _march(
                 three += (e3 / scale) ** 2
             # The error is NaN after a step that diverged: it is repeated with a shorter step.
             error = h * five / np.sqrt((five + 0.01 * three) * size + 1e-300)
-            is_taken = error < 1.0 or h <= shortest or halves > 0
+            is_taken = error < 1.0 or h <= shortest
+            if not is_taken:
+                halves = 0  # a DRY whose level changes near its turn: there are shorter steps first
             if is_taken and has_dry:
                 turned = _has_turned(new, n, ends, kinds, numbers, ways, needs)
                 if halves < _HALVES and (turned or halves):

@@ -61,12 +61,14 @@ fn solve(
             mixing.next_round();
         }
         for (own, run) in scheme.exact.iter().filter(is_solved).enumerate() {
-            body.solved_again += u64::from(round > 0);
+            body.exact_work.solved_again += u64::from(round > 0);
             let before = body.link[run.first];
             // Subtract the force of the last round, so that the run is solved given all other forces.
             body.link[run.first] = -before;
             scatter(run, body);
-            body.link[run.first] = force(scheme, gates, targets, body, run);
+            let (force, evaluations) = force(scheme, gates, targets, body, run);
+            body.link[run.first] = force;
+            body.exact_work.evaluations += evaluations;
             scatter(run, body);
             let now = body.link[run.first];
             change = change.max((now - before).abs() - AGREE * now.abs());
@@ -90,12 +92,12 @@ fn solve(
     body.mixing = mixing;
 }
 
-/// Force of one exact contact or dry friction, given all other forces [N].
-fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
+/// Force of one exact contact or dry friction, given all other forces [N], and how often it evaluated a power law.
+fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> (f64, u64) {
     let but = match &run.kind {
         Kind::But(but) => but,
-        Kind::Dry { .. } => return friction::force(scheme, gates, targets, body, run),
-        _ => return 0.0,
+        Kind::Dry { .. } => return (friction::force(scheme, gates, targets, body, run), 0),
+        _ => return (0.0, 0),
     };
     let s = side(but);
     let next = |i: usize| match targets.iter().find(|target| target.mat == i) {
@@ -115,7 +117,8 @@ fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &
         beta: wa + wb,
         clamp: but.clamp,
     };
-    s * contact.push(free, before, now)
+    let (push, evaluations) = contact.counted_push(free, before, now);
+    (s * push, evaluations)
 }
 
 /// A contact over one step, from n−1 to n+1: K and Z per step, and β, the change of its penetration per newton [m/N].
@@ -131,9 +134,15 @@ impl Contact {
     /// The force [N] that takes the penetration from `w` (at n−1) to u (at n+1). `free` is the penetration at n+1
     /// without this force, `now` that at n [m].
     pub(crate) fn push(&self, free: f64, w: f64, now: f64) -> f64 {
+        self.counted_push(free, w, now).0
+    }
+
+    /// The same, and how often the power law was evaluated.
+    fn counted_push(&self, free: f64, w: f64, now: f64) -> (f64, u64) {
         // Both ends are imposed (β = 0): the next penetration is known, and the gradient is explicit.
         if self.beta == 0.0 {
-            return self.limit(self.gradient(free, w) + self.drag(free, w, now));
+            let push = self.gradient(free, w) + self.drag(free, w, now);
+            return (self.limit(push), 1);
         }
         // Damping acts while the contact is closed: p ← (p + γw)/(1 + γ), β ← β/(1 + γ).
         let gamma = if now > 0.0 {
@@ -143,12 +152,12 @@ impl Contact {
         };
         let p = (free + gamma * w) / (1.0 + gamma);
         let beta = self.beta / (1.0 + gamma);
-        let u = if self.exponent == 1.0 {
-            linear(p, w, beta * self.k / 2.0)
+        let (u, evaluations) = if self.exponent == 1.0 {
+            (linear(p, w, beta * self.k / 2.0), 0)
         } else {
             self.solve(p, w, beta)
         };
-        self.limit((free - u) / self.beta)
+        (self.limit((free - u) / self.beta), evaluations)
     }
 
     fn limit(&self, push: f64) -> f64 {
@@ -187,12 +196,16 @@ impl Contact {
     }
 
     /// Solve u + β·gradient(u, w) = p by a bracketed secant; the left side increases with u, so that the root can be
-    /// bracketed.
-    fn solve(&self, p: f64, w: f64, beta: f64) -> f64 {
+    /// bracketed. Also returns the number of evaluations.
+    fn solve(&self, p: f64, w: f64, beta: f64) -> (f64, u64) {
         if p <= 0.0 && w <= 0.0 {
-            return p;
+            return (p, 0);
         }
-        let residue = |u: f64| u + beta * self.gradient(u, w) - p;
+        let mut evaluations = 1;
+        let mut residue = |u: f64| {
+            evaluations += 1;
+            u + beta * self.gradient(u, w) - p
+        };
         let (mut high, mut low) = (p, p - beta * self.gradient(p, w));
         let (mut at_high, mut at_low) = (residue(high), residue(low));
         while at_low > 0.0 {
@@ -214,7 +227,7 @@ impl Contact {
             };
             let at = residue(u);
             if at.abs() <= f64::EPSILON * p.abs().max(u.abs()) {
-                return u; // only rounding is left
+                return (u, evaluations); // only rounding is left
             }
             // Illinois rule: halve the residue at the end that stays, so that the next secant falls on its side.
             let stays = if at * side > 0.0 { 0.5 } else { 1.0 };
@@ -226,7 +239,7 @@ impl Contact {
             side = at;
             halve = high - low > 0.5 * width;
         }
-        0.5 * (low + high)
+        (0.5 * (low + high), evaluations)
     }
 }
 

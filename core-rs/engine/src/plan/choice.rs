@@ -14,7 +14,7 @@ pub struct Choice {
     /// Contact substeps a step; 0: the island is a bank of modes.
     pub contact_substeps: usize,
     /// Work of contacts and laws between frames as trials counted it [ns a frame]; `None`: not counted.
-    pub fine_cost: Option<u32>,
+    pub counted_cost: Option<u32>,
     /// For each body, the modes that are computed; for a mesh its method and steps, for a slow body its macrostep.
     pub kept: Vec<Vec<u32>>,
 }

@@ -1,6 +1,7 @@
 //! The cost of a plan: amounts of work, multiplied by a table that ships as data.
 
 use crate::integrate::MeshMethod;
+use crate::island::Island;
 use crate::island::inside::BodyPlan;
 use crate::island::mesh::Mesh;
 use crate::island::slow::{Slow, Springs};
@@ -165,6 +166,23 @@ const ROUNDS: f64 = 3.0;
 /// The share of the possible parts of a frame that are computed on average (a rope that is stretched 800 times a
 /// second).
 const PARTS: f64 = 0.25;
+
+/// Work that depends on the motion, done so far [ns]: that of contacts and laws between frames, and that of exact
+/// contacts beyond one solution a step. First their own, then that of the bodies that they touch.
+pub(crate) fn counted_cost(island: &Island) -> [f64; 2] {
+    let (fine, exact) = (island.fine_work(), island.exact_work());
+    let own = [
+        ("kick", fine.instants),
+        ("coupling", fine.couplings),
+        ("contact", exact.solved_again),
+        ("power_law", exact.evaluations),
+    ];
+    let own = own.map(|(kind, amount)| Costs::of(kind) * amount as f64);
+    [
+        own.into_iter().sum(),
+        Costs::of("port") * fine.products as f64,
+    ]
+}
 
 /// Cost of a body inside an island [ns a frame].
 pub(super) fn body_cost(inside: &BodyPlan) -> f64 {

@@ -238,7 +238,7 @@ impl<'a> Maker<'a> {
                         modules,
                         oversampling: 1,
                         contact_substeps: 0,
-                        fine_cost: None,
+                        counted_cost: None,
                         kept: vec![found.kept.numbers()],
                     });
                     let mut row = Row::modal(&subset, &found, &own.timeline);
@@ -325,7 +325,7 @@ impl<'a> Maker<'a> {
             modules,
             oversampling: island_plan.oversampling,
             contact_substeps: island_plan.contact_substeps,
-            fine_cost: island_plan.fine_cost,
+            counted_cost: island_plan.counted_cost,
             kept: bodies.iter().map(Body::numbers).collect(),
         });
         let n_ports: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();

@@ -165,7 +165,7 @@ impl Assembled {
             timeline: inner.timeline,
             bodies: bodies.iter().map(|found| found.inside.clone()).collect(),
             contact_substeps,
-            fine_cost: None,
+            counted_cost: None,
             oversampling,
             every: 1,
         };

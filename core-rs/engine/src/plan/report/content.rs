@@ -123,7 +123,7 @@ impl Content {
             timeline,
             bodies,
             contact_substeps,
-            fine_cost: _,
+            counted_cost: _,
             oversampling,
             every: _,
             to_whole: _,

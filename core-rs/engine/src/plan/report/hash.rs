@@ -47,7 +47,7 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             choice.modules,
             oversampling,
             choice.contact_substeps,
-            choice.fine_cost.map_or(0, |ns| ns as usize + 1),
+            choice.counted_cost.map_or(0, |ns| ns as usize + 1),
             choice.kept.len(),
         ];
         numbers

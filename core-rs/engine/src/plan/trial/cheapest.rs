@@ -12,8 +12,9 @@ use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{TrialError, unless_spent};
+use crate::plan::trial::audible::Audible;
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_run::{FineCost, PilotRun, is_affordable};
+use crate::plan::trial::pilot_run::{CountedCost, PilotRun, is_affordable};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::waveform_error::{
     EarlyComparison, amplitude_difference, amplitude_sum, difference,
@@ -38,7 +39,7 @@ const SHARE: f64 = 0.5;
 /// Margin below the budget for what comes after the pilot, over which the runs are compared [dB].
 const MARGIN: f64 = 0.1;
 /// The same if errors may grow after the pilot.
-const MARGIN_OF_KEYS: f64 = 3.0;
+const MARGIN_OF_KEYS: f64 = 1.0;
 /// Most attempts to find a more exact reference.
 const REFINEMENTS_MAX: usize = 6;
 /// Contacts are refined by this factor to measure their error. By their lowest order the error is above the measured
@@ -117,8 +118,12 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             let Some(run) = run.filter(|run| !run.is_lost) else {
                 continue;
             };
-            variant.island_plan.fine_cost = Some(run.fine_cost.all());
+            variant.island_plan.counted_cost = Some(run.counted_cost.all());
             if variant.island_plan.cost() > most_cost {
+                continue;
+            }
+            let audible = Audible::of_budget(self.budget, (&run, &reference.run.sound), self.spans);
+            if audible.is_some_and(|audible| audible.excess(self.budget) > 1.0) {
                 continue;
             }
             let plan = &variant.island_plan;
@@ -127,6 +132,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
                 oversampling: plan.oversampling,
                 island: variant,
                 run,
+                audible: audible.map(|own| own.with(found.audible.unwrap_or_default())),
                 ..found.clone()
             };
             let [least, most] = self.bounds(&candidate, &reference);
@@ -275,7 +281,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             let Ok(mut variant) = (self.assemble)(how) else {
                 continue;
             };
-            variant.island_plan.fine_cost = found.fine_cost_of(&variant);
+            variant.island_plan.counted_cost = found.counted_cost_of(&variant);
             variant.island_plan.contact_substeps = self.contact_substeps(&variant);
             let plan = &variant.island_plan;
             let cost = plan.cost();
@@ -295,12 +301,12 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
 
 impl Candidate {
     /// What contacts and laws of another way cost between frames, by this run; `None` if one of both has none.
-    fn fine_cost_of(&self, variant: &Assembled) -> Option<u32> {
+    fn counted_cost_of(&self, variant: &Assembled) -> Option<u32> {
         let has_fine = variant.may_collocate || variant.island_plan.contact_substeps > 1;
         if self.contact_substeps == 1 || !has_fine {
             return None;
         }
-        let FineCost { own, bodies } = self.run.fine_cost;
+        let CountedCost { own, bodies } = self.run.counted_cost;
         Some(if variant.has_modes() {
             own.saturating_add(bodies)
         } else {

@@ -29,6 +29,9 @@ use crate::plan::trial::waveform_error::{
 /// Work of a search in multiples of its first run, if contacts dominate the cost: they are also computed twice and four
 /// times as finely, and at half the step.
 const SEARCH_COST: f64 = 12.0;
+/// If the budget does not promise a waveform, other ways are tried if contacts between frames take more than this part
+/// of the cost.
+const DEAR: f64 = 0.5;
 
 /// Finds the cheapest island within the budget; `assemble` puts the island together at some oversampling.
 pub(in crate::plan) fn pilot(
@@ -203,24 +206,39 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         let own = (best.contact_substeps, &*best.run);
         let mut island = self.pruned(&best.island, own, self.budget.left_out())?;
         if let Some(measured) = error
-            && matches!(self.budget, Budget::Error(_))
-            && measured.spectral.is_none()
+            && let Some(cost) = self.most_cost(&island, measured)
         {
-            // If the search ended above the budget, any way within it is better.
-            let cost = match measured.db <= self.budget.asked() {
-                true => island.island_plan.cost(),
-                false => f64::INFINITY,
-            };
             let cheaper = search.with_share(|search| search.cheapest((&best, cost), found.error));
             if let Some(cheaper) = cheaper? {
                 best = cheaper;
                 let (pruned, db) = self.pruned_within(&best)?;
                 // This error includes that of contacts.
-                error = Some(Measured { db, ..measured });
+                error = Some(Measured {
+                    db,
+                    audible: best.audible,
+                    ..measured
+                });
                 island = pruned;
             }
         }
         Ok(finished(&search, best, island, error))
+    }
+
+    /// The cost below which other ways are tried; `None` if none is.
+    fn most_cost(&self, island: &Assembled, error: Measured) -> Option<f64> {
+        let cost = island.island_plan.cost();
+        match self.budget {
+            _ if error.spectral.is_some() => None,
+            // If the search ended above the budget, any way within it is better.
+            Budget::Error(asked) if error.db > *asked => Some(f64::INFINITY),
+            Budget::Error(_) => Some(cost),
+            // Contacts are kept more exact than is heard, which does not matter unless it is dear.
+            Budget::Cents { .. } => {
+                let fine = island.island_plan.counted_cost.map_or(0.0, f64::from);
+                (fine > DEAR * cost).then_some(cost)
+            }
+            Budget::Method(_) => None,
+        }
     }
 
     fn trial(&self) -> Trial<'_, F> {
@@ -333,7 +351,7 @@ fn choose_runs(
 ) -> Result<(Runs, Spans), TrialError> {
     let plan = &island.island_plan;
     let (runs, spans) = (Runs::new(excerpt), Spans::of(plan, excerpt.n_frames));
-    if !matches!(budget, Budget::Error(_)) {
+    if !matches!(budget, Budget::Error(_)) && plan.contact_substeps == 1 {
         return Ok((runs, spans));
     }
     let (before, _) = allowance.spent();

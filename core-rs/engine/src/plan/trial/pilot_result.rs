@@ -51,7 +51,7 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<ChosenI
     let kept = kept.collect::<Option<Vec<_>>>()?;
     let substeps = pin.contact_substeps.clamp(1, Budget::STEPS_MAX);
     let mut island = island.only(substeps, kept);
-    island.island_plan.fine_cost = pin.fine_cost;
+    island.island_plan.counted_cost = pin.counted_cost;
     Some(ChosenIsland::unmeasured(island))
 }
 
@@ -119,7 +119,7 @@ impl PilotResult {
             finer as u32,
             u32::from(self.chosen.diverges),
         ];
-        how.extend(island_plan.fine_cost);
+        how.extend(island_plan.counted_cost);
         let mut numbers = TrialRecord::numbers_of(self.chosen.error);
         numbers.extend(bodies.iter().map(|body| body.left_out));
         let kept = bodies.iter().map(PortedBody::numbers);
@@ -145,12 +145,12 @@ impl PilotResult {
             own,
             finer,
             diverges,
-            ref fine_cost @ ..,
+            ref counted_cost @ ..,
         ] = &how[..]
         else {
             return None;
         };
-        let fine_cost = match *fine_cost {
+        let counted_cost = match *counted_cost {
             [] => None,
             [ns] => Some(ns),
             _ => return None,
@@ -169,7 +169,7 @@ impl PilotResult {
         let choice = Choice {
             oversampling,
             contact_substeps: contact_substeps as usize,
-            fine_cost,
+            counted_cost,
             kept: kept.to_vec(),
             ..Choice::default()
         };

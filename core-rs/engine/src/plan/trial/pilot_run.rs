@@ -4,7 +4,6 @@ use crate::derivative::Derivatives;
 use crate::island::{Island, OnFault, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
-use crate::plan::cost::Costs;
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::{IslandPlan, cost};
 
@@ -49,24 +48,24 @@ pub(in crate::plan) struct PilotRun {
     /// Square of the amplitude that each mode of each body reached.
     pub(in crate::plan) squares: Vec<Vec<f64>>,
     /// Work between frames from the first touch on.
-    pub(in crate::plan) fine_cost: FineCost,
+    pub(in crate::plan) counted_cost: CountedCost,
     /// A part of the island diverged.
     pub(in crate::plan) is_lost: bool,
 }
 
 /// Work of contacts and laws between frames [ns a frame].
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::plan) struct FineCost {
+pub(in crate::plan) struct CountedCost {
     pub(in crate::plan) own: u32,
     /// Of the modes of the bodies that they touch.
     pub(in crate::plan) bodies: u32,
 }
 
-impl FineCost {
+impl CountedCost {
     /// The mean over `n_frames`.
     fn of(island: &Island, n_frames: usize) -> Self {
         let mean = |ns: f64| (ns / n_frames.max(1) as f64).round() as u32;
-        let [own, bodies] = fine_cost(island).map(mean);
+        let [own, bodies] = cost::counted_cost(island).map(mean);
         Self { own, bodies }
     }
 
@@ -224,23 +223,12 @@ impl<'a> Meter<'a> {
     }
 
     fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
-        let [own, bodies] = fine_cost(island);
-        let added = 1e-9 * (own + bodies + Costs::of("contact") * island.solved_again() as f64)
-            + self.step * island.guard_steps() as f64;
+        let counted: f64 = cost::counted_cost(island).into_iter().sum();
+        let added = 1e-9 * counted + self.step * island.guard_steps() as f64;
         let more = added - self.added;
         self.added = added;
         self.allowance.draw(self.frame * n_frames as f64 + more)
     }
-}
-
-/// Work of contacts and laws between frames so far [ns]: their own, and that of the bodies they touch.
-fn fine_cost(island: &Island) -> [f64; 2] {
-    let work = island.fine_work();
-    let own = Costs::of("kick") * work.instants as f64;
-    [
-        own + Costs::of("coupling") * work.couplings as f64,
-        Costs::of("port") * work.products as f64,
-    ]
 }
 
 fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, Error> {
@@ -344,7 +332,7 @@ fn run(
         let _ = island.process(own, end - at, &mut ThreadTeam::alone());
         derivatives.process(own, n_out);
         island.squares(&mut squares);
-        if island.fine_work().instants > 0 {
+        if cost::counted_cost(&island)[0] > 0.0 {
             touched_from.get_or_insert(at);
         }
         if !goes_on(end, &sound[..end * n_out]) {
@@ -355,7 +343,7 @@ fn run(
         from: excerpt.from,
         sound,
         squares,
-        fine_cost: FineCost::of(&island, n_frames - touched_from.unwrap_or(0)),
+        counted_cost: CountedCost::of(&island, n_frames - touched_from.unwrap_or(0)),
         is_lost: !island.muted().is_empty(),
     }))
 }
@@ -516,7 +504,7 @@ mod tests {
         island
             .compute(&mut sound, n_frames, &mut ThreadTeam::alone())
             .unwrap();
-        let rounds = island.solved_again() as f64 / (n_frames * levels.len()) as f64;
+        let rounds = island.exact_work().solved_again as f64 / (n_frames * levels.len()) as f64;
         assert!(rounds < 20.0, "{rounds}");
     }
 }

@@ -25,7 +25,7 @@ pub(in crate::plan) fn prune(
     allowance: &Allowance,
 ) -> Result<Assembled, Error> {
     let counted = |mut island: Assembled, run: &PilotRun| {
-        island.island_plan.fine_cost = Some(run.fine_cost.all());
+        island.island_plan.counted_cost = Some(run.counted_cost.all());
         island
     };
     let with = |allowed: Option<f64>| {

@@ -16,8 +16,8 @@ use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::waveform_error::{
-    DOUBLING, EarlyComparison, ORDERS, Spans, amplitude_difference, at_most_first_order,
-    difference, estimate_errors,
+    DOUBLING, EarlyComparison, ORDERS, Spans, amplitude_difference, amplitude_sum,
+    at_most_first_order, difference, estimate_errors,
 };
 
 /// Most steps a frame that the search tries.
@@ -196,17 +196,24 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
         if error > most {
             return Ok(None);
         }
+        let contact_substeps = self.contact_substeps(&island);
+        // Two runs say little of friction, and of laws that are computed once a step.
+        let has_plain_laws = island.may_collocate && contact_substeps == 1;
+        let by_two_runs = error;
         if last.is_none()
-            && island.sticks()
+            && (island.sticks() || has_plain_laws)
             && let Some(finest) = self.finer(finer)
         {
             let played = (&finest.island_plan, self.contact_substeps(&finest));
             let finest = self.runs.play(played, self.allowance)?;
             let next = difference(&fine.sound, &finest.sound, self.spans);
-            error = error.max(estimate_errors(next, Some(change), ORDERS.1).0 + DOUBLING);
+            let (of_finer, _) = estimate_errors(next, Some(change), ORDERS.1);
+            error = error.max(match island.sticks() {
+                true => of_finer + DOUBLING,
+                false => amplitude_sum([change, of_finer]),
+            });
             left = at_most_first_order(left, Some(error));
         }
-        let contact_substeps = self.contact_substeps(&island);
         let first = || Stretches::of(&run.sound, self.spans);
         let parting = if run.is_lost {
             None
@@ -222,7 +229,11 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
         };
         let audible = Audible::of_budget(self.budget, (&run, &fine.sound), self.spans)
             .filter(|_| parting.is_none())
-            .map(|audible| audible.times(decibels(error - change)));
+            .map(|audible| {
+                // Steps of friction are all heard; of a law's error most is the phase of a chatter.
+                let error = if island.sticks() { error } else { by_two_runs };
+                audible.times(decibels(error - change))
+            });
         Ok(Some(Candidate {
             parting,
             audible,
