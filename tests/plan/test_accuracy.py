@@ -139,12 +139,12 @@ def test_a_plan_of_a_named_scene_is_as_exact_as_it_says(name: str):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("points", [12, 30, 60])
-def test_a_string_on_a_bridge_of_many_points_goes_by_its_modes(points: int):
+def test_a_string_on_a_bridge_of_many_points_is_exact_and_cheap(points: int):
     found = audit.look("bridge", named(f"bridge-{points}"), (-60.0,), plain=False)
     honest(found)
     (plan,) = found.plans
-    assert "modes" in plan.how
     assert plan.real <= -60.0
+    assert plan.cost < 0.1  # by its modes, with contacts between frames, 60 points take 1.3
 
 
 @pytest.mark.parametrize(
