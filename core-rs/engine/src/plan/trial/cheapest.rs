@@ -102,55 +102,78 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         };
         let aim = self.budget.asked() - margin;
         let mut reference = Reference::of(found, of_contacts);
+        // Nothing is known to be more exact than the reference.
+        if reference.error > aim {
+            self.refine_reference(&mut reference, found)?;
+        }
         let (mut within, mut open) = (None, Vec::new());
-        let most_cost = WORTH * cost;
-        for mut variant in self.variants(found, most_cost) {
-            let plan = &variant.island_plan;
-            let mut comparison = EarlyComparison::against(&reference.run.sound, self.spans);
-            let run = self.runs.play_while(
-                (plan, plan.contact_substeps),
-                self.allowance,
-                |frames, sound| {
-                    let apart = comparison.update(frames, sound);
-                    apart.is_none_or(|apart| amplitude_difference(apart, reference.error) <= aim)
-                },
-            )?;
-            let Some(run) = run.filter(|run| !run.is_lost) else {
-                continue;
-            };
-            variant.island_plan.counted_cost = Some(run.counted_cost.all());
+        let mut most_cost = WORTH * cost;
+        for variant in self.variants(found, most_cost) {
+            // What is known so far may have cost more than it was thought to.
             if variant.island_plan.cost() > most_cost {
-                continue;
+                break;
             }
-            let audible = Audible::of_budget(self.budget, (&run, &reference.run.sound), self.spans);
-            if audible.is_some_and(|audible| audible.excess(self.budget) > 1.0) {
+            let candidate = match self.try_variant(variant, found, (&reference, aim)) {
+                Ok(candidate) => candidate,
+                Err(TrialError::AllowanceSpent) if within.is_some() => return Ok(within),
+                Err(error) => return Err(error),
+            };
+            let is_cheaper = |candidate: &Candidate| candidate.cost() <= most_cost;
+            let Some(candidate) = candidate.filter(is_cheaper) else {
                 continue;
-            }
-            let plan = &variant.island_plan;
-            let candidate = Candidate {
-                contact_substeps: plan.contact_substeps,
-                oversampling: plan.oversampling,
-                island: variant,
-                run,
-                audible: audible.map(|own| own.with(found.audible.unwrap_or_default())),
-                ..found.clone()
             };
             let [least, most] = self.bounds(&candidate, &reference);
             if most <= aim {
+                most_cost = WORTH * candidate.cost();
                 within = Some(Candidate {
                     error: most,
                     ..candidate
                 });
-                break;
-            }
-            if least <= aim {
+            } else if least <= aim {
                 open.push(candidate);
             }
         }
+        open.retain(|candidate| candidate.cost() <= most_cost);
+        open.sort_by(|one, other| one.cost().total_cmp(&other.cost()));
         match self.decide(open, &mut within, (&mut reference, found, aim)) {
             Ok(()) | Err(TrialError::AllowanceSpent) => Ok(within),
             Err(error) => Err(error),
         }
+    }
+
+    /// Plays a variant as long as its error may be below `aim` [dB]; `None` if it is not, if the run is lost, or if its
+    /// audible error is too large.
+    fn try_variant(
+        &self,
+        mut variant: Assembled,
+        found: &Candidate,
+        (reference, aim): (&Reference, f64),
+    ) -> Result<Option<Candidate>, TrialError> {
+        let mut comparison = EarlyComparison::against(&reference.run.sound, self.spans);
+        let goes_on = |frames: usize, sound: &[f64]| {
+            let apart = comparison.update(frames, sound);
+            apart.is_none_or(|apart| amplitude_difference(apart, reference.error) <= aim)
+        };
+        let plan = &mut variant.island_plan;
+        let (contact_substeps, oversampling) = (plan.contact_substeps, plan.oversampling);
+        let played = (&*plan, contact_substeps);
+        let run = self.runs.play_while(played, self.allowance, goes_on)?;
+        let Some(run) = run.filter(|run| !run.is_lost) else {
+            return Ok(None);
+        };
+        plan.counted_cost = Some(run.counted_cost.all());
+        let audible = Audible::of_budget(self.budget, (&run, &reference.run.sound), self.spans);
+        if audible.is_some_and(|audible| audible.excess(self.budget) > 1.0) {
+            return Ok(None);
+        }
+        Ok(Some(Candidate {
+            contact_substeps,
+            oversampling,
+            island: variant,
+            run,
+            audible: audible.map(|own| own.with(found.audible.unwrap_or_default())),
+            ..found.clone()
+        }))
     }
 
     /// Decides with a more exact reference which of the cheaper candidates are within the budget too: the cheapest of
@@ -300,6 +323,11 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
 }
 
 impl Candidate {
+    /// Nanoseconds a frame.
+    fn cost(&self) -> f64 {
+        self.island.island_plan.cost()
+    }
+
     /// What contacts and laws of another way cost between frames, by this run; `None` if one of both has none.
     fn counted_cost_of(&self, variant: &Assembled) -> Option<u32> {
         let has_fine = variant.may_collocate || variant.island_plan.contact_substeps > 1;
