@@ -45,7 +45,7 @@ pub(crate) struct IslandPlan {
     pub(crate) bodies: Vec<BodyPlan>,
     /// Contact substeps a frame while a contact may be closed.
     pub(crate) contact_substeps: usize,
-    /// Work of contacts and laws between frames as a trial counted it [ns a frame]; `None`: the table estimates it.
+    /// Work that depends on the motion, as a trial counted it [ns a frame]; `None`: the table estimates that of laws.
     pub(crate) counted_cost: Option<u32>,
     /// Steps of the whole island in `every` frames: its timeline runs at this multiple of the rate.
     pub(crate) oversampling: u32,
@@ -64,11 +64,11 @@ impl IslandPlan {
 
     /// Cost of all but its bodies [ns a step].
     fn hub_cost(&self) -> f64 {
-        let fine = match self.counted_cost {
+        let by_motion = match self.counted_cost {
             Some(ns) => f64::from(ns) / f64::from(self.oversampling),
             None => cost::laws_cost(self),
         };
-        cost::stepped_cost(&self.network, &self.timeline) + fine
+        cost::stepped_cost(&self.network, &self.timeline) + by_motion
     }
 }
 

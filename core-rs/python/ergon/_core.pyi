@@ -1189,7 +1189,7 @@ class IslandChoice(NamedTuple):
     oversampling: int  # steps a frame
     contact_substeps: int  # computations of contacts a step
     bodies: list[list[int]]
-    counted_cost: int | None  # work of contacts and laws between frames [ns a frame], if counted
+    counted_cost: int | None  # work that depends on the motion [ns a frame], if trials counted it
 
 class FullRatePart(NamedTuple):
     """A part with its own rate that is computed at every frame, and why."""

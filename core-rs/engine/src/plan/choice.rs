@@ -13,7 +13,7 @@ pub struct Choice {
     pub oversampling: u32,
     /// Contact substeps a step; 0: the island is a bank of modes.
     pub contact_substeps: usize,
-    /// Work of contacts and laws between frames as trials counted it [ns a frame]; `None`: not counted.
+    /// Work that depends on the motion, as a trial counted it [ns a frame]; `None`: not counted.
     pub counted_cost: Option<u32>,
     /// For each body, the modes that are computed; for a mesh its method and steps, for a slow body its macrostep.
     pub kept: Vec<Vec<u32>>,

@@ -29,8 +29,7 @@ use crate::plan::trial::waveform_error::{
 /// Work of a search in multiples of its first run, if contacts dominate the cost: they are also computed twice and four
 /// times as finely, and at half the step.
 const SEARCH_COST: f64 = 12.0;
-/// If the budget does not promise a waveform, other ways are tried if contacts between frames take more than this part
-/// of the cost.
+/// If the budget does not promise a waveform, other ways are tried if contacts take more than this part of the cost.
 const DEAR: f64 = 0.5;
 
 /// Finds the cheapest island within the budget; `assemble` puts the island together at some oversampling.
@@ -234,8 +233,8 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             Budget::Error(_) => Some(cost),
             // Contacts are kept more exact than is heard, which does not matter unless it is dear.
             Budget::Cents { .. } => {
-                let fine = island.island_plan.counted_cost.map_or(0.0, f64::from);
-                (fine > DEAR * cost).then_some(cost)
+                let of_contacts = island.island_plan.counted_cost.map_or(0.0, f64::from);
+                (of_contacts > DEAR * cost).then_some(cost)
             }
             Budget::Method(_) => None,
         }

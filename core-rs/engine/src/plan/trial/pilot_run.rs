@@ -47,13 +47,13 @@ pub(in crate::plan) struct PilotRun {
     pub(in crate::plan) sound: Vec<f64>,
     /// Square of the amplitude that each mode of each body reached.
     pub(in crate::plan) squares: Vec<Vec<f64>>,
-    /// Work between frames from the first touch on.
+    /// Work that depends on the motion, from the first touch on.
     pub(in crate::plan) counted_cost: CountedCost,
     /// A part of the island diverged.
     pub(in crate::plan) is_lost: bool,
 }
 
-/// Work of contacts and laws between frames [ns a frame].
+/// Work that depends on the motion: that of contacts and laws [ns a frame].
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::plan) struct CountedCost {
     pub(in crate::plan) own: u32,
