@@ -231,6 +231,8 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             // If the search ended above the budget, any way within it is better.
             Budget::Error(asked) if error.db > *asked => Some(f64::INFINITY),
             Budget::Error(_) => Some(cost),
+            // A contact of a key that is as exact as is heard at first may be heard to differ later.
+            Budget::Cents { .. } if horizon::error_may_grow(&island.island_plan) => None,
             // Contacts are kept more exact than is heard, which does not matter unless it is dear.
             Budget::Cents { .. } => {
                 let of_contacts = island.island_plan.counted_cost.map_or(0.0, f64::from);
