@@ -14,7 +14,7 @@ use crate::timeline::Timeline;
 use crate::words;
 use crate::work::computing;
 
-/// The fields of an `IslandChoice`: (modules, oversampling, contact substeps, numbers of each body, fine cost).
+/// The fields of an `IslandChoice`: (modules, oversampling, contact substeps, numbers of each body, counted cost).
 type Pin = (usize, u32, usize, Vec<Vec<u32>>, Option<u32>);
 /// The fields of a `TrialRecord`: (numbers, counts, reason).
 type Record = (Vec<Option<f64>>, Vec<Vec<u32>>, Option<String>);

@@ -1,5 +1,7 @@
 //! The cost of a plan: amounts of work, multiplied by a table that ships as data.
 
+use std::sync::LazyLock;
+
 use crate::integrate::MeshMethod;
 use crate::island::Island;
 use crate::island::inside::BodyPlan;
@@ -23,17 +25,20 @@ pub(crate) struct Costs;
 impl Costs {
     /// Nanoseconds of one unit of a kind of work.
     pub(crate) fn of(kind: &str) -> f64 {
-        TABLE
-            .lines()
-            .filter(|line| !line.starts_with('#'))
-            .find_map(|line| {
-                let mut words = line.split_whitespace();
-                (words.next() == Some(kind)).then(|| words.next())?
-            })
-            .and_then(|ns| ns.parse().ok())
-            .unwrap_or(0.0)
+        let found = COSTS.iter().find(|(name, _)| *name == kind);
+        found.map_or(0.0, |(_, ns)| *ns)
     }
 }
+
+/// Each kind of work and its cost, read once: trials ask for costs in every block.
+static COSTS: LazyLock<Vec<(&str, f64)>> = LazyLock::new(|| {
+    let lines = TABLE.lines().filter(|line| !line.starts_with('#'));
+    let cost = |line: &'static str| {
+        let mut words = line.split_whitespace();
+        Some((words.next()?, words.next()?.parse().ok()?))
+    };
+    lines.filter_map(cost).collect()
+});
 
 /// Cost of the modules that are stepped [ns a frame].
 pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {

@@ -173,13 +173,14 @@ impl PilotResult {
             kept: kept.to_vec(),
             ..Choice::default()
         };
-        let island = assemble(
-            How::fine(oversampling, MethodChoice::ByBudget),
-            Some(&choice),
-        )
-        .ok()?;
+        let how = How {
+            oversampling,
+            bodies: MethodChoice::ByBudget,
+            is_plain,
+        };
+        let island = assemble(how, Some(&choice)).ok()?;
         let ChosenIsland { mut island, .. } = pinned(island, &choice)?;
-        (island.shape, island.is_plain) = (shape, is_plain);
+        island.shape = shape;
         if left_out.len() != island.bodies.len() {
             return None;
         }

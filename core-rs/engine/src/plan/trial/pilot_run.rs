@@ -332,8 +332,8 @@ fn run(
         let _ = island.process(own, end - at, &mut ThreadTeam::alone());
         derivatives.process(own, n_out);
         island.squares(&mut squares);
-        if cost::counted_cost(&island)[0] > 0.0 {
-            touched_from.get_or_insert(at);
+        if touched_from.is_none() && cost::counted_cost(&island)[0] > 0.0 {
+            touched_from = Some(at);
         }
         if !goes_on(end, &sound[..end * n_out]) {
             return Ok(None);
