@@ -196,32 +196,31 @@ impl RunningModal {
 
     /// Apply the strikes of frame `n`, so that contacts know where the ports go with them.
     pub(crate) fn strike(&mut self, n: u64, body: &mut Body) {
-        let is_due = |blow: &Blow| blow.0 <= n;
-        if !self.script.blows.get(self.next).is_some_and(is_due) && !self.has_pending {
+        let is_due = |blow: &&Blow| blow.0 <= n;
+        let blow = self.script.blows.get(self.next).filter(is_due);
+        if blow.is_none() && !self.has_pending {
             return;
         }
-        let script = self.script.clone();
-        let due = |next: usize| script.blows.get(next).filter(|blow| is_due(blow));
-        self.discard_ahead(&script);
+        self.discard_ahead();
         if self.has_pending {
             std::mem::swap(&mut self.kicks, &mut self.pending);
-            self.kick(&script);
+            self.kick();
             self.pending.fill(Lanes::ZERO);
             self.has_pending = false;
         }
-        while let Some(&blow) = due(self.next) {
+        while let Some(&blow) = self.script.blows.get(self.next).filter(is_due) {
             self.next += 1;
-            script.strike(blow, &mut self.kicks);
-            self.kick(&script);
+            self.script.strike(blow, &mut self.kicks);
+            self.kick();
         }
         self.quiet = 0;
         self.place(body);
     }
 
     /// Add the kicks to the modes one frame ahead.
-    fn kick(&mut self, script: &Script) {
+    fn kick(&mut self) {
         let motions = self.motions.iter_mut().zip(&self.kicks);
-        for ((motion, kick), rows) in motions.zip(&script.rows) {
+        for ((motion, kick), rows) in motions.zip(&self.script.rows) {
             ports::add(&mut motion.now, kick, 1.0);
             for (row, shape) in rows.iter().enumerate() {
                 self.seen[row * ROOM + self.at + 1] += ports::see(shape, kick);
@@ -269,9 +268,8 @@ impl RunningModal {
             is_pushed |= self.forces[row] != 0.0;
         }
         if is_pushed {
-            let script = self.script.clone();
-            self.discard_ahead(&script);
-            self.push(&script);
+            self.discard_ahead();
+            self.push();
             self.quiet = 0;
         } else {
             self.quiet = (self.quiet + 1).min(QUIET);
@@ -284,25 +282,23 @@ impl RunningModal {
 
     /// Make every mode decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, by: f64) {
-        let script = self.script.clone();
         // The frames ahead were computed without it.
-        self.discard_ahead(&script);
+        self.discard_ahead();
         self.is_damped = by < 1.0;
-        for (damped, rates) in self.damped.iter_mut().zip(&script.rates) {
+        for (damped, rates) in self.damped.iter_mut().zip(&self.script.rates) {
             rates.faded(by, damped);
         }
     }
 
     /// Amplitudes of its modes at this frame and the one before   (n_modes each)
     pub(crate) fn amplitudes(&mut self, now: &mut [f64], before: &mut [f64]) {
-        let script = self.script.clone();
-        self.discard_ahead(&script);
+        self.discard_ahead();
         let rates = if self.is_damped {
             &self.damped
         } else {
-            &script.rates
+            &self.script.rates
         };
-        for mode in 0..script.plan.modes.len() {
+        for mode in 0..self.n_modes() {
             let (group, lane) = (mode / LANES, mode % LANES);
             let motion = &self.motions[group];
             // The motions are those of the next frame, without what impulses between frames have still to add.
@@ -337,13 +333,12 @@ impl RunningModal {
 
     /// Set the amplitudes of its modes at this frame and the one before   (n_modes each)
     pub(crate) fn set_amplitudes(&mut self, now: &[f64], before: &[f64]) {
-        let script = self.script.clone();
         let rates = if self.is_damped {
             &self.damped
         } else {
-            &script.rates
+            &self.script.rates
         };
-        for mode in 0..script.plan.modes.len() {
+        for mode in 0..self.n_modes() {
             let (group, lane) = (mode / LANES, mode % LANES);
             let (a, b) = (rates[group].a.0[lane], rates[group].b.0[lane]);
             let next = a * now[mode] - b * before[mode];
@@ -355,13 +350,13 @@ impl RunningModal {
         self.pending.fill(Lanes::ZERO);
         for (row, seen) in self.seen.chunks_mut(ROOM).enumerate() {
             (seen[0], seen[1]) = (0.0, 0.0);
-            for (motion, rows) in self.motions.iter().zip(&script.rows) {
+            for (motion, rows) in self.motions.iter().zip(&self.script.rows) {
                 seen[0] += ports::see(&rows[row], &motion.before);
                 seen[1] += ports::see(&rows[row], &motion.now);
             }
         }
         for (row, previous) in self.previous.iter_mut().enumerate() {
-            let each = self.saved.iter().zip(&script.rows);
+            let each = self.saved.iter().zip(&self.script.rows);
             *previous = each
                 .map(|(saved, rows)| ports::see(&rows[row], &saved.before))
                 .sum();
@@ -397,14 +392,14 @@ impl RunningModal {
     }
 
     /// Bring the motions back to one frame ahead of the present.
-    fn discard_ahead(&mut self, script: &Script) {
+    fn discard_ahead(&mut self) {
         if self.until > self.at + 1 {
             self.until = self.at + 1;
             self.motions.clone_from_slice(&self.saved);
             let rates = if self.is_damped {
                 &self.damped
             } else {
-                &script.rates
+                &self.script.rates
             };
             for (rates, motion) in rates.iter().zip(&mut self.motions) {
                 follow(rates, motion, &[], self.until, &mut [], 0);
@@ -414,8 +409,7 @@ impl RunningModal {
 
     /// Compute the free motion from the present, frame `n`, up to the next known strike at most.
     fn compute_ahead(&mut self, n: u64) {
-        let script = self.script.clone();
-        let blow = script.blows.get(self.next);
+        let blow = self.script.blows.get(self.next);
         let free = blow.map_or(u64::MAX, |blow| blow.0.saturating_sub(n));
         let far = if self.quiet < QUIET {
             1
@@ -430,9 +424,9 @@ impl RunningModal {
             let rates = if self.is_damped {
                 &self.damped
             } else {
-                &script.rates
+                &self.script.rates
             };
-            let (rates, rows) = (&rates[group], &script.rows[group]);
+            let (rates, rows) = (&rates[group], &self.script.rows[group]);
             follow(rates, motion, rows, far, &mut self.sums, AHEAD);
         }
         for (seen, sums) in self.seen.chunks_mut(ROOM).zip(self.sums.chunks(AHEAD)) {
@@ -445,20 +439,20 @@ impl RunningModal {
     }
 
     /// Add the effect of the forces at the next frame, which is the frame of the motions.
-    fn push(&mut self, script: &Script) {
-        for (row, moves) in script.moves.iter().enumerate() {
+    fn push(&mut self) {
+        for (row, moves) in self.script.moves.iter().enumerate() {
             for (moves, force) in moves.iter().zip(&self.forces) {
                 self.seen[row * ROOM + self.at + 1] += moves * force;
             }
         }
-        for (motion, gains) in self.motions.iter_mut().zip(&script.gains) {
+        for (motion, gains) in self.motions.iter_mut().zip(&self.script.gains) {
             for (gain, &force) in gains.iter().zip(&self.forces) {
                 if force != 0.0 {
                     ports::add(&mut motion.now, gain, force);
                 }
             }
         }
-        for (motion, gains) in self.motions.iter_mut().zip(&script.back_gains) {
+        for (motion, gains) in self.motions.iter_mut().zip(&self.script.back_gains) {
             for (gain, &force) in gains.iter().zip(&self.forces) {
                 if force != 0.0 {
                     ports::add(&mut motion.before, gain, force);

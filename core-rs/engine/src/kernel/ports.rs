@@ -16,44 +16,92 @@ fn summed(terms: &Lanes) -> f64 {
     joined(&sum)
 }
 
+/// Instants are padded to a multiple of this number, so that a table of them is read in whole vectors.
+pub(crate) const PADDING: usize = 4;
+
 wide! {
-    /// Add to `path` [m], (S + 1), the position of a port at each instant: the sum over modes of its row times the
-    /// mode's position, interpolated between `now` and `next` with the two weights of the instant in `table`.
+    /// Add to `path` [m], (n), the position of a port at each instant: the sum over modes of its row times the mode's
+    /// position, interpolated between `now` and `next` with weights from `table`, (n_modes, 2, n padded).
     pub(crate) fn add_path(
         row: &Lanes,
-        table: &[[Lanes; 2]],
+        table: &[f64],
         now: &Lanes,
         next: &Lanes,
         path: &mut [f64],
     ) {
-        for (x, [weight_now, weight_next]) in path.iter_mut().zip(table) {
-            let mut terms = Lanes::ZERO;
-            for (i, term) in terms.0.iter_mut().enumerate() {
-                *term = row.0[i] * (weight_now.0[i] * now.0[i] + weight_next.0[i] * next.0[i]);
-            }
-            *x += summed(&terms);
+        // If their number is known when this is compiled, the sums stay in registers.
+        match path.len().div_ceil(PADDING) {
+            1 => add_known::<4>(row, table, [now, next], path),
+            2 => add_known::<8>(row, table, [now, next], path),
+            3 => add_known::<12>(row, table, [now, next], path),
+            4 => add_known::<16>(row, table, [now, next], path),
+            5 => add_known::<20>(row, table, [now, next], path),
+            _ => add_known::<24>(row, table, [now, next], path),
         }
     }
 }
 
+#[inline(always)]
+fn add_known<const N: usize>(
+    row: &Lanes,
+    table: &[f64],
+    [now, next]: [&Lanes; 2],
+    path: &mut [f64],
+) {
+    let (weights, _) = table.as_chunks::<N>();
+    let (weights, _) = weights.as_chunks::<2>();
+    let mut sums = [0.0; N];
+    for (mode, [of_now, of_next]) in weights.iter().enumerate() {
+        let [now, next] = [now, next].map(|at| row.0[mode] * at.0[mode]);
+        for ((sum, of_now), of_next) in sums.iter_mut().zip(of_now).zip(of_next) {
+            *sum += now * of_now + next * of_next;
+        }
+    }
+    for (x, sum) in path.iter_mut().zip(sums) {
+        *x += sum;
+    }
+}
+
 wide! {
-    /// Set `kicks` to the displacements of the modes at the next frame and at the one after it that `impulses` at the
-    /// instants of `table` cause; `row`: the share of each mode.
-    pub(crate) fn kick(impulses: &[f64], table: &[[Lanes; 2]], row: &Lanes, kicks: &mut [Lanes; 2]) {
-        let mut sums = [[0.0; LANES]; 2];
+    /// Move `modes` by `impulses` at the instants of `table`: their positions at the next frame, and what has to be added
+    /// at the one after it. `share`: the share of each mode in the impulses. Move the positions of `rows` of modes at the
+    /// next frame too: those in `seen`, at the given interval.
+    pub(crate) fn kick(
+        impulses: &[f64],
+        table: &[[Lanes; 2]],
+        share: &Lanes,
+        modes: [&mut Lanes; 2],
+        rows: &[Lanes],
+        seen: (&mut [f64], usize),
+    ) {
+        let mut kicks = [[0.0; LANES]; 2];
         for (&impulse, pair) in impulses.iter().zip(table) {
-            for (sums, lanes) in sums.iter_mut().zip(pair) {
-                for (sum, lane) in sums.iter_mut().zip(&lanes.0) {
-                    *sum += lane * impulse;
+            for (kick, lanes) in kicks.iter_mut().zip(pair) {
+                for (kick, lane) in kick.iter_mut().zip(&lanes.0) {
+                    *kick += lane * impulse;
                 }
             }
         }
-        for (kick, sums) in kicks.iter_mut().zip(&sums) {
-            for ((kick, sum), share) in kick.0.iter_mut().zip(sums).zip(&row.0) {
-                *kick = sum * share;
+        for (kick, to) in kicks.iter_mut().zip(modes) {
+            for ((kick, share), to) in kick.iter_mut().zip(&share.0).zip(&mut to.0) {
+                *kick *= share;
+                *to += *kick;
             }
         }
+        let (seen, interval) = seen;
+        for (row, seen) in rows.iter().zip(seen.iter_mut().step_by(interval)) {
+            *seen += weighted(row, &kicks[0]);
+        }
     }
+}
+
+#[inline(always)]
+fn weighted(row: &Lanes, values: &[f64; LANES]) -> f64 {
+    let mut terms = Lanes::ZERO;
+    for ((term, row), value) in terms.0.iter_mut().zip(&row.0).zip(values) {
+        *term = row * value;
+    }
+    summed(&terms)
 }
 
 wide! {
@@ -68,10 +116,6 @@ wide! {
 wide! {
     /// Change of the position of a port by a kick: the product of its row and the kick.
     pub(crate) fn see(row: &Lanes, kick: &Lanes) -> f64 {
-        let mut terms = Lanes::ZERO;
-        for ((term, row), kick) in terms.0.iter_mut().zip(&row.0).zip(&kick.0) {
-            *term = row * kick;
-        }
-        summed(&terms)
+        weighted(row, &kick.0)
     }
 }

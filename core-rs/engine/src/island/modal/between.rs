@@ -3,14 +3,15 @@
 use super::{ROOM, RunningModal, lanes};
 use crate::cell::{Cell, Response};
 use crate::kernel::bank::{LANES, Lanes};
-use crate::kernel::ports;
+use crate::kernel::ports::{self, PADDING};
 use crate::state::Body;
 
 /// Tables for n instants of a frame, for every group of modes.
 #[derive(Clone, Debug)]
 pub(super) struct Between {
-    /// Weights of a mode's position now and at the next frame that give its position at each instant   (n_groups, n)
-    interpolation: Vec<Vec<[Lanes; 2]>>,
+    /// Weights of a mode's position now and at the next frame that give its position at each instant   (n_groups; modes
+    /// of the group, 2, n padded)
+    interpolation: Vec<Vec<f64>>,
     /// Displacement of a mode at the next frame by an impulse at each instant, and what has to be added at the one
     /// after so that the motion is exact from then on   (n_groups, n); for complex modes, for each port   (n_ports,
     /// n_groups, n)
@@ -26,9 +27,17 @@ impl RunningModal {
         let (modes, rate) = (&plan.modes, plan.rate);
         let square = rate.step() * rate.step();
         let n = instants.len();
-        let interpolation = |mode: usize, j: usize| {
-            let own = plan.response(mode);
-            own.map_or((0.0, 0.0), |own| own.interpolation(instants[j], rate))
+        let interpolation = |mode: usize| {
+            let mut weights = [
+                vec![0.0; n.next_multiple_of(PADDING)],
+                vec![0.0; n.next_multiple_of(PADDING)],
+            ];
+            if let Some(own) = plan.response(mode) {
+                for (j, &instant) in instants.iter().enumerate() {
+                    (weights[0][j], weights[1][j]) = own.interpolation(instant, rate);
+                }
+            }
+            weights.concat()
         };
         let kick = |port: usize, mode: usize, j: usize| {
             let own = plan.port_response(port, mode);
@@ -42,11 +51,11 @@ impl RunningModal {
             [0, 1].map(|which| lanes(modes, group, |mode| of(mode, j)[which]))
         };
         let groups = 0..modes.len().div_ceil(LANES);
-        let pair = |mode: usize, j: usize| <[f64; 2]>::from(interpolation(mode, j));
+        let members = |group: usize| group * LANES..modes.len().min((group + 1) * LANES);
         self.between = Some(Between {
             interpolation: groups
                 .clone()
-                .map(|group| (0..n).map(|j| table(group, j, &pair)).collect())
+                .map(|group| members(group).flat_map(interpolation).collect())
                 .collect(),
             kick: (0..n_tables)
                 .map(|port| {
@@ -123,16 +132,15 @@ impl RunningModal {
 
     /// Write the positions of a port in this frame, at each instant (n), if nothing more pushes it [m].
     pub(crate) fn port_positions(&mut self, port: usize, positions: &mut [f64]) {
-        let script = self.script.clone();
-        self.discard_ahead(&script);
+        self.discard_ahead();
         self.quiet = 0;
-        positions.fill(script.plan.ports[port].rest);
+        positions.fill(self.script.plan.ports[port].rest);
         let Some(between) = &self.between else { return };
         for ((motion, table), rows) in self
             .motions
             .iter()
             .zip(&between.interpolation)
-            .zip(&script.rows)
+            .zip(&self.script.rows)
         {
             // The motions are one frame ahead: their `before` is the present.
             ports::add_path(&rows[port], table, &motion.before, &motion.now, positions);
@@ -141,25 +149,20 @@ impl RunningModal {
 
     /// Take impulses [N·s] on a port at the instants of this frame (n).
     pub(crate) fn take_impulses(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
-        let script = self.script.clone();
-        self.discard_ahead(&script);
+        self.discard_ahead();
         self.quiet = 0;
         let Some(between) = &self.between else { return };
-        let is_complex = script.plan.answers.is_some();
+        let is_complex = self.script.plan.answers.is_some();
         for (group, table) in between.kick[if is_complex { port } else { 0 }]
             .iter()
             .enumerate()
         {
-            let rows = &script.rows[group];
-            let mut kicks = [Lanes::ZERO; 2];
+            let rows = &self.script.rows[group];
             // The responses of complex modes already contain these shares.
             let share = if is_complex { &WHOLE } else { &rows[port] };
-            ports::kick(impulses, table, share, &mut kicks);
-            ports::add(&mut self.pending[group], &kicks[1], 1.0);
-            ports::add(&mut self.motions[group].now, &kicks[0], 1.0);
-            for (row, shape) in rows.iter().enumerate() {
-                self.seen[row * ROOM + self.at + 1] += ports::see(shape, &kicks[0]);
-            }
+            let modes = [&mut self.motions[group].now, &mut self.pending[group]];
+            let seen = (&mut self.seen[self.at + 1..], ROOM);
+            ports::kick(impulses, table, share, modes, rows, seen);
         }
         self.has_pending = true;
         self.place(body);
