@@ -12,6 +12,7 @@ mod potential;
 mod program;
 mod runs;
 mod table;
+mod tangents;
 #[cfg(test)]
 mod tests;
 mod token;
@@ -28,7 +29,7 @@ use std::sync::{Arc, OnceLock};
 
 use points::Points;
 use program::Program;
-pub(crate) use program::{FEW, Few};
+pub(crate) use tangents::{PLACES, Places, TangentScratch};
 
 /// Relative step of the numerical slopes: the cube root of the rounding unit balances truncation and rounding of a
 /// central difference.
@@ -273,22 +274,6 @@ impl Law {
             None => elastic,
         };
         force / self.reach
-    }
-
-    /// [`Law::force`] at a few elongations [m] and rates [m/s] at once, with the same bits.
-    pub(crate) fn forces(&self, d: &Few, v: &Few) -> Few {
-        let [d, v] = [d, v].map(|values| values.map(|value| value / self.reach));
-        let mut forces = match &self.elastic {
-            Elastic::None => [0.0; FEW],
-            Elastic::Expression { program, .. } => program.values(d, [0.0; FEW]),
-            Elastic::Points(points) => d.map(|d| points.value(d)),
-        };
-        if let Some(damping) = &self.damping {
-            for (force, by) in forces.iter_mut().zip(damping.values(d, v)) {
-                *force += by;
-            }
-        }
-        forces.map(|force| force / self.reach)
     }
 
     /// The elastic part of the force [N] at elongation `d` [m].

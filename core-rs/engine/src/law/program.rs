@@ -4,6 +4,7 @@
 //! plain loop, which the compiler turns into SIMD code. A single link goes through the same operations in the same
 //! order, so its bits are the same.
 
+mod few;
 mod lanes;
 
 use std::ops::{Deref, DerefMut};
@@ -39,17 +40,19 @@ impl DerefMut for Register {
     }
 }
 
-/// Links that are evaluated together outside a run: lanes of the most common vector.
-pub(crate) const FEW: usize = 4;
-pub(crate) type Few = [f64; FEW];
+/// Places that are evaluated together outside a run: lanes of the widest vector.
+pub(super) const FEW: usize = 8;
+
+/// Values at these places, aligned to a cache line.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(super) struct Few(pub(super) [f64; FEW]);
 
 /// Register 0 holds d, 1 holds v, 2 + i the result of step i.
 const FIRST: usize = 2;
 const MAX_REGISTERS: usize = FIRST + super::parse::MAX_NODES;
 /// Number of registers that is enough for most laws: a single link then touches a quarter of a kilobyte.
 const FEW_REGISTERS: usize = 32;
-/// The same for a few links at once, whose registers are cleared for each evaluation.
-const FEWER_REGISTERS: usize = 16;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Step {
@@ -127,10 +130,19 @@ impl Program {
 
     /// The registers of a run, with constants in place.
     pub(super) fn registers(&self) -> Vec<Register> {
-        let mut registers = vec![Register::of(0.0); FIRST + self.steps.len()];
+        self.filled(Register::of)
+    }
+
+    /// The registers of a few places, with constants in place.
+    pub(super) fn few_registers(&self) -> Vec<Few> {
+        self.filled(|value| Few([value; FEW]))
+    }
+
+    fn filled<R: Clone>(&self, of: impl Fn(f64) -> R) -> Vec<R> {
+        let mut registers = vec![of(0.0); FIRST + self.steps.len()];
         for (step, register) in self.steps.iter().zip(&mut registers[FIRST..]) {
             if let Step::Constant(value) | Step::Open(_, value) = step {
-                *register = Register::of(*value);
+                *register = of(*value);
             }
         }
         registers
@@ -185,23 +197,11 @@ impl Program {
         r[self.result]
     }
 
-    /// The values for a few links, with the bits of `value`; each operation is chosen once for all of them.
-    pub(super) fn values(&self, d: Few, v: Few) -> Few {
-        let needed = FIRST + self.steps.len();
-        if needed <= FEWER_REGISTERS {
-            self.few::<FEWER_REGISTERS>(d, v)
-        } else if needed <= FEW_REGISTERS {
-            self.few::<FEW_REGISTERS>(d, v)
-        } else {
-            self.few::<MAX_REGISTERS>(d, v)
-        }
-    }
-
-    fn few<const N: usize>(&self, d: Few, v: Few) -> Few {
-        let mut registers = [[0.0; FEW]; N];
-        (registers[0], registers[1]) = (d, v);
-        lanes::run_few(&self.steps, &mut registers);
-        registers[self.result]
+    /// The values at a few places, with the bits of `value`; `registers` are this program's, with d and v loaded into 0
+    /// and 1.
+    pub(super) fn run_few<'r>(&self, registers: &'r mut [Few]) -> &'r Few {
+        few::run(&self.steps, registers);
+        &registers[self.result]
     }
 
     /// The values of the first `n` lanes; `registers` are this program's, with d and v loaded into 0 and 1.

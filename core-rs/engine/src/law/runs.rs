@@ -136,11 +136,6 @@ impl Law {
         matches!(self.elastic, Elastic::None) && !self.damping.as_ref().is_some_and(reads_d)
     }
 
-    /// Whether [`Law::eval_in`] computes runs of any length with the buffers of [`Law::scratch_alone`].
-    pub(crate) fn is_native(&self) -> bool {
-        self.native.is_some() && !self.is_shared()
-    }
-
     /// Whether [`Law::potential`] is exact and allocates nothing: no law, a polynomial, or points.
     pub(crate) fn has_closed_energy(&self) -> bool {
         !matches!(self.elastic, Elastic::Expression { integral: None, .. })
@@ -149,7 +144,7 @@ impl Law {
     /// Elastic forces of a chunk of links, before they are divided by the reach.
     #[inline(always)]
     fn elastic_chunk(&self, d: &[f64], out: &mut [f64], registers: &mut [Register]) {
-        self.load(&mut registers[0], d);
+        self.load(&mut registers[0][..], d);
         match &self.elastic {
             Elastic::None => out.fill(0.0),
             Elastic::Expression { program, .. } => {
@@ -170,16 +165,17 @@ impl Law {
             return;
         };
         if damping.reads_d() {
-            self.load(&mut registers[0], d);
+            self.load(&mut registers[0][..], d);
         }
-        self.load(&mut registers[1], v);
+        self.load(&mut registers[1][..], v);
         for (out, force) in out.iter_mut().zip(damping.run(registers, d.len())) {
             *out += force;
         }
     }
 
+    /// Load elongations or rates into the first lanes of a register: behind a lever they are smaller by the reach.
     #[inline(always)]
-    fn load(&self, register: &mut Register, values: &[f64]) {
+    pub(super) fn load(&self, register: &mut [f64], values: &[f64]) {
         register[..values.len()].copy_from_slice(values);
         if self.reach != 1.0 {
             for value in &mut register[..values.len()] {

@@ -343,8 +343,9 @@ proptest! {
             prop_assert!(same(walked, law.force(*d, *v)), "{walked} {}", law.force(*d, *v));
             prop_assert!(same(walked, force), "{walked} {force}");
         }
-        let [few_d, few_v]: [Few; 2] = [&d, &v].map(|all| std::array::from_fn(|lane| all[lane % all.len()]));
-        for ((d, v), force) in few_d.iter().zip(&few_v).zip(law.forces(&few_d, &few_v)) {
+        let [some_d, some_v]: [Places; 2] = [&d, &v].map(|all| std::array::from_fn(|lane| all[lane % all.len()]));
+        let forces = law.tangents(&some_d, &some_v, &mut law.tangent_scratch()).force;
+        for ((d, v), force) in some_d.iter().zip(&some_v).zip(forces) {
             prop_assert!(same(law.force(*d, *v), force), "{} {force}", law.force(*d, *v));
         }
     }
@@ -359,8 +360,9 @@ proptest! {
         for (d, force) in links.iter().zip(forces) {
             prop_assert!(same(law.force(*d, 0.0), force));
         }
-        let few: Few = std::array::from_fn(|lane| links[lane % links.len()]);
-        prop_assert_eq!(law.forces(&few, &few), few.map(|d| law.force(d, 0.0)));
+        let some: Places = std::array::from_fn(|lane| links[lane % links.len()]);
+        let found = law.tangents(&some, &some, &mut law.tangent_scratch());
+        prop_assert_eq!(found.force, some.map(|d| law.force(d, 0.0)));
     }
 }
 

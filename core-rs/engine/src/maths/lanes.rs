@@ -18,10 +18,7 @@ const TAME: f64 = 708.0;
 /// Set `out` to `exp` of each entry of `a`, (n) each.
 #[inline(always)]
 pub(crate) fn exp(a: &[f64], out: &mut [f64]) {
-    let wild = a.iter().fold(0, |wild, a| {
-        wild | u64::from(a.abs() >= TAME) | u64::from(a.is_nan())
-    });
-    if wild == 0 {
+    if are_tame(a) {
         for (out, a) in out.iter_mut().zip(a) {
             *out = tame_exp(*a);
         }
@@ -30,6 +27,27 @@ pub(crate) fn exp(a: &[f64], out: &mut [f64]) {
             *out = one_exp(*a);
         }
     }
+}
+
+/// `exp` of each of a few numbers that stay in one vector.
+#[inline(always)]
+pub(crate) fn few_exp<const N: usize>(a: [f64; N]) -> [f64; N] {
+    #[cold]
+    #[inline(never)]
+    fn wild<const N: usize>(a: [f64; N]) -> [f64; N] {
+        a.map(one_exp)
+    }
+    if are_tame(&a) {
+        a.map(tame_exp)
+    } else {
+        wild(a)
+    }
+}
+
+#[inline(always)]
+fn are_tame(a: &[f64]) -> bool {
+    // Not `all`, which decides lane by lane.
+    a.iter().fold(1, |tame, a| tame & u64::from(a.abs() < TAME)) == 1
 }
 
 /// `exp` for |x| < 708. The limits compare the upper halves of numbers, as in libm.

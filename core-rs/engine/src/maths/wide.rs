@@ -11,27 +11,44 @@ macro_rules! wide {
         $visible fn $name($($value: $kind),*) $(-> $result)? {
             #[inline(always)]
             fn plain($($value: $kind),*) $(-> $result)? $body
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx512f")]
-                fn avx512($($value: $kind),*) $(-> $result)? {
-                    plain($($value),*)
-                }
-                #[target_feature(enable = "avx2")]
-                fn avx2($($value: $kind),*) $(-> $result)? {
-                    plain($($value),*)
-                }
-                if std::arch::is_x86_feature_detected!("avx512f") {
-                    // SAFETY: this processor has the feature.
-                    return unsafe { avx512($($value),*) };
-                }
-                if std::arch::is_x86_feature_detected!("avx2") {
-                    // SAFETY: this processor has the feature.
-                    return unsafe { avx2($($value),*) };
-                }
-            }
+            $crate::maths::wide::on! { "avx512f", ($($value: $kind),*) $(-> $result)? }
+            $crate::maths::wide::on! { "avx2", ($($value: $kind),*) $(-> $result)? }
             plain($($value),*)
         }
     };
 }
 pub(crate) use wide;
+
+/// The same without AVX-512, for loops that read from memory what they have just written: a processor that writes such
+/// a vector in two halves is slow at that (AMD EPYC: a law takes twice the time).
+macro_rules! half_wide {
+    ($(#[$meta:meta])* $visible:vis fn $name:ident($($value:ident: $kind:ty),* $(,)?)
+        $(-> $result:ty)? $body:block) => {
+        $(#[$meta])*
+        $visible fn $name($($value: $kind),*) $(-> $result)? {
+            #[inline(always)]
+            fn plain($($value: $kind),*) $(-> $result)? $body
+            $crate::maths::wide::on! { "avx2", ($($value: $kind),*) $(-> $result)? }
+            plain($($value),*)
+        }
+    };
+}
+pub(crate) use half_wide;
+
+/// Return the result of `plain`, compiled for a feature, if the processor has it.
+macro_rules! on {
+    ($feature:tt, ($($value:ident: $kind:ty),*) $(-> $result:ty)?) => {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = $feature)]
+            fn compiled($($value: $kind),*) $(-> $result)? {
+                plain($($value),*)
+            }
+            if std::arch::is_x86_feature_detected!($feature) {
+                // SAFETY: this processor has the feature.
+                return unsafe { compiled($($value),*) };
+            }
+        }
+    };
+}
+pub(crate) use on;

@@ -50,9 +50,25 @@ impl Bristle {
         self.stiffness * v.abs() / self.steady(v)
     }
 
+    /// Slope of the wear over the speed at `v`, where the wear is `wear` [1/m].
+    pub(crate) fn wear_slope(&self, v: f64, wear: f64) -> f64 {
+        if v == 0.0 {
+            return 0.0;
+        }
+        // g and its slope; |v| = w·g/σ0.
+        let level = self.stiffness * v.abs() / wear;
+        let fall = -2.0 * v / (self.speed * self.speed) * (level - self.level);
+        wear * (1.0 / v - fall / level)
+    }
+
     /// Force [N] of bristles bent by `z` [m] whose ends separate at `v` [m/s].
     pub(crate) fn force(&self, z: f64, v: f64) -> f64 {
-        let bends = v - self.wear(v) * z;
+        self.worn_force(z, v, self.wear(v))
+    }
+
+    /// The same, with the wear at `v` given.
+    pub(crate) fn worn_force(&self, z: f64, v: f64, wear: f64) -> f64 {
+        let bends = v - wear * z;
         self.stiffness * z + self.damping * bends + self.viscosity * v
     }
 
@@ -142,6 +158,20 @@ mod tests {
             let slope = (BOW.force(z, v + 1e-9) - BOW.force(z, v - 1e-9)) / 2e-9;
             assert!(slope <= most * (1.0 + 1e-6), "{v}: {slope} above {most}");
         }
+    }
+
+    #[test]
+    fn the_slope_of_the_wear_is_that_of_near_speeds() {
+        for v in [-0.5, -0.02, -1e-3, 1e-4, 0.01, 0.03] {
+            let by = 1e-7 * v;
+            let slope = (BOW.wear(v + by) - BOW.wear(v - by)) / (2.0 * by);
+            let own = BOW.wear_slope(v, BOW.wear(v));
+            assert!(
+                (own - slope).abs() < 1e-6 * slope.abs(),
+                "{v}: {own} {slope}"
+            );
+        }
+        assert_eq!(BOW.wear_slope(0.0, 0.0), 0.0);
     }
 
     /// Bristles that slow sliding bent to Fs spring back when sliding goes on at a speed at which only Fc holds.

@@ -22,11 +22,11 @@ pub(super) const STAGES: usize = 3;
 pub(super) const POINTS: [f64; STAGES] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];
 pub(super) const WEIGHTS: [f64; STAGES] = [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0];
 /// Most rounds until all forces agree; most rounds over a whole frame if it may be divided into parts; relative change
-/// of a force, as a share of the largest, at which they agree; rounds after which slopes are computed again.
+/// of a force, as a share of the largest, at which they agree.
 const ROUNDS: usize = 60;
 const FEW_ROUNDS: usize = 8;
 const AGREE: f64 = 1e-9;
-const LOOK_AGAIN: usize = 3;
+
 /// A frame that may be divided is taken as a whole if the polynomial of its forces, through the Gauss points, deviates
 /// from the laws at both ends of the frame by less than this share of the largest force. A larger value divides fewer
 /// frames, but unequal steps lose the cancellation of errors that equal steps have (a cubic spring: -72 dB at 1e-3,
@@ -48,15 +48,9 @@ pub(super) type Square = [Stages; STAGES];
 impl Fine {
     /// Compute the laws of a frame in which no contact is near.
     pub(super) fn collocate(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) {
-        let n = script.basis.n();
-        for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
-            let ((a, b), rest) = (script.ends[link], script.links[link].rest);
-            let [a, b] = [a, b].map(|end| &self.values[end * n..(end + 1) * n]);
-            for ((x, a), b) in state.path.iter_mut().zip(a).zip(b) {
-                *x = b - a - rest;
-            }
-            state.force = laws.ahead.map(|row| dot(&row, &state.force));
-        }
+        self.laws
+            .iter_mut()
+            .for_each(|state| state.look_ahead(laws));
         let most = laws.divisions.len() - 1;
         let rounds = if most == 0 { ROUNDS } else { FEW_ROUNDS };
         let left = self.solve(script, laws, (gates, 0), (0, rounds));
@@ -84,6 +78,7 @@ impl Fine {
         let division = &laws.divisions[own];
         for state in &mut self.laws {
             let first = [0, 1, 2].map(|stage: usize| shares(division.s[stage]));
+            state.before = None;
             state.force = if is_met {
                 first.map(|row| dot(&row, &state.force))
             } else {
@@ -93,8 +88,11 @@ impl Fine {
         for part in 0..division.parts {
             if part > 0 {
                 for state in &mut self.laws {
-                    state.force = laws.ahead.map(|row| dot(&row, &state.force));
+                    state.look_ahead(laws);
                 }
+            }
+            for state in &mut self.laws {
+                state.see(division, part);
             }
             if self.solve(script, laws, (gates, own), (part, ROUNDS)) > LOST {
                 self.bracket(script, laws, (gates, own, part));
@@ -102,6 +100,8 @@ impl Fine {
             self.give_laws(script, laws, (own, part));
             self.bend_paths(script, division, part);
         }
+        // Forces of parts of different lengths are not extrapolated together.
+        self.laws.iter_mut().for_each(|state| state.before = None);
     }
 
     /// Solve for the forces of all laws in a part of a frame; returns their last change, relative to the largest, or 0
@@ -113,28 +113,21 @@ impl Fine {
         (gates, own): (&[f64], usize),
         (part, rounds): (usize, usize),
     ) -> f64 {
-        let (n, division) = (script.basis.n(), &laws.divisions[own]);
-        let rows = 3 * part * n..3 * (part + 1) * n;
-        let (value, slope) = (&division.value[rows.clone()], &division.slope[rows]);
-        for state in &mut self.laws {
-            for (stage, (value, slope)) in value.chunks(n).zip(slope.chunks(n)).enumerate() {
-                state.elongation[stage] = dot(value, &state.path);
-                state.rate[stage] = dot(slope, &state.path);
-            }
-        }
-        let mut last = f64::INFINITY;
-        for round in 0..rounds {
+        let mut last = 0.0;
+        for _ in 0..rounds {
             let mut change = 0.0_f64;
             for law in 0..laws.links.len() {
-                change = change.max(self.meet(script, laws, (gates, own, part), (law, round)));
+                change = change.max(self.meet(script, laws, (gates, own, part), law));
             }
-            // Estimate of the change still to come, from the ratio of the last two rounds.
+            // Estimate of the change still to come, from the ratio of the last two rounds: Newton's method squares the
+            // change of one law, several laws approach each other step by step.
             let pace = change / last;
-            if change <= AGREE || (round > 0 && pace < 0.5 && change * pace <= AGREE) {
-                // Slopes with which convergence was slow are computed again.
-                if round >= LOOK_AGAIN {
-                    self.laws.iter_mut().for_each(|state| state.known = None);
-                }
+            let to_come = if laws.links.len() == 1 {
+                pace * pace
+            } else {
+                pace
+            };
+            if change <= AGREE || (pace < 0.5 && change * to_come <= AGREE) {
                 return 0.0;
             }
             last = change;
@@ -155,7 +148,7 @@ impl Fine {
         let s = division.s[STAGES * part + MIDDLE];
         for state in &mut self.laws {
             // The last forces of Newton's method may be arbitrary.
-            (state.force, state.known) = ([state.begin; STAGES], None);
+            (state.force, state.before) = ([state.begin; STAGES], None);
         }
         for _ in 0..BRACKET_ROUNDS {
             self.work.couplings += (n_laws * (n_laws - 1)) as u64;
@@ -250,7 +243,7 @@ impl Fine {
         let mut missed = 0.0_f64;
         for own in 0..n_laws {
             let state = &self.laws[own];
-            let [mut e, mut v] = [0, 1].map(|which| dot(&laws.ends[1][which], &state.path));
+            let [mut e, mut v] = [0, 1].map(|which| dot(&laws.end[which], &state.path));
             for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[own * n_laws..]) {
                 e += dot(by_x, &other.force);
                 v += dot(by_v, &other.force);
@@ -279,7 +272,7 @@ impl Fine {
         script: &Script,
         laws: &LawScript,
         (gates, own, part): (&[f64], usize, usize),
-        (law, round): (usize, usize),
+        law: usize,
     ) -> f64 {
         let n_laws = laws.links.len();
         let division = &laws.divisions[own];
@@ -298,21 +291,15 @@ impl Fine {
         let rate = now[0].rate();
         let v = v.map(|v| v * rate);
         let state = &mut self.laws[law];
-        let force = state.forces(&now, (&e, &v), h);
-        let largest = (force.iter()).fold(f64::MIN_POSITIVE, |most, force| most.max(force.abs()));
-        if state.known != Some(own) || round % LOOK_AGAIN == LOOK_AGAIN - 1 {
-            let moves = &division.moves[law * n_laws + law];
-            let left = state.left(&now, (&e, &v), (&force, h), moves);
-            state.inverse = inverse(&left);
-            state.known = Some(own);
-            self.work.instants += 1;
-        }
-        let unmet: [f64; STAGES] = std::array::from_fn(|stage| force[stage] - state.force[stage]);
-        let mut change = 0.0_f64;
+        let moves = &division.moves[law * n_laws + law];
+        let (force, left) = state.answer(&now, (&e, &v), (h, moves));
+        let unmet: Stages = std::array::from_fn(|stage| force[stage] - state.force[stage]);
+        let by = inverse(&left).map(|row| dot(&row, &unmet));
+        let (mut change, mut largest) = (0.0_f64, f64::MIN_POSITIVE);
         for stage in 0..STAGES {
-            let by = dot(&state.inverse[stage], &unmet);
-            state.force[stage] += by;
-            change = change.max(by.abs());
+            state.force[stage] += by[stage];
+            change = change.max(by[stage].abs());
+            largest = largest.max(force[stage].abs());
         }
         change / largest
     }
@@ -328,17 +315,17 @@ impl Fine {
     ) {
         let n = script.basis.n();
         for (own, &link) in laws.links.iter().enumerate() {
-            let (a, b) = script.ends[link];
+            let ((a, b), rest) = (script.ends[link], script.links[link].rest);
             let [a, b] = [a, b].map(|end| &self.values[end * n..(end + 1) * n]);
-            let [e, v] = [0, 1].map(|which| {
-                let row = &laws.ends[0][which];
-                dot(row, b) - dot(row, a)
-            });
             let law = self.law(script, laws, gates, (own, 0.0));
-            let (e, v) = (e - script.links[link].rest, v * law.rate());
-            self.laws[own].start = [e, v];
+            let state = &mut self.laws[own];
+            for ((x, a), b) in state.path.iter_mut().zip(a).zip(b) {
+                *x = b - a - rest;
+            }
+            let [e, v] = state.see(&laws.divisions[0], 0);
+            state.start = [e, v * law.rate()];
             if !(is_collocated && law.is_expression()) {
-                self.laws[own].begin = law.at(e, v);
+                state.begin = law.at(state.start[0], state.start[1]);
             }
         }
     }

@@ -1,9 +1,8 @@
 //! A compiled expression over a run of links: one plain loop for each step, which becomes SIMD code.
 
 use super::super::tree::{Binary, Unary, choose, whole_power};
-use super::{FEW, FIRST, Few, Register, Step};
+use super::{FIRST, Register, Step};
 use crate::maths::lanes;
-use crate::maths::wide::wide;
 
 /// Lanes in the widest vector: a loop over whole vectors has no remainder.
 const VECTOR: usize = 8;
@@ -19,19 +18,6 @@ pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
         let (before, after) = registers.split_at_mut(FIRST + i);
         let n = if is_slow(step) { needed } else { n };
         compute(step, &mut after[0][..n], |register| &before[register][..n]);
-    }
-}
-
-wide! {
-    /// Run every step for a few links; d and v are loaded into registers 0 and 1.
-    pub(super) fn run_few(steps: &[Step], registers: &mut [Few]) {
-        for (i, step) in steps.iter().enumerate() {
-            let (before, after) = registers.split_at_mut(FIRST + i);
-            match *step {
-                Step::Constant(value) | Step::Open(_, value) => after[0] = [value; FEW],
-                _ => compute(step, &mut after[0], |register| &before[register]),
-            }
-        }
     }
 }
 
@@ -67,6 +53,7 @@ macro_rules! for_each_of {
         }
     };
 }
+pub(super) use for_each_of;
 
 #[inline(always)]
 fn unary(operation: Unary, out: &mut [f64], a: &[f64]) {

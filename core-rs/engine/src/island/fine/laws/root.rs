@@ -55,10 +55,10 @@ pub(super) fn inverse(m: &Square) -> Square {
     let whole: f64 = (0..STAGES)
         .map(|column| m[0][column] * cofactor(0, column))
         .sum();
-    let mut inverse = [[0.0; STAGES]; STAGES];
+    let (mut inverse, scale) = ([[0.0; STAGES]; STAGES], 1.0 / whole);
     for (row, own) in inverse.iter_mut().enumerate() {
         for (column, own) in own.iter_mut().enumerate() {
-            *own = cofactor(column, row) / whole;
+            *own = cofactor(column, row) * scale;
         }
     }
     inverse

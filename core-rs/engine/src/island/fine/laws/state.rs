@@ -1,13 +1,16 @@
 //! One law: its forces and slopes at the Gauss points, and the state that it keeps from frame to frame.
 
+use super::tables::{Division, LawScript, Motion};
 use super::{STAGES, Square, Stages, WEIGHTS, inverse};
+use crate::island::fine::Script;
 use crate::island::fine::basis::dot;
-use crate::law::{FEW, Scratch};
+use crate::law::{PLACES, Places, TangentScratch};
 use crate::network::Bristle;
 use crate::scheme::Kind;
 
-/// Steps of the finite differences for a law's slopes: relative to the argument, and at least [m, m/s].
-const NEAR: (f64, f64) = (1e-6, 1e-9);
+/// Forces are extrapolated from two parts if that guess deviates from the one of a single part by shares of the largest
+/// force between these: after a strike it would be far off, in a steady slide it amplifies rounding errors.
+const TWO_PARTS: std::ops::Range<f64> = 1e-8..0.1;
 
 /// Integrals up to each Gauss point, as weights of the rates at the Gauss points, in parts (Gauss's method of order 6).
 const MEANS: Square = [
@@ -33,6 +36,8 @@ const MEANS: Square = [
 pub(in crate::island::fine) struct LawState {
     /// Forces at the Gauss points of a part [N]; elongations and their rates there without the forces of that part.
     pub(super) force: [f64; STAGES],
+    /// Forces of the part before, if it was as long [N].
+    pub(super) before: Option<Stages>,
     pub(super) elongation: [f64; STAGES],
     pub(super) rate: [f64; STAGES],
     /// Bend of its bristles at the start of a part, at its end, and before a step that may be repeated [m].
@@ -46,22 +51,18 @@ pub(in crate::island::fine) struct LawState {
     pub(super) largest: f64,
     /// Elongation at the instants of the frame if the forces of the parts to come are zero [m]   (n)
     pub(super) path: Vec<f64>,
-    /// Inverse of the derivative of the residual by the forces, and the division for which it was computed.
-    pub(super) inverse: Square,
-    pub(super) known: Option<usize>,
-    pub(super) scratch: Scratch,
-    pub(super) room: Vec<f64>,
+    pub(super) scratch: TangentScratch,
 }
 
+crate::archive::option!(Stages, maybe);
 crate::archive::state!(LawState {
     force,
+    before,
     elongation,
     rate,
     bend,
     begin,
     largest,
-    inverse,
-    known,
 });
 
 /// A law at one instant.
@@ -122,12 +123,28 @@ impl LawNow<'_> {
     }
 }
 
+impl LawScript {
+    pub(in crate::island::fine) fn states(&self, script: &Script) -> Vec<LawState> {
+        let state = |&link: &usize| {
+            let mut state = LawState {
+                path: vec![0.0; script.basis.n()],
+                ..LawState::default()
+            };
+            if let Kind::Lnl { law, .. } = &script.links[link].kind {
+                state.scratch = law.tangent_scratch();
+            }
+            state
+        };
+        self.links.iter().map(state).collect()
+    }
+}
+
 impl LawState {
     /// Take over the state of the same law in another version.
     pub(in crate::island::fine) fn continue_from(&mut self, old: &Self) {
         (self.force, self.elongation, self.rate) = (old.force, old.elongation, old.rate);
         (self.begin, self.largest, self.bend) = (old.begin, old.largest, old.bend);
-        (self.inverse, self.known) = (old.inverse, old.known);
+        self.before = old.before;
     }
 
     /// Bend of its bristles at the start of a frame [m].
@@ -149,144 +166,148 @@ impl LawState {
         self.bend = self.saved_bend;
     }
 
-    /// Forces of the law at three instants of a part of `h` frames, at their elongations and rates [N].
-    pub(super) fn forces(
+    /// Compute elongations and rates at the Gauss points of a part from the path; returns those at the start of the
+    /// frame.
+    pub(super) fn see(&mut self, division: &Division, part: usize) -> [f64; 2] {
+        let n = self.path.len();
+        let mut seen: Motion = [0.0; 2 * STAGES + 2];
+        for (x, weights) in self.path.iter().zip(&division.motion[part * n..]) {
+            for (seen, weight) in seen.iter_mut().zip(weights) {
+                *seen += x * weight;
+            }
+        }
+        let [x1, x2, x3, v1, v2, v3, at_start @ ..] = seen;
+        (self.elongation, self.rate) = ([x1, x2, x3], [v1, v2, v3]);
+        at_start
+    }
+
+    /// Extrapolate the forces of the last parts to the next.
+    pub(super) fn look_ahead(&mut self, laws: &LawScript) {
+        let near = laws.ahead.map(|row| dot(&row, &self.force));
+        let far = self.before.map_or(near, |before| {
+            let by_before = laws.ahead_by_before.map(|row| dot(&row, &before));
+            let by_last = laws.ahead_by_last.map(|row| dot(&row, &self.force));
+            std::array::from_fn(|stage| by_before[stage] + by_last[stage])
+        });
+        let apart =
+            (far.iter().zip(&near)).fold(0.0_f64, |most, (far, near)| most.max((far - near).abs()));
+        let is_better = TWO_PARTS.contains(&(apart / self.largest));
+        self.before = Some(self.force);
+        self.force = if is_better { far } else { near };
+    }
+
+    /// Forces of the law at three instants of a part of `h` frames [N], and the derivative of what they leave unmet by
+    /// the forces that are assumed, to which elongation and rate respond by `moves`.
+    pub(super) fn answer(
         &mut self,
         now: &[LawNow<'_>; STAGES],
         (e, v): (&Stages, &Stages),
-        h: f64,
-    ) -> Stages {
-        if let Some((forces, end)) = bent(now, v, h) {
-            self.bend_at_end = end;
-            return forces;
+        (h, [by_x, by_v]): (f64, &[Square; 2]),
+    ) -> (Stages, Square) {
+        let rate = now[0].rate();
+        if let Some(bent) = Bent::new(now, v, h) {
+            self.bend_at_end = bent.at_end;
+            // A rate at one instant bends the bristles at all later instants.
+            let unmet = |stage: usize, column: usize| {
+                let by = |from: usize| bent.slopes[stage][from] * by_v[from][column];
+                one(stage, column) - rate * (0..STAGES).map(by).sum::<f64>()
+            };
+            return (bent.force, square(unmet));
         }
+        let (force, k, z) = self.tangents(now, e, v);
+        let unmet = |stage: usize, column: usize| {
+            let (by_x, by_v) = (by_x[stage][column], by_v[stage][column]);
+            one(stage, column) - k[stage] * by_x - z[stage] * rate * by_v
+        };
+        (force, square(unmet))
+    }
+
+    /// Forces of a law without bristles, and its slopes in the elongation and in its rate [N/m, N·s/m].
+    fn tangents(
+        &mut self,
+        now: &[LawNow<'_>; STAGES],
+        e: &Stages,
+        v: &Stages,
+    ) -> (Stages, Stages, Stages) {
         match now[0].kind {
             Kind::Lnl { law, .. } => {
-                // The law at the start of the frame takes the fourth lane.
-                let [e, v] = [(e, self.start[0]), (v, self.start[1])]
-                    .map(|([first, second, third], start)| [*first, *second, *third, start]);
-                let mut forces = [0.0; FEW];
-                if law.is_native() {
-                    law.eval_in(&e, &v, &mut forces, &mut self.scratch, &mut self.room);
-                } else {
-                    forces = law.forces(&e, &v);
-                }
-                let [first, second, third, begin] = forces.map(|force| now[0].open * force);
-                self.begin = begin;
-                [first, second, third]
+                // The law at the start of the frame takes the last place.
+                let place = |at: &Stages, start: f64| -> Places {
+                    std::array::from_fn(|place| at.get(place).copied().unwrap_or(start))
+                };
+                let (d, v) = (place(e, self.start[0]), place(v, self.start[1]));
+                let found = law.tangents(&d, &v, &mut self.scratch);
+                let open = now[0].open;
+                self.begin = open * found.force[PLACES - 1];
+                let [force, k, z] = [found.force, found.by_d, found.by_v]
+                    .map(|values| [0, 1, 2].map(|stage: usize| open * values[stage]));
+                (force, k, z)
             }
-            _ => std::array::from_fn(|stage| now[stage].at(e[stage], v[stage])),
-        }
-    }
-
-    /// Derivative of the residual by the forces, from the response of elongation and rate to them.
-    pub(super) fn left(
-        &mut self,
-        now: &[LawNow<'_>; STAGES],
-        (e, v): (&Stages, &Stages),
-        (force, h): (&Stages, f64),
-        [by_x, by_v]: &[Square; 2],
-    ) -> Square {
-        let rate = now[0].rate();
-        let mut left = [[0.0; STAGES]; STAGES];
-        if now[0].bristle().is_some() {
-            // A rate at one instant bends the bristles at all later instants.
-            let slopes = bent_slopes(now, v, (force, h));
-            for stage in 0..STAGES {
-                for column in 0..STAGES {
-                    let of = |from: usize| slopes[stage][from] * by_v[from][column];
-                    let one = if column == stage { 1.0 } else { 0.0 };
-                    left[stage][column] = one - rate * (0..STAGES).map(of).sum::<f64>();
-                }
+            Kind::Hardening(q) => {
+                let k = |stage: usize| {
+                    let own = &now[stage];
+                    own.open * (own.k + 3.0 * q * e[stage] * e[stage])
+                };
+                let force = [0, 1, 2].map(|stage| now[stage].at(e[stage], v[stage]));
+                let z = now.each_ref().map(|own| own.open * own.z);
+                (force, [0, 1, 2].map(k), z)
             }
-            return left;
+            _ => Default::default(),
         }
-        let (k, z) = self.slopes(now, (e, v), force);
-        for stage in 0..STAGES {
-            for column in 0..STAGES {
-                let one = if column == stage { 1.0 } else { 0.0 };
-                left[stage][column] =
-                    one - k[stage] * by_x[stage][column] - z[stage] * rate * by_v[stage][column];
-            }
-        }
-        left
-    }
-
-    /// Slopes of the law at three instants, in the elongation and in its rate [N/m, N·s/m].
-    fn slopes(
-        &mut self,
-        now: &[LawNow<'_>; STAGES],
-        (e, v): (&Stages, &Stages),
-        force: &Stages,
-    ) -> (Stages, Stages) {
-        if let Kind::Hardening(q) = now[0].kind {
-            let k = |stage: usize| {
-                let own = &now[stage];
-                own.open * (own.k + 3.0 * q * e[stage] * e[stage])
-            };
-            return ([0, 1, 2].map(k), now.each_ref().map(|own| own.open * own.z));
-        }
-        let (has_spring, has_drag) = match now[0].kind {
-            Kind::Lnl { law, .. } => (!law.is_damping_alone(), law.is_damped()),
-            _ => (true, true),
-        };
-        let mut found = [[0.0; STAGES]; 2];
-        for (which, is_there) in [has_spring, has_drag].into_iter().enumerate() {
-            if !is_there {
-                continue;
-            }
-            let mut places = [*e, *v];
-            let by = places[which].map(|at| NEAR.0 * at.abs() + NEAR.1);
-            for stage in 0..STAGES {
-                places[which][stage] += by[stage];
-            }
-            let ahead = self.forces(now, (&places[0], &places[1]), 0.0);
-            found[which] = std::array::from_fn(|stage| (ahead[stage] - force[stage]) / by[stage]);
-        }
-        (found[0], found[1])
     }
 }
 
-/// Forces [N] of bristles at three instants of a part of `h` frames, from the rates of their ends there [m/s], and
-/// their bend at the end of the part [m]; `None` for other laws.
-fn bent(now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<(Stages, f64)> {
-    let by = [now[0].bristle()?, now[1].bristle()?, now[2].bristle()?];
-    let (start, h) = (now[0].bend, h / now[0].rate());
-    let wear: Stages = std::array::from_fn(|stage| by[stage].wear(v[stage]));
-    let mut left = [[0.0; STAGES]; STAGES];
-    for stage in 0..STAGES {
-        for column in 0..STAGES {
-            let one = if column == stage { 1.0 } else { 0.0 };
-            left[stage][column] = one + h * MEANS[stage][column] * wear[column];
-        }
-    }
-    let moved = MEANS.map(|row| start + h * dot(&row, v));
-    let bends = inverse(&left).map(|row| dot(&row, &moved));
-    let forces = std::array::from_fn(|stage| {
-        let own = LawNow {
-            bend: bends[stage],
-            ..now[stage]
-        };
-        own.at(0.0, v[stage])
-    });
-    let rates: Stages = std::array::from_fn(|stage| v[stage] - wear[stage] * bends[stage]);
-    Some((forces, start + h * dot(&WEIGHTS, &rates)))
+/// Bristles over a part of a frame.
+struct Bent {
+    force: Stages,
+    /// Bend at the end of the part [m].
+    at_end: f64,
+    /// Derivatives of the forces by the rates of the ends at each instant [N·s/m].
+    slopes: Square,
 }
 
-/// Derivatives of the forces of bristles at three instants by the rates of their ends at each [N·s/m].
-fn bent_slopes(now: &[LawNow<'_>; STAGES], v: &Stages, (force, h): (&Stages, f64)) -> Square {
-    let mut slopes = [[0.0; STAGES]; STAGES];
-    for from in 0..STAGES {
-        let by = NEAR.0 * v[from].abs() + NEAR.1;
-        let mut near = *v;
-        near[from] += by;
-        if let Some((ahead, _)) = bent(now, &near, h) {
-            for stage in 0..STAGES {
-                slopes[stage][from] = (ahead[stage] - force[stage]) / by;
-            }
-        }
+impl Bent {
+    /// Bristles at three instants of a part of `h` frames, from the rates of their ends there [m/s]; `None` for other
+    /// laws.
+    fn new(now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<Self> {
+        let by = [now[0].bristle()?, now[1].bristle()?, now[2].bristle()?];
+        let (start, h) = (now[0].bend, h / now[0].rate());
+        let wear: Stages = std::array::from_fn(|stage| by[stage].wear(v[stage]));
+        let left =
+            square(|stage, column| one(stage, column) + h * MEANS[stage][column] * wear[column]);
+        let left = inverse(&left);
+        let moved = MEANS.map(|row| start + h * dot(&row, v));
+        let bends = left.map(|row| dot(&row, &moved));
+        let rates: Stages = std::array::from_fn(|stage| v[stage] - wear[stage] * bends[stage]);
+        // Slope of the rate of each bend over the rate of its ends.
+        let gives: Stages = std::array::from_fn(|stage| {
+            1.0 - by[stage].wear_slope(v[stage], wear[stage]) * bends[stage]
+        });
+        let force = |stage: usize| {
+            now[stage].open * by[stage].worn_force(bends[stage], v[stage], wear[stage])
+        };
+        let slope = |stage: usize, from: usize| {
+            let bend = (0..STAGES).map(|at| left[stage][at] * h * MEANS[at][from]);
+            let bend = bend.sum::<f64>() * gives[from];
+            let by = &by[stage];
+            let of_bend = by.stiffness - by.damping * wear[stage];
+            let of_rate = by.damping * gives[from] + by.viscosity;
+            now[stage].open * (of_bend * bend + one(stage, from) * of_rate)
+        };
+        Some(Self {
+            force: std::array::from_fn(force),
+            at_end: start + h * dot(&WEIGHTS, &rates),
+            slopes: square(slope),
+        })
     }
-    slopes
+}
+
+fn one(row: usize, column: usize) -> f64 {
+    f64::from(u8::from(row == column))
+}
+
+fn square(of: impl Fn(usize, usize) -> f64) -> Square {
+    std::array::from_fn(|row| std::array::from_fn(|column| of(row, column)))
 }
 
 #[cfg(test)]

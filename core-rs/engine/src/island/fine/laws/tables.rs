@@ -1,10 +1,13 @@
 //! Constant tables of laws between frames: the response of each law's elongation to the forces of the others.
 
-use super::state::LawState;
-use super::{PARTS, POINTS, SMOOTH, STAGES, Square, WEIGHTS};
+use super::{PARTS, POINTS, SMOOTH, STAGES, Square, Stages, WEIGHTS};
 use crate::island::fine::Script;
-use crate::island::fine::basis::{At, dot};
+use crate::island::fine::basis::{At, MOST, dot};
 use crate::scheme::Kind;
+
+/// Values at the three Gauss points of a part, slopes there, and value and slope at the start of the frame: one wide
+/// vector.
+pub(super) type Motion = [f64; 2 * STAGES + 2];
 
 /// A frame in `parts` parts, which are solved one after the other.
 #[derive(Clone, Debug)]
@@ -12,10 +15,11 @@ pub(super) struct Division {
     pub(super) parts: usize,
     /// Instants of the Gauss points   (parts·3)
     pub(super) s: Vec<f64>,
-    /// Weights of the values at the instants of a frame in the value, and in the slope, at each Gauss point   (parts·3,
-    /// n)
+    /// Weights of the values at the instants of a frame in the value at each Gauss point   (parts·3, n)
     pub(super) value: Vec<f64>,
-    pub(super) slope: Vec<f64>,
+    /// The same weights, and those in the slopes there, and in value and slope at the start of the frame, instant by
+    /// instant   (parts, n)
+    pub(super) motion: Vec<Motion>,
     /// Response of one law's elongation and rate at the Gauss points of a part to the force of another in that part
     /// (n_laws²)
     pub(super) moves: Vec<[Square; 2]>,
@@ -33,12 +37,15 @@ pub(in crate::island::fine) struct LawScript {
     pub(super) divisions: Vec<Division>,
     /// Largest deviation with which a frame is taken as a whole, relative to the largest force.
     pub(super) smooth: f64,
-    /// Weights of the values at the instants of a frame in the value, and in the slope, at its ends   (n each)
-    pub(super) ends: [[Vec<f64>; 2]; 2],
+    /// Weights of the values at the instants of a frame in the value, and in the slope, at its end   (n each)
+    pub(super) end: [Vec<f64>; 2],
     /// Response of one law's elongation and rate at the end of a whole frame to the force of another   (n_laws²)
     pub(super) moves_end: Vec<[[f64; STAGES]; 2]>,
     /// Weights of a part's forces in their extrapolation to the next part's Gauss points.
     pub(super) ahead: Square,
+    /// The same with the part before it: weights of the forces of that part, and of the last.
+    pub(super) ahead_by_before: Square,
+    pub(super) ahead_by_last: Square,
     /// Weights of a part's forces in their extrapolation to both its ends.
     pub(super) at_ends: [[f64; STAGES]; 2],
 }
@@ -70,37 +77,20 @@ impl LawScript {
             found
         };
         let excess = (most as f64 / PARTS as f64).max(1.0);
-        let rows = |s: f64| {
-            let at = At::new(script.basis.n(), s);
-            [&at.value, &at.slope].map(|values| script.basis.weights(values))
-        };
         Self {
             divisions: parts
                 .take_while(|&parts| parts <= most)
                 .map(divide)
                 .collect(),
             smooth: SMOOTH / (excess * excess * excess),
-            ends: [rows(0.0), rows(1.0)],
+            end: [&end.value, &end.slope].map(|values| script.basis.weights(values)),
             moves_end: pairs.iter().map(at_end).collect(),
             ahead: POINTS.map(|c| shares(1.0 + c)),
+            ahead_by_before: POINTS.map(|c| of_two(1.0 + c, 0)),
+            ahead_by_last: POINTS.map(|c| of_two(1.0 + c, 1)),
             at_ends: [0.0, 1.0].map(shares),
             links,
         }
-    }
-
-    pub(in crate::island::fine) fn states(&self, script: &Script) -> Vec<LawState> {
-        let state = |&link: &usize| {
-            let mut state = LawState {
-                path: vec![0.0; script.basis.n()],
-                ..LawState::default()
-            };
-            if let Kind::Lnl { law, .. } = &script.links[link].kind {
-                state.scratch = law.scratch_alone();
-                state.room = vec![0.0; law.room()];
-            }
-            state
-        };
-        self.links.iter().map(state).collect()
     }
 }
 
@@ -126,16 +116,25 @@ impl Division {
                 }
             }
         }
+        let weights = |of: fn(&At) -> &[f64; MOST]| -> Vec<Vec<f64>> {
+            at.iter().map(|at| script.basis.weights(of(at))).collect()
+        };
+        let (values, slopes) = (weights(|at| &at.value), weights(|at| &at.slope));
+        let start = At::new(n, 0.0);
+        let start = [&start.value, &start.slope].map(|values| script.basis.weights(values));
+        let motion = |part: usize, instant: usize| {
+            let mut motion = [0.0; 2 * STAGES + 2];
+            for stage in 0..STAGES {
+                motion[stage] = values[STAGES * part + stage][instant];
+                motion[STAGES + stage] = slopes[STAGES * part + stage][instant];
+            }
+            (motion[2 * STAGES], motion[2 * STAGES + 1]) = (start[0][instant], start[1][instant]);
+            motion
+        };
         Self {
             parts,
-            value: at
-                .iter()
-                .flat_map(|at| script.basis.weights(&at.value))
-                .collect(),
-            slope: at
-                .iter()
-                .flat_map(|at| script.basis.weights(&at.slope))
-                .collect(),
+            motion: (0..parts * n).map(|at| motion(at / n, at % n)).collect(),
+            value: values.concat(),
             moves: pairs.iter().map(|&ends| script.coupled(ends, h)).collect(),
             later,
             s,
@@ -145,10 +144,25 @@ impl Division {
 
 /// Weights of the values at the Gauss points in the value at `s` of the polynomial through them, in parts.
 pub(in crate::island::fine) fn shares(s: f64) -> [f64; STAGES] {
-    let mut shares = [1.0; STAGES];
+    lagrange(s, POINTS)
+}
+
+/// The same for the Gauss points of two parts, -1 to 0 and 0 to 1: the weights of the first or of the second.
+fn of_two(s: f64, part: usize) -> Stages {
+    let points = [-1.0, 0.0].map(|start| POINTS.map(|c| start + c));
+    let shares = lagrange::<6>(
+        s,
+        std::array::from_fn(|at| points[at / STAGES][at % STAGES]),
+    );
+    std::array::from_fn(|stage| shares[part * STAGES + stage])
+}
+
+/// Weights of the values at some points in the value at `s` of the polynomial through them.
+fn lagrange<const N: usize>(s: f64, points: [f64; N]) -> [f64; N] {
+    let mut shares = [1.0; N];
     for (own, share) in shares.iter_mut().enumerate() {
-        for other in (0..STAGES).filter(|&other| other != own) {
-            *share *= (s - POINTS[other]) / (POINTS[own] - POINTS[other]);
+        for other in (0..N).filter(|&other| other != own) {
+            *share *= (s - points[other]) / (points[own] - points[other]);
         }
     }
     shares
@@ -207,5 +221,22 @@ impl Script {
             found[1] += share * dot(row, &end.slope);
         }
         found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polynomials_of_degree_5_are_extrapolated_from_two_parts() {
+        for power in 0..6 {
+            let at = |s: f64| (0..power).map(|_| s).product::<f64>();
+            for s in POINTS.map(|c| 1.0 + c) {
+                let parts = [(0, -1.0), (1, 0.0)]
+                    .map(|(part, start)| dot(&of_two(s, part), &POINTS.map(|c| at(start + c))));
+                assert!((parts[0] + parts[1] - at(s)).abs() < 1e-11 * at(s).max(1.0));
+            }
+        }
     }
 }

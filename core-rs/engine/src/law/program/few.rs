@@ -1,0 +1,69 @@
+//! A compiled expression at a few places: values are passed whole, so that they stay in one wide vector.
+
+use super::super::tree::{Binary, Unary, choose, whole_power};
+use super::lanes::for_each_of;
+use super::{FEW, FIRST, Few, Step};
+use crate::maths::lanes;
+use crate::maths::wide::half_wide;
+
+type Values = [f64; FEW];
+
+half_wide! {
+    /// Run every step; d and v are loaded into registers 0 and 1.
+    pub(super) fn run(steps: &[Step], registers: &mut [Few]) {
+        for (i, step) in steps.iter().enumerate() {
+            let of = |register: usize| registers[register].0;
+            registers[FIRST + i].0 = match *step {
+                Step::Constant(_) => continue, // is in place
+                Step::Open(_, value) => [value; FEW],
+                Step::Unary(operation, a) => unary(operation, of(a)),
+                Step::WholePower(exponent, a) => whole_powers(exponent, of(a)),
+                Step::Binary(operation, a, b) => binary(operation, of(a), of(b)),
+                Step::Where(c, a, b) => select(of(c), of(a), of(b)),
+            };
+        }
+    }
+}
+
+#[inline(always)]
+fn unary(operation: Unary, a: Values) -> Values {
+    match operation {
+        Unary::Exp => lanes::few_exp(a),
+        Unary::Tanh => one_by_one(a, a, |a, _| Unary::Tanh.of(a)),
+        _ => {
+            for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh; operation, |OF| a.map(|a| OF.of(a)))
+        }
+    }
+}
+
+#[inline(always)]
+fn whole_powers(exponent: i32, a: Values) -> Values {
+    match exponent {
+        2 => a.map(|a| whole_power(a, 2)),
+        3 => a.map(|a| whole_power(a, 3)),
+        _ => one_by_one(a, a, |a, _| whole_power(a, exponent)),
+    }
+}
+
+#[inline(always)]
+fn binary(operation: Binary, a: Values, b: Values) -> Values {
+    match operation {
+        Binary::Power => one_by_one(a, b, |a, b| Binary::Power.of(a, b)),
+        _ => for_each_of!(
+            Binary: Add Subtract Multiply Divide Power Min Max
+                Less LessEqual Greater GreaterEqual Equal NotEqual;
+            operation, |OF| std::array::from_fn(|lane| OF.of(a[lane], b[lane]))
+        ),
+    }
+}
+
+#[inline(always)]
+fn select(c: Values, a: Values, b: Values) -> Values {
+    std::array::from_fn(|lane| choose(c[lane], a[lane], b[lane]))
+}
+
+/// Not inlined: its loop over lanes would keep the values of all operations in memory.
+#[inline(never)]
+fn one_by_one(a: Values, b: Values, of: impl Fn(f64, f64) -> f64) -> Values {
+    std::array::from_fn(|lane| of(a[lane], b[lane]))
+}

@@ -1,0 +1,191 @@
+//! Force and slopes of a law at a few places at once. The slopes are differences to places nearby, which fill the lanes
+//! of a wide vector that the places leave empty.
+
+use super::native::Native;
+use super::program::{FEW, Few, Program};
+use super::{Elastic, Law};
+
+/// Places at once.
+pub(crate) const PLACES: usize = FEW / 2;
+pub(crate) type Places = [f64; PLACES];
+
+/// Distance of the places nearby: relative to the argument, and at least [m, m/s].
+const NEAR: (f64, f64) = (1e-6, 1e-9);
+
+/// Forces at some places [N], and slopes there in elongation [N/m] and in its rate [N·s/m].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tangents {
+    pub(crate) force: Places,
+    pub(crate) by_d: Places,
+    pub(crate) by_v: Places,
+}
+
+/// Forces at some places [N], and those at places nearby in elongation and in rate.
+struct Around {
+    force: Places,
+    near_d: Places,
+    near_v: Places,
+}
+
+/// Buffers for [`Law::tangents`] of one law.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct TangentScratch {
+    elastic: Vec<Few>,
+    damping: Vec<Few>,
+    numbers: Vec<f64>,
+    room: Vec<f64>,
+}
+
+impl Law {
+    pub(crate) fn tangent_scratch(&self) -> TangentScratch {
+        let registers = |program: Option<&Program>| program.map(Program::few_registers);
+        let elastic = match &self.elastic {
+            Elastic::Expression { program, .. } => Some(program),
+            Elastic::None | Elastic::Points(_) => None,
+        };
+        TangentScratch {
+            elastic: registers(elastic).unwrap_or_default(),
+            damping: registers(self.damping.as_ref()).unwrap_or_default(),
+            numbers: self.numbers(),
+            room: vec![0.0; self.room()],
+        }
+    }
+
+    /// Force, with the bits of [`Law::force`], and slopes at elongations `d` [m] and rates `v` [m/s]; nothing is
+    /// allocated.
+    pub(crate) fn tangents(&self, d: &Places, v: &Places, own: &mut TangentScratch) -> Tangents {
+        let [step_d, step_v] = [d, v].map(|at| at.map(|at| NEAR.0 * at.abs() + NEAR.1));
+        let add = |at: &Places, step: &Places| std::array::from_fn(|place| at[place] + step[place]);
+        let (d, v) = ([*d, add(d, &step_d)], [*v, add(v, &step_v)]);
+        let around = match self.native {
+            Some(native) => self.native_forces(native, &d, &v, own),
+            None => self.program_forces(&d, &v, own),
+        };
+        let slope = |near: Places, step: Places| {
+            std::array::from_fn(|place| (near[place] - around.force[place]) / step[place])
+        };
+        Tangents {
+            force: around.force,
+            by_d: slope(around.near_d, step_d),
+            by_v: slope(around.near_v, step_v),
+        }
+    }
+
+    fn native_forces(
+        &self,
+        native: Native,
+        [d, near_d]: &[Places; 2],
+        [v, near_v]: &[Places; 2],
+        own: &mut TangentScratch,
+    ) -> Around {
+        let mut forces = [[0.0; PLACES]; 3];
+        let (d, v) = ([*d, *d, *near_d], [*v, *near_v, *v]);
+        // The force of a damper is the same nearby in elongation.
+        let n = if self.is_damping_alone() { 2 } else { 3 };
+        native.run(
+            d[..n].as_flattened(),
+            v[..n].as_flattened(),
+            forces[..n].as_flattened_mut(),
+            &own.numbers,
+            &mut own.room,
+        );
+        let [force, near_v, last] = forces;
+        let near_d = if n == 3 { last } else { force };
+        Around {
+            force,
+            near_d,
+            near_v,
+        }
+    }
+
+    fn program_forces(&self, d: &[Places; 2], v: &[Places; 2], own: &mut TangentScratch) -> Around {
+        let registers = &mut own.elastic;
+        let [force, near_d] = match &self.elastic {
+            Elastic::None => [[0.0; PLACES]; 2],
+            Elastic::Expression { program, .. } => {
+                self.load(&mut registers[0].0, d.as_flattened());
+                halves(program.run_few(registers))
+            }
+            Elastic::Points(points) => d.map(|d| d.map(|d| points.value(d / self.reach))),
+        };
+        let mut around = Around {
+            force,
+            near_d,
+            near_v: force,
+        };
+        if let Some(damping) = &self.damping {
+            let registers = &mut own.damping;
+            let [drag, near_v] = self.drags(damping, [&[d[0]; 2], v], registers);
+            let near_d = if damping.reads_d() {
+                self.drags(damping, [d, &[v[0]; 2]], registers)[1]
+            } else {
+                drag
+            };
+            for place in 0..PLACES {
+                around.force[place] += drag[place];
+                around.near_d[place] += near_d[place];
+                around.near_v[place] += near_v[place];
+            }
+        }
+        if self.reach != 1.0 {
+            for forces in [&mut around.force, &mut around.near_d, &mut around.near_v] {
+                forces.iter_mut().for_each(|force| *force /= self.reach);
+            }
+        }
+        around
+    }
+
+    #[inline(always)]
+    fn drags(
+        &self,
+        damping: &Program,
+        at: [&[Places; 2]; 2],
+        registers: &mut [Few],
+    ) -> [Places; 2] {
+        for (register, at) in registers.iter_mut().zip(at) {
+            self.load(&mut register.0, at.as_flattened());
+        }
+        halves(damping.run_few(registers))
+    }
+}
+
+fn halves(Few(values): &Few) -> [Places; 2] {
+    let (halves, _) = values.as_chunks::<PLACES>();
+    [halves[0], halves[1]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::LawText;
+
+    /// The slopes of a cubic spring and of a damping that depends on the elongation, also behind a lever.
+    #[test]
+    fn slopes_are_those_of_the_closed_form() {
+        let text = LawText {
+            law: Some("2*d + 5*d**3"),
+            damping: Some("0.3*v + 4*d*v**2"),
+            ..LawText::default()
+        };
+        for reach in [1.0, 0.7] {
+            let law = Law::new(&text)
+                .and_then(|law| law.through(reach))
+                .expect("a law");
+            let (d, v) = ([0.0, 0.1, -0.3, 2.0], [0.5, -0.2, 0.0, 3.0]);
+            let found = law.tangents(&d, &v, &mut law.tangent_scratch());
+            for place in 0..PLACES {
+                let (x, u) = (d[place] / reach, v[place] / reach);
+                let by_d = (2.0 + 15.0 * x * x + 4.0 * u * u) / (reach * reach);
+                let by_v = (0.3 + 8.0 * x * u) / (reach * reach);
+                assert!(
+                    (found.by_d[place] / by_d - 1.0).abs() < 1e-5,
+                    "{found:?} {by_d}"
+                );
+                assert!(
+                    (found.by_v[place] / by_v - 1.0).abs() < 1e-5,
+                    "{found:?} {by_v}"
+                );
+            }
+        }
+    }
+}
