@@ -50,15 +50,13 @@ impl Bristle {
         self.stiffness * v.abs() / self.steady(v)
     }
 
-    /// Slope of the wear over the speed at `v`, where the wear is `wear` [1/m].
-    pub(crate) fn wear_slope(&self, v: f64, wear: f64) -> f64 {
-        if v == 0.0 {
-            return 0.0;
-        }
-        // g and its slope; |v| = w·g/σ0.
-        let level = self.stiffness * v.abs() / wear;
-        let fall = -2.0 * v / (self.speed * self.speed) * (level - self.level);
-        wear * (1.0 / v - fall / level)
+    /// The wear at `v`, and its slope over the speed [1/m]; at rest, where the wear has a kink, the slope is 0.
+    pub(crate) fn wear_and_slope(&self, v: f64) -> (f64, f64) {
+        let level = self.steady(v);
+        let wear = self.stiffness * v.abs() / level;
+        let fall = -2.0 * (v / self.speed) * (level - self.level) / self.speed;
+        let sign = if v == 0.0 { 0.0 } else { v.signum() };
+        (wear, (self.stiffness * sign - wear * fall) / level)
     }
 
     /// Force [N] of bristles bent by `z` [m] whose ends separate at `v` [m/s].
@@ -165,13 +163,18 @@ mod tests {
         for v in [-0.5, -0.02, -1e-3, 1e-4, 0.01, 0.03] {
             let by = 1e-7 * v;
             let slope = (BOW.wear(v + by) - BOW.wear(v - by)) / (2.0 * by);
-            let own = BOW.wear_slope(v, BOW.wear(v));
+            let (wear, own) = BOW.wear_and_slope(v);
+            assert_eq!(wear, BOW.wear(v));
             assert!(
                 (own - slope).abs() < 1e-6 * slope.abs(),
                 "{v}: {own} {slope}"
             );
         }
-        assert_eq!(BOW.wear_slope(0.0, 0.0), 0.0);
+        assert_eq!(BOW.wear_and_slope(0.0), (0.0, 0.0));
+        // Bristles whose stiffness is led to 0 do not wear; the slowest motion has a finite slope.
+        assert_eq!(BOW.with(0.0, 1.0).wear_and_slope(0.3), (0.0, 0.0));
+        let (_, slope) = BOW.wear_and_slope(1e-310);
+        assert!((slope - BOW.stiffness / BOW.static_level).abs() < 1e-9 * slope);
     }
 
     /// Bristles that slow sliding bent to Fs spring back when sliding goes on at a speed at which only Fc holds.

@@ -272,7 +272,8 @@ impl Bent {
     fn new(now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<Self> {
         let by = [now[0].bristle()?, now[1].bristle()?, now[2].bristle()?];
         let (start, h) = (now[0].bend, h / now[0].rate());
-        let wear: Stages = std::array::from_fn(|stage| by[stage].wear(v[stage]));
+        let worn = [0, 1, 2].map(|stage: usize| by[stage].wear_and_slope(v[stage]));
+        let wear = worn.map(|(wear, _)| wear);
         let left =
             square(|stage, column| one(stage, column) + h * MEANS[stage][column] * wear[column]);
         let left = inverse(&left);
@@ -280,9 +281,7 @@ impl Bent {
         let bends = left.map(|row| dot(&row, &moved));
         let rates: Stages = std::array::from_fn(|stage| v[stage] - wear[stage] * bends[stage]);
         // Slope of the rate of each bend over the rate of its ends.
-        let gives: Stages = std::array::from_fn(|stage| {
-            1.0 - by[stage].wear_slope(v[stage], wear[stage]) * bends[stage]
-        });
+        let gives: Stages = std::array::from_fn(|stage| 1.0 - worn[stage].1 * bends[stage]);
         let force = |stage: usize| {
             now[stage].open * by[stage].worn_force(bends[stage], v[stage], wear[stage])
         };
