@@ -31,18 +31,18 @@ wide! {
     ) {
         // If their number is known when this is compiled, the sums stay in registers.
         match path.len().div_ceil(PADDING) {
-            1 => add_known::<4>(row, table, [now, next], path),
-            2 => add_known::<8>(row, table, [now, next], path),
-            3 => add_known::<12>(row, table, [now, next], path),
-            4 => add_known::<16>(row, table, [now, next], path),
-            5 => add_known::<20>(row, table, [now, next], path),
-            _ => add_known::<24>(row, table, [now, next], path),
+            1 => add_padded::<4>(row, table, [now, next], path),
+            2 => add_padded::<8>(row, table, [now, next], path),
+            3 => add_padded::<12>(row, table, [now, next], path),
+            4 => add_padded::<16>(row, table, [now, next], path),
+            5 => add_padded::<20>(row, table, [now, next], path),
+            _ => add_padded::<24>(row, table, [now, next], path),
         }
     }
 }
 
 #[inline(always)]
-fn add_known<const N: usize>(
+fn add_padded<const N: usize>(
     row: &Lanes,
     table: &[f64],
     [now, next]: [&Lanes; 2],

@@ -28,16 +28,15 @@ impl RunningModal {
         let square = rate.step() * rate.step();
         let n = instants.len();
         let interpolation = |mode: usize| {
-            let mut weights = [
-                vec![0.0; n.next_multiple_of(PADDING)],
-                vec![0.0; n.next_multiple_of(PADDING)],
-            ];
+            let n_padded = n.next_multiple_of(PADDING);
+            let mut weights = vec![0.0; 2 * n_padded];
+            let (now, next) = weights.split_at_mut(n_padded);
             if let Some(own) = plan.response(mode) {
-                for (j, &instant) in instants.iter().enumerate() {
-                    (weights[0][j], weights[1][j]) = own.interpolation(instant, rate);
+                for ((now, next), &instant) in now.iter_mut().zip(next).zip(instants) {
+                    (*now, *next) = own.interpolation(instant, rate);
                 }
             }
-            weights.concat()
+            weights
         };
         let kick = |port: usize, mode: usize, j: usize| {
             let own = plan.port_response(port, mode);
