@@ -102,10 +102,12 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             return Ok(None);
         };
         let mut start = self.search(&found).start(self.island, &found.run)?;
-        // A steep law that is computed once a frame may chatter; two runs then differ as if the motion were chaotic.
+        // A steep law that is computed once a frame may chatter; two runs then differ as if the motion were chaotic, or
+        // share nothing.
         let may_chatter = self.island.may_collocate && !is_by_waveform;
+        let is_far_off = |start: &Candidate| start.is_far_off(self.budget);
         if may_chatter
-            && start.as_ref().is_some_and(Candidate::differs_by_spectrum)
+            && start.as_ref().is_some_and(is_far_off)
             && let Some(fine) = self.contacts(true)?
         {
             found = fine;

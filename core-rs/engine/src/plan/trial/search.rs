@@ -72,6 +72,9 @@ const METHOD_GAIN: f64 = 6.0;
 const RATE_GAIN: f64 = 3.0;
 /// A step is also worth its cost if it divides the audible error by at least this.
 const AUDIBLE_GAIN: f64 = 1.5;
+/// Laws whose audible error at one computation a step exceeds the budget by this factor are computed between frames:
+/// that costs about as much as two doublings of the rate, which divide an error of order 1 by this factor.
+const FAR_OFF: f64 = 4.0;
 /// Differences of third octaves between runs that have parted [dB]. Two runs that differ by rounding alone are up to 2
 /// dB apart over 0.3 s (the bundled tamtam, struck softly to hard), so differences below `SPECTRUM_NOISE` are as good
 /// as none; above it a step has to gain `SPECTRUM_GAIN`.
@@ -344,11 +347,13 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
 }
 
 impl Candidate {
-    /// Whether the motion is chaotic and its spectrum differs by more than rounding explains.
-    pub(in crate::plan) fn differs_by_spectrum(&self) -> bool {
-        self.parting
-            .as_ref()
-            .is_some_and(|parting| parting.spectral > SPECTRUM_NOISE)
+    /// Whether the motion is chaotic and its spectrum differs by more than rounding explains, or the audible error is far
+    /// above the budget.
+    pub(in crate::plan) fn is_far_off(&self, budget: &Budget) -> bool {
+        match &self.parting {
+            Some(parting) => parting.spectral > SPECTRUM_NOISE,
+            None => self.excess(budget) > FAR_OFF,
+        }
     }
 
     /// The most exact known run, and its error.
