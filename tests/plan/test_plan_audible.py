@@ -131,6 +131,53 @@ def test_a_bow_that_is_far_off_once_a_frame_is_computed_between_frames_by_ear():
     assert level < 0.3
 
 
+HELD = """
+ergon: 1
+rates: {{audio: 48kHz}}
+tempo: [{{at: 1|1, bpm: 60, meter: 4/4}}]
+instruments:
+  clamp:
+    modules:
+      m: {{CEL: {{M: 1.2g, f: 1.5kHz, X0: 3mm}}}}
+      l: {{DRY: {{to: m, F: 560N, {falls}}}}}
+    out: {{o: {{SOX: m}}}}
+strikes: {{k: {{to: clamp.m, at: 30ms, impulse: 0.54mNs}}}}
+mix: {{channels: 1, route: [{{from: clamp.o, to: [1]}}]}}
+render: {{bits: float, tail: 0.3s}}
+"""
+
+
+def held(falls: str, accuracy: Accuracy) -> tuple[_core.Plan, np.ndarray]:
+    piece = load("scene.yaml", text=HELD.format(falls=falls)).piece
+    assert piece is not None
+    ready = prepare(piece)
+    made = planning.make(ready.network, ready.timeline, accuracy)
+    assert not made.notes
+    simulation = _core.Simulation(ready.network, ready.timeline, plan=made.plan)
+    sound = np.empty((ready.n_frames, simulation.n_out))
+    simulation.process(sound)
+    return made.plan, sound[:, 0]
+
+
+def test_a_strike_that_friction_stops_within_a_frame_is_heard():
+    _, sound = held("static: 560N", Accuracy())
+    # The mass slides on a part of one swing about the place where its spring balances the friction.
+    mass, omega, start, speed = 1.2e-3, 2.0 * np.pi * 1500.0, 3e-3, 0.54e-3 / 1.2e-3
+    middle = -560.0 / (mass * omega**2)
+    end = middle + np.hypot(start - middle, speed / omega)
+    assert sound[0] == start
+    assert abs(sound[-1] - end) < 1e-3 * (end - start)
+
+
+def test_a_mass_that_steep_friction_holds_is_cheap_between_frames():
+    plan, sound = held("static: 765N, speed: 83mm/s", Accuracy(error=-40.0))
+    assert sound[0] != sound[-1]
+    (choice,) = plan.choices()
+    # Short steps while it holds took 50,000 ns.
+    assert choice.counted_cost is not None
+    assert choice.counted_cost < 3000
+
+
 def row(
     cents: float,
     t60: float,

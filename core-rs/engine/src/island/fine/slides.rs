@@ -17,7 +17,7 @@ use super::{Fine, Script};
 use crate::network::Dry;
 use crate::scheme::Scheme;
 use crate::state::Body;
-use script::SlideScript;
+use script::{Pace, SlideScript};
 
 /// Most steps tried in a frame, before one step takes the rest of it.
 const STEPS_MAX: usize = 256;
@@ -41,7 +41,7 @@ pub(super) struct Frictions {
     pub(super) script: Arc<SlideScript>,
     /// The links as they are in this step   (n_dry)
     slides: Vec<Slide>,
-    /// Responses of the velocities to the forces in this step, as in [`SlideScript::moves`]   (n_dry²)
+    /// Responses of the velocities to the forces in this step, as in [`script::Pace::moves`]   (n_dry²)
     moves: Vec<Square>,
     /// Equations for the forces in this step   (3·n_dry, 3·n_dry + 1)
     system: Vec<f64>,
@@ -132,7 +132,7 @@ impl Fine {
             let [way, given] = &mut self.saved;
             way.copy_from_slice(&self.way);
             given.copy_from_slice(&self.given);
-            let mut taken = frame.slides.length(s);
+            let mut taken = self.pace(frame).length(s);
             self.step_frictions(frame, (s, taken), &mut left);
             let slides = &mut self.frictions.slides;
             slides.iter_mut().for_each(|slide| slide.is_located = false);
@@ -202,7 +202,8 @@ impl Fine {
     fn settle(&mut self, frame: Frame<'_>, s: f64) {
         let stands = |slide: &Slide| slide.direction == 0.0;
         while self.frictions.slides.iter().any(stands) {
-            self.solve_forces(frame, (s, frame.slides.length(s)));
+            let h = self.pace(frame).length(s);
+            self.solve_forces(frame, (s, h));
             let excess = |own: usize| {
                 let slide = &self.frictions.slides[own];
                 let level = self.friction(frame, (own, s)).level(0.0);
@@ -217,6 +218,14 @@ impl Fine {
             };
             self.frictions.slides[own].direction = direction;
         }
+    }
+
+    /// The even steps of a frame in the present state: only a slide whose level falls needs short ones.
+    fn pace<'a>(&self, frame: Frame<'a>) -> &'a Pace {
+        let mut slides = self.frictions.slides.iter().zip(&frame.slides.dry);
+        frame
+            .slides
+            .pace(slides.any(|(slide, (dry, _))| slide.direction != 0.0 && dry.falls()))
     }
 
     /// The friction of a link at an instant of this frame.

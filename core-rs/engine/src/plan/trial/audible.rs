@@ -25,6 +25,8 @@ pub struct Audible {
 const CENTS: f64 = 3.0;
 const T60: f64 = 0.05;
 const LEVEL: f64 = 1.0;
+/// What differs from the mean by less than this share of the largest position is rounding, and no sound.
+const ROUNDING: f64 = 1e-14;
 
 impl Audible {
     /// The error of a run against one at half its step, from the first event on, with partials up to `upto` [Hz].
@@ -39,7 +41,9 @@ impl Audible {
                 .copied()
                 .collect();
             let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
-            own.iter().map(|x| x - mean).collect()
+            let largest = own.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            let sounds = |x: f64| if x.abs() > ROUNDING * largest { x } else { 0.0 };
+            own.iter().map(|x| sounds(x - mean)).collect()
         };
         (0..n_out).fold(Self::default(), |worst, output| {
             let (ours, theirs) = (one(run, output), one(finer, output));
@@ -93,5 +97,26 @@ impl Audible {
             }
             Budget::Error(_) | Budget::Method(_) => 0.0,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounding_of_a_place_at_rest_is_not_heard() {
+        let spans = Spans {
+            n_out: 1,
+            rate: 32_000.0,
+            frames: [3_200, 6_400, 9_600],
+        };
+        let rests = |ulp: f64| -> Vec<f64> {
+            let of = |i: u32| -9.8e-5 + ulp * f64::from(i.count_ones() % 2);
+            (0..9_600).map(of).collect()
+        };
+        let heard = |ulp: f64| Audible::of(&rests(ulp), &rests(2.0 * ulp), &spans, 5_000.0);
+        assert_eq!(heard(1e-20), Audible::default());
+        assert!(heard(1e-9).level > 5.0);
     }
 }

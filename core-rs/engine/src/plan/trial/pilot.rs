@@ -101,23 +101,22 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         let Some(mut found) = self.contacts(is_by_waveform)? else {
             return Ok(None);
         };
-        let mut start = self.search(&found).start(self.island, &found.run)?;
-        // A steep law that is computed once a frame may chatter; two runs then differ as if the motion were chaotic, or
-        // share nothing.
-        let may_chatter = self.island.may_collocate && !is_by_waveform;
-        let is_far_off = |start: &Candidate| start.is_far_off(self.budget);
-        if may_chatter
-            && start.as_ref().is_some_and(is_far_off)
+        // A steep law that is computed once a frame may chatter, and friction may hold what it should not.
+        let may_be_finer = self.island.may_collocate && !is_by_waveform;
+        let mut best = self.best(&found, may_be_finer)?;
+        let misses = |best: &Candidate| best.misses(self.budget) || best.is_held();
+        if may_be_finer
+            && best.as_ref().is_some_and(misses)
             && let Some(fine) = self.contacts(true)?
         {
+            best = self.best(&fine, false)?;
             found = fine;
-            start = self.search(&found).start(self.island, &found.run)?;
         }
         let played = (&self.runs, &self.spans);
         let audible = found.audible(self.island, self.budget, played, self.allowance);
         let audible = unless_spent(audible)?.flatten().unwrap_or_default();
-        let result = match start {
-            Some(start) => self.find_by_search((&found, audible), start)?,
+        let result = match best {
+            Some(best) => self.finish_search((&found, audible), best)?,
             None => self.contacts_alone(&found)?,
         };
         Ok(Some(result))
@@ -163,14 +162,27 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         Ok(chosen.into())
     }
 
-    /// The best island that the search finds, or a cheaper one; `audible` is the audible error of contacts.
-    fn find_by_search(
+    /// The best island that the search finds; `None` if none was held against half its step. If laws may be computed
+    /// between frames, and that is not dear, nothing is searched once these are far off.
+    fn best(&self, found: &Contacts, may_be_finer: bool) -> Result<Option<Candidate>, Error> {
+        let search = self.search(found);
+        let Some(start) = search.start(self.island, &found.run)? else {
+            return Ok(None);
+        };
+        let is_far_off = may_be_finer && start.is_far_off(self.budget);
+        if is_far_off && search.dear_cost(self.island).is_none() {
+            return Ok(Some(start));
+        }
+        search.improve(start, self.budget).map(Some)
+    }
+
+    /// The result of a search, or a cheaper island; `audible` is the audible error of contacts.
+    fn finish_search(
         &self,
         (found, audible): (&Contacts, Audible),
-        start: Candidate,
+        mut best: Candidate,
     ) -> Result<PilotResult, Error> {
         let search = self.search(found);
-        let mut best = search.improve(start, self.budget)?;
         if best.run.is_lost
             && let Some((island, run)) = self.unconditionally_stable()?
         {

@@ -53,6 +53,15 @@ pub(in crate::plan) struct PilotRun {
     pub(in crate::plan) is_lost: bool,
 }
 
+impl PilotRun {
+    /// Whether none of its `n_out` outputs changes.
+    pub(in crate::plan) fn is_still(&self, n_out: usize) -> bool {
+        let mut frames = self.sound.chunks_exact(n_out.max(1));
+        let first = frames.next();
+        frames.all(|frame| Some(frame) == first)
+    }
+}
+
 /// Work that depends on the motion: that of contacts and laws [ns a frame].
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::plan) struct CountedCost {

@@ -15,17 +15,10 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// Returns the cheapest plain way within the budget. `None` if each costs more than the `island`, if none keeps the
     /// budget, if the motion is chaotic, or if the budget is not one of the waveform.
     pub(in crate::plan) fn plain(&self, island: &Assembled) -> Result<Option<Candidate>, Error> {
-        let mut fine = island.island_plan.clone();
-        let is_fine = fine.contact_substeps > 1 || island.may_collocate;
-        if !is_fine || !matches!(self.budget, Budget::Error(_)) {
+        let by_waveform = matches!(self.budget, Budget::Error(_));
+        let Some(cost) = self.dear_cost(island).filter(|_| by_waveform) else {
             return Ok(None);
-        }
-        fine.contact_substeps = fine.contact_substeps.max(Budget::STEPS_MIN);
-        let cost = fine.cost();
-        let is_cheaper = |plain: &Assembled| f64::from(TIMES_MAX) * plain.island_plan.cost() < cost;
-        if !self.plainly(1).is_some_and(|plain| is_cheaper(&plain)) {
-            return Ok(None);
-        }
+        };
         self.with_share(|search| {
             let reference = unless_spent(search.reference())?.flatten();
             match reference.filter(|reference| reference.parting.is_none()) {
@@ -33,6 +26,18 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
                 None => Ok(None),
             }
         })
+    }
+
+    /// The cost of the `island` with contacts and laws between frames, if plain ways cost less even at the highest rate.
+    pub(in crate::plan) fn dear_cost(&self, island: &Assembled) -> Option<f64> {
+        let mut fine = island.island_plan.clone();
+        if fine.contact_substeps == 1 && !island.may_collocate {
+            return None;
+        }
+        fine.contact_substeps = fine.contact_substeps.max(Budget::STEPS_MIN);
+        let cost = fine.cost();
+        let plain = self.plainly(1)?.island_plan.cost();
+        (f64::from(TIMES_MAX) * plain < cost).then_some(cost)
     }
 
     /// The island by the plain way at some oversampling; `None` if it would take too long, or is not stable.

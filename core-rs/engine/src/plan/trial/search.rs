@@ -203,6 +203,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
         // Two runs say little of friction, and of laws that are computed once a step.
         let has_plain_laws = island.may_collocate && contact_substeps == 1;
         let by_two_runs = error;
+        let mut heard = (fine.clone(), change);
         if last.is_none()
             && (island.sticks() || has_plain_laws)
             && let Some(finest) = self.finer(finer)
@@ -216,6 +217,10 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
                 false => amplitude_sum([change, of_finer]),
             });
             left = at_most_first_order(left, Some(error));
+            if island.sticks() {
+                let apart = difference(&run.sound, &finest.sound, self.spans);
+                heard = (finest, apart);
+            }
         }
         let first = || Stretches::of(&run.sound, self.spans);
         let parting = if run.is_lost {
@@ -230,12 +235,13 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
             pair.parting(&island.island_plan, contact_substeps, self.allowance)?
                 .or_else(|| self.chaos.map(|known| known.compare_other(&pair, false)))
         };
-        let audible = Audible::of_budget(self.budget, (&run, &fine.sound), self.spans)
+        let (heard, apart) = heard;
+        let audible = Audible::of_budget(self.budget, (&run, &heard.sound), self.spans)
             .filter(|_| parting.is_none())
             .map(|audible| {
                 // Steps of friction are all heard; of a law's error most is the phase of a chatter.
                 let error = if island.sticks() { error } else { by_two_runs };
-                audible.times(decibels(error - change))
+                audible.times(decibels(error - apart))
             });
         Ok(Some(Candidate {
             parting,
@@ -267,20 +273,8 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
         mut best: Candidate,
         budget: &Budget,
     ) -> Result<Candidate, Error> {
-        let is_short = |best: &Candidate| match (budget, &best.parting) {
-            // The rest of the budget is for contacts and left-out modes.
-            (Budget::Error(_), None) => best.error > budget.contact(),
-            // No waveform can be kept: the attack is judged by its waveform, the whole by its spectrum.
-            (Budget::Error(_), Some(parting)) => {
-                let most = budget.contact();
-                (parting.attack > most && parting.is_attainable(most))
-                    || parting.spectral > SPECTRUM_NOISE
-            }
-            (_, Some(parting)) => parting.spectral > SPECTRUM_NOISE,
-            (_, None) => best.run.is_lost || best.excess(budget) > 1.0,
-        };
         let mut fair = None;
-        while is_short(&best) {
+        while best.misses(budget) {
             let Some(better) = unless_spent(self.better(&best))?.flatten() else {
                 break;
             };
@@ -347,6 +341,22 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
 }
 
 impl Candidate {
+    /// Whether its error is above the budget.
+    pub(in crate::plan) fn misses(&self, budget: &Budget) -> bool {
+        match (budget, &self.parting) {
+            // The rest of the budget is for contacts and left-out modes.
+            (Budget::Error(_), None) => self.error > budget.contact(),
+            // No waveform can be kept: the attack is judged by its waveform, the whole by its spectrum.
+            (Budget::Error(_), Some(parting)) => {
+                let most = budget.contact();
+                (parting.attack > most && parting.is_attainable(most))
+                    || parting.spectral > SPECTRUM_NOISE
+            }
+            (_, Some(parting)) => parting.spectral > SPECTRUM_NOISE,
+            (_, None) => self.run.is_lost || self.excess(budget) > 1.0,
+        }
+    }
+
     /// Whether the motion is chaotic and its spectrum differs by more than rounding explains, or the audible error is far
     /// above the budget.
     pub(in crate::plan) fn is_far_off(&self, budget: &Budget) -> bool {
@@ -354,6 +364,13 @@ impl Candidate {
             Some(parting) => parting.spectral > SPECTRUM_NOISE,
             None => self.excess(budget) > FAR_OFF,
         }
+    }
+
+    /// Whether dry friction holds all that is heard: by CA a strike that friction can stop within a step moves nothing, at
+    /// any rate.
+    pub(in crate::plan) fn is_held(&self) -> bool {
+        let n_out = self.island.island_plan.network.outputs().len();
+        self.island.sticks() && self.run.is_still(n_out)
     }
 
     /// The most exact known run, and its error.

@@ -68,13 +68,14 @@ pub(in crate::plan) struct Spans {
     pub(in crate::plan) n_out: usize,
     /// Frames a second [Hz].
     pub(in crate::plan) rate: f64,
-    frames: [usize; 3],
+    pub(in crate::plan) frames: [usize; 3],
 }
 
 impl Spans {
     pub(in crate::plan) fn of(island_plan: &IslandPlan, n_frames: usize) -> Self {
         let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
-        let third = (AFTER / 3.0 * rate) as usize;
+        // Rounded up: the frame of the event belongs to the spans.
+        let third = (AFTER / 3.0 * rate).ceil() as usize;
         Self {
             n_out: island_plan.network.outputs().len(),
             frames: [2, 1, 0].map(|thirds| n_frames.saturating_sub(thirds * third)),

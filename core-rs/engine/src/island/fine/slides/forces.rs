@@ -34,9 +34,10 @@ impl Fine {
             return;
         }
         let (script, n_dry) = (frame.script, frame.slides.links.len());
+        let pace = self.pace(frame);
         let frictions = &mut self.frictions;
-        if frame.slides.is_even(h) {
-            frictions.moves.copy_from_slice(&frame.slides.moves);
+        if pace.is_even(h) {
+            frictions.moves.copy_from_slice(&pace.moves);
         } else {
             let integrals = Integrals::new(script, h);
             for (moves, response) in frictions.moves.iter_mut().zip(&frame.slides.responses) {

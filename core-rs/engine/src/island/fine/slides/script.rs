@@ -13,11 +13,18 @@ pub(in crate::island::fine) struct SlideScript {
     pub(super) links: Vec<usize>,
     /// Friction of each link, and frames a second   (n_dry)
     pub(super) dry: Vec<(Dry, f64)>,
-    /// Steps of a frame without events.
-    parts: usize,
+    /// Steps without events: while every link holds or slides at a constant level, and while a level falls.
+    paces: [Pace; 2],
     /// Response of each velocity to an impulse of each link, by the time since the impulse, as coefficients of the basis
     /// [m/frame per N·s]; empty if there is none   (n_dry², n)
     pub(super) responses: Vec<Vec<f64>>,
+}
+
+/// Even steps of a frame.
+#[derive(Clone, Debug)]
+pub(super) struct Pace {
+    /// Steps of a frame.
+    parts: usize,
     /// Response of each velocity to the force of each link, at the Gauss points of such a step [m/frame per N]   (n_dry²)
     pub(super) moves: Vec<Square>,
 }
@@ -36,22 +43,34 @@ impl SlideScript {
                 .steps(rate * script.jump(a, b) * script.rate.step())
         };
         let most = links.iter().zip(&dry).map(steps).fold(1.0, f64::max);
-        let least = (script.steps / 2).max(1) as f64;
-        let parts = (least * most).ceil().min(STEPS_MAX as f64 / 4.0) as usize;
+        let least = (script.steps / 2).max(1);
+        let fast = (least as f64 * most).ceil().min(STEPS_MAX as f64 / 4.0) as usize;
         let pairs = links.iter().flat_map(|&to| {
             let from = links.iter();
             from.map(move |&from| [script.ends[to], script.ends[from]])
         });
         let responses: Vec<Vec<f64>> = pairs.map(|ends| velocity_response(script, ends)).collect();
-        let integrals = Integrals::new(script, 1.0 / parts as f64);
         Self {
-            moves: (responses.iter())
-                .map(|response| integrals.of(response))
-                .collect(),
+            paces: [least, fast].map(|parts| Pace::new(script, parts, &responses)),
             responses,
-            parts,
             links,
             dry,
+        }
+    }
+
+    /// The even steps, if a level that depends on the velocity slides or if none does.
+    pub(super) fn pace(&self, falls: bool) -> &Pace {
+        &self.paces[usize::from(falls)]
+    }
+}
+
+impl Pace {
+    fn new(script: &Script, parts: usize, responses: &[Vec<f64>]) -> Self {
+        let integrals = Integrals::new(script, 1.0 / parts as f64);
+        let of = |response: &Vec<f64>| integrals.of(response);
+        Self {
+            parts,
+            moves: responses.iter().map(of).collect(),
         }
     }
 
@@ -61,7 +80,7 @@ impl SlideScript {
         rest / (rest * self.parts as f64 - SKIPPED).ceil().max(1.0)
     }
 
-    /// Whether a step has the length of a frame's even steps.
+    /// Whether a step has the length of the even steps.
     pub(super) fn is_even(&self, h: f64) -> bool {
         (h * self.parts as f64 - 1.0).abs() < SKIPPED
     }
