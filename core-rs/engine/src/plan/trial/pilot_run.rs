@@ -53,13 +53,11 @@ pub(in crate::plan) struct PilotRun {
     pub(in crate::plan) is_lost: bool,
 }
 
-impl PilotRun {
-    /// Whether none of its `n_out` outputs changes.
-    pub(in crate::plan) fn is_still(&self, n_out: usize) -> bool {
-        let mut frames = self.sound.chunks_exact(n_out.max(1));
-        let first = frames.next();
-        frames.all(|frame| Some(frame) == first)
-    }
+/// Whether nothing changes in a sound, (n_frames · n_out).
+pub(in crate::plan) fn is_still(sound: &[f64], n_out: usize) -> bool {
+    let mut frames = sound.chunks_exact(n_out.max(1));
+    let first = frames.next();
+    frames.all(|frame| Some(frame) == first)
 }
 
 /// Work that depends on the motion: that of contacts and laws [ns a frame].
@@ -112,6 +110,10 @@ pub(in crate::plan) fn frames_at_rest(
     // Faults are muted: a pilot does not report them.
     let _ = island.process(&mut sound, AT_REST, &mut ThreadTeam::alone());
     meter.draw(&island, island.computed() as usize)?;
+    // What comes to rest is heard until then.
+    if !is_still(&sound, island.n_out()) {
+        return Ok(0);
+    }
     let last = island.rests_until().unwrap_or(0) / u64::from(island_plan.oversampling);
     Ok(usize::try_from(last).unwrap_or(0))
 }

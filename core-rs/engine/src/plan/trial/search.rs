@@ -13,7 +13,7 @@ use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
-use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
+use crate::plan::trial::pilot_run::{PilotRun, is_affordable, is_still};
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::waveform_error::{
     DOUBLING, EarlyComparison, ORDERS, Spans, amplitude_difference, amplitude_sum,
@@ -370,7 +370,7 @@ impl Candidate {
     /// any rate.
     pub(in crate::plan) fn is_held(&self) -> bool {
         let n_out = self.island.island_plan.network.outputs().len();
-        self.island.sticks() && self.run.is_still(n_out)
+        self.island.sticks() && is_still(&self.run.sound, n_out)
     }
 
     /// The most exact known run, and its error.
