@@ -313,6 +313,12 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
             if let Some(candidate) = candidate.filter(is_better) {
                 return Ok(Some(candidate));
             }
+            // If meshes at half the step gain nothing, the error comes from elsewhere.
+            let (kind, steps) = method;
+            let is_halved = |own: usize| MESH_METHODS[own] == (kind, steps / 2);
+            if best.method_index.is_some_and(is_halved) {
+                break;
+            }
         }
         if 2 * best.oversampling > TIMES_MAX {
             return Ok(None);
