@@ -8,9 +8,10 @@ use crate::network::Network;
 use crate::plan::BankPlan;
 use crate::units::Rate;
 
-/// Loudness is compared over this time and over two, three … `TIMES` times as long, from the first sound [s].
-const FIRST: f64 = 0.1;
-const TIMES: usize = 10;
+/// Loudness is compared over this time, the shortest that a pilot compares, and over two, three … `TIMES` times as long,
+/// from the first sound [s].
+const FIRST: f64 = 0.05;
+const TIMES: usize = 20;
 /// Frames at once.
 const BLOCK: usize = 256;
 
