@@ -5,7 +5,7 @@ import pytest
 
 from ergon import _core
 from ergon.lab import metrics
-from ergon.lab.scene import Score
+from ergon.lab.scene import NetworkAndTimeline, Score
 from ergon.scores.reading.load import load
 
 RATE = 44_100.0
@@ -92,3 +92,55 @@ def test_what_comes_to_rest_before_an_event_is_tried_from_its_beginning():
             assert not choice.counted_cost
     rough, exact = sounds
     assert metrics.waveform_db(rough, exact) <= -45.0
+
+
+FELT = """\
+ergon: 1
+rates: {audio: 44.1kHz}
+instruments:
+  g:
+    modules:
+      s: {STRING: {masses: 40, M: 0.5g, f: 131Hz, t60: 3s, ends: fixed}}
+      felt: {DRY: {to: s.20, F: 2N, static: 3.5N, speed: 20mm/s}}
+    out: {o: {SOX: s.31}OTHERS}
+strikes: {a: {to: g.s.9, at: 50ms, impulse: 0.2mNs}, b: {to: g.s.9, at: 400ms, impulse: 3mNs}}
+mix: {channels: 1}
+"""
+
+
+def felt(others: str) -> NetworkAndTimeline:
+    piece = load("scene.yaml", text=FELT.replace("OTHERS", others)).piece
+    assert piece is not None
+    return Score(piece).at(RATE)
+
+
+def played(scene: NetworkAndTimeline, plan: _core.Plan) -> np.ndarray:
+    simulation = _core.Simulation(scene.network, scene.timeline, plan=plan)
+    sound = np.empty((round(0.7 * RATE), simulation.n_out))
+    simulation.process(sound)
+    return sound
+
+
+def test_where_friction_holds_the_first_blow_the_first_that_is_heard_is_tried():
+    scene = felt("")
+    (by_ca,) = _core.Plan(scene.network, scene.timeline, method="ca").choices()
+    pins = [by_ca._replace(oversampling=64)]
+    exact = played(scene, _core.Plan(scene.network, scene.timeline, method="ca", pins=pins))
+    for error_db in (-40.0, -60.0):
+        plan = _core.Plan(scene.network, scene.timeline, error_db=error_db)
+        error = metrics.waveform_db(played(scene, plan), exact)
+        assert error < error_db
+        stated = [row.error_db for row in plan.rows() if row.error_db is not None]
+        assert error < max(stated) + 1.0
+        # Not only the first blow, which moves nothing beyond the felt.
+        assert all(row.error_s == pytest.approx(0.7, abs=0.01) for row in plan.rows())
+
+
+def test_an_output_that_hears_only_rounding_is_silent():
+    # The felt and what lies beyond it differ from run to run by as much as they move.
+    scene = felt(", near: {SOX: s.9}, felt: {SOX: s.20}")
+    plan = _core.Plan(scene.network, scene.timeline, error_db=-60.0)
+    rows = plan.rows()
+    assert all(row.error_db is not None and row.error_db <= -60.0 for row in rows)
+    (choice,) = plan.choices()
+    assert (choice.counted_cost or 0) < 10_000

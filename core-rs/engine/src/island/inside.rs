@@ -87,18 +87,23 @@ impl BodyPlan {
         }
     }
 
-    /// Frame of its first strike [frames]; infinite if it has none.
-    pub(crate) fn first_strike(&self) -> f64 {
-        let first = match self {
+    /// Frame of its first strike from a frame on [frames]; infinite if it has none.
+    pub(crate) fn next_strike(&self, from: f64) -> f64 {
+        let first = |frames: &mut dyn Iterator<Item = u64>| {
+            let frames = frames.map(|frame| frame as f64);
+            frames
+                .filter(|frame| *frame >= from)
+                .fold(f64::INFINITY, f64::min)
+        };
+        match self {
             Self::Modal(modal) => {
                 let blows = modal.struck.iter().flat_map(|struck| &struck.blows);
-                blows.map(|&(frame, _, _)| frame).min()
+                first(&mut blows.map(|&(frame, _, _)| frame))
             }
-            Self::Mesh(mesh) => mesh.strikes.first().map(|&(frame, _, _)| frame),
+            Self::Mesh(mesh) => first(&mut mesh.strikes.iter().map(|&(frame, _, _)| frame)),
             // Strikes on a slow body go through its ports.
-            Self::Slow(_) => None,
-        };
-        first.map_or(f64::INFINITY, |frame| frame as f64)
+            Self::Slow(_) => f64::INFINITY,
+        }
     }
 
     /// Whether another body is equal, so that one can continue from the state of the other. `own` and `their` give the

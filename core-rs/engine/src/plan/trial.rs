@@ -17,5 +17,6 @@ pub(in crate::plan) mod record;
 pub(in crate::plan) mod runs;
 pub(in crate::plan) mod search;
 pub(in crate::plan) mod seen_rate;
+pub(in crate::plan) mod silence;
 pub(in crate::plan) mod third_octaves;
 pub(in crate::plan) mod waveform_error;

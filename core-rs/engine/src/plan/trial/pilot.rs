@@ -18,7 +18,7 @@ use crate::plan::trial::chaos::{Parting, Stretches};
 use crate::plan::trial::contacts::{Contacts, contacts};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_result::{ChosenIsland, LongRunPair, PilotResult};
-use crate::plan::trial::pilot_run::{Excerpt, PilotRun, find_excerpt};
+use crate::plan::trial::pilot_run::{Excerpt, PilotRun, find_excerpt, is_still, longer};
 use crate::plan::trial::prune_modes::prune;
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX, Trial};
@@ -31,6 +31,9 @@ use crate::plan::trial::waveform_error::{
 const SEARCH_COST: f64 = 12.0;
 /// If the budget does not promise a waveform, other ways are tried if contacts take more than this part of the cost.
 const DEAR: f64 = 0.5;
+/// An event is faint where outputs hear less than this share of what they would hear if no motion were cancelled (-80
+/// dB): what friction between frames lets through of a blow that it holds, 1e-8 of it, shrinks with every step.
+const FAINT: f64 = 1e-4;
 
 /// Finds the cheapest island within the budget; `assemble` puts the island together at some oversampling.
 pub(in crate::plan) fn pilot(
@@ -49,12 +52,27 @@ pub(in crate::plan) fn pilot(
         // Nobody knows beforehand what a hand or a session will do: nothing is left out.
         return Ok(ChosenIsland::unmeasured(island).into());
     }
-    let found = match Pilot::new((assemble, budget, allowance), &island)? {
-        Some(pilot) => pilot.find()?,
-        None => None,
-    };
-    Ok(found.unwrap_or_else(|| ChosenIsland::unmeasured(island).into()))
+    let excerpt = unless_spent(find_excerpt(&island.island_plan, allowance))?;
+    let mut next = excerpt.filter(|excerpt| excerpt.n_frames > 0);
+    while let Some(excerpt) = next {
+        let Some(pilot) = Pilot::new((assemble, budget, allowance), &island, excerpt)? else {
+            break;
+        };
+        let Some((result, run)) = pilot.find()? else {
+            break;
+        };
+        // Friction may hold what the first events strike: nothing is known then of those that are heard.
+        let is_silent = island.sticks() && is_still(&run.sound, pilot.spans.n_out);
+        next = longer(&island.island_plan, pilot.runs.excerpt()).filter(|_| is_silent);
+        if next.is_none() {
+            return Ok(result);
+        }
+    }
+    Ok(ChosenIsland::unmeasured(island).into())
 }
+
+/// What a pilot has found, and the run of the chosen island.
+type Found = (PilotResult, Rc<PilotRun>);
 
 /// An island and what its trials share.
 struct Pilot<'a, F> {
@@ -70,16 +88,13 @@ struct Pilot<'a, F> {
 }
 
 impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
-    /// Chooses what is played; `None` if nothing is, or if the allowance ended first.
+    /// Chooses what is played of an excerpt; `None` if the allowance ended first.
     fn new(
         (assemble, budget, allowance): (&'a F, &'a Budget, &'a Allowance),
         island: &'a Assembled,
+        excerpt: Excerpt,
     ) -> Result<Option<Self>, Error> {
-        let excerpt = unless_spent(find_excerpt(&island.island_plan, allowance))?;
-        let Some(excerpt) = excerpt.filter(|excerpt| excerpt.n_frames > 0) else {
-            return Ok(None);
-        };
-        let chosen = unless_spent(choose_runs(island, excerpt, budget, allowance))?;
+        let chosen = unless_spent(choose_heard(island, excerpt, budget, allowance))?;
         Ok(chosen.map(|(runs, spans)| Self {
             assemble,
             budget,
@@ -92,7 +107,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     }
 
     /// Finds the island; `None` if the allowance ended before anything was known.
-    fn find(&self) -> Result<Option<PilotResult>, Error> {
+    fn find(&self) -> Result<Option<Found>, Error> {
         if let Some(found) = self.find_plain()? {
             return Ok(Some(found));
         }
@@ -108,22 +123,22 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         if may_be_finer
             && best.as_ref().is_some_and(misses)
             && let Some(fine) = self.contacts(true)?
+            && let Some(better) = self.best(&fine, false)?
         {
-            best = self.best(&fine, false)?;
-            found = fine;
+            (found, best) = (fine, Some(better));
         }
         let played = (&self.runs, &self.spans);
         let audible = found.audible(self.island, self.budget, played, self.allowance);
         let audible = unless_spent(audible)?.flatten().unwrap_or_default();
         let result = match best {
             Some(best) => self.finish_search((&found, audible), best)?,
-            None => self.contacts_alone(&found)?,
+            None => (self.contacts_alone(&found)?, found.run),
         };
         Ok(Some(result))
     }
 
     /// The island by a plain way, if that is tried first and keeps the budget.
-    fn find_plain(&self) -> Result<Option<PilotResult>, Error> {
+    fn find_plain(&self) -> Result<Option<Found>, Error> {
         let stretches = OnceCell::new();
         let as_assembled = (self.island, self.island.island_plan.contact_substeps);
         let search = Search::new(self.trial(), (&self.spans, &stretches), as_assembled, None);
@@ -137,7 +152,8 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             spectral: None,
             audible: None,
         };
-        Ok(Some(finished(&search, best, island, Some(error))))
+        let run = best.run.clone();
+        Ok(Some((finished(&search, best, island, Some(error)), run)))
     }
 
     /// The result if nothing was held against half its step.
@@ -181,13 +197,13 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         &self,
         (found, audible): (&Contacts, Audible),
         mut best: Candidate,
-    ) -> Result<PilotResult, Error> {
+    ) -> Result<Found, Error> {
         let search = self.search(found);
         if best.run.is_lost
             && let Some((island, run)) = self.unconditionally_stable()?
         {
             let Some(run) = run else {
-                return Ok(ChosenIsland::unmeasured(island).into());
+                return Ok((ChosenIsland::unmeasured(island).into(), best.run));
             };
             best = Candidate {
                 contact_substeps: island.island_plan.contact_substeps,
@@ -234,7 +250,8 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
                 island = pruned;
             }
         }
-        Ok(finished(&search, best, island, error))
+        let run = best.run.clone();
+        Ok((finished(&search, best, island, error), run))
     }
 
     /// The cost below which other ways are tried; `None` if none is.
@@ -356,6 +373,28 @@ fn finished<F: Fn(How<'_>) -> Result<Assembled, Error>>(
     }
 }
 
+/// Chooses the runs of an island up to its first event that is more than faint, if friction may hold what earlier ones
+/// strike.
+fn choose_heard(
+    island: &Assembled,
+    mut excerpt: Excerpt,
+    budget: &Budget,
+    allowance: &Allowance,
+) -> Result<(Runs, Spans), TrialError> {
+    let plan = &island.island_plan;
+    loop {
+        let (runs, spans) = choose_runs(island, excerpt, budget, allowance)?;
+        if !island.sticks() {
+            return Ok((runs, spans));
+        }
+        let run = runs.play((plan, first_substeps(island, budget)), allowance)?;
+        match longer(plan, excerpt) {
+            Some(longer) if run.loudest_share < FAINT => excerpt = longer,
+            _ => return Ok((runs, spans)),
+        }
+    }
+}
+
 /// Chooses the runs of an island and the spans over which they are compared: as long as the allowance pays for a
 /// search. For an error budget a short comparison is better than none.
 fn choose_runs(
@@ -373,12 +412,8 @@ fn choose_runs(
     let share = Cell::new(1.0);
     // A run that was stopped early is not kept: the shorter excerpt is played again as a whole.
     let heard = |frames: usize| frames.saturating_sub(spans.event()) as f64;
-    // Contacts and laws are played as finely as their search begins with.
-    let substeps = match island.may_collocate {
-        true => plan.contact_substeps.max(Budget::STEPS_MIN),
-        false => plan.contact_substeps,
-    };
-    runs.play_while((plan, substeps), allowance, |frames, _| {
+    let played = (plan, first_substeps(island, budget));
+    runs.play_while(played, allowance, |frames, _| {
         let spent = allowance.spent().0 - before;
         let affordable = allowance.share_left(SEARCH_COST * spent);
         share.set(affordable * heard(frames) / heard(excerpt.n_frames));
@@ -394,6 +429,17 @@ fn choose_runs(
         ..excerpt
     };
     Ok((Runs::new(excerpt), spans))
+}
+
+/// The contact substeps that the search begins with.
+fn first_substeps(island: &Assembled, budget: &Budget) -> usize {
+    let own = island.island_plan.contact_substeps;
+    let are_laws_fine = island.may_collocate && matches!(budget, Budget::Error(_));
+    if are_laws_fine {
+        own.max(Budget::STEPS_MIN)
+    } else {
+        own
+    }
 }
 
 /// The island at the lowest oversampling at which it is stable.

@@ -5,6 +5,7 @@ use crate::island::{Island, OnFault, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
 use crate::plan::trial::allowance::{Allowance, TrialError};
+use crate::plan::trial::silence::Silence;
 use crate::plan::{IslandPlan, cost};
 
 /// Time that a pilot plays after the first contact or event [s]: long enough to hear it, short enough to cost little.
@@ -51,6 +52,8 @@ pub(in crate::plan) struct PilotRun {
     pub(in crate::plan) counted_cost: CountedCost,
     /// A part of the island diverged.
     pub(in crate::plan) is_lost: bool,
+    /// The largest share that an output hears of what it would hear if no motion were cancelled.
+    pub(in crate::plan) loudest_share: f64,
 }
 
 /// Whether nothing changes in a sound, (n_frames · n_out).
@@ -127,11 +130,11 @@ pub(in crate::plan) fn find_excerpt(
     island_plan: &IslandPlan,
     allowance: &Allowance,
 ) -> Result<Excerpt, TrialError> {
-    let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
     let most = Excerpt {
         from: frames_at_rest(island_plan, allowance)?,
-        n_frames: ((WORK_MAX / work(island_plan)) as usize).min((LONGEST * rate) as usize),
+        n_frames: longest(island_plan),
     };
+    let rate = frames_a_second(island_plan);
     let found = find_length(island_plan, (most, rate), allowance);
     // If no length was found, the decision depends on all of `most`.
     let looked = match found {
@@ -171,16 +174,7 @@ fn find_length(
         }
         // Nothing touches: the first event decides instead.
     }
-    let timeline = &island_plan.timeline;
-    let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
-    let strikes = timeline.strikes.iter().map(|strike| strike.at);
-    let ergons = timeline.ergons.iter().map(|ergon| ergon.at);
-    let inside = island_plan
-        .bodies
-        .iter()
-        .map(|body| body.first_strike() / rate);
-    let first = gestures.chain(strikes).chain(ergons).chain(inside);
-    let first = first.fold(f64::INFINITY, f64::min);
+    let first = next_event(island_plan, f64::NEG_INFINITY, rate);
     let first = if first.is_finite() {
         first.max(0.0)
     } else {
@@ -189,6 +183,44 @@ fn find_length(
     let first = ((first * rate).min(1e12) as usize).saturating_sub(from);
     let n_frames = first.saturating_add(after);
     Ok(if n_frames <= most { n_frames } else { 0 })
+}
+
+/// The first event of an island at `from` or later [s]; infinite if there is none.
+fn next_event(island_plan: &IslandPlan, from: f64, rate: f64) -> f64 {
+    let timeline = &island_plan.timeline;
+    let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
+    let strikes = timeline.strikes.iter().map(|strike| strike.at);
+    let ergons = timeline.ergons.iter().map(|ergon| ergon.at);
+    let bodies = island_plan.bodies.iter();
+    let inside = bodies.map(|body| body.next_strike(from * rate) / rate);
+    let events = gestures.chain(strikes).chain(ergons).chain(inside);
+    events
+        .filter(|event| *event >= from)
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// The excerpt up to a while after the next event, for an island that is silent until then; `None` if there is none, or
+/// it would take too long.
+pub(in crate::plan) fn longer(island_plan: &IslandPlan, excerpt: Excerpt) -> Option<Excerpt> {
+    let rate = frames_a_second(island_plan);
+    let event = next_event(island_plan, excerpt.end() as f64 / rate, rate);
+    let end = ((event + AFTER) * rate).min(1e12) as usize;
+    let n_frames = end.saturating_sub(excerpt.from);
+    (event.is_finite() && n_frames <= longest(island_plan)).then_some(Excerpt {
+        n_frames,
+        ..excerpt
+    })
+}
+
+/// Frames that outputs hear in a second [Hz].
+fn frames_a_second(island_plan: &IslandPlan) -> f64 {
+    island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling)
+}
+
+/// Most frames of an excerpt.
+fn longest(island_plan: &IslandPlan) -> usize {
+    let by_work = (WORK_MAX / work(island_plan)) as usize;
+    by_work.min((LONGEST * frames_a_second(island_plan)) as usize)
 }
 
 /// Draws the work of a trial from an allowance, block by block: frames before they are played, and what contacts and
@@ -323,14 +355,13 @@ fn run(
     meter.play_rest(&mut island, excerpt.from)?;
     let n_out = island.n_out();
     let mut sound = vec![0.0; n_frames * n_out];
-    let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
-    let mut derivatives = Derivatives::of(&island_plan.network, rate);
+    let mut derivatives = Derivatives::of(&island_plan.network, frames_a_second(island_plan));
     let mut squares: Vec<Vec<f64>> = island_plan
         .bodies
         .iter()
         .map(|body| vec![0.0; body.n_modes()])
         .collect();
-    let mut touched_from = None;
+    let (mut touched_from, mut silence) = (None, Silence::new(island_plan, &island));
     for at in (0..n_frames).step_by(BLOCK) {
         if at == block {
             island.damp(by);
@@ -341,8 +372,10 @@ fn run(
         let own = &mut sound[at * n_out..end * n_out];
         meter.draw(&island, end - at)?;
         let _ = island.process(own, end - at, &mut ThreadTeam::alone());
+        silence.note(&island, own);
         derivatives.process(own, n_out);
         island.squares(&mut squares);
+        silence.keep(own, &squares);
         if touched_from.is_none() && cost::counted_cost(&island)[0] > 0.0 {
             touched_from = Some(at);
         }
@@ -352,6 +385,7 @@ fn run(
     }
     Ok(Some(PilotRun {
         from: excerpt.from,
+        loudest_share: silence.loudest_share(&squares),
         sound,
         squares,
         counted_cost: CountedCost::of(&island, n_frames - touched_from.unwrap_or(0)),

@@ -1,0 +1,134 @@
+//! Outputs that hear nothing but rounding: a node of a body, or what friction holds apart from a blow.
+//!
+//! Two runs differ there by as much as they sound, however fine they are, so such an output counts as silent.
+
+use crate::island::Island;
+use crate::island::inside::BodyPlan;
+use crate::maths::sqrt;
+use crate::network::{Output, Term};
+use crate::plan::IslandPlan;
+
+/// An output is silent if it changes by less than this share of what it would hear if no motion were cancelled (-200
+/// dB). Rounding leaves up to 1e-12 of it where friction holds a point of a body between frames.
+const SILENT: f64 = 1e-10;
+
+/// Outputs that have heard nothing but rounding so far in a run.
+pub(in crate::plan) struct Silence<'a> {
+    island_plan: &'a IslandPlan,
+    outputs: Vec<Heard>,
+    /// Positions at the start [m]   (n_mat)
+    start: Vec<f64>,
+    /// Largest distance of a mass from its start [m].
+    masses: f64,
+}
+
+/// What an output has heard.
+#[derive(Clone, Copy)]
+struct Heard {
+    /// Lowest and highest value before it is differentiated.
+    range: [f64; 2],
+    /// Its first value.
+    first: Option<f64>,
+    is_silent: bool,
+}
+
+impl<'a> Silence<'a> {
+    /// Begins with an island as it is now.
+    pub(in crate::plan) fn new(island_plan: &'a IslandPlan, island: &Island) -> Self {
+        let own = Heard {
+            range: [f64::INFINITY, f64::NEG_INFINITY],
+            first: None,
+            is_silent: true,
+        };
+        Self {
+            island_plan,
+            outputs: vec![own; island.n_out()],
+            start: island.positions().to_vec(),
+            masses: 0.0,
+        }
+    }
+
+    /// Notes a block of sound before it is differentiated, (n_frames · n_out), and the island after it.
+    pub(in crate::plan) fn note(&mut self, island: &Island, sound: &[f64]) {
+        for frame in sound.chunks_exact(self.outputs.len().max(1)) {
+            for (own, x) in self.outputs.iter_mut().zip(frame) {
+                let [low, high] = own.range;
+                own.range = [low.min(*x), high.max(*x)];
+            }
+        }
+        let moved = island.positions().iter().zip(&self.start);
+        self.masses = moved.fold(self.masses, |most, (x, start)| most.max((x - start).abs()));
+    }
+
+    /// Lets outputs that are still silent keep their first value in that block; `squares` are those of the amplitudes of
+    /// the modes so far.
+    pub(in crate::plan) fn keep(&mut self, sound: &mut [f64], squares: &[Vec<f64>]) {
+        let n_out = self.outputs.len();
+        let named = self.island_plan.network.outputs();
+        for (output, (own, of)) in self.outputs.iter_mut().zip(named).enumerate() {
+            let Heard {
+                range: [low, high],
+                is_silent: true,
+                ..
+            } = *own
+            else {
+                continue;
+            };
+            let reach = self.masses * weight(of) + of_modes(output, self.island_plan, squares);
+            own.is_silent = high - low <= SILENT * reach;
+            let first = *own.first.get_or_insert(sound[output]);
+            if own.is_silent {
+                let heard = sound.iter_mut().skip(output).step_by(n_out);
+                heard.for_each(|x| *x = first);
+            }
+        }
+    }
+}
+
+impl Silence<'_> {
+    /// The largest share that an output has heard of what it would hear if no motion were cancelled.
+    pub(in crate::plan) fn loudest_share(&self, squares: &[Vec<f64>]) -> f64 {
+        let named = self.island_plan.network.outputs();
+        let shares = self.outputs.iter().zip(named).enumerate();
+        let shares = shares.map(|(output, (own, of))| {
+            let [low, high] = own.range;
+            let reach = self.masses * weight(of) + of_modes(output, self.island_plan, squares);
+            if high > low {
+                (high - low) / reach
+            } else {
+                0.0
+            }
+        });
+        shares.fold(0.0, f64::max)
+    }
+}
+
+/// The sum of the weights that an output gives to positions.
+fn weight(output: &Output) -> f64 {
+    let each = output.terms.iter().map(|term| match term {
+        Term::Position { len, weight, .. } => *len as f64 * weight.abs(),
+        Term::Force { .. } | Term::Length { .. } | Term::Ground { .. } => 0.0,
+    });
+    each.sum()
+}
+
+/// What an output would hear of modal bodies if no modes cancelled each other.
+fn of_modes(output: usize, island_plan: &IslandPlan, squares: &[Vec<f64>]) -> f64 {
+    let mut reach = 0.0;
+    for (body, squares) in island_plan.bodies.iter().zip(squares) {
+        let BodyPlan::Modal(modal) = body else {
+            continue;
+        };
+        let heard = modal
+            .heard
+            .iter()
+            .filter(|(own, _)| *own as usize == output);
+        for (_, shape) in heard {
+            let each = shape.iter().zip(squares);
+            reach += each
+                .map(|(by, square)| by.abs() * sqrt(*square))
+                .sum::<f64>();
+        }
+    }
+    reach
+}
