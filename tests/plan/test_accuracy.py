@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from accuracy import audit, kept, random_scenes, reference, tables
 from accuracy.__main__ import ALL, NAMED, written
-from accuracy.equations import read
+from accuracy.equations import number, read
 from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag
 from sweep import few
@@ -72,6 +72,11 @@ def test_what_a_plan_by_ear_leaves_out_above_hearing_is_no_error():
     honest(found)
     by_ear, all_modes = found.plans
     assert by_ear.cost < all_modes.cost
+
+
+def test_prefixes_of_units_are_those_of_scores():
+    written = {"48kHz": 48e3, "44100Hz": 44100.0, "20mm/s": 0.02, "2m/s": 2.0, "0.5g": 5e-4}
+    assert {text: number(text) for text in written} == pytest.approx(written)
 
 
 def test_an_error_that_was_not_measured_has_to_be_told():

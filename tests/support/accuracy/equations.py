@@ -33,7 +33,7 @@ REST = 2  # where a link's rest or gap stands among its numbers
 
 
 def number(value: Any) -> float:
-    """A number in SI units: 2mm, 1g, 4e3, -5N, 2mNs."""
+    """A number in SI units: 2mm, 1g, 4e3, -5N, 2mNs, 48kHz, 20mm/s."""
     if isinstance(value, int | float):
         return float(value)
     found = _NUMBER.match(value)
@@ -43,7 +43,7 @@ def number(value: Any) -> float:
         return size * {"g": 1e-3, "mg": 1e-6, "kg": 1.0}[unit]
     if unit.startswith("m/") or unit in ("m", "s", "N", "") or len(unit) == 1:
         return size
-    return size * (_UNITS[unit[0]] if unit[0] in "kmu" and unit != "mm/s" else 1.0)
+    return size * (_UNITS[unit[0]] if unit[0] in "kmu" else 1.0)
 
 
 @dataclass
@@ -128,7 +128,7 @@ def read(text: str) -> Equations:
     """The equations of a scene."""
     score = yaml.safe_load(text)
     rates = score.get("rates", {})
-    found = Equations(number(rates.get("audio", "44100Hz").removesuffix("Hz")))
+    found = Equations(number(rates.get("audio", "44100Hz")))
     for name, key in score.get("keys", {}).items():
         first = len(found.mass)
         if "modules" in key:
