@@ -89,18 +89,19 @@ impl BodyPlan {
 
     /// Frame of its first strike from a frame on [frames]; infinite if it has none.
     pub(crate) fn next_strike(&self, from: f64) -> f64 {
-        let first = |frames: &mut dyn Iterator<Item = u64>| {
-            let frames = frames.map(|frame| frame as f64);
-            frames
-                .filter(|frame| *frame >= from)
-                .fold(f64::INFINITY, f64::min)
+        let earlier = |first: f64, frame: u64| match frame as f64 {
+            frame if frame >= from => first.min(frame),
+            _ => first,
         };
         match self {
             Self::Modal(modal) => {
                 let blows = modal.struck.iter().flat_map(|struck| &struck.blows);
-                first(&mut blows.map(|&(frame, _, _)| frame))
+                blows.map(|blow| blow.0).fold(f64::INFINITY, earlier)
             }
-            Self::Mesh(mesh) => first(&mut mesh.strikes.iter().map(|&(frame, _, _)| frame)),
+            Self::Mesh(mesh) => {
+                let strikes = mesh.strikes.iter();
+                strikes.map(|strike| strike.0).fold(f64::INFINITY, earlier)
+            }
             // Strikes on a slow body go through its ports.
             Self::Slow(_) => f64::INFINITY,
         }

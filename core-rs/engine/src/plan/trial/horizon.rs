@@ -7,7 +7,7 @@ use crate::plan::IslandPlan;
 use crate::plan::report::content::{Content, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
-use crate::plan::trial::pilot_run::{Excerpt, frames_at_rest, play, work};
+use crate::plan::trial::pilot_run::{Excerpt, frames_a_second, frames_at_rest, play, work};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::third_octaves::level_difference;
 use crate::plan::trial::waveform_error::Spans;
@@ -48,7 +48,7 @@ pub(in crate::plan) fn extend_error(
     [own, other]: [Played<'_>; 2],
     (allowance, store): (&Allowance, Option<&dyn TrialStore>),
 ) -> Result<Measured, TrialError> {
-    let rate = own.0.timeline.rate.hertz() / f64::from(own.0.oversampling);
+    let rate = frames_a_second(own.0);
     if measured.db > PARTED {
         return Ok(measured); // the runs have no waveform in common
     }
@@ -104,7 +104,7 @@ fn extend_over(
     (longest, look): (Excerpt, usize),
     reserve: &Allowance,
 ) -> Result<Measured, TrialError> {
-    let rate = own.0.timeline.rate.hertz() / f64::from(own.0.oversampling);
+    let rate = frames_a_second(own.0);
     let seconds = |n_frames: usize| (longest.from + n_frames) as f64 / rate;
     let pilot = ((measured.over * rate) as usize).saturating_sub(longest.from);
     let runs = play(own.0, own.1, longest, reserve).and_then(|run| {

@@ -213,7 +213,7 @@ pub(in crate::plan) fn longer(island_plan: &IslandPlan, excerpt: Excerpt) -> Opt
 }
 
 /// Frames that outputs hear in a second [Hz].
-fn frames_a_second(island_plan: &IslandPlan) -> f64 {
+pub(in crate::plan) fn frames_a_second(island_plan: &IslandPlan) -> f64 {
     island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling)
 }
 

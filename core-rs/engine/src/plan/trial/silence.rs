@@ -64,18 +64,13 @@ impl<'a> Silence<'a> {
     /// the modes so far.
     pub(in crate::plan) fn keep(&mut self, sound: &mut [f64], squares: &[Vec<f64>]) {
         let n_out = self.outputs.len();
-        let named = self.island_plan.network.outputs();
-        for (output, (own, of)) in self.outputs.iter_mut().zip(named).enumerate() {
-            let Heard {
-                range: [low, high],
-                is_silent: true,
-                ..
-            } = *own
-            else {
+        for output in 0..n_out {
+            if !self.outputs[output].is_silent {
                 continue;
-            };
-            let reach = self.masses * weight(of) + of_modes(output, self.island_plan, squares);
-            own.is_silent = high - low <= SILENT * reach;
+            }
+            let share = self.share(output, squares);
+            let own = &mut self.outputs[output];
+            own.is_silent = share <= SILENT;
             let first = *own.first.get_or_insert(sound[output]);
             if own.is_silent {
                 let heard = sound.iter_mut().skip(output).step_by(n_out);
@@ -83,23 +78,22 @@ impl<'a> Silence<'a> {
             }
         }
     }
-}
 
-impl Silence<'_> {
     /// The largest share that an output has heard of what it would hear if no motion were cancelled.
     pub(in crate::plan) fn loudest_share(&self, squares: &[Vec<f64>]) -> f64 {
-        let named = self.island_plan.network.outputs();
-        let shares = self.outputs.iter().zip(named).enumerate();
-        let shares = shares.map(|(output, (own, of))| {
-            let [low, high] = own.range;
-            let reach = self.masses * weight(of) + of_modes(output, self.island_plan, squares);
-            if high > low {
-                (high - low) / reach
-            } else {
-                0.0
-            }
-        });
+        let shares = (0..self.outputs.len()).map(|output| self.share(output, squares));
         shares.fold(0.0, f64::max)
+    }
+
+    /// The share that an output has heard of what it would hear if no motion were cancelled.
+    fn share(&self, output: usize, squares: &[Vec<f64>]) -> f64 {
+        let [low, high] = self.outputs[output].range;
+        if low >= high {
+            return 0.0;
+        }
+        let of = &self.island_plan.network.outputs()[output];
+        let reach = self.masses * weight(of) + of_modes(output, self.island_plan, squares);
+        (high - low) / reach
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::maths::{decibels, log10, pow, sqrt};
 use crate::plan::IslandPlan;
-use crate::plan::trial::pilot_run::AFTER;
+use crate::plan::trial::pilot_run::{AFTER, frames_a_second, is_still};
 
 /// Orders of convergence between which errors are assumed to fall with the step.
 pub(in crate::plan) const ORDERS: (f64, f64) = (1.0, 2.0);
@@ -73,7 +73,7 @@ pub(in crate::plan) struct Spans {
 
 impl Spans {
     pub(in crate::plan) fn of(island_plan: &IslandPlan, n_frames: usize) -> Self {
-        let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
+        let rate = frames_a_second(island_plan);
         // Rounded up: the frame of the event belongs to the spans.
         let third = (AFTER / 3.0 * rate).ceil() as usize;
         Self {
@@ -173,8 +173,7 @@ pub(in crate::plan) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
             own.take(n_frames).copied().collect()
         };
         let (a, b) = (own(a), own(b));
-        let rests = |x: &[f64]| x.windows(2).all(|pair| pair[0] == pair[1]);
-        if rests(&b) && rests(&a) {
+        if is_still(&b, 1) && is_still(&a, 1) {
             return 0.0; // at a place that is the same but for rounding, which is no sound
         }
         let mean = b.iter().sum::<f64>() / b.len().max(1) as f64;
