@@ -432,7 +432,8 @@ impl<'a> Maker<'a> {
         })
     }
 
-    /// Decides an island by its pilot, or by the record of an earlier pilot that would find the same.
+    /// Decides an island by its pilot, and by one of a stricter budget if the error of the first grows beyond the budget
+    /// after its end.
     fn choose_by_pilot(
         &self,
         subset: &Subset,
@@ -440,9 +441,32 @@ impl<'a> Maker<'a> {
         assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
     ) -> Result<ChosenIsland, Error> {
         let known = (&self.allowance, self.store);
-        let is_tried = !matches!(self.budget, Budget::Method(_)) && !own.timeline.is_open;
+        let result = self.pilot((subset, own), self.budget, assemble)?;
+        let at_first = result.chosen.error;
+        let chosen = result.extend_error(self.budget, known)?;
+        let Some(stricter) = chosen.stricter(at_first, self.budget) else {
+            return Ok(chosen);
+        };
+        let result = self.pilot((subset, own), &stricter, assemble)?;
+        let other = result.extend_error(&stricter, known)?;
+        let is_within =
+            |error: Measured| error.spectral.is_none() && error.db <= self.budget.asked();
+        Ok(match other.error.is_some_and(is_within) {
+            true => other,
+            false => chosen,
+        })
+    }
+
+    /// The result of a pilot, or the record of an earlier one that would find the same.
+    fn pilot(
+        &self,
+        (subset, own): (&Subset, &OwnTimeline),
+        budget: &Budget,
+        assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
+    ) -> Result<PilotResult, Error> {
+        let is_tried = !matches!(budget, Budget::Method(_)) && !own.timeline.is_open;
         let series = self.store.filter(|_| is_tried).map(|store| {
-            let also = format_args!("pilot {:?}", self.budget);
+            let also = format_args!("pilot {budget:?}");
             Series::new(
                 store,
                 IslandContent::of(&subset.network, &own.timeline, also),
@@ -460,14 +484,14 @@ impl<'a> Maker<'a> {
             Some(result)
         });
         if let Some(result) = recalled {
-            return result.extend_error(self.budget, known);
+            return Ok(result);
         }
         let left = self.allowance.begin();
-        let result = pilot::pilot(assemble, self.budget, &self.allowance)?;
+        let result = pilot::pilot(assemble, budget, &self.allowance)?;
         if let Some(series) = &series {
             series.keep(&self.allowance, left, result.record());
         }
-        result.extend_error(self.budget, known)
+        Ok(result)
     }
 }
 

@@ -11,14 +11,12 @@ use crate::plan::IslandPlan;
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{BLOCK, Excerpt, PilotRun, nudged};
 use crate::plan::trial::third_octaves::level_difference;
-use crate::plan::trial::waveform_error::{ORDERS, Spans, estimate_errors};
+use crate::plan::trial::waveform_error::{ORDERS, PARTED, Spans, estimate_errors};
 
 /// Length of the first stretch over which runs are compared [s]; each later one is as long as all before it.
 const FIRST: f64 = 1.25e-3;
 /// Duration of the attack of a stroke [s].
 const ATTACK: f64 = 0.02;
-/// Waveforms further apart than this have parted [dB].
-const PARTED: f64 = -10.0;
 /// A stretch this much quieter than the loudest is not compared [power].
 const QUIET: f64 = 1e-4;
 /// The part of the motion that a nudge takes away at each step.

@@ -277,7 +277,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             ..*self
         };
         let any = (found.method_index, None, f64::INFINITY);
-        if let Some(own) = search.compare_with_finer(island.clone(), run, &finer, any)? {
+        if let Ok(own) = search.compare_with_finer(island.clone(), run, &finer, any)? {
             reference.replace(own);
         }
         Ok(())

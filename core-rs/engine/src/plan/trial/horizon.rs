@@ -10,12 +10,10 @@ use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::pilot_run::{Excerpt, frames_a_second, frames_at_rest, play, work};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::third_octaves::level_difference;
-use crate::plan::trial::waveform_error::Spans;
+use crate::plan::trial::waveform_error::{PARTED, Spans};
 
 /// Time between two looks at the error [s].
 const LOOK: f64 = 0.1;
-/// Runs whose error is larger have no waveform in common [dB].
-const PARTED: f64 = -10.0;
 /// An error may grow this far above a pilot's and still count as the same [dB].
 const SAME: f64 = 3.0;
 

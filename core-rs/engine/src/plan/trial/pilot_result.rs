@@ -35,6 +35,21 @@ impl ChosenIsland {
             diverges: false,
         }
     }
+
+    /// A stricter budget, within which the error may stay within `budget` to its end: the error that the pilot measured
+    /// `at_first` was within it, and has grown beyond it.
+    pub(in crate::plan) fn stricter(
+        &self,
+        at_first: Option<Measured>,
+        budget: &Budget,
+    ) -> Option<Budget> {
+        let (Budget::Error(asked), Some(now)) = (budget, self.error) else {
+            return None;
+        };
+        let growth = now.db - at_first?.db;
+        let has_left = now.spectral.is_none() && now.db > *asked && now.db - growth <= *asked;
+        has_left.then_some(Budget::Error(asked - growth))
+    }
 }
 
 /// The island with what an earlier plan decided; `None` if that does not fit it.

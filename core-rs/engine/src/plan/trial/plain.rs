@@ -59,6 +59,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         }
         let run = play(&own)?;
         let last = difference(&twice.sound, &run.sound, self.spans);
-        self.compare_with_finer(own, run, &finer, (None, Some(last), f64::INFINITY))
+        let any = (None, Some(last), f64::INFINITY);
+        Ok(self.compare_with_finer(own, run, &finer, any)?.ok())
     }
 }

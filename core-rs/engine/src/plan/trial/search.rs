@@ -16,7 +16,7 @@ use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable, is_still};
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::waveform_error::{
-    DOUBLING, EarlyComparison, ORDERS, Spans, amplitude_difference, amplitude_sum,
+    DOUBLING, EarlyComparison, ORDERS, PARTED, Spans, amplitude_difference, amplitude_sum,
     at_most_first_order, difference, estimate_errors,
 };
 
@@ -67,9 +67,31 @@ pub(in crate::plan) struct Candidate {
     pub(in crate::plan) audible: Option<Audible>,
 }
 
+/// A way that was tried: with its error, or rejected.
+pub(in crate::plan) type Tried = Result<Candidate, Rejected>;
+
+/// What is known of a way that was rejected.
+#[derive(Clone, Copy)]
+pub(in crate::plan) struct Rejected {
+    /// The least that its run differs from that of a better way, or from its own at half the step [dB]; NaN if it was
+    /// not played.
+    change: f64,
+}
+
+impl Rejected {
+    const UNPLAYED: Self = Self { change: f64::NAN };
+
+    /// Whether two ways differ equally from others. Differences of runs that have parted say nothing.
+    fn is_same(self, other: Self) -> bool {
+        self.change < PARTED && (self.change - other.change).abs() < SAME
+    }
+}
+
 /// Least gain that makes a step of the search worth its cost [dB]: for another method, and for a higher rate.
 const METHOD_GAIN: f64 = 6.0;
 const RATE_GAIN: f64 = 3.0;
+/// Two differences from other runs that differ by less than this are the same [dB].
+const SAME: f64 = 1.0;
 /// A step is also worth its cost if it divides the audible error by at least this.
 const AUDIBLE_GAIN: f64 = 1.5;
 /// Laws whose audible error at one computation a step exceeds the budget by this factor are computed between frames:
@@ -121,23 +143,23 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
         };
         let any = (None, None, f64::INFINITY);
         let candidate = self.compare_with_finer(island.clone(), run.clone(), &finer, any);
-        Ok(unless_spent(candidate)?.flatten())
+        Ok(unless_spent(candidate)?.and_then(Result::ok))
     }
 
-    /// Assembles an island and measures its error. Returns `None` if its waveform error is not below that of `best` by
-    /// more than `gain` [dB], if it would take too long, or if the island is unstable.
+    /// Assembles an island and measures its error. It is rejected if its waveform error is not below that of `best` by
+    /// more than `gain` [dB], if it would take too long, or if it is unstable.
     fn measure(
         &self,
         how: How<'_>,
         method_index: Option<usize>,
         last: Option<f64>,
         (best, gain): (&Candidate, f64),
-    ) -> Result<Option<Candidate>, TrialError> {
+    ) -> Result<Tried, TrialError> {
         let Ok(island) = (self.assemble)(how) else {
-            return Ok(None);
+            return Ok(Err(Rejected::UNPLAYED));
         };
         let Some(finer) = self.finer(&island) else {
-            return Ok(None);
+            return Ok(Err(Rejected::UNPLAYED));
         };
         // Chaotic motion and audible errors are not judged by the waveform alone.
         let is_by_waveform = matches!(self.budget, Budget::Error(_)) && best.parting.is_none();
@@ -156,7 +178,9 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
                 apart.is_none_or(|apart| amplitude_difference(apart, reference_error) <= most)
             })?;
         let Some(run) = run else {
-            return Ok(None);
+            return Ok(Err(Rejected {
+                change: comparison.lower_bound,
+            }));
         };
         self.compare_with_finer(island, run, &finer, (method_index, last, most))
     }
@@ -170,14 +194,15 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
         is_affordable(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
     }
 
-    /// Measures the error of a played island by playing it at half its step; `None` if the error is above `most` [dB].
+    /// Measures the error of a played island by playing it at half its step; it is rejected if the error is above `most`
+    /// [dB].
     pub(in crate::plan) fn compare_with_finer(
         &self,
         island: Assembled,
         run: Rc<PilotRun>,
         finer: &Assembled,
         (method_index, last, most): (Option<usize>, Option<f64>, f64),
-    ) -> Result<Option<Candidate>, TrialError> {
+    ) -> Result<Tried, TrialError> {
         let oversampling = island.island_plan.oversampling;
         let mut comparison = EarlyComparison::against(&run.sound, self.spans);
         let played = (&finer.island_plan, self.contact_substeps(finer));
@@ -188,7 +213,9 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
                 change.is_none_or(|change| estimate_errors(change, last, ORDERS.1).0 <= most)
             })?;
         let Some(fine) = fine else {
-            return Ok(None);
+            return Ok(Err(Rejected {
+                change: comparison.lower_bound,
+            }));
         };
         let change = difference(&run.sound, &fine.sound, self.spans);
         let (mut error, mut left) = estimate_errors(change, last, ORDERS.1);
@@ -197,7 +224,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
             left = at_most_first_order(left, Some(error));
         }
         if error > most {
-            return Ok(None);
+            return Ok(Err(Rejected { change }));
         }
         let contact_substeps = self.contact_substeps(&island);
         // Two runs say little of friction, and of laws that are computed once a step.
@@ -243,7 +270,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
                 let error = if island.sticks() { error } else { by_two_runs };
                 audible.times(decibels(error - apart))
             });
-        Ok(Some(Candidate {
+        Ok(Ok(Candidate {
             parting,
             audible,
             error: if run.is_lost { f64::INFINITY } else { error },
@@ -270,9 +297,37 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
     /// Improves the island until the budget is met, nothing helps any more, or the allowance is spent.
     pub(in crate::plan) fn improve(
         &self,
-        mut best: Candidate,
+        start: Candidate,
         budget: &Budget,
     ) -> Result<Candidate, Error> {
+        let best = self.climb(start, budget)?;
+        match unless_spent(self.refutation(&best))?.flatten() {
+            Some(other) => self.climb(other, budget),
+            None => Ok(best),
+        }
+    }
+
+    /// If the search ended above the budget, the island with meshes of order 4, where these show that the measured error
+    /// is false: two runs whose steps are all too long may agree by chance.
+    fn refutation(&self, best: &Candidate) -> Result<Option<Candidate>, TrialError> {
+        let is_by_waveform = matches!(self.budget, Budget::Error(_)) && best.parting.is_none();
+        let of_order_4 = MESH_METHODS
+            .iter()
+            .position(|(kind, _)| *kind == MeshMethod::Bm4);
+        if !is_by_waveform || !best.misses(self.budget) || best.method_index >= of_order_4 {
+            return Ok(None);
+        }
+        let methods = MethodChoice::All((MeshMethod::Bm4, 1));
+        let how = How::fine(best.oversampling, methods);
+        let tried = self.measure(how, of_order_4, None, (best, f64::NEG_INFINITY))?;
+        Ok(tried.ok().filter(|other| {
+            let apart = difference(&best.run.sound, &other.run.sound, self.spans);
+            apart > amplitude_sum([best.error, other.error])
+        }))
+    }
+
+    /// Takes better islands until the budget is met, nothing helps any more, or the allowance is spent.
+    fn climb(&self, mut best: Candidate, budget: &Budget) -> Result<Candidate, Error> {
         let mut fair = None;
         while best.misses(budget) {
             let Some(better) = unless_spent(self.better(&best))?.flatten() else {
@@ -299,26 +354,31 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
         let is_led = !best.island.island_plan.timeline.leads.is_empty();
         if best.island.has_modes() && best.oversampling == 1 && !is_led {
             let gain = (best, METHOD_GAIN);
-            let candidate = self.measure(How::fine(1, MethodChoice::Stepped), None, None, gain)?;
+            let stepped = self.measure(How::fine(1, MethodChoice::Stepped), None, None, gain)?;
             let is_better = |candidate: &Candidate| candidate.beats(best, METHOD_GAIN, self.budget);
-            if let Some(candidate) = candidate.filter(is_better) {
+            if let Some(candidate) = stepped.ok().filter(is_better) {
                 return Ok(Some(candidate));
             }
         }
         let next = best.method_index.map_or(0, |method_index| method_index + 1);
+        let mut rejected = Rejected::UNPLAYED;
         for (method_index, &method) in MESH_METHODS.iter().enumerate().skip(next) {
             let how = How::fine(best.oversampling, MethodChoice::All(method));
-            let candidate = self.measure(how, Some(method_index), None, (best, METHOD_GAIN))?;
-            let is_better = |candidate: &Candidate| candidate.beats(best, METHOD_GAIN, self.budget);
-            if let Some(candidate) = candidate.filter(is_better) {
-                return Ok(Some(candidate));
-            }
+            let own = match self.measure(how, Some(method_index), None, (best, METHOD_GAIN))? {
+                Ok(own) if own.beats(best, METHOD_GAIN, self.budget) => return Ok(Some(own)),
+                Ok(own) => Rejected { change: own.change },
+                Err(own) => own,
+            };
             // If meshes at half the step gain nothing, the error comes from elsewhere.
             let (kind, steps) = method;
-            let is_halved = |own: usize| MESH_METHODS[own] == (kind, steps / 2);
-            if best.method_index.is_some_and(is_halved) {
+            let is_halved = |other: Option<usize>| {
+                other.is_some_and(|other| MESH_METHODS[other] == (kind, steps / 2))
+            };
+            let gains_nothing = is_halved(method_index.checked_sub(1)) && own.is_same(rejected);
+            if is_halved(best.method_index) || gains_nothing {
                 break;
             }
+            rejected = own;
         }
         if 2 * best.oversampling > TIMES_MAX {
             return Ok(None);
@@ -329,7 +389,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
         let (again, gain) = (best.island.again(twice, &methods), (best, RATE_GAIN));
         let candidate = self.measure(again, best.method_index, last, gain)?;
         let is_better = |candidate: &Candidate| candidate.beats(best, RATE_GAIN, self.budget);
-        if let Some(candidate) = candidate.filter(is_better) {
+        if let Some(candidate) = candidate.ok().filter(is_better) {
             return Ok(Some(candidate));
         }
         if best
@@ -342,7 +402,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
         // The method itself may diverge: a simpler method at a higher rate may not.
         let simple = How::fine(twice, MethodChoice::ByBudget);
         let candidate = self.measure(simple, None, None, gain)?;
-        Ok(candidate.filter(is_better))
+        Ok(candidate.ok().filter(is_better))
     }
 }
 

@@ -13,6 +13,9 @@ pub(in crate::plan) const DOUBLING: f64 = 6.02;
 /// time that says anything about a sound.
 pub(in crate::plan) const PARTS: usize = 6;
 
+/// Waveforms further apart than this have nothing in common [dB].
+pub(in crate::plan) const PARTED: f64 = -10.0;
+
 /// A run is first compared after one part in `EARLY.0` of its first span; its difference there exceeds the final one by
 /// at most `EARLY.1` [dB].
 const EARLY: (usize, f64) = (4, 12.0);
