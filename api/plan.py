@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,8 +13,8 @@ from . import score as scores
 from .options import AccuracyOptions
 
 if TYPE_CHECKING:
-    from ergon._core import PlanRow
-    from ergon.exchange.plan_file import Budget, Choices
+    from ergon._core import IslandChoice, PlanRow
+    from ergon.exchange.plan_file import Budget
     from ergon.scores.reading.piece import Accuracy
 
     from .work_shares import Shares, WorkPiece
@@ -38,7 +38,7 @@ class Plan:
     hash: str
     is_kept: bool
     seconds: float
-    choices: Choices
+    choices: Sequence[IslandChoice]
     inputs: tuple[Path, ...]
     budget: Budget
     highest_modes: Mapping[str, float]

@@ -16,6 +16,7 @@ from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
 
+from ergon._core import IslandChoice
 from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
 
@@ -24,8 +25,6 @@ from .safe import open_for_writing
 VERSION = 1
 _SIZE_MAX = 50_000_000  # bytes: the numbers of ten million modes
 _NUMBER_MAX = 2**32 - 1
-
-Choices = Sequence[tuple[int, int, int, Sequence[Sequence[int]], int | None]]
 
 Budget = Mapping[str, str | float]
 _BUDGET_KEYS = ("method", "error", "cents")  # one of these at most
@@ -36,7 +35,7 @@ class PlanFile(NamedTuple):
     it.
     """
 
-    choices: Choices
+    choices: Sequence[IslandChoice]
     budget: Budget | None
 
 
@@ -44,7 +43,7 @@ class NotPlanError(ErgonError, ValueError):
     """The file is not a plan that this program can read."""
 
 
-def text(choices: Choices, digest: str, **more: object) -> str:
+def text(choices: Sequence[IslandChoice], digest: str, **more: object) -> str:
     """A plan as the text of a file; `more` are further fields at its beginning."""
     # One choice per line, so that two plans can be compared by eye and by diff.
     lines = ",\n  ".join(json.dumps(choice, separators=(",", ":")) for choice in choices)
@@ -54,7 +53,7 @@ def text(choices: Choices, digest: str, **more: object) -> str:
 
 def write(
     path: str,
-    choices: Choices,
+    choices: Sequence[IslandChoice],
     digest: str,
     budget: Budget,
     *,
@@ -102,7 +101,7 @@ def _is_wish(name: object, value: object) -> bool:
     return name in ("error", "cents", "upto") and isfinite(value)
 
 
-def parse_choices(content: object) -> Choices:
+def parse_choices(content: object) -> list[IslandChoice]:
     """The choices in the parsed JSON of a file. Raises NotPlanError."""
     if not isinstance(content, dict) or content.get("ergon_plan") != VERSION:
         raise NotPlanError(f"not a plan of version {VERSION}")
@@ -112,13 +111,13 @@ def parse_choices(content: object) -> Choices:
     return [_choice(choice) for choice in choices]
 
 
-def _choice(value: object) -> tuple[int, int, int, list[list[int]], int | None]:
+def _choice(value: object) -> IslandChoice:
     if isinstance(value, list) and len(value) == 5:
         modules, times, steps, bodies, cost = value
         is_counts = _is_count(modules) and _is_count(times) and _is_count(steps)
         is_cost = cost is None or _is_count(cost)
         if is_counts and is_cost and isinstance(bodies, list) and all(map(_is_counts, bodies)):
-            return modules, times, steps, bodies, cost
+            return IslandChoice(modules, times, steps, bodies, cost)
     raise NotPlanError(
         "a choice is [modules, times, steps, [numbers of each body], counted_cost or null], whole "
         "numbers"

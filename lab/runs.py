@@ -18,8 +18,9 @@ from ergon.lab.names import PRECISIONS
 from ergon.lab.scene import NetworkAndTimeline, Scene
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ergon.lab.names import Method
-    from ergon.scores.staging.planning import Pins
 
 _BLOCK = 512  # frames heard between two looks at the clock
 
@@ -138,7 +139,7 @@ def _planned(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
     """
     method = cast("Method | None", setting.method)
 
-    def plan(finer: int, pins: Pins | None = None) -> _core.Plan:
+    def plan(finer: int, pins: Sequence[_core.IslandChoice] | None = None) -> _core.Plan:
         whole = Oversampled.of(scene, setting.oversampling * finer)
         return _core.Plan(
             whole.network, whole.timeline, method=method, error_db=setting.budget_db, pins=pins

@@ -32,8 +32,6 @@ _BY_EAR = (3.0, 0.05, 1.0)  # [cents, of T60, dB]
 # core-rs/engine/src/plan/trial/search.rs.
 _ALIKE = 2.0
 
-Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]], int | None]]
-
 
 class Store(Protocol):
     """Keeps the results of trials of earlier plans."""
@@ -143,7 +141,7 @@ def make(
     network: _core.Network,
     timeline: _core.Timeline,
     accuracy: Accuracy,
-    pins: Pins | None = None,
+    pins: Sequence[_core.IslandChoice] | None = None,
     store: Store | None = None,
     like: _core.Plan | None = None,
     *,

@@ -17,7 +17,7 @@ from ergon.scores.staging.hands import ErgonPlaces, StagedGesture
 from ergon.scores.staging.listening import Listening
 from ergon.scores.staging.live import LiveHand
 from ergon.scores.staging.parameter_values import Points, Where
-from ergon.scores.staging.planning import Pins, Store, Watched, make
+from ergon.scores.staging.planning import Store, Watched, make
 from ergon.scores.staging.preparing import PreparedPiece, Span, prepare
 from ergon.scores.staging.refusals import place_of, refused
 from ergon.scores.staging.version_glides import Glide
@@ -183,7 +183,7 @@ def stage(
     record: bool = False,
     planned: bool = False,
     fine_contacts: bool = False,
-    pins: Pins | None = None,
+    pins: Sequence[_core.IslandChoice] | None = None,
     store: Store | None = None,
     threads: int = 1,
     real: Real | None = None,

@@ -1272,7 +1272,7 @@ class Plan:
         error_db: float | None = None,
         cents: float | None = None,
         upto: float | None = None,
-        pins: Sequence[tuple[int, int, int, Sequence[Sequence[int]], int | None]] | None = None,
+        pins: Sequence[IslandChoice] | None = None,
         store: TrialStore | None = None,
         like: Plan | None = None,
         share: float = 1.0,

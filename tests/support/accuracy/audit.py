@@ -265,7 +265,7 @@ def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[P
         yield Plain(method, times, reals, cost)
 
 
-def _uncounted(plan: _core.Plan) -> planning.Pins:
+def _uncounted(plan: _core.Plan) -> list[_core.IslandChoice]:
     """The choices of a plan without what its trials counted."""
     return [own._replace(counted_cost=0) for own in plan.choices()]
 
