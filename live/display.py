@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 _METER_WIDTH = 21  # characters; odd, so that the middle is one of them
-SILENT_PEAK = 1e-7  # a peak of so little is silence: -140 dB
+SILENT_PEAK = 1e-7  # a peak of so little is silence: -140 dB, the least level that OSC tells
 
 
 @dataclass(frozen=True, slots=True)

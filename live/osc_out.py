@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from .display import SILENT_PEAK
 from .trouble import gap_count, troubles
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 HAND_PERIOD = 0.01  # [s] between two messages about a hand
 _LEVEL_PERIOD = 0.1  # [s] between two messages about the level
-_PEAK_MIN = 1e-7  # [ratio]; a lower level is sent as this one, -140 dB
 # Reports of a sound card come late, never early: the earliest of this many seconds counts [s].
 _REPORTS_KEPT = 1.0
 _JUMP_MIN = 0.02  # [s]; a larger change is a new time line: server restarted, clock set
@@ -106,7 +106,7 @@ class OscSender:
                 self._send(address, (hand.position, hand.force))
         if not self._next_levels - _LEVEL_PERIOD <= now < self._next_levels:
             self._next_levels = now + _LEVEL_PERIOD
-            levels = [20.0 * math.log10(max(peak, _PEAK_MIN)) for peak in status.peaks]
+            levels = [20.0 * math.log10(max(peak, SILENT_PEAK)) for peak in status.peaks]
             self._send("/ergon/level", levels)
         late = status.late, gap_count(status)
         if late != self._late:

@@ -23,19 +23,18 @@ use crate::plan::passes::seen;
 use crate::plan::passes::slow::RefusedSlow;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
-use crate::plan::report::content::IslandContent;
 use crate::plan::report::row::{self, Computed, Measured, Reason, Row};
 use crate::plan::trial::allowance::Allowance;
 use crate::plan::trial::macrostep::Growth;
 use crate::plan::trial::multirate;
-use crate::plan::trial::pilot;
-use crate::plan::trial::pilot_result::{self, ChosenIsland, PilotResult};
-use crate::plan::trial::record::{Series, TrialStore};
+use crate::plan::trial::pilot_result::{self, ChosenIsland};
+use crate::plan::trial::record::TrialStore;
 use crate::plan::{Known, Plan, Unit};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
 mod offers;
+mod pilots;
 mod unheard;
 
 /// A plan in the making.
@@ -430,68 +429,6 @@ impl<'a> Maker<'a> {
             refused_slow,
             is_offered: false,
         })
-    }
-
-    /// Decides an island by its pilot, and by one of a stricter budget if the error of the first grows beyond the budget
-    /// after its end.
-    fn choose_by_pilot(
-        &self,
-        subset: &Subset,
-        own: &OwnTimeline,
-        assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
-    ) -> Result<ChosenIsland, Error> {
-        let known = (&self.allowance, self.store);
-        let result = self.pilot((subset, own), self.budget, assemble)?;
-        let at_first = result.chosen.error;
-        let chosen = result.extend_error(self.budget, known)?;
-        let Some(stricter) = chosen.stricter(at_first, self.budget) else {
-            return Ok(chosen);
-        };
-        let result = self.pilot((subset, own), &stricter, assemble)?;
-        let other = result.extend_error(&stricter, known)?;
-        let is_within =
-            |error: Measured| error.spectral.is_none() && error.db <= self.budget.asked();
-        Ok(match other.error.is_some_and(is_within) {
-            true => other,
-            false => chosen,
-        })
-    }
-
-    /// The result of a pilot, or the record of an earlier one that would find the same.
-    fn pilot(
-        &self,
-        (subset, own): (&Subset, &OwnTimeline),
-        budget: &Budget,
-        assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
-    ) -> Result<PilotResult, Error> {
-        let is_tried = !matches!(budget, Budget::Method(_)) && !own.timeline.is_open;
-        let series = self.store.filter(|_| is_tried).map(|store| {
-            let also = format_args!("pilot {budget:?}");
-            Series::new(
-                store,
-                IslandContent::of(&subset.network, &own.timeline, also),
-            )
-        });
-        let recalled = series.as_ref().and_then(|series| {
-            let (taken, record) = series.find(&self.allowance)?;
-            let assemble = |how: How<'_>, pin: Option<&Choice>| {
-                Assembled::new(subset, own, self.budget, how, pin, &self.memo)
-            };
-            let result = PilotResult::recalled(&record, &assemble)?;
-            // The record includes the work of solving bodies.
-            self.memo.take_work();
-            self.allowance.replay(&taken);
-            Some(result)
-        });
-        if let Some(result) = recalled {
-            return Ok(result);
-        }
-        let left = self.allowance.begin();
-        let result = pilot::pilot(assemble, budget, &self.allowance)?;
-        if let Some(series) = &series {
-            series.keep(&self.allowance, left, result.record());
-        }
-        Ok(result)
     }
 }
 

@@ -1,0 +1,77 @@
+//! What does not change while links between frames are computed: their points, and how a push of one moves the others.
+
+use super::basis::{At, Basis, add_rows};
+use super::crowded::CrowdedBody;
+use super::joint::Joint;
+use crate::scheme::Run;
+use crate::units::Rate;
+
+/// Links whose pushes change each other's velocity by less than this part of their own are not coupled.
+const UNCOUPLED: f64 = 1e-6;
+
+/// The constant data of links and their points.
+#[derive(Clone, Debug)]
+pub(super) struct Script {
+    /// Least number of steps a frame, and number of steps for a radian of a contact's own oscillation.
+    pub(super) steps: usize,
+    pub(super) rate: Rate,
+    pub(super) basis: Basis,
+    pub(super) links: Vec<Run>,
+    /// The two joints of each link.
+    pub(super) ends: Vec<(usize, usize)>,
+    pub(super) joints: Vec<Joint>,
+    /// Bodies of which the modes are pushed, and body and row of each joint that is on one   (n_joints)
+    pub(super) crowded: Vec<CrowdedBody>,
+    pub(super) places: Vec<Option<(usize, usize)>>,
+    /// Response of one joint's path to an impulse at another   (n_joints², n·n); empty between those of a crowded body.
+    /// And that of its velocity at once   (n_joints²)
+    pub(super) moves: Vec<Vec<f64>>,
+    pub(super) jumps: Vec<f64>,
+    /// Whether a push of one link changes the velocity of another at once.
+    pub(super) is_coupled: bool,
+    /// Number of products by which an impulse on each joint changes all paths in `moves`   (n_joints)
+    pub(super) reached: Vec<u64>,
+    /// Displacement of one joint at the instants of a frame by an impulse at another at its start; empty but between
+    /// ports, and between those of a crowded body   (n_joints²)
+    pub(super) begun: Vec<Vec<f64>>,
+    /// Number of products that the free paths of all joints take in each frame.
+    pub(super) ways: u64,
+}
+
+impl Script {
+    /// Change of a link's rate of elongation by an impulse of the link [m/frame per N·s].
+    pub(super) fn jump(&self, a: usize, b: usize) -> f64 {
+        self.jump_between((a, b), (a, b))
+    }
+
+    /// Change of the rate of elongation of the second link, given by its joints, by an impulse of the first [m/frame per
+    /// N·s].
+    pub(super) fn jump_between(&self, (a, b): (usize, usize), (c, d): (usize, usize)) -> f64 {
+        let jump = |from: usize, to: usize| self.jumps[from * self.joints.len() + to];
+        jump(a, c) + jump(b, d) - jump(a, d) - jump(b, c)
+    }
+
+    /// Whether a push of one link changes the velocity of another at once, by more than `UNCOUPLED` of what it changes its
+    /// own.
+    pub(super) fn has_coupled_links(&self) -> bool {
+        let ends = self.ends.iter().enumerate();
+        let mut pairs =
+            ends.flat_map(|(at, one)| self.ends[..at].iter().map(move |other| (one, other)));
+        pairs.any(|(one, other)| {
+            let own = [*one, *other].map(|link| self.jump_between(link, link));
+            self.jump_between(*one, *other).abs() > UNCOUPLED * own[0].min(own[1])
+        })
+    }
+
+    /// Change the paths of all joints by an impulse on one of them [N·s].
+    pub(super) fn bend(&self, joint: usize, impulse: f64, at: &At, way: &mut [f64]) {
+        let (n, n_joints) = (self.basis.n(), self.joints.len());
+        let shares = at.value.map(|value| impulse * value);
+        let moves = &self.moves[joint * n_joints..(joint + 1) * n_joints];
+        for (moves, way) in moves.iter().zip(way.chunks_mut(n)) {
+            if !moves.is_empty() {
+                add_rows(moves, &shares[..n], way);
+            }
+        }
+    }
+}
