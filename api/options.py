@@ -26,6 +26,15 @@ class ReadOptions:
     trust: bool = False
 
 
+def check_seed(seed: int | None) -> None:
+    """Refuse a seed that no score can have. Raises OptionError."""
+    from ergon.scores.reading.sections import MAX_SEED
+
+    if seed is not None and not 0 <= seed <= MAX_SEED:
+        reason = f"a seed is a whole number from 0 to {MAX_SEED:,}"
+        raise OptionError("seed", reason, value=str(seed))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AccuracyOptions(ReadOptions):
     """How exactly a score is computed; None leaves a value to the score.
@@ -53,6 +62,7 @@ class AccuracyOptions(ReadOptions):
         from ergon.scores.reading.piece import METHODS, Accuracy
         from ergon.scores.staging.planning import requested_accuracy
 
+        check_seed(self.seed)
         given = {"method": self.method, "error": self.error, "cents": self.cents}
         names = [name for name, value in given.items() if value is not None]
         if len(names) > 1:

@@ -22,7 +22,7 @@ def hertz(option: str, value: float | str) -> float:
     from ergon.notation.text.errors import TextError
 
     try:
-        return frequency(value if isinstance(value, str) else f"{value!r}Hz")
+        return frequency(value if isinstance(value, str) else f"{float(value)!r}Hz")
     except TextError as found:
         asked = f"; did you mean '{found.suggestion}'?" if found.suggestion else ""
         raise OptionError(option, f"{found.message}{asked}") from None

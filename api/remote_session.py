@@ -190,11 +190,11 @@ def _as_options(options: SessionOptions) -> Iterator[str]:
     """The options, as a command line for the engine."""
     for field in fields(options):
         option, value = f"--{field.name.replace('_', '-')}", getattr(options, field.name)
-        if field.name in _OURS or value == field.default or not value:
+        if field.name in _OURS or value == field.default:
             continue
         if value is True:
             yield option
-        else:
+        elif value is not None and value is not False:
             yield from (f"{option}={one}" for one in _each(value))
 
 

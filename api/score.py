@@ -17,7 +17,7 @@ from ergon.exchange.wave_header import Bits
 from ergon.rendering.level import HIGHPASS, Level
 
 from .errors import DivergedError, OptionError, ScoreError
-from .options import AccuracyOptions, ReadOptions
+from .options import AccuracyOptions, ReadOptions, check_seed
 
 if TYPE_CHECKING:
     from ergon.notation.text.bounds import FileBounds
@@ -143,6 +143,7 @@ def stage_recording(loaded: Loaded, report: Report, *, seed: int | None = None) 
     from ergon.exchange.plan_store import of_user
     from ergon.scores.staging.recording_stages import stage_recording
 
+    check_seed(seed)
     piece = piece_of(loaded)
     with staging(lambda: loaded, report):
         staged = stage_recording(piece, seed=seed, store=of_user())

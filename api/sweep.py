@@ -21,7 +21,7 @@ from ergon.exchange.wave_header import Bits
 
 from . import score as scores
 from .errors import OptionError, ScoreError
-from .options import AccuracyOptions, ReadOptions
+from .options import AccuracyOptions, ReadOptions, check_seed
 from .parallel_results import results_as_completed
 from .score_bundle import ScoreBundle, bundled, digest
 from .sweep_table import FIGURES, SweepRow, Table
@@ -137,6 +137,7 @@ def _varied(options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]
         values = combined(varied, is_zipped=options.zip)
     except EditError as error:
         raise OptionError("vary", str(error)) from None
+    check_seed(options.seed)
     if options.seed is not None and any(one.target == SEED for one in varied):
         raise OptionError("seed", "; the sweep varies it", excludes="vary")
     if options.on is not None and (options.jobs > 1 or options.plan or options.trust):
@@ -184,7 +185,7 @@ def _variants(
 def _texts(score: str | Path, options: SweepOptions, loaded: Loaded) -> Texts:
     from ergon.scores.edits.texts import Texts
 
-    path = str(score)
+    path = str(Path(score))  # as the loader writes it
     text = next(iter(loaded.files.values())).text if path == scores.STDIN else None
     text = loaded.files[path].text if text is None else text
     return Texts(path, text, bounds=scores.bounds(path, options.trust)).complete()

@@ -154,7 +154,7 @@ def _quantity(
 )
 @click.option(
     "--tempo",
-    type=click.FloatRange(1, 1000),
+    type=options.Number(1, 1000),
     default=60.0,
     show_default=True,
     help="Beats a minute of the gestures.",
@@ -176,7 +176,7 @@ def _quantity(
     help="Advance one period for each packet, instead of by the wall clock.",
 )
 @click.option(
-    "--seconds", type=click.FloatRange(0, min_open=True), help="End after this many seconds."
+    "--seconds", type=options.Number(0, min_open=True), help="End after this many seconds."
 )
 @click.option("--once", is_flag=True, help="End when the host has disconnected.")
 @options.speaking
@@ -272,7 +272,7 @@ def emulate(
         paths=_paths(gestures, tempo, rate, 0 if free else axes),
         hand=(hand, grip),
         axes=axes,
-        force_max=force_max or usual_force,
+        force_max=usual_force if force_max is None else force_max,
         rate=rate,
         lockstep=lockstep,
         mass=mass,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -156,13 +155,15 @@ def _for_workstation(
     force: bool,
     trust: bool,
 ) -> None:
+    from ergon.api.render import FileOptions, prepare, write
     from ergon.exchange.markers import markers_csv
     from ergon.exchange.safe import check_target, open_for_writing
 
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
-    staged = score.stage_piece(loaded, None, console)
-    piece = staged.piece
-    end = staged.stage.n_analysed_frames / staged.stage.rate
+    asked = FileOptions(stems=output / "stems", bits=bits, force=force, trust=trust)
+    prepared = prepare(loaded, str(output / "mix.wav"), asked, console) if stems else None
+    stage = (prepared or score.stage_piece(loaded, None, console)).stage
+    piece, end = stage.piece, stage.n_analysed_frames / stage.rate
     tempo_path, marks_path = output / "tempo.mid", output / "marks.csv"
     for path in (tempo_path, marks_path):
         check_target(path, force=force, inputs=loaded.inputs)
@@ -179,13 +180,8 @@ def _for_workstation(
         with open_for_writing(path, binary=True, force=force) as file:
             file.write(content)
         _say(console, path)
-    if stems:
-        from ergon.api.render import FileOptions, PreparedRender, job_of, write
-
-        asked = FileOptions(stems=output / "stems", bits=bits, force=force)
-        job = job_of(piece, staged.stage, str(output / "mix.wav"), asked)
-        job = replace(job, inputs=loaded.inputs)
-        done = write(PreparedRender(loaded, staged.stage, job, staged.plan_s), console)
+    if prepared is not None:
+        done = write(prepared, console)
         print_rendered(console, done)
         print_finer_steps(console, done.simulation)
 

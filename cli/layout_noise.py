@@ -28,7 +28,7 @@ _GAP = 0.25  # [s] of silence after each burst
 )
 @click.option(
     "--seconds",
-    type=click.FloatRange(0.05, 60),
+    type=options.Number(0.05, 60),
     default=1.0,
     show_default=True,
     help="How long each sounds.",

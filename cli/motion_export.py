@@ -29,12 +29,12 @@ _FORMS = (".csv", ".npz", ".gltf")
 @options.target("The file to write: .npz, .csv or .gltf, by its ending; - writes CSV to stdout.")
 @click.option(
     "--fps",
-    type=click.FloatRange(0.1, 192_000.0),
+    type=options.Number(0.1, 192_000.0),
     help="Instants a second; between looks of the engine free oscillations are exact.",
 )
 @click.option(
     "--exaggeration",
-    type=click.FloatRange(1e-6, 1e12),
+    type=options.Number(1e-6, 1e12),
     help="How many times as far as it moves a point of a glTF moves. Default: 5 cm at most. "
     "Points in space move as far as they do.",
 )

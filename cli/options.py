@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,6 +13,20 @@ import click
 from .console import Console
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+class Number(click.FloatRange):
+    """A number within bounds. NaN, which no comparison finds, is outside of all."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The number that was written. Raises click.BadParameter."""
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a number that can be used here.", param, ctx)
+        return number
+
 
 force = click.option(
     "-f", "--force", is_flag=True, help="Also overwrite files that ergon did not write."
@@ -82,9 +97,7 @@ accuracy = several(
         metavar="LEVEL",
         help="Largest error of the waveform, below the sound's own level, such as -60dB.",
     ),
-    click.option(
-        "--cents", type=click.FloatRange(0.01, 1200), help="Largest error of a pitch, in cents."
-    ),
+    click.option("--cents", type=Number(0.01, 1200), help="Largest error of a pitch, in cents."),
     click.option(
         "--plan", metavar="FILE", help="Compute by the plan in this file (from `ergon plan -o`)."
     ),
@@ -178,7 +191,7 @@ hands = several(
         is_flag=True,
         help="Do not try the direction of each motor before it plays.",
     ),
-    click.option("--force-max", type=click.FloatRange(0, 200), help="Largest force on a hand [N]."),
+    click.option("--force-max", type=Number(0, 200), help="Largest force on a hand [N]."),
 )
 
 

@@ -43,14 +43,14 @@ _WHICH = f"Only these maps, of {','.join(MAPS)}; with --method {SLOW} of {','.jo
 @click.option("--maps", "chosen", metavar="NAMES", help=_WHICH)
 @click.option(
     "--seconds",
-    type=click.FloatRange(0.05, 60),
+    type=options.Number(0.05, 60),
     default=0.5,
     show_default=True,
     help="Seconds of SCORE that are computed, from its start.",
 )
 @click.option(
     "--accurate",
-    type=click.FloatRange(-200, 0),
+    type=options.Number(-200, 0),
     help="Largest error that counts as right [dB]. Default: -20 in the first 0.1 s of sound; with "
     "--method e4, in a second of sound, -75 up to 10 frames between pulls and -70 beyond.",
 )

@@ -8,7 +8,7 @@ from ergon.exchange.wave_header import BYTES
 from ergon.rendering.balance import dominant_instrument
 
 from .console import Console, plural
-from .units import decibels, level, octets, seconds
+from .units import decibels, level, loudness_of, octets, seconds
 
 if TYPE_CHECKING:
     from ergon._core import Simulation
@@ -61,16 +61,17 @@ def print_rendered(console: Console, completed: Completed) -> None:
     normalised = job.level.normalise is not None
     gain = f" (normalised by {decibels(mix.gain):+.1f} dB)" if normalised else ""
     recalled = f" ({done.recalled:.0%} recalled)" if done.recalled > 0 else ""
+    measured = loudness_of(mix.loudness, mix.peak, duration)
     digits = mix.sha256 if console.verbose else mix.sha256[:_SHORT]
     console.say(
         f"{name}: {seconds(duration)}, {channels}, {speed:.3g} × real time{recalled}, "
-        f"peak {level(peak, 'dBFS')}{gain}, loudness {level(mix.loudness, 'LUFS')}, "
+        f"peak {level(peak, 'dBFS')}{gain}, loudness {measured}, "
         f"no late blocks, sha256 {digits}"
     )
     for one in done.instruments:
         console.say(
             f"{one.name}: peak {level(decibels(one.peak), 'dBFS')}, "
-            f"loudness {level(one.loudness, 'LUFS')}"
+            f"loudness {loudness_of(one.loudness, one.peak, duration)}"
         )
     if (found := dominant_instrument(done.instruments)) is not None:
         loudest, above = found

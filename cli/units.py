@@ -18,9 +18,22 @@ def decibels(ratio: float) -> float:
     return 20 * math.log10(ratio) if ratio > 0 else -math.inf
 
 
+# Loudness is that of blocks of this length [s] above the absolute gate [LUFS]: ITU-R BS.1770-4.
+_LOUDNESS_BLOCK, _LOUDNESS_GATE = 0.4, -70.0
+
+
 def level(value: float, unit: str) -> str:
     """`-1.0 dBFS`; silence says so."""
     return "silent" if value == -math.inf else f"{value:.1f} {unit}"
+
+
+def loudness_of(value: float, peak: float, duration: float) -> str:
+    """`-18.2 LUFS` of a sound with a `peak` (ratio) and a duration [s], or why it has none."""
+    if value > -math.inf or peak == 0.0:
+        return level(value, "LUFS")
+    if duration < _LOUDNESS_BLOCK:
+        return f"not measured (shorter than {_LOUDNESS_BLOCK:g} s)"
+    return f"below {_LOUDNESS_GATE:g} LUFS"
 
 
 def seconds(value: float) -> str:

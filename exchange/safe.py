@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 MARK = b"made by ergon"  # stands within the first bytes of every text and MIDI file of ours
 _MARK_WITHIN = 1024
+# Errors of writing that name no file: the disk, a quota or the largest size of a file is reached.
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 class FileRefusedError(ErgonError):
@@ -120,7 +122,7 @@ def open_for_writing(
         return
     path = path.resolve()  # a link stays a link; what it points to is replaced
     folders = [folder for folder in path.parents if not folder.exists()]
-    path.parent.mkdir(parents=True, exist_ok=True)
+    _make_folder(path.parent)
     paths: list[Path] = []
     try:
         try:
@@ -138,11 +140,21 @@ def open_for_writing(
                 os.replace(part, path)
         if not temporary.IS_LOCKED:
             os.replace(part, path)
-    except BaseException:
+    except BaseException as error:
         for part in paths:
             part.unlink(missing_ok=True)
         remove_folders(folders)
+        if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
+            raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from error
         raise
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        own = next(one for one in (folder, *folder.parents) if one.exists())
+        raise FileRefusedError(f"{own} is a file, and no folder to write into") from None
 
 
 def keep_mode(path: Path, part: Path) -> None:

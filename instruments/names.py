@@ -51,11 +51,16 @@ class PartNames:
     families: dict[str, dict[int, str]] = field(default_factory=dict)
 
     def targets(self, name: Name, wanted: Wanted, who: str) -> list[Target]:
-        """The targets of a name; for an instrument with notes one for each note. Those not found
-        are reported and left out.
+        """The targets of a name; for an instrument with notes one for each note. None if one is not
+        found, which is reported once.
         """
-        found = (self.target(each, wanted, who) for each in self.members(name))
-        return [target for target in found if target is not None]
+        found = []
+        for each in self.members(name):
+            target = self.target(each, wanted, who)
+            if target is None:
+                return []
+            found.append(target)
+        return found
 
     def members(self, name: Name, prefix: str = "") -> list[Name]:
         """The name itself; for an instrument with notes (`string`, `string.body.12`) one name for
@@ -65,7 +70,8 @@ class PartNames:
         if found is None:
             return [name]
         parts, rest = found
-        return [Name(".".join(filter(None, (part, rest))), name.place) for part in parts.values()]
+        names = (".".join(filter(None, (part, rest))) for part in parts.values())
+        return [Name(word, name.place, str(name)) for word in names]
 
     def family(self, path: str, prefix: str = "") -> tuple[dict[int, str], str] | None:
         """The notes of an instrument if a path names it without a note, and the rest of the path;
@@ -278,9 +284,8 @@ class PartNames:
             message += f"does not select; write a list: [{examples}]"
             self.collector.error("E304", message, name.place)
             return None
-        message = (
-            f"{who}: {quote(name)} is ambiguous: it has {len(candidates)} modules of this kind"
-        )
+        word, count = quote(name.written), len(candidates)
+        message = f"{who}: {word} is ambiguous: it has {count} modules of this kind"
         self.collector.error(
             "E304", f"{message}; write one of them: {examples}" if examples else message, name.place
         )
@@ -340,10 +345,11 @@ class PartNames:
         names = list(part.modules) if part else []
         names += list(self.parts)
         if "." in path and (head := path.rpartition(".")[0]) in self.parts:
-            names = [f"{head}.{own}" for own in _inside(self.parts[head].modules.values())]
-        message = f"{who}: nothing is called {quote(name)}"
+            written = name.written.rpartition(".")[0] if name.written != name else head
+            names = [f"{written}.{own}" for own in _inside(self.parts[head].modules.values())]
+        message = f"{who}: nothing is called {quote(name.written)}"
         known = [known for known in names if known]  # a lone generator's module has no name
-        self.collector.error("E301", message, name.place, word=str(name), names=known)
+        self.collector.error("E301", message, name.place, word=name.written, names=known)
 
     def _is_broken(self, path: str, part: Part | None) -> bool:
         """Whether the name was refused already: each mistake is reported once."""

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 # oscillation of a key grow by half within some seconds, but no faster.
 _RESPONSE_TICKS = (400, 4096)
 _DIVERGED_STIFFNESS = 1e12  # [N/m]
-# Couplings fade in this time [s] (FADE in core-rs/engine/src/timeline/gate.rs).
-_FADE = 0.02
 _GLIDE_FRAMES_MAX = 20  # frames within a glide that are checked, at most
 _CACHE_MAX = 256  # answers
 
@@ -299,7 +297,7 @@ def _coupling_end(stage: Stage, until: float | None) -> float:
         return math.inf
     if until == COUPLING_ENDED:
         return COUPLING_ENDED
-    return _on_grid(stage, until) + -(-int(_FADE * stage.rate) // _core.GRID) * _core.GRID
+    return _on_grid(stage, until) + -(-int(_core.FADE * stage.rate) // _core.GRID) * _core.GRID
 
 
 def _on_grid(stage: Stage, instant: float) -> int:

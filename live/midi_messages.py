@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 CLOCKS_PER_BEAT = 24  # MIDI clock messages in a beat
-_PER_SONG_POSITION = 6  # clocks of one unit of a song position
+CLOCKS_PER_SONG_POSITION = 6  # clocks of one unit of a song position
 _OFF, _ON, _CONTROL = 0x80, 0x90, 0xB0
 _SONG_POSITION = 0xF2
 
@@ -61,7 +61,7 @@ def parse_message(data: bytes) -> Message | None:
     if kind == _CONTROL:
         return Control(data[1], data[2])
     if data[0] == _SONG_POSITION:
-        return SongPosition((data[1] | data[2] << 7) * _PER_SONG_POSITION)
+        return SongPosition((data[1] | data[2] << 7) * CLOCKS_PER_SONG_POSITION)
     return None
 
 
@@ -69,5 +69,5 @@ def encode_song_position(beats: float) -> bytes:
     """The message for a position in beats, rounded down to a sixteenth; beyond its range, the
     greatest position that fits.
     """
-    units = min(int(beats * CLOCKS_PER_BEAT) // _PER_SONG_POSITION, (1 << 14) - 1)
+    units = min(int(beats * CLOCKS_PER_BEAT) // CLOCKS_PER_SONG_POSITION, (1 << 14) - 1)
     return bytes([_SONG_POSITION, units & 0x7F, units >> 7])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -104,9 +104,10 @@ def _hertz(note: Amount) -> float:
 class _Reader:
     """Reads one expression, from left to right, once."""
 
-    def __init__(self, text: str, names: Mapping[str, Amount]) -> None:
+    def __init__(self, text: str, names: Mapping[str, Amount], later: Container[str]) -> None:
         self.text = text
         self.names = names
+        self.later = later
         self.at = 0
 
     def whole(self) -> Amount:
@@ -191,6 +192,9 @@ class _Reader:
             letter, sign, octave = match.groups()
             steps = _LETTERS[letter] + _SIGNS[sign] + 12 * (int(octave) - 4)
             return Amount(Fraction(steps), "note")
+        if word is not None and word[0] in self.later:
+            message = f"{quote(word[0])} is named below: a value of `let:` uses names above it"
+            raise self._error(message, start, len(word[0]))
         if word is not None:
             message = f"{quote(word[0])} is not a name of `let:`, a note or a number"
             near = nearest(word[0], self.names)
@@ -284,9 +288,11 @@ def _called(amount: Amount) -> str:
     return "a note" if amount.unit == "note" else f"a value in {amount.unit}"
 
 
-def evaluate(text: str, names: Mapping[str, Amount]) -> Amount:
-    """The value of an expression. Raises TextError with the characters at fault."""
-    return _Reader(text, names).whole()
+def evaluate(text: str, names: Mapping[str, Amount], later: Container[str] = ()) -> Amount:
+    """The value of an expression; `later` are names that it may not use yet. Raises TextError with
+    the characters at fault.
+    """
+    return _Reader(text, names, later).whole()
 
 
 def looks_like(text: str, names: Mapping[str, Amount]) -> bool:
@@ -297,7 +303,9 @@ def looks_like(text: str, names: Mapping[str, Amount]) -> bool:
     if re.fullmatch(r"\s*[a-z_]\w*\s*", text):
         return nearest(text.strip(), names) is not None
     return bool(re.search(r"[\w)#]\s*[*(]|[\w)#]\s+[-+/]\s|\)\s*[-+*/]", text)) or bool(
-        re.search(r"\d[A-Za-z%]*\s*[-+]\s*[\d(]|[A-G][#b]?-?\d\s*[-+]\s*\d", text)
+        re.search(
+            r"\d[A-Za-z%]*\s*[-+]\s*[\d(]|\d[A-Za-z%]+/[\d.(]|[A-G][#b]?-?\d\s*[-+]\s*\d", text
+        )
     )
 
 
@@ -332,7 +340,7 @@ def _read(section: document.Mapping) -> NamedAmounts:
                 f"{quote(word)} cannot be the name of a value; write a small letter, then letters, "
                 "digits and _, and no unit"
             )
-            found.wrong.append((key, TextError(message, length=len(word), code="E107")))
+            found.wrong.append((key, TextError(message, length=len(word), code="E110")))
             continue
         if not isinstance(node, Scalar):
             message = f"{word}: one value or expression is expected, such as 400g or 2*heavy"
@@ -343,7 +351,7 @@ def _read(section: document.Mapping) -> NamedAmounts:
             found.wrong.append((node, TextError(message, length=len(node.text), code="E201")))
             continue
         try:
-            found.names[word] = evaluate(node.text, found.names)
+            found.names[word] = evaluate(node.text, found.names, section.entries)
         except TextError as error:
             found.wrong.append((node, error))
     return found

@@ -31,15 +31,20 @@ NAME_PATTERN = "^[A-Za-z_\u00aa-\uffff][\\w\u00aa-\uffff-]*$"
 
 
 class Name(str):
-    """A name by which the score refers to something, with the place where it is written."""
+    """A name by which the score refers to something, with the place where it is written.
 
-    __slots__ = ("place",)
+    `written` is the word there: `string.hammer` for each of `string.D3.hammer`, `string.E3.hammer`.
+    """
+
+    __slots__ = ("place", "written")
     place: Place
+    written: str
 
-    def __new__(cls, word: str, place: Place) -> Name:
-        """A string that remembers where it was written."""
+    def __new__(cls, word: str, place: Place, written: str | None = None) -> Name:
+        """A string that remembers where it was written, and how if that differs."""
         name = super().__new__(cls, word)
         name.place = place
+        name.written = str(word) if written is None else written
         return name
 
 

@@ -235,7 +235,7 @@ def _similar(name: str, folder: Path) -> str | None:
     """The file beside the score, or in the library, that a name was most likely meant for."""
     known: dict[str, str] = {}
     own = _library_folder(name)
-    for prefix in (own,) if own else _LIBRARY:
+    for prefix in (own,) if own else _LIBRARY if _is_yaml(name) else ():
         paths = sorted(installed_path(prefix).glob("*.yaml"))
         known |= {path.stem: f"{prefix}/{path.name}" for path in paths}
     for inside in (PurePosixPath(), PurePosixPath(name).parent):
@@ -246,9 +246,14 @@ def _similar(name: str, folder: Path) -> str | None:
                 files = [entry.name for entry in islice(entries, MAX_LISTED) if entry.is_file()]
         except (OSError, ValueError):
             continue
-        known |= {PurePosixPath(file).stem: str(inside / file) for file in sorted(files)}
+        alike = [file for file in sorted(files) if _is_yaml(file) == _is_yaml(name)]
+        known |= {PurePosixPath(file).stem: str(inside / file) for file in alike}
     stem = nearest(PurePosixPath(name).stem, known)
     return known[stem] if stem is not None else None
+
+
+def _is_yaml(name: str) -> bool:
+    return PurePosixPath(name).suffix.lower() in ("", ".yaml", ".yml")
 
 
 def _library_folder(name: str) -> str | None:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from ergon.notation.tables.shapes import MAX_NAME, NAME
 from ergon.notation.text.errors import TextError
 from ergon.repl.language.triggers import Trigger, parse_trigger
+from ergon.repl.session.journal import BEAT_MAX
 
 if TYPE_CHECKING:
     from ergon.repl.session.journal import JournalEvent
 
 MAX_RULES = 16
-_BEAT_MAX = 1e7
 
 
 class Rule(NamedTuple):
@@ -40,7 +40,7 @@ def read_rules(event: JournalEvent) -> Mapping[str, Rule]:
 def _read_row(event: JournalEvent, row: object) -> tuple[str, Rule]:
     match row:
         case [str(name), float(begin), str(text)] if (
-            NAME.fullmatch(name) and len(name) <= MAX_NAME and 0.0 <= begin <= _BEAT_MAX
+            NAME.fullmatch(name) and len(name) <= MAX_NAME and 0.0 <= begin <= BEAT_MAX
         ):
             try:
                 return name, Rule(begin, parse_trigger(text))

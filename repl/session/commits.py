@@ -27,7 +27,7 @@ from ergon.repl.session.clock import (
 from ergon.repl.session.engine import Change
 from ergon.repl.session.making_time import MakingTime
 from ergon.repl.session.running import JOIN_SECONDS, RunningVersion, horizon, stage_next
-from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version
+from ergon.repl.session.version import NotTakenError, PastVersion, Version
 from ergon.scores.staging.refusals import StageError
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 # A waiting line is handed to the engine this long before the last moment at which it is in time
-# [s].
+# [s]. Its version is made then, or earlier where making takes longer.
 _AHEAD = 0.3
 
 # A line that acts now gets twice the time that the slowest of the last lines took.
@@ -272,12 +272,8 @@ class Commits:
 
     @staticmethod
     def _edited(before: Version, one: WaitingLine) -> Version:
-        before = replace(
-            before, ends_gestures=False, damp=None, glide=GLIDE, enter_beat=None, read_texts=None
-        )
         goes = before.is_running if one.sets_running is None else one.sets_running
-        before = replace(before, discarded_spots=(), freed_parameters=(), is_running=goes)
-        return one.edit(before, one.beat)
+        return one.edit(replace(before.taken_over(), is_running=goes), one.beat)
 
     def _make_all(self, queue: list[WaitingLine]) -> list[tuple[RunningVersion, RunningVersion]]:
         on, found = self.running, []
@@ -383,6 +379,7 @@ class Commits:
             group = [other for other in self.waiting if other.start == one.start]
             self.waiting = [other for other in self.waiting if other.start != one.start]
             self._hand_over(group)
+        self._make_ahead()
         running = self.running
         tempo = running.version.piece.tempo_map
         # One waiting extension is enough, and a timeline without end needs none.
@@ -428,15 +425,30 @@ class Commits:
     def _handover_frame(self) -> int:
         return self.engine.frame + self.margin + int(_AHEAD * self.rate)
 
+    def _make_ahead(self) -> None:
+        """Make the versions of waiting lines that would not be ready when they are handed over."""
+        making = _MAKING_FACTOR * self.making_time.seconds
+        if making <= _AHEAD:
+            return
+        until = self.engine.frame + self.margin + int(making * self.rate)
+        queue = [one for one in self.waiting if one.start <= until]
+        try:
+            made = self._make_all(queue)
+        except REFUSALS:  # the line is dropped when it is due
+            return
+        for one, (running, on) in zip(queue, made, strict=True):
+            one.staged, one.predecessor, one.version = running, on, running.version
+
     def _hand_over(self, group: Sequence[WaitingLine]) -> None:
         """Hand the lines of one boundary to the engine as one change."""
         before = on = self.running
-        n_dropped = len(self.dropped)
+        n_dropped, taken = len(self.dropped), []
         for one in group:
             is_made = one.staged is not None and one.predecessor is on
             try:
                 on = one.staged if is_made and one.staged is not None else self._stage_line(on, one)
                 one.staged = on
+                taken.append(one)
             except REFUSALS as error:  # an earlier line removed what it needs
                 self.dropped.append((one, str(error)))
         if on is before:
@@ -446,7 +458,7 @@ class Commits:
             on.start,
             on.stage,
             before.stage,
-            any(one.resets for one in group),
+            any(one.resets for one in taken),
             gains=_changed_ratios(before, on),
             damp=on.version.damp,
             force_bounds=on.force_bounds,
@@ -454,11 +466,11 @@ class Commits:
         try:
             ticket = self.engine.change(change)
         except EngineError as error:
-            self.dropped += [(one, str(error)) for one in group if one.line]
+            self.dropped += [(one, str(error)) for one in taken if one.line]
             self._find_head()
             return
-        self.under_way.append((ticket, group, before))
-        self.handed_over += [one.number for one in group if one.number]
+        self.under_way.append((ticket, taken, before))
+        self.handed_over += [one.number for one in taken if one.number]
         self.running = on
         if not self.waiting or len(self.dropped) > n_dropped:
             self._find_head()
@@ -497,7 +509,8 @@ class Commits:
 
     def effect_order(self) -> dict[int, float]:
         """The place of lines in the order in which they take effect, by number."""
-        numbers = [*self.handed_over, *(one.number for one in self.waiting)]
+        waiting = (one.number for one in self.waiting if one.number)  # 0: the timeline is extended
+        numbers = [*self.handed_over, *waiting]
         return {number: float(place) for place, number in enumerate(numbers)}
 
     def rebase(self, base: Texts) -> None:

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 _BAR = Length(bars=1.0)
+_DELAY_TOLD = 1.0  # [s] by which a line that acts now may be late without a message
 _DRAWS_EVERY = 0.5  # [s] between two drawings of a key that is traced: one takes 15 ms
 _TRACE_HEIGHT = 6  # characters
 _LOOKS_BACK = 200  # latest lines that are searched for the one that a reload discards
@@ -370,11 +371,7 @@ class SessionCore:
                 self.block_runs.queue_due()
             if (own := self.captures.pop_ready(self.commits)) is not None:
                 self._add_take(own)
-            said, closed = self.sound_file.report_change(self.commits.engine, self.commits.rate)
-            if said:
-                self._messages.append(said)
-            if closed is not None:
-                self._journal_event("sound", first=closed.first, frames=closed.frames)
+            self._tell_sound_file()
             if self.journal is not None and (trouble := self.journal.pop_failure()):
                 self._messages.append(trouble)
             self._tell_troubles()
@@ -459,14 +456,22 @@ class SessionCore:
         cut = f", of which {missing:.3f} s were not recorded" if own.n_missing else ""
         self._messages.append(f"take {own.name}: {seconds:.1f} s{cut} -> {file}")
 
+    def _tell_sound_file(self) -> None:
+        said, closed = self.sound_file.report_change(self.commits.engine, self.commits.rate)
+        if said:
+            self._messages.append(said)
+        if closed is not None:
+            self._journal_event("sound", first=closed.first, frames=closed.frames)
+
     def _report_late(self, lines: Sequence[WaitingLine]) -> None:
         for one in lines:
             if one.number:
                 self._journal_event("late", number=one.number, beat=one.beat, start=one.start)
-            if one.line and not one.is_now:
+            delay = (one.start - self.commits.engine.frame) / self.commits.rate
+            if one.line and (not one.is_now or delay > _DELAY_TOLD):
+                when = f"in {delay:.1f} s" if one.is_now else "at the next bar"
                 self._messages.append(
-                    f"'{first_line(one.line)}' was not ready in time; "
-                    "it takes effect at the next bar"
+                    f"'{first_line(one.line)}' was not ready in time; it takes effect {when}"
                 )
 
     def _report_forces(self, frame: int) -> None:

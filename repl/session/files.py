@@ -62,19 +62,13 @@ def save(session: SessionCore, target: Path | None) -> list[str]:
 
 def new_file_beside(texts: Texts, target: Path, suffix: str) -> Path:
     """A new file in the folder that a session writes to. Raises NotTakenError."""
-    folder = folder_of(texts)
-    path = folder / target if target.parent == Path() else target
-    if path.suffix == "":
-        path = path.with_suffix(suffix)
+    path = _with_suffix(texts, target, suffix)
     if path.suffix.lower() != suffix:
         raise NotTakenError(
             f"{path.name} does not end in {suffix}", f"record audio {path.stem}{suffix}"
         )
-    try:
-        is_inside = path.resolve().parent == folder.resolve()
-    except (OSError, RuntimeError, ValueError) as error:  # a circle of links, or an impossible name
-        raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
-    if not is_inside:
+    folder = folder_of(texts)
+    if _resolved(path).parent != folder.resolve():
         raise NotTakenError(
             f"a session writes only into {folder.resolve()}", f"record audio {path.name}"
         )
@@ -84,20 +78,30 @@ def new_file_beside(texts: Texts, target: Path, suffix: str) -> Path:
 def _target(texts: Texts, target: Path) -> Path | None:
     """The file for a name; None if that is the score itself. Raises NotTakenError."""
     own, folder = Path(texts.path), folder_of(texts)
-    path = folder / target if target.parent == Path() else target
-    if path.suffix == "":
-        path = path.with_suffix(own.suffix if own.suffix in SUFFIXES else SUFFIXES[0])
-    try:
-        real, is_inside = path.resolve(), path.resolve().parent == folder.resolve()
-        is_own = real == own.resolve()
-    except (OSError, RuntimeError, ValueError) as error:  # a circle of links, or an impossible name
-        raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
-    if not is_inside:
+    suffix = own.suffix if own.suffix in SUFFIXES else SUFFIXES[0]
+    path = _with_suffix(texts, target, suffix)
+    real = _resolved(path)
+    if real.parent != folder.resolve():
         raise NotTakenError(
             f"save the score in {folder.resolve()}: the paths in it are relative to that folder",
             f"save {path.name}",
         )
-    return None if is_own else folder / path.name
+    return None if real == _resolved(own) else folder / path.name
+
+
+def _with_suffix(texts: Texts, target: Path, suffix: str) -> Path:
+    """A file as it was named, beside the score if no folder was named. Raises NotTakenError."""
+    if target.name in ("", ".."):
+        raise NotTakenError(f"{target} is a folder: name a file")
+    path = folder_of(texts) / target if target.parent == Path() else target
+    return path if path.suffix else path.with_suffix(suffix)
+
+
+def _resolved(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # a circle of links, or an impossible name
+        raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
 
 
 def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]:

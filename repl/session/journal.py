@@ -23,6 +23,9 @@ from ergon.common.regular import NotRegularError, open_regular
 VERSION = 1
 MAX_BYTES = 1 << 28  # an hour of lines takes some hundred kilobytes
 MAX_LINE = 1 << 25  # bytes; a score and all files that it uses are one line
+# Bounds of what a journal may say: more frames than a session has at any rate, and beats.
+FRAME_MAX = 1 << 40
+BEAT_MAX = 1e7
 _LATEST = 1e12  # no number of a journal is larger
 
 
@@ -70,6 +73,7 @@ class Journal:
                 "the journal lacks an event that is too long for it: "
                 f"'{event}', {len(line):,} bytes"
             )
+            self.has_failed = True
             return
         try:
             with self._writing:

@@ -22,7 +22,13 @@ from ergon.repl.session.history_content import (
     read_sounding,
     sounding_field,
 )
-from ergon.repl.session.journal import JournalError, JournalEvent, read_events
+from ergon.repl.session.journal import (
+    BEAT_MAX,
+    FRAME_MAX,
+    JournalError,
+    JournalEvent,
+    read_events,
+)
 from ergon.repl.session.journal_hands import JournalTake, take_of
 from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
 from ergon.repl.session.midi_maps import Map, Place, maps_field, read_maps
@@ -31,9 +37,7 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.sounding import SoundingNames
 
 _EVERY_MAX = 1 << 16  # frames of a tick
-_FRAME_MAX = 1 << 40  # longer than a session at any rate
 _NUMBER_MAX = 1 << 40
-_BEAT_MAX = 1e7
 _RATIO_MAX = 1e10  # the largest that a score allows
 _HIGHPASS_MAX = 1000.0  # [Hz]
 _HASH = 64  # digits
@@ -169,7 +173,7 @@ class JournalContent:
     def _due(self, number: int) -> tuple[int, bool, float]:
         """When a waiting line would take effect: (frame, whether it is `play` or `stop`, beat)."""
         line = self.lines[number]
-        start = self.starts.get(number, line.number_of("start", int, 0, _FRAME_MAX, 0))
+        start = self.starts.get(number, line.number_of("start", int, 0, FRAME_MAX, 0))
         beat = self.late.get(number, line.get("beat", float))
         return start, line.fields.get("goes") is not None, beat
 
@@ -313,7 +317,7 @@ class _FileLocations:
 
 
 def _beat(event: JournalEvent, name: str, default: float | None = None) -> float:
-    return float(event.number_of(name, float, 0.0, _BEAT_MAX, default))
+    return float(event.number_of(name, float, 0.0, BEAT_MAX, default))
 
 
 def _read_faders(event: JournalEvent) -> Faders:
@@ -345,12 +349,12 @@ def _add_event(replay: JournalContent, event: JournalEvent, where: _FileLocation
             event.refuse(f"the journal has no line with the number {number}")
         if "text" in event.fields:  # other than when the line was typed
             replay.versions_from_files[replay.lines[number].number] = _read_version(event, where)
-        frame = event.number_of("frame", int, 0, _FRAME_MAX)
+        frame = event.number_of("frame", int, 0, FRAME_MAX)
         replay.commits.append((frame, _beat(event, "beat"), replay.lines[number]))
     elif event.name == "late":
         replay.late[number] = _beat(event, "beat")
         if "start" in event.fields:
-            replay.starts[number] = event.number_of("start", int, 0, _FRAME_MAX)
+            replay.starts[number] = event.number_of("start", int, 0, FRAME_MAX)
     elif event.name == "dropped":
         replay.dropped.add(number)
     elif event.name in _ACTS:
@@ -365,7 +369,7 @@ def _add_event(replay: JournalContent, event: JournalEvent, where: _FileLocation
     if event.name in ("line", "saved"):
         replay.disk.add_hashes(where.hashes(event))
     if "frame" in event.fields:
-        frame = event.number_of("frame", int, 0, _FRAME_MAX)
+        frame = event.number_of("frame", int, 0, FRAME_MAX)
         replay.n_frames = max(replay.n_frames, frame)
 
 
@@ -376,11 +380,11 @@ def _strike(event: JournalEvent) -> JournalAct:
         event.number_of("member", int, -1, _NUMBER_MAX),
     )
     impulse = event.number_of("impulse", float, -_RATIO_MAX, _RATIO_MAX)
-    return JournalAct(event.number_of("frame", int, 0, _FRAME_MAX), place, impulse, event.number)
+    return JournalAct(event.number_of("frame", int, 0, FRAME_MAX), place, impulse, event.number)
 
 
 def _value(event: JournalEvent) -> JournalAct:
-    frame, name = event.number_of("frame", int, 0, _FRAME_MAX), event.get("input", str)
+    frame, name = event.number_of("frame", int, 0, FRAME_MAX), event.get("input", str)
     value = event.number_of("value", float, -_VALUE_MAX, _VALUE_MAX)
     return JournalAct(frame, name, value, event.number)
 
@@ -390,7 +394,7 @@ _ACTS = {"strike": _strike, "value": _value}
 
 def _add_silence(replay: JournalContent, event: JournalEvent) -> None:
     """Add the begin or the end of a panic's silence; they must alternate."""
-    frame = event.number_of("frame", int, 0, _FRAME_MAX)
+    frame = event.number_of("frame", int, 0, FRAME_MAX)
     last = replay.silences[-1] if replay.silences else None
     is_open = last is not None and last.stop is None
     begins = event.get("begins", bool)

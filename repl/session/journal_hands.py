@@ -11,7 +11,7 @@ from ergon import _core
 from ergon.common.regular import open_regular
 from ergon.exchange.recording import NotRecordingError, from_start
 from ergon.repl.session.engine import RecordedHand
-from ergon.repl.session.journal import JournalError, JournalEvent
+from ergon.repl.session.journal import FRAME_MAX, JournalError, JournalEvent
 
 if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
@@ -79,7 +79,7 @@ def take_of(first: JournalEvent, journal: Path) -> JournalTake | None:
             row.get("key", str),
             row.get("device", str),
             row.number_of("axis", int, 0, _AXIS_MAX),
-            row.number_of("start", int, 0, 1 << 40, 0),
+            row.number_of("start", int, 0, FRAME_MAX, 0),
         )
         for row in rows
     )

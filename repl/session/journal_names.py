@@ -71,7 +71,7 @@ def _check_relative(name: str) -> str:
 
 def _check_file_name(name: str) -> None:
     """Check that a file can have such a name."""
-    if not name or _CONTROL.search(name):
+    if not name or _CONTROL.search(name) or Path(name).name in ("", ".."):
         raise JournalNameError(f"{_printable(name)} is not a valid file name")
     if len(name) > _MOST or any(len(part.encode()) > _MOST_PART for part in name.split("/")):
         raise JournalNameError(f"{_printable(name)} is too long for a file name")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -30,7 +31,8 @@ if TYPE_CHECKING:
     from ergon.scores.staging.version_glides import Glide
 
 _BARS_AHEAD = 120.0  # [s] of bars sent ahead: a hand that reconnects waits for the next bar
-_CLOSE_TIMEOUT = 2.0  # [s] to play out the ring buffer
+_CLOSE_TIMEOUT = 2.0  # [s] to play out the ring buffer, and to end a sound file
+_POLL = 0.005  # [s] between two looks at a file that ends
 
 
 class LiveEngine:
@@ -56,6 +58,7 @@ class LiveEngine:
         self._n_silences = 0
         # Set by `close`: the last status, and the events that were not reported yet.
         self._final_status: _core.Status | None = None
+        self._final_sound: SoundFileStatus | None = None
         self._unreported: list[_core.PerformanceEvent] = []
 
     @property
@@ -139,7 +142,9 @@ class LiveEngine:
 
     def sound_file_status(self) -> SoundFileStatus | None:
         """The state of the file of `record_sound`; None where there was none."""
-        now = None if self._final_status else self._performance.audio_recorded()
+        if self._final_status is not None:
+            return self._final_sound
+        now = self._performance.audio_recorded()
         if now is None:
             return None
         return SoundFileStatus(now.first, now.frames, now.missing, now.ended, now.error)
@@ -216,8 +221,22 @@ class LiveEngine:
         """Switch sound and force on again."""
         self._performance.release()
 
+    def _ended_sound(self) -> SoundFileStatus | None:
+        """The state of the file of `record_sound` once it has been ended, if that takes no longer
+        than `_CLOSE_TIMEOUT`.
+        """
+        if self.sound_file_status() is not None:
+            self.end_sound()
+        stop = time.monotonic() + _CLOSE_TIMEOUT
+        while (now := self.sound_file_status()) and not (now.ended or now.error):
+            if time.monotonic() > stop:
+                break
+            time.sleep(_POLL)
+        return now
+
     def close(self) -> None:
         """Play out the ring buffer, and end."""
+        self._final_sound = self._ended_sound()
         self._final_status = self._performance.status()
         self._performance.stop()
         self._unreported = self._performance.close(_CLOSE_TIMEOUT)

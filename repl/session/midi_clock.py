@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Protocol
 
 from ergon._core import EngineError
 from ergon.live.clock_follower import BeatEstimate, ClockFollower
-from ergon.live.midi_messages import CLOCKS_PER_BEAT, Transport, encode_song_position, parse_message
+from ergon.live.midi_messages import (
+    CLOCKS_PER_BEAT,
+    CLOCKS_PER_SONG_POSITION,
+    Transport,
+    encode_song_position,
+    parse_message,
+)
 from ergon.live.osc_out import HearingClock, frame_of
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length
@@ -27,7 +33,6 @@ if TYPE_CHECKING:
 
 _CHECK_PERIOD = 0.004  # [s] between two looks at the performance
 _SIXTEENTH = 0.25  # beats of one unit of a song position
-_CLOCKS_OF_A_SIXTEENTH = 6
 _PRIORITY = 60  # below the process that sends
 # A correction removes the whole error within this many beats; smaller errors than
 # _ERROR_MAX [s] stay.
@@ -71,7 +76,7 @@ class ClockEvents:
                     # A song position counts sixteenths: it is that of the next sixteenth, where
                     # others can join in.
                     self._next = (
-                        math.ceil(clock.stopped_beat / _SIXTEENTH - SAME) * _CLOCKS_OF_A_SIXTEENTH
+                        math.ceil(clock.stopped_beat / _SIXTEENTH - SAME) * CLOCKS_PER_SONG_POSITION
                     )
                     if self._next:
                         yield first, encode_song_position(self._next / CLOCKS_PER_BEAT)

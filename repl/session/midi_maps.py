@@ -107,7 +107,9 @@ def _check_target(piece: Piece, text: str) -> Target:
 
 def place_number(place: Place) -> int:
     """The engine's number of a struck place."""
-    return _numbers.setdefault(place, next(_next_number))
+    if place not in _numbers:
+        _numbers[place] = next(_next_number)
+    return _numbers[place]
 
 
 def strike_points(version: Version) -> StrikePoints:

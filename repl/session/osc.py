@@ -40,6 +40,7 @@ _GAIN = re.compile(r"/ergon/(?:(instrument|player)/([^/]+)/)?gain")
 _INPUT = "/ergon/input/"
 _WAITING_MAX = 64  # lines that may wait to be done
 # OSC has no passwords: lines that read or write files, run Python or end the session must be typed.
+# A scene lies beside the score and is called in the midst of a performance, so it may come by OSC.
 _TYPED_ONLY = (c.Py, c.Save, c.Keep, c.Load, c.Reload, c.Record, c.RecordOff, c.RecordAudio, c.Quit)
 
 

@@ -32,7 +32,7 @@ from ergon.repl.session.journal_content import FileVersion, JournalAct, JournalC
 from ergon.repl.session.journal_hands import RecordedHands, recorded_hands
 from ergon.repl.session.midi_maps import place_number
 from ergon.repl.session.running import JOIN_SECONDS, RunningVersion, stage_first
-from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version, piece_of
+from ergon.repl.session.version import NotTakenError, PastVersion, Version, piece_of
 from ergon.scores.staging.drives import input_number
 from ergon.scores.staging.preparing import MAX_SECONDS
 
@@ -235,8 +235,7 @@ def resumed_state(replay: JournalContent) -> tuple[Version, Clock, PastVersions]
             goes = event.fields.get("goes")
             now_running = goes if isinstance(goes, bool) else version.is_running
             before = version.piece.tempo_map
-            version = replace(version, ends_gestures=False, damp=None, glide=GLIDE, enter_beat=None)
-            version = replace(version, is_running=now_running)
+            version = replace(version.taken_over(), is_running=now_running)
             version = edit_of_line(event, versions, version, replay.versions_from_files)(
                 version, beat
             )
@@ -261,9 +260,8 @@ def resumed_state(replay: JournalContent) -> tuple[Version, Clock, PastVersions]
     bar, _ = tempo.bar_beat(beat)
     # Guidance is not resumed: a hand is pulled only after a line that asks for it.
     begun = replace(
-        version, number=0, line="", guides={}, ends_gestures=False, damp=None, glide=GLIDE
+        version.taken_over(), number=0, line="", guides={}, base=replay.base, is_running=False
     )
-    begun = replace(begun, base=replay.base, enter_beat=None, is_running=False)
     return begun, Clock(None, tempo.bars.start(bar)), _renumbered_history(replay, begun, versions)
 
 

@@ -7,6 +7,7 @@ import re
 import threading
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon import _core
@@ -176,8 +177,9 @@ class Session(SessionCore):
                     and self.watch
                     and self.watch.has_changed()
                 ):
-                    reply = self.submit("reload")
-                    self._messages.append(reply.text if reply.taken else f"not taken: {reply.text}")
+                    name, reply = Path(self.commits.head.texts.path).name, self.submit("reload")
+                    taken = "reloaded" if reply.taken else "not reloaded"
+                    self._messages.append(f"{name} has changed and is {taken}: {reply.text}")
             except BaseException as error:  # the next check may succeed
                 self._messages.append(f"{type(error).__name__}: {error}")
 
@@ -196,6 +198,7 @@ class Session(SessionCore):
             # Lines may take effect until the engine is closed: the end is written after all of
             # them.
             self._handle_events()
+            self._tell_sound_file()
             self._journal_event("end", frame=self.commits.engine.frame)
             if self.journal is not None:
                 self.journal.close()

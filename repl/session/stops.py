@@ -13,7 +13,10 @@ if TYPE_CHECKING:
     from ergon.repl.session.commits import Commits, VersionEdit, WaitingLine
     from ergon.repl.session.computing import Computing
 
-PANIC_MESSAGE = "panic: no sound, no force; `release` ends the panic, then `play` starts the piece"
+PANIC_MESSAGE = (
+    "panic: no sound, no force; `release` ends the panic, `undo` brings back what was played, and "
+    "`play` starts the piece"
+)
 LET_GO_MESSAGE = "forces on all hands are off; `release` switches them on"
 
 

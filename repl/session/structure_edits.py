@@ -83,7 +83,7 @@ def _remove(command: c.Remove, version: Version, beat: float) -> Texts:
         raise NotTakenError(
             f"cannot remove {command.name}, because it is used by {', '.join(needing)}; change or "
             "remove that first",
-            None if first is None else f"remove {first}",
+            None if first in (None, command.name) else f"remove {first}",
         )
     return texts
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.errors import ErgonError
+from ergon.notation.text.errors import quote
 from ergon.scores.reading.sounding import SoundingNames
 
 if TYPE_CHECKING:
@@ -97,6 +99,21 @@ class Version:
     base: Texts | None = None
     is_running: bool = False
 
+    def taken_over(self) -> Version:
+        """The version once it has taken over: a line after it says anew how its own takes over, and
+        what it read.
+        """
+        return replace(
+            self,
+            ends_gestures=False,
+            damp=None,
+            glide=GLIDE,
+            enter_beat=None,
+            read_texts=None,
+            discarded_spots=(),
+            freed_parameters=(),
+        )
+
     @property
     def sounding(self) -> Piece:
         """The piece with the names that the engine knows."""
@@ -165,6 +182,21 @@ def first_line(line: str) -> str:
     """A line as messages and the history show it: only the first of several lines."""
     first, *more = line.strip().split("\n")
     return f"{first} …" if more else first
+
+
+def piece_from_files(texts: Texts) -> Piece:
+    """The piece of texts that were read from files. Raises NotTakenError with their first mistake
+    and its place.
+    """
+    loaded = texts.load()
+    if loaded.piece is None:
+        errors = [found for found in loaded.diagnostics if found.severity == "error"]
+        first, place = errors[0], errors[0].place
+        meant = f"; did you mean {quote(first.suggestion)}?" if first.suggestion else ""
+        more = f" (`ergon check` shows {len(errors)} mistakes)" if len(errors) > 1 else ""
+        where = f"{Path(place.file).name}:{place.line}:{place.column}"
+        raise NotTakenError(f"{where}: {first.message}{meant}{more}")
+    return loaded.piece
 
 
 def piece_of(texts: Texts) -> Piece:

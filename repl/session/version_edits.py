@@ -20,7 +20,14 @@ from ergon.repl.session.edit_table import VERSION_EDITS as VERSION_EDITS
 from ergon.repl.session.edit_table import edits_faders, edits_texts, makes_edit, with_texts
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearsal_stage
-from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
+from ergon.repl.session.version import (
+    GLIDE,
+    Faders,
+    NotTakenError,
+    Version,
+    piece_from_files,
+    piece_of,
+)
 from ergon.scores.edits import (
     automation,
     keys,
@@ -262,6 +269,7 @@ def _load(command: c.Load) -> VersionEdit:
             trust = before is not None and before.allows_any_file
             folder = Path(command.file).parent
             files.append(_file(command.file, FileBounds.around(folder, trust=trust)))
+        piece_from_files(files[0])
         made = replace(
             with_texts(version, files[0]), read_texts=files[0], base=files[0], renames=()
         )
@@ -283,7 +291,7 @@ def _reload(command: c.Reload) -> VersionEdit:
         if path not in files:
             files[path] = _file(path, version.texts.bounds)
         now = files[path]
-        piece_of(now)  # its own mistakes come before those of the merge
+        piece_from_files(now)  # its own mistakes come before those of the merge
         own = now
         before = version.base or version.texts
         for old, new in version.renames:  # a renamed thing is what it was: its edits meet there

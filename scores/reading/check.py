@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 from ergon.instruments import rules, spread
@@ -201,7 +202,10 @@ class Checker:
         names = values["to"] or ()
         if values["along"] is not None and not kind:
             return self._along_direction(values, names, who)
-        targets = tuple(t for name in names for t in self.part_names.targets(name, "mats", who))
+        each = [self.part_names.targets(name, "mats", who) for name in names]
+        if not all(each):
+            return None
+        targets = tuple(chain.from_iterable(each))
         for target in targets:
             if self.part_names.parts[target.part].modules[target.module].kind == "PROXY":
                 message = f"{who}: {quote(target.text)} is a PROXY, which has no mass; "

@@ -364,9 +364,7 @@ class NoteTargets:
         if known is not None:
             return [Target(t.part, t.module, t.first, t.count, t.text, name.place) for t in known]
         found = self.part_names.targets(name, "mats", who)
-        if len(found) == len(
-            self.part_names.members(name)
-        ):  # else each row reports what is missing
+        if found:  # else each row reports what is missing
             self._known[name] = found
         return found
 

@@ -23,7 +23,7 @@ DO = Either(
         Text(parse_do, "a transformation, such as scale 0.5", types=("string",), has_values=True)
     ),
 )
-# An option that neither the gesture nor the entry writes is that of DEFAULT_MANNER.
+# An option that neither the gesture nor the entry writes is that of DEFAULT_OPTIONS.
 OF_GESTURE = (
     Field(
         "touch",

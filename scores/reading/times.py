@@ -36,12 +36,16 @@ class Times:
         )
         self._known = tuple(score["marks"] or {})
         self._lets = named_amounts(score.node.document).names
-        self.map = self._map()
+        made = self._map()
+        self._is_made = made is not None
+        # With mistakes in tempo or marks no position is known; each mark is somewhere.
+        self.map = made or TempoMap((), {name: Position() for name in self._known})
         said = [(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
         file = score.node.document.file
         self.known = KnownPlays(memory, file, (said, [(mark.name, mark.at) for mark in self.marks]))
 
-    def _map(self) -> TempoMap:
+    def _map(self) -> TempoMap | None:
+        """The map; None if an error was reported."""
         positions = {mark.name: mark.at for mark in self.marks}
         good = True
         for mark in self.marks:
@@ -50,7 +54,7 @@ class Times:
             good &= self._mark_exists(entry.at, values.place_of("at"))
             good &= all(name in values.given for name in values.nodes)  # a missing one was reported
         if not good or len(positions) != len(self._known):
-            return TempoMap()
+            return None
         entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
         try:
             return TempoMap(entries, positions)
@@ -60,7 +64,7 @@ class Times:
         except TextError as error:  # marks in a circle, or a position before 0
             values = self._lines[_first_wrong(entries, positions)][0]
             self.collector.error("E305", f"tempo: {error.message}", values.place_of("at"))
-        return TempoMap((), {mark.name: Position() for mark in self.marks})
+        return None
 
     def _mark_exists(self, at: Position, place: Place) -> bool:
         if at.mark is None or at.mark in self._known:
@@ -95,6 +99,8 @@ class Times:
     def _beats(self, at: Position | None, place: Callable[[], Place]) -> float | None:
         """Beats of a position; None if there is none, or if an error was reported."""
         if at is None or (at.mark is not None and not self._mark_exists(at, place())):
+            return None
+        if not self._is_made:
             return None
         try:
             return self.map.resolve(at)

@@ -16,6 +16,7 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.shifted import NEVER, ShiftedTempoMap, StoppedTempoMap
 from ergon.notation.text.errors import Collector, TextError
+from ergon.notation.text.values import Place
 from ergon.scores.pattern.search import first_from, n_before
 from ergon.scores.reading.automatable import moved
 from ergon.scores.reading.automation import Automation, Shape, Swing
@@ -28,8 +29,6 @@ MAX_POINTS = 200_000
 GRID = _core.GRID  # frames between the instants of the engine's points
 # How many places of its pattern are searched backward for the value that holds at a beat.
 _BACK = 256
-# The pitch of a note is reached this many frames before its strike: one step of the engine's grid.
-_EARLY = 64
 # A swing is approximated by straight segments, sixteen in each quarter: sin(j π / 32).
 _QUARTER = (
     *(0.0, 0.0980171403295606, 0.19509032201612825, 0.29028467725446233, 0.3826834323650898),
@@ -80,8 +79,10 @@ def automation_points(
 ) -> dict[Where, Points]:
     """The points of each automated module, for the beats from `since` to `until`."""
     lines: dict[Where, dict[str, list[Automation]]] = {}
+    places: dict[str, Place] = {}  # where the first automation of each part is written
     for one in (*piece.automation, *_notes(piece)):
         where = one.target.part, one.target.module
+        places.setdefault(one.target.part, one.place)
         lines.setdefault(where, {}).setdefault(one.parameter, []).append(one)
     wholes: dict[str, _Curve] = {}
     for where in [*lines]:
@@ -106,9 +107,8 @@ def automation_points(
             whole = None
         made = _points(led, curves, whole)
         if led.cost * len(made) > MAX_POINTS:
-            place = next(one.place for one in piece.automation if one.target.part == where[0])
             message = f"automation: a {led.module.kind} changes more than {MAX_POINTS:,} times"
-            collector.error("E105", message, place)
+            collector.error("E105", message, places[where[0]])
         elif made:
             found[where] = made
     return found
@@ -181,7 +181,7 @@ def complete_until(piece: Piece, until: float) -> float:
     """The instant [s] up to which points for the beats up to `until` are those of a longer piece:
     the pitch of a note behind that beat begins before its strike.
     """
-    return piece.tempo_map.seconds(until) - 2 * _EARLY / piece.rate
+    return piece.tempo_map.seconds(until) - 2 * GRID / piece.rate
 
 
 def takeover_points(
@@ -297,7 +297,8 @@ def _set(piece: Piece, one: Automation, curve: _Curve, stop: float, since: float
         if instant >= NEVER:
             break
         if name is not None and one.struck:
-            early = _EARLY / piece.rate
+            # The pitch of a note is reached one step of the grid before its strike.
+            early = GRID / piece.rate
             curve.set(instant - 2 * early, one.amounts[name].value, instant - early)
         elif name is not None:
             following = tempo.seconds(places.beat(place + 1))

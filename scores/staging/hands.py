@@ -437,7 +437,7 @@ class Hands:
             "force_limit": None if limit is None else limit / self._reach(play),
             "layer": manner.layer,
         }
-        return cast(_Options, options)  # DEFAULT_MANNER has all options
+        return cast(_Options, options)  # DEFAULT_OPTIONS has all options
 
     def _source(self, gesture: Gesture, point: Point) -> int:
         key = gesture.name, point.offset

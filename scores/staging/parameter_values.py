@@ -17,7 +17,7 @@ from ergon.instruments.model import Module
 from ergon.instruments.module_kinds import KINDS, member_count
 from ergon.scores.reading.automatable import whole
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.version_glides import TWO_PI, ties
+from ergon.scores.staging.version_glides import BODIES, TWO_PI, ties
 
 if TYPE_CHECKING:
     from ergon.instruments.assemble import Assembly
@@ -27,7 +27,6 @@ Point = tuple[float, ...]  # an instant [s] and numbers
 Points = Sequence[Point]
 
 _FOR_EVER = 1e9  # the t60 without decay [s]
-_BODIES = ("STRING", "PLATE")
 
 
 class Led:
@@ -72,7 +71,7 @@ class Led:
         if kind == "BANK":
             f, t60 = said.get("f", 1.0), said.get("t60", 1.0)
             return f * f, 1.0 / t60
-        if kind in _BODIES:
+        if kind in BODIES:
             k, sigma = _square_and_sigma(self.own)
             new_k, new_sigma = _square_and_sigma({**self.own, **said})
             return new_k / k, new_sigma / sigma if sigma else 1.0
@@ -109,7 +108,7 @@ def _own(module: Module) -> dict[str, float]:
         return {"f": float(fields["f"])}
     if module.kind == "BANK":
         return {"f": 1.0, "t60": 1.0}  # each member has its own
-    if module.kind in _BODIES:
+    if module.kind in BODIES:
         t60 = fields.get("t60")
         return {"f": float(fields["f"]), "t60": t60 if isinstance(t60, float) else _FOR_EVER}
     if module.kind != "CEL":

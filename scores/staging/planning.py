@@ -24,14 +24,6 @@ _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
 # What has no error but for what is left out.
 _EXACT = ("modes", "complex modes", "oscillators", "unheard", "still")
 
-# What accuracy by ear allows for pitches, T60 and third octaves, or for the waveform where nothing
-# else is known.
-_INAUDIBLE = -60.0  # [dB]
-_BY_EAR = (3.0, 0.05, 1.0)  # [cents, of T60, dB]
-# Mean difference of third octaves that rounding alone causes in a chaotic motion [dB]: ALIKE in
-# core-rs/engine/src/plan/trial/search.rs.
-_ALIKE = 2.0
-
 
 class Store(Protocol):
     """Keeps the results of trials of earlier plans."""
@@ -267,7 +259,7 @@ def _is_met(row: _core.PlanRow, accuracy: Accuracy) -> bool:
     db, heard = row.error_db, row.audible
     if accuracy.error is None and heard is not None:
         return _is_allowed(heard, _allowed_by_ear(accuracy.cents))
-    most = _INAUDIBLE if accuracy.error is None else accuracy.error
+    most = _core.INAUDIBLE if accuracy.error is None else accuracy.error
     return db is not None and db <= most and row.spectral_db is None
 
 
@@ -323,10 +315,11 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
                 f"{most_cents:.2g} cents, {100 * most_t60:.2g}% and {most_db:.2g} dB that are "
                 "allowed"
             )
-        elif spectral is not None and spectral > _ALIKE:
+        elif spectral is not None and spectral > _core.SPECTRUM_NOISE:
+            noise = _core.SPECTRUM_NOISE
             sentence = (
                 f"after the first {over:.2g} s the motion is chaotic, and third octaves of a more "
-                f"exact run differ by {spectral:.1f} dB on average, above the {_ALIKE:.2g} dB by "
+                f"exact run differ by {spectral:.1f} dB on average, above the {noise:.2g} dB by "
                 "which rounding alone changes such a motion"
             )
         else:
@@ -339,8 +332,9 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
 
 def _allowed_by_ear(cents: float | None) -> list[float]:
     """What is allowed by ear: pitch [cents], T60 [1] and audible third octaves [dB]."""
-    share = 1.0 if cents is None else cents / _BY_EAR[0]
-    return [share * value for value in _BY_EAR]
+    least = _core.LEAST_HEARD
+    share = 1.0 if cents is None else cents / least[0]
+    return [share * value for value in least]
 
 
 def _is_allowed(heard: _core.AudibleError, allowed: list[float]) -> bool:

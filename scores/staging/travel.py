@@ -98,13 +98,31 @@ def _sentence(
         f"{quote(gesture.name)}: {span or 'its path goes'} to {worst * 1e3:.1f} mm, outside the "
         f"travel of key {quote(key.name)} ({travel})"
     )
-    help = (
-        "write `smooth` instead of `throw` to keep the key on a path"
-        if span
-        else "write a `hold` at the turning point, or more time, "
-        "against the overshoot of the smooth path"
-    )
-    return message, help
+    return message, _remedy(gesture, _limits(key), (low, high), is_throw=bool(span))
+
+
+def _remedy(
+    gesture: StagedGesture,
+    limits: tuple[float, float],
+    reached: tuple[float, float],
+    *,
+    is_throw: bool,
+) -> str:
+    if is_throw:
+        return "write `smooth` instead of `throw` to keep the key on a path"
+    least, most = limits
+    if gesture.x and min(gesture.x) >= least - _SLACK and max(gesture.x) <= most + _SLACK:
+        return (
+            "write a `hold` at the turning point, or more time, "
+            "against the overshoot of the smooth path"
+        )
+    # A take, or points that lie outside themselves.
+    pairs = zip(limits, reached, strict=True)
+    factors = [limit / x for limit, x in pairs if x != 0.0 and abs(x) > abs(limit)]
+    factor = math.floor(100.0 * min(factors, default=0.0)) / 100.0
+    if 0.0 < factor < 1.0:
+        return f"write `do: [scale {factor:g}]`, or a key with more `travel`"
+    return "write positions within the travel, or a key with more `travel`"
 
 
 def _rehearse(piece: Piece, key: Key, gesture: StagedGesture) -> tuple[float, float, float]:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 _Values = tuple[float, ...]
 _LEAVES = 0.02  # [s] in which a removed link fades out
 _POINTS = ("MAS", "CEL", "SOL")
+BODIES = ("STRING", "PLATE")
 TWO_PI = 6.283185307179586
-_BODIES = ("STRING", "PLATE")
 _TUNING = ("f", "t60", "M", "X0", "V0")
 
 
@@ -216,7 +216,7 @@ def _forms(piece: Piece) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
     """
     for instrument in piece.instruments.values():
         for module in instrument.modules:
-            if module.kind in _BODIES:
+            if module.kind in BODIES:
                 form = {name: own for name, own in module.fields.items() if name not in _TUNING}
                 yield (instrument.name, module.name), {**form, "kind": module.kind}
 
@@ -234,7 +234,7 @@ def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:
 def _of(module: Module) -> _Values | None:
     if module.kind == "CEL":
         return ties(module.fields)
-    if module.kind in _BODIES:
+    if module.kind in BODIES:
         return _of_body(module.fields)
     fields: Mapping[str, Any] = module.fields
     if module.kind in LINKS and fields.get("K"):

@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import os
 import re
 import subprocess
@@ -13,11 +14,14 @@ import pytest
 from commands import ERGON
 from patience import PATIENCE
 
+from ergon.api import remote_session
+from ergon.api.options import SessionOptions
 from ergon.cli import app, take
 from ergon.cli.colour import may_colour
 from ergon.cli.console import Console, line
 from ergon.cli.lazy import LazyGroup
 from ergon.cli.outcome import Diverged, Findings, Refused
+from ergon.cli.units import loudness_of
 from ergon.exchange.safe import FileRefusedError
 
 HEAVY = ("numpy", "numba", "soundfile", "rich", "yaml", "ergon._core")
@@ -299,3 +303,23 @@ def test_records_and_a_file_do_not_both_go_to_stdout(
     assert app.run([*command, "--json", "-o", "-"]) == 2
     told = json.loads(capsys.readouterr().out)
     assert told["message"] == "--json and -o - both write to stdout; give one"
+
+
+@pytest.mark.parametrize("option", [["--force-max", "nan"], ["--cents", "nan"], ["--rate", "nan"]])
+def test_nan_is_within_no_bounds(option: list[str], capsys: pytest.CaptureFixture[str]):
+    command = {"--force-max": "duet", "--cents": "plan", "--rate": "render"}[option[0]]
+    assert app.run([command, "nowhere.yaml", *option]) == 2
+    assert f"'{option[0]}': nan is not a number" in capsys.readouterr().err
+
+
+def test_loudness_says_why_it_is_none():
+    assert loudness_of(-18.24, 0.5, 3.0) == "-18.2 LUFS"
+    assert loudness_of(-math.inf, 0.0, 3.0) == "silent"
+    assert loudness_of(-math.inf, 0.5, 0.3) == "not measured (shorter than 0.4 s)"
+    assert loudness_of(-math.inf, 1e-5, 3.0) == "below -70 LUFS"
+
+
+@pytest.mark.parametrize("force", [0.0, 5.0])
+def test_the_largest_force_reaches_an_engine_in_a_process_of_its_own(force: float):
+    options = SessionOptions(live=("a=emul:",), force_max=force, journal="other.jsonl")
+    assert list(remote_session._as_options(options)) == ["--live=a=emul:", f"--force-max={force}"]

@@ -230,6 +230,12 @@ def test_export(capsys: Capture) -> None:
     assert tempos[0] == 500_000
     assert len(tempos) > 10
     assert [m.text for m in midi.tracks[0] if m.type == "marker"] == ["A", "B"]
+    assert app.run(["render", "-q", "bell.yaml", "--stems", "stems"]) == 0
+    assert hash_samples(Path("daw/mix.wav")) == hash_samples(Path("bell.wav"))
+    stems = [path.name for path in Path("stems").iterdir()]
+    assert stems
+    for name in stems:
+        assert hash_samples(Path("daw/stems", name)) == hash_samples(Path("stems", name))
     assert app.run(["export", "-q", "bell.yaml", "-o", "daw", "--no-stems"]) == 0
 
 

@@ -122,6 +122,12 @@ def test_a_second_run_computes_what_is_missing(monkeypatch: pytest.MonkeyPatch):
     assert len(computed) == 12
 
 
+def test_a_score_may_be_named_by_any_path():
+    given = ["sweep", "./bell.yaml", "-q", "--vary", "hum.m.M=1g,2g", "--no-sound"]
+    assert app.run(given) == 0
+    assert len(rows()) == 2
+
+
 def test_a_variant_that_fails_is_a_row(capsys: pytest.CaptureFixture[str]):
     assert sweep("--method", "ca", "--vary", "hum.m.K=5kN/m,1e9N/m,6kN/m", "--no-sound") == 1
     told = capsys.readouterr()
@@ -140,6 +146,7 @@ def test_a_variant_that_fails_is_a_row(capsys: pytest.CaptureFixture[str]):
         (["--vary", "seed=1.5,2"], 2, "--vary: seed=1.5: a seed is a whole number"),
         (["--vary", "seed=1,2", "--seed", "3"], 2, "--seed: excludes --vary; the sweep varies it"),
         (["--vary", "seed=1,2", "-o", "bell.yaml"], 2, "bell.yaml"),
+        (["--vary", "hum.m.M=1g", "--seed", "-1"], 2, "--seed -1: a seed is a whole number from 0"),
     ],
 )
 def test_mistakes_render_nothing(

@@ -257,3 +257,12 @@ def test_who_makes_a_new_file_first_keeps_it(
         write_all({old: b"after", new: b"ours"}, lambda path: None)
     assert (old.read_text(), new.read_text()) == ("before", "theirs")
     assert sorted(tmp_path.iterdir()) == [old, new]
+
+
+def test_a_file_in_the_place_of_a_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "blocker").touch()
+    with (
+        pytest.raises(FileRefusedError, match="blocker is a file, and no folder to write into"),
+        open_for_writing(tmp_path / "blocker" / "deep" / "x.wav", binary=True),
+    ):
+        pass

@@ -1,6 +1,5 @@
 """Boards that are wired wrongly, freeze, or are played by two: what a hand on them feels."""
 
-import json
 import socket
 import struct
 import subprocess
@@ -214,4 +213,3 @@ def test_what_tripped_is_told_by_its_reason():
     sentences = {event_sentence((0, f"tripped: {why}", 0.0), ["remi"], []) for why in reasons}
     assert len(sentences) == len(reasons)
     assert all(sentence.startswith("remi's key tripped: ") for sentence in sentences)
-    assert json.dumps(sorted(sentences))

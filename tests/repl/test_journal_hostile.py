@@ -298,3 +298,19 @@ def test_a_thousand_hostile_journals(sandbox: Sandbox) -> None:
     went_on, saves = swarm(sandbox, 2, 1000)
     assert went_on > 100
     assert saves > 100
+
+
+@pytest.mark.parametrize("name", ["/", ".", "..", "a/.."])
+def test_the_score_of_a_journal_is_a_file(tmp_path: Path, name: str) -> None:
+    """Otherwise its folder would be the one above the journal's, and takes there were read."""
+    folder = tmp_path / "down"
+    folder.mkdir()
+    (tmp_path / "secret.csv").write_text("t [s],x [mm]\n0,0\n1,1\n")
+    text = "ergon: 1\nkeys: {k: {M: 1kg}}\ntakes: {t: {file: secret.csv}}\n"
+    event = {"v": 1, "event": "session", "score": name, "text": text, "overlay": {}, "every": 64}
+    event |= {"at": 0.0, "gains": {}, "muted": [], "solo": [], "master": 1.0}
+    event |= {"gain": 1.0, "limit": 1.0, "highpass": None}
+    path = folder / "session.jsonl"
+    path.write_text(json.dumps(event) + "\n")
+    with pytest.raises(JournalError, match="is not a valid file name"):
+        read_journal(path)

@@ -323,6 +323,7 @@ def test_strikes_are_typed_replaced_rested_and_rendered(session, tmp_path):
     session.ok("save live")
     piece = load(tmp_path / "live.yaml").piece
     assert piece is not None
+    assert [one.name for one in piece.strikes] == ["rain", "rain-2"]
     assert all(one.until is not None and one.until.text != "999|1" for one in piece.strikes)
     last = np.flatnonzero(np.abs(np.diff(session.sound[:, 0], 2)) > 0)
     assert last.size

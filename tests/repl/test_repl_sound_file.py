@@ -71,6 +71,10 @@ def test_a_session_that_ends_closes_its_file(tmp_path: Path):
         _frames(session, 2_000)
     part, _ = soundfile.read(tmp_path / "all.wav", dtype="float32", always_2d=True)
     assert len(part) >= 1_800
+    rows = map(json.loads, (tmp_path / "session.jsonl").read_text().splitlines())
+    (sound,) = (row for row in rows if row["event"] == "sound")
+    assert sound["frames"] == len(part)
+    assert sound["first"] >= 0
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from sessions import Stepped
 from tests.repl.test_repl_session import SCORE
+
+from ergon.notation.clock.positions import Length
+from ergon.repl.session import making_time
+from ergon.repl.session.commits import WaitingLine
+from ergon.repl.session.running import RunningVersion, stage_next
 
 
 @pytest.fixture
@@ -124,3 +130,72 @@ def test_lines_that_one_delay_makes_late_are_put_off_once(session: Stepped):
     bars = {one.beat // 4 for one in commits.waiting if one.number}
     assert len(bars) == 1
     assert max(bars) * 4 < commits.beat_now() + 40
+
+
+def test_a_version_that_takes_long_to_make_begins_nevertheless(
+    session: Stepped, monkeypatch: pytest.MonkeyPatch
+):
+    """The sound goes on meanwhile: each version came too late, and `play` never began."""
+    engine, commits = session.engine, session.session.commits
+
+    def slowly(*given: Any, **more: Any) -> RunningVersion:
+        engine.process(int(0.8 * session.rate) // 64 * 64)
+        return stage_next(*given, **more)
+
+    monkeypatch.setattr("ergon.repl.session.commits.stage_next", slowly)
+    monkeypatch.setattr(making_time, "clock", lambda: engine.frame / session.rate)
+    commits.margin = 64
+    session.ok("play")
+    session.run(8.0)
+    assert commits.running.clock.is_running
+    session.ok("gain bell -3dB")
+    session.run(8.0)
+    assert not commits.waiting
+    assert commits.running.version.faders.gains["bell"] == pytest.approx(10**-0.15)
+
+
+def test_an_extension_of_the_timeline_is_no_line_of_the_history(session: Stepped):
+    """While it waited, it stood in the history as the score, and `undo` cancelled it."""
+    commits, own = session.session.commits, session.session
+    session.ok("play")
+    session.run(0.2)
+    when = commits.beat_and_frame(Length(bars=4.0), None)
+    commits.insert(WaitingLine("", lambda old, _: old, *when))
+    session.ok("gain bell -3dB")
+    own.pump()
+    assert 0 in [one.number for one in commits.waiting]
+    assert own.history.numbers[0] == 0
+    assert own.history.index == len(own.history.numbers) - 1
+    assert "'gain bell -3dB' is cancelled" in session.ok("undo").text
+    assert own.history.numbers[0] == 0
+
+
+TRAVEL = """\
+ergon: 1
+title: A
+use: [instruments/bell.yaml]
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}}
+instruments:
+  action: {modules: {b: {BUT: {between: [k1, bell.hammer], K: 4kN/m, Z: 2Ns/m}}}}
+gestures: {knock: 0mm@0 smooth 2mm@60ms 0mm@120ms}
+players: {ada: {key: k1}}
+parts:
+  ada: []
+"""
+
+
+def test_a_line_that_can_no_longer_take_effect_is_dropped_and_not_committed(tmp_path: Path):
+    """The journal held both, and could not be rendered."""
+    at = Stepped(TRAVEL, tmp_path)
+    at.ok("play")
+    at.run(0.3)
+    at.ok("tempo 100")
+    at.ok("ada plays knock every 1 do scale 5")
+    at.ok("knock = 0mm@0 smooth 6mm@60ms 0mm@120ms now")
+    at.run(6.0)
+    assert any("could not take effect and is dropped" in one for one in at.session.messages())
+    events = [json.loads(line) for line in at.journal.read_text().splitlines()]
+    dropped = [one["number"] for one in events if one["event"] == "dropped"]
+    assert len(dropped) == 1
+    assert set(dropped).isdisjoint(commits(at))
+    same(at)

@@ -122,7 +122,7 @@ WRITERS = (
 def test_a_full_disk_leaves_nothing_half(small: Path, line: str) -> None:
     code, _, told = forked_ergon(small, line)
     assert code == 2
-    assert "No space left" in told, told
+    assert " cannot be written: No space left" in told, told
     assert after(small) == ["live.yaml", "score.yaml"]
 
 
@@ -130,7 +130,7 @@ def test_a_full_disk_leaves_nothing_half(small: Path, line: str) -> None:
 def test_the_largest_file_that_may_be_is_a_full_disk(here: Path, line: str) -> None:
     code, _, told = forked_ergon(here, line, (resource.RLIMIT_FSIZE, 100_000))
     assert code == 2
-    assert "File too large" in told, told
+    assert " cannot be written: File too large" in told, told
     assert after(here) == GIVEN
 
 

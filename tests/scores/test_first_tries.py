@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ergon.scores.reading.load import load
+from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import stage
 
 SCORE = """\
@@ -170,3 +171,91 @@ def test_a_level_that_automation_is_to_move_is_sent_to_its_route(name):
     (error,) = found.diagnostics
     assert error.place.line == 12
     assert "`fade` of its route" in (error.help or "")
+
+
+FAMILY = """\
+ergon: 1
+instruments: {st: {from: string/string, notes: D3 minor count 8}}
+strikes: {one: {to: TO, at: 0, notes: D3 F3 ~ D4, every: 1/2, times: 3, impulse: 1mNs}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("to", "told", "suggestion"),
+    [
+        ("st.hamer", "nothing is called 'st.hamer'", "st.hammer"),
+        ("st.D3.hamer", "nothing is called 'st.D3.hamer'", "st.D3.hammer"),
+        ("st.hammer.D3", "nothing is called 'st.hammer.D3'", None),
+        ("st", "'st' is ambiguous", None),
+    ],
+)
+def test_a_mistake_in_a_name_of_many_members_is_told_once(to, told, suggestion):
+    (error,) = load("s.yaml", text=FAMILY.replace("TO", to)).diagnostics
+    assert told in error.message
+    assert error.suggestion == suggestion
+
+
+@pytest.mark.parametrize(
+    "tempo", ["{at: 1|1, bpm: 60, meter: 4/5}", "{at: 5|1, bpm: 60}, {at: 1|1}"]
+)
+def test_marks_are_known_though_the_tempo_has_a_mistake(tempo):
+    text = f"""\
+ergon: 1
+tempo: [{tempo}]
+marks: {{A: 1|1, B: 3|1}}
+let: {{first: 4}}
+instruments: {{c: {{CEL: {{M: 1g, f: A4, t60: 0.5s}}, out: {{SOX: c}}}}}}
+strikes: {{a: {{to: c, at: B, impulse: 1mNs}}, b: {{to: c, at: B - first, impulse: 1mNs}}}}
+"""
+    (error,) = load("s.yaml", text=text).diagnostics
+    assert error.place.line == 2
+
+
+def test_a_room_without_a_route_hears_all_channels():
+    loaded = read(
+        "mix: {channels: 1, route: [{from: bell, to: 1, gain: -6dB}]}",
+        "mix: {rooms: {r: {t60: 1s}}}",
+    )
+    assert loaded.piece is not None, loaded.diagnostics
+
+
+def test_a_missing_take_is_not_meant_to_be_a_score(tmp_path):
+    (tmp_path / "hands.yaml").write_text("ergon: 1\n")
+    path = tmp_path / "score.yaml"
+    path.write_text("ergon: 1\ntakes: {h: {file: hand.csv}}\n")
+    (error,) = load(path).diagnostics
+    assert error.suggestion is None
+    (tmp_path / "hands.csv").write_text("t [s],x [mm]\n0,0\n")
+    (error,) = load(path).diagnostics
+    assert error.suggestion == "hands.csv"
+
+
+@pytest.mark.parametrize(
+    ("points", "help"),
+    [
+        ("0mm@0 smooth 60mm@60ms 0mm@120ms", "write `do: [scale 0.2"),
+        ("0mm@0 smooth 14.9mm@60ms 14mm@70ms 0mm@80ms", "write a `hold` at the turning point"),
+    ],
+)
+def test_what_leaves_the_travel_is_told_what_helps(points, help):
+    piece = read("0mm@0 smooth 6mm@60ms 0mm@120ms", points).piece
+    assert piece is not None
+    with pytest.raises(StageError) as raised:
+        stage(piece)
+    (error,) = (one for one in raised.value.diagnostics if one.code == "E307")
+    assert error.help.startswith(help)
+
+
+def test_notes_that_change_a_pitch_too_often_are_told_where_they_stand(monkeypatch):
+    monkeypatch.setattr("ergon.scores.staging.automating.MAX_POINTS", 10)
+    text = """\
+ergon: 1
+instruments: {c: {CEL: {M: 1g, f: A4, t60: 0.5s}, out: {SOX: c}}}
+strikes: {s: {to: c, at: 0, notes: A3 C4, every: 1/4, times: 60, impulse: 1uNs}}
+"""
+    piece = load("s.yaml", text=text).piece
+    assert piece is not None
+    with pytest.raises(StageError) as raised:
+        stage(piece)
+    (error,) = raised.value.diagnostics
+    assert (error.code, error.place.line) == ("E105", 3)

@@ -152,9 +152,9 @@ def test_a_note_is_the_note_that_is_written():
         (LET, {"mass": "-heavy"}, "E202", "not positive", 15),
         (LET, {"mass": "hevy"}, "E201", "'hevy' is not a name", 15),
         (LET, {"masses": "few/2"}, "E201", "whole number", None),
-        ("let: {a: 2*b, b: 3g}\n", {}, "E201", "'b' is not a name", 12),
-        ("let: {A3: 2g}\n", {}, "E107", "cannot be the name", 7),
-        ("let: {mm: 2g}\n", {}, "E107", "cannot be the name", 7),
+        ("let: {a: 2*b, b: 3g}\n", {}, "E201", "'b' is named below", 12),
+        ("let: {A3: 2g}\n", {}, "E110", "cannot be the name", 7),
+        ("let: {mm: 2g}\n", {}, "E110", "cannot be the name", 7),
         ("let: {a: [1, 2]}\n", {}, "E104", "one value", 7),
         ("let: [1, 2]\n", {}, "E106", "is a list", None),
         ("let: {a: 1e99}\n", {}, "E201", "too large", 10),
@@ -487,3 +487,8 @@ def test_a_mark_with_a_hyphen_is_one_and_a_difference_has_spaces():
 def test_a_position_among_named_values_is_sent_to_the_marks():
     (found,) = load("s.yaml", text="ergon: 1\nlet: {first: 3|1}\n").diagnostics
     assert "name it under `marks:`" in found.message
+
+
+@pytest.mark.parametrize(("pitch", "same"), [("500Hz/2", "250Hz"), ("2kHz/(4+4)", "250Hz")])
+def test_a_number_with_a_unit_is_divided_without_spaces(pitch: str, same: str):
+    assert read("", pitch=pitch).piece == read("", pitch=same).piece

@@ -118,15 +118,26 @@ mod _core {
         super::named::register(module)
     }
     #[pymodule_export]
+    const FADE: f64 = ergon_engine::timeline::FADE;
+    #[pymodule_export]
     const FORCE_FALL_TIME: f64 = ergon_live::perform::FALL_TIME;
     #[pymodule_export]
     const FORCE_SCALE_MIN: f64 = ergon_live::perform::SCALE_MIN;
     #[pymodule_export]
     const GRID: u64 = ergon_engine::timeline::GRID;
     #[pymodule_export]
+    const INAUDIBLE: f64 = ergon_engine::plan::INAUDIBLE;
+    #[pymodule_export]
+    const LEAST_HEARD: (f64, f64, f64) = {
+        let [cents, t60, level] = ergon_engine::plan::LEAST_HEARD;
+        (cents, t60, level)
+    };
+    #[pymodule_export]
     const MAX_MODAL: usize = ergon_engine::generator::MAX_MODAL;
     #[pymodule_export]
     const MAX_PLACES: usize = ergon_engine::generator::MAX_PLACES;
+    #[pymodule_export]
+    const SPECTRUM_NOISE: f64 = ergon_engine::plan::SPECTRUM_NOISE;
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

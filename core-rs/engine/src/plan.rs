@@ -11,7 +11,7 @@ mod passes;
 mod report;
 mod trial;
 
-pub use budget::{Budget, Method, PITCH_UPTO};
+pub use budget::{Budget, INAUDIBLE, LEAST_HEARD, Method, PITCH_UPTO};
 pub use choice::Choice;
 pub(crate) use cost::counted_cost;
 pub use passes::audible::ModeKind;
@@ -20,6 +20,7 @@ pub(crate) use report::content::Content;
 pub use report::row::{Computed, Measured, Reason, Row};
 pub use trial::audible::Audible;
 pub use trial::record::{TrialRecord, TrialStore};
+pub use trial::search::SPECTRUM_NOISE;
 
 use std::ops::Range;
 use std::sync::Arc;

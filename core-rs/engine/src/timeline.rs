@@ -18,7 +18,7 @@ use crate::network::Network;
 use crate::units::{Rate, score_frame};
 
 pub use drive::{Drive, DriveKind, Source};
-pub use gate::GRID;
+pub use gate::{FADE, GRID};
 pub(crate) use gate::{Gate, GateContinuation};
 pub(crate) use glide::Glide;
 pub use glide::Ties;

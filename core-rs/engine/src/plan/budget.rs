@@ -54,8 +54,14 @@ const UNHEARD: f64 = -80.0;
 /// The part of an error budget for left-out modes, and for contacts [dB]; the predictor of their loudness is within 1.1
 /// dB.
 const SHARE: f64 = -6.0;
-/// Accuracy of contacts if the budget is one of pitch [dB].
-const CONTACT: f64 = -60.0;
+/// Accuracy of contacts, and of all whose audible error is not known, if the budget is one of pitch [dB].
+pub const INAUDIBLE: f64 = -60.0;
+/// Errors that count as equal, each the least that is heard: of a pitch [cents], of a T60 [1], and of the level of a
+/// third octave [dB].
+///
+/// 3 cents: Moore, J. Acoust. Soc. Am. 54 (1973). 5 %: the difference limen of reverberation times, ISO 3382-1 (2009),
+/// table A.1. 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1.
+pub const LEAST_HEARD: [f64; 3] = [3.0, 0.05, 1.0];
 /// Highest audible frequency [Hz].
 pub(crate) const AUDIBLE: f64 = 20_000.0;
 
@@ -67,7 +73,7 @@ impl Default for Budget {
     /// [`PITCH_UPTO`].
     fn default() -> Self {
         Self::Cents {
-            cents: 3.0,
+            cents: LEAST_HEARD[0],
             upto: PITCH_UPTO,
         }
     }
@@ -109,7 +115,7 @@ impl Budget {
         match *self {
             Self::Method(_) => f64::INFINITY,
             Self::Error(db) => db + SHARE,
-            Self::Cents { .. } => CONTACT,
+            Self::Cents { .. } => INAUDIBLE,
         }
     }
 
@@ -118,7 +124,7 @@ impl Budget {
     pub(crate) fn asked(&self) -> f64 {
         match *self {
             Self::Error(db) => db,
-            Self::Cents { .. } | Self::Method(_) => CONTACT,
+            Self::Cents { .. } | Self::Method(_) => INAUDIBLE,
         }
     }
 

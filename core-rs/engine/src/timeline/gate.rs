@@ -5,7 +5,7 @@ use crate::network::{Error, Network};
 use crate::units::{frame, nearest_frame};
 
 /// Couplings fade in and out over this time [s], rounded up to the grid.
-pub(super) const FADE: f64 = 0.02;
+pub const FADE: f64 = 0.02;
 /// Fades and glides begin at multiples of this number of frames.
 pub const GRID: u64 = 64;
 

@@ -23,12 +23,6 @@ impl Sink {
     fn new() -> Self {
         Self(Sha256::new())
     }
-
-    /// The hash (64 hex digits).
-    fn hex(self) -> String {
-        let digest = self.0.finalize();
-        digest.iter().map(|byte| format!("{byte:02x}")).collect()
-    }
 }
 
 impl Write for Sink {
@@ -40,10 +34,12 @@ impl Write for Sink {
 
 /// A hash of formatted text (64 hex digits).
 pub(in crate::plan) fn hex_of(words: Arguments<'_>) -> String {
-    let mut sink = Sink::new();
-    // Writing into a hash cannot fail.
-    let _ = sink.write_fmt(words);
-    sink.hex()
+    hex(&digest(words))
+}
+
+/// The hex digits of a hash.
+pub(in crate::plan) fn hex(digest: &[u8]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Hashes of what an island depends on: one of everything except strikes, ergons and gestures, and one of each gesture.
@@ -168,7 +164,7 @@ impl Content {
                 }
             }
         }
-        sink.hex()
+        hex(&sink.0.finalize())
     }
 }
 
@@ -218,7 +214,7 @@ impl<'a> IslandContent<'a> {
     pub(in crate::plan) fn fixed(&self) -> String {
         let mut sink = Sink::new();
         sink.0.update(self.events.fixed);
-        sink.hex()
+        hex(&sink.0.finalize())
     }
 
     /// A hash of all that the island depends on up to a frame (64 hex digits).
@@ -227,7 +223,7 @@ impl<'a> IslandContent<'a> {
         sink.0.update(frame.to_le_bytes());
         let stop = (frame + MARGIN) as f64 / self.timeline.rate.hertz();
         self.events.hash(self.timeline, (None, stop), &mut sink);
-        sink.hex()
+        hex(&sink.0.finalize())
     }
 }
 

@@ -4,6 +4,7 @@ use sha2::{Digest, Sha256};
 
 use crate::plan::choice::Choice;
 use crate::plan::passes::audible::ModeKind;
+use crate::plan::report::content::hex;
 use crate::plan::report::row::{Computed, Reason, Row};
 
 /// A hash of decisions, and of the rows that they concern.
@@ -58,8 +59,5 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             kept.iter().for_each(|mode| sha.update(mode.to_le_bytes()));
         }
     }
-    sha.finalize()
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
+    hex(&sha.finalize())
 }

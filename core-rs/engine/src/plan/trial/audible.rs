@@ -3,7 +3,7 @@
 mod levels;
 mod partials;
 
-use crate::plan::budget::Budget;
+use crate::plan::budget::{Budget, LEAST_HEARD};
 use crate::plan::trial::pilot_run::PilotRun;
 use crate::plan::trial::waveform_error::Spans;
 
@@ -18,13 +18,6 @@ pub struct Audible {
     pub level: f64,
 }
 
-/// The errors that count as equal: a pitch by 3 cents, a T60 by this part, a third octave by so much [dB].
-///
-/// 3 cents: Moore, J. Acoust. Soc. Am. 54 (1973). 5 %: the difference limen of reverberation times, ISO 3382-1 (2009),
-/// table A.1. 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1.
-const CENTS: f64 = 3.0;
-const T60: f64 = 0.05;
-const LEVEL: f64 = 1.0;
 /// What differs from the mean by less than this share of the largest position is rounding, and no sound.
 const ROUNDING: f64 = 1e-14;
 
@@ -92,8 +85,9 @@ impl Audible {
     pub(in crate::plan) fn excess(&self, budget: &Budget) -> f64 {
         match *budget {
             Budget::Cents { cents, .. } => {
-                let all = [self.cents / CENTS, self.t60 / T60, self.level / LEVEL];
-                all.into_iter().fold(0.0, f64::max) * CENTS / cents
+                let own = [self.cents, self.t60, self.level].into_iter();
+                let all = own.zip(LEAST_HEARD).map(|(own, least)| own / least);
+                all.fold(0.0, f64::max) * LEAST_HEARD[0] / cents
             }
             Budget::Error(_) | Budget::Method(_) => 0.0,
         }

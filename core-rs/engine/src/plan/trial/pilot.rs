@@ -189,7 +189,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         if is_far_off && search.dear_cost(self.island).is_none() {
             return Ok(Some(start));
         }
-        search.improve(start, self.budget).map(Some)
+        search.improve(start).map(Some)
     }
 
     /// The result of a search, or a cheaper island; `audible` is the audible error of contacts.

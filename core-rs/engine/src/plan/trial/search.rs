@@ -100,7 +100,7 @@ const FAR_OFF: f64 = 4.0;
 /// Differences of third octaves between runs that have parted [dB]. Two runs that differ by rounding alone are up to 2
 /// dB apart over 0.3 s (the bundled tamtam, struck softly to hard), so differences below `SPECTRUM_NOISE` are as good
 /// as none; above it a step has to gain `SPECTRUM_GAIN`.
-const SPECTRUM_NOISE: f64 = 2.0;
+pub const SPECTRUM_NOISE: f64 = 2.0;
 const SPECTRUM_GAIN: f64 = 1.0;
 
 /// How to assemble an island, the runs already played, the budget, and the allowance of work.
@@ -295,14 +295,10 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
     }
 
     /// Improves the island until the budget is met, nothing helps any more, or the allowance is spent.
-    pub(in crate::plan) fn improve(
-        &self,
-        start: Candidate,
-        budget: &Budget,
-    ) -> Result<Candidate, Error> {
-        let best = self.climb(start, budget)?;
+    pub(in crate::plan) fn improve(&self, start: Candidate) -> Result<Candidate, Error> {
+        let best = self.climb(start)?;
         match unless_spent(self.refutation(&best))?.flatten() {
-            Some(other) => self.climb(other, budget),
+            Some(other) => self.climb(other),
             None => Ok(best),
         }
     }
@@ -327,9 +323,9 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
     }
 
     /// Takes better islands until the budget is met, nothing helps any more, or the allowance is spent.
-    fn climb(&self, mut best: Candidate, budget: &Budget) -> Result<Candidate, Error> {
+    fn climb(&self, mut best: Candidate) -> Result<Candidate, Error> {
         let mut fair = None;
-        while best.misses(budget) {
+        while best.misses(self.budget) {
             let Some(better) = unless_spent(self.better(&best))?.flatten() else {
                 break;
             };
@@ -338,7 +334,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
             fair = fair.or_else(|| last.parting.as_ref().is_some_and(is_fair).then_some(last));
         }
         // If the attack is missed in any case, the cheaper island with a good spectrum is taken.
-        let is_missed = |parting: &Parting| parting.attack > budget.asked();
+        let is_missed = |parting: &Parting| parting.attack > self.budget.asked();
         Ok(match fair {
             Some(fair) if best.parting.as_ref().is_some_and(is_missed) => fair,
             _ => best,
