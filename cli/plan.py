@@ -172,6 +172,7 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "stays": row.stays,
         "cut_short": row.cut_short,
         "diverges": row.diverges,
+        "harder_at_s": row.harder_at,
     }
 
 
@@ -207,6 +208,8 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         error += ", planning ended"
     if row.spectral_db is not None:
         error += f" over {row.error_s:.2g} s, then {row.spectral_db:.1f} dB by spectrum"
+    elif row.harder_at is not None:
+        error += f" over {row.error_s:.2g} s, then played harder"
     heard = row.audible
     audible = (
         ""
@@ -299,6 +302,10 @@ def _why(row: PlanRow) -> list[str]:
         from ergon.scores.staging.planning import error_text
 
         said.append(f"  Of that {error_text(row.audible)}.")
+    if row.harder_at is not None:
+        said.append(
+            f"  From {row.harder_at:.3g} s on it is played harder than while that was measured."
+        )
     if row.cut_short:
         said.append("  Planning ended there: its trials had done all the work that they may.")
     if row.diverges:

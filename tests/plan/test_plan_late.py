@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from planned_sound import planned
 
 from ergon import _core
 from ergon.lab import metrics
@@ -144,3 +145,60 @@ def test_an_output_that_hears_only_rounding_is_silent():
     assert all(row.error_db is not None and row.error_db <= -60.0 for row in rows)
     (choice,) = plan.choices()
     assert (choice.counted_cost or 0) < 10_000
+
+
+HARDENS = """\
+ergon: 1
+instruments:
+  gong:
+    modules:
+      body: {PLATE: {shape: hex, radius: 2, f: F2, M: 60g, rim: fixed, hardening: HARDENING}}
+    out: {SOV: body.7}
+strikes:
+  soft: {to: gong.body.3, at: 0, impulse: 1mNs}
+  later: {to: gong.body.3, at: 3, impulse: LATER}
+render: {tail: 1s}
+"""
+
+
+@pytest.mark.parametrize(
+    ("hardening", "later", "told"),
+    [
+        ("1e9N/m3", "5mNs", 3.0),
+        ("1e9N/m3", "-5mNs", 3.0),
+        ("1e9N/m3", "1.1mNs", None),
+        ("0N/m3", "5mNs", None),
+    ],
+)
+def test_what_is_struck_harder_later_is_told(hardening: str, later: str, told: float | None):
+    """The error was that of the soft stroke, and nothing said so."""
+    text = HARDENS.replace("HARDENING", hardening).replace("LATER", later)
+    _, plan = planned(text, error_db=-40.0)
+    assert {row.harder_at for row in plan.rows()} == {told}
+
+
+KEYED = """\
+ergon: 1
+keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  gong:
+    modules:
+      body: {PLATE: {shape: hex, radius: 6, f: F2, M: 60g, rim: fixed, hardening: 5e12N/m3}}
+      mallet: {CEL: {M: 30g, f: 1Hz, t60: 2s}}
+      head: {BUT: {between: [mallet, body.centre], K: 2e7, exponent: 1.5, gap: 7mm}}
+      push: {BUT: {between: [k, mallet], K: 40kN/m, gap: 1mm}}
+    out: {SOV: body.60}
+gestures: {soft: 0mm@0 smooth 8mm@0.25s 0mm@0.5s, strong: 0mm@0 smooth 8mm@0.06s 0mm@0.2s}
+players: {ada: {key: k}}
+parts: {ada: [{at: 0, play: soft}, {at: 8, play: LATER}]}
+"""
+
+
+@pytest.mark.parametrize(("later", "told"), [("soft", None), ("strong", 8.0)])
+def test_a_key_that_plays_harder_later_is_told(later: str, told: float | None):
+    """Its trials play on, and may not come so far."""
+    _, plan = planned(KEYED.replace("LATER", later))
+    (row,) = plan.rows()
+    assert row.error_s is not None
+    assert row.error_s < 8.0
+    assert row.harder_at == told

@@ -238,6 +238,7 @@ pub(crate) struct PlanRow {
     offered: bool,
     cut_short: bool,
     diverges: bool,
+    harder_at: Option<f64>,
 }
 
 impl PlanRow {
@@ -309,6 +310,7 @@ impl PlanRow {
             offered: row.is_offered,
             cut_short: row.is_cut_short,
             diverges: row.diverges,
+            harder_at: row.harder_at,
         }
     }
 }

@@ -1258,6 +1258,7 @@ class PlanRow:
     stays: str | None  # parts with their own rate that are computed at every frame, and why
     cut_short: bool  # the allowance of work for trials was spent before all were played
     diverges: bool  # its motion diverged in its trial
+    harder_at: float | None  # from here on it is played harder than while the error was measured [s]
 
 @final
 class Plan:

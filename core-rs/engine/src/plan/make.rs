@@ -25,6 +25,7 @@ use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::report::row::{self, Computed, Measured, Reason, Row};
 use crate::plan::trial::allowance::Allowance;
+use crate::plan::trial::horizon;
 use crate::plan::trial::macrostep::Growth;
 use crate::plan::trial::multirate;
 use crate::plan::trial::pilot_result::{self, ChosenIsland};
@@ -313,6 +314,9 @@ impl<'a> Maker<'a> {
         } = solved;
         check_method(self.budget, subset, &island)?;
         let first_row = self.plan.rows.len();
+        let harder_at = error.and_then(|error| {
+            horizon::harder_event(&island.island_plan, &own.timeline, error.over)
+        });
         let Assembled {
             island_plan,
             bodies,
@@ -362,6 +366,7 @@ impl<'a> Maker<'a> {
         for row in &mut self.plan.rows[first_row..] {
             row.is_cut_short = is_cut_short;
             row.diverges = diverges;
+            row.harder_at = harder_at;
             row.stays = stay_reasons(&refused_slow, row);
         }
         self.plan.stay.extend(refused_slow);

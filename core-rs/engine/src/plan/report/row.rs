@@ -115,6 +115,8 @@ pub struct Row {
     pub is_cut_short: bool,
     /// Its motion diverged in its trial.
     pub diverges: bool,
+    /// When it is played harder than while `error` was measured [s].
+    pub harder_at: Option<f64>,
 }
 
 /// Limits up to which a slow part counts as preserved: frames from kick to kick, and error [dB].
@@ -151,6 +153,7 @@ impl Row {
             is_offered: false,
             is_cut_short: false,
             diverges: false,
+            harder_at: None,
         }
     }
 

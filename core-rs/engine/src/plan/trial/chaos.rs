@@ -308,7 +308,8 @@ impl Parting {
     }
 }
 
-fn is_linear(island_plan: &IslandPlan) -> bool {
+/// Whether no law and no contact makes the motion depend on how strongly it is excited.
+pub(in crate::plan) fn is_linear(island_plan: &IslandPlan) -> bool {
     let is_linear = |network: &Network| {
         network
             .runs()

@@ -1,5 +1,6 @@
 //! How long an error holds: if keys meet what sounds again and again, runs may part long after the end of a pilot.
 
+use crate::gesture::script::Gesture;
 use crate::island::inside::BodyPlan;
 use crate::maths::log10;
 use crate::network::LinkKind;
@@ -7,15 +8,21 @@ use crate::plan::IslandPlan;
 use crate::plan::report::content::{Content, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
+use crate::plan::trial::chaos::is_linear;
 use crate::plan::trial::pilot_run::{Excerpt, frames_a_second, frames_at_rest, play, work};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::third_octaves::level_difference;
 use crate::plan::trial::waveform_error::{PARTED, Spans};
+use crate::timeline::Timeline;
 
 /// Time between two looks at the error [s].
 const LOOK: f64 = 0.1;
 /// An error may grow this far above a pilot's and still count as the same [dB].
 const SAME: f64 = 3.0;
+
+/// A strike or a gesture is harder than another by this factor. Errors of laws that harden grow with the square of the impulse, so by
+/// 3.9 dB, about what estimates are in doubt anyway.
+const HARDER: f64 = 1.25;
 
 /// Time for which the last event is heard [s].
 const RINGS: f64 = 8.0;
@@ -35,6 +42,47 @@ pub(in crate::plan) fn error_may_grow(island_plan: &IslandPlan) -> bool {
     let mut bodies = island_plan.bodies.iter();
     let is_slow = bodies.any(|body| matches!(body, BodyPlan::Slow(_)));
     is_slow || (has_contacts && !island_plan.timeline.gestures.is_empty())
+}
+
+/// The first strike or written gesture after `over` [s] that is harder than all until then, so that its error is not known
+/// [s]; `None` if there is none, or if the motion does not depend on how hard it is excited.
+pub(in crate::plan) fn harder_event(
+    island_plan: &IslandPlan,
+    timeline: &Timeline,
+    over: f64,
+) -> Option<f64> {
+    if is_linear(island_plan) {
+        return None;
+    }
+    let strikes = timeline.strikes.iter();
+    let gestures = timeline.gestures.iter();
+    let harder = [
+        first_harder(
+            strikes.map(|strike| (strike.at, strike.impulse.abs())),
+            over,
+        ),
+        first_harder(
+            gestures.map(|gesture| (gesture.start, greatest_speed(gesture))),
+            over,
+        ),
+    ];
+    harder.into_iter().flatten().reduce(f64::min)
+}
+
+/// The first instant after `over` whose strength exceeds all until then by more than `HARDER`, of pairs (instant [s],
+/// strength); `None` if there is none, or nothing until then.
+fn first_harder(events: impl Iterator<Item = (f64, f64)> + Clone, over: f64) -> Option<f64> {
+    let tried = events.clone().filter(|event| event.0 <= over);
+    let most = tried.map(|event| event.1).reduce(f64::max)?;
+    let harder = events.filter(|event| event.0 > over && event.1 > HARDER * most);
+    harder.map(|event| event.0).reduce(f64::min)
+}
+
+/// A bound on the speed of a gesture: its range in the shortest time between two written points [m/s]; 0 for a take.
+fn greatest_speed(gesture: &Gesture) -> f64 {
+    let times = gesture.points.windows(2).map(|pair| pair[1].0 - pair[0].0);
+    let (low, high) = gesture.range();
+    (high - low) / times.fold(f64::INFINITY, f64::min)
 }
 
 /// Measures how long the error of a pilot holds: plays both runs on, to the end of the score or as far as the reserve
