@@ -100,7 +100,10 @@ def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
             names.setdefault(url, named["name"])
         axes = found.setdefault(url, [])
         if any(axis == taken for taken, _ in axes):
-            raise BoardError(f"axis {axis} of {url} is given to two players")
+            raise BoardError(
+                f"axis {axis} of {url} is given to two players; a device with several axes has "
+                f"{url}#{axis + 1} too (`ergon emulate frame --axes 2` emulates one)"
+            )
         axes.append((axis, player))
     return [Board(url, tuple(axes), name=names.get(url, "")) for url, axes in found.items()]
 

@@ -154,7 +154,7 @@ def _with_suggestion(diagnostic: Diagnostic, names: tuple[str, ...]) -> Diagnost
         suggestion = None
     help = diagnostic.help
     if suggestion is None and help is None and 1 < len(names) <= _MAX_LISTED + 1:
-        help = f"known here: {', '.join(names[1:])}"
+        help = f"known here: {', '.join(dict.fromkeys(names[1:]))}"
     return Diagnostic(diagnostic.code, diagnostic.message, diagnostic.place, suggestion, help)
 
 

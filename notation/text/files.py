@@ -138,13 +138,14 @@ class Files:
     def target(self, name: str, folder: Path, asked: Place, who: str = "") -> Path | None:
         """The path of a file that a score asks to write; None after a report."""
         path = folder / name
-        return path if self._is_inside(path, name, asked, who) else None
+        help = "write into the folder of the score, or use --trust"
+        return path if self._is_inside(path, name, asked, who, help) else None
 
-    def _is_inside(self, path: Path, name: str, asked: Place, who: str) -> bool:
+    def _is_inside(self, path: Path, name: str, asked: Place, who: str, help: str = _HELP) -> bool:
         inside = self._holds(path) or self.bounds.allow(path)
         if not inside:
             message = f"{who}{name} lies outside the score's folder"
-            self.collector.error("E112", message, asked, help=_HELP)
+            self.collector.error("E112", message, asked, help=help)
         return inside
 
     def text(self, name: str, text: str, folder: Path) -> Document:

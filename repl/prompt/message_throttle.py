@@ -39,7 +39,7 @@ class MessageThrottle:
             lines.append(_with_count(message, self._waiting.pop(message)))
             self._shown.append((now, message))
         if self._left_out and not self._waiting and len(self._shown) < PER_SECOND:
-            lines.append(f"… {self._left_out} more")
+            lines.append(f"… {self._left_out} more messages")
             self._shown.append((now, lines[-1]))
             self._left_out = 0
         return lines
@@ -48,11 +48,11 @@ class MessageThrottle:
         """All messages that were not shown yet."""
         lines = [_with_count(message, count) for message, count in self._waiting.items()]
         if self._left_out:
-            lines.append(f"… {self._left_out} more")
+            lines.append(f"… {self._left_out} more messages")
         self._waiting.clear()
         self._left_out = 0
         return lines
 
 
 def _with_count(message: str, count: int) -> str:
-    return message if count == 1 else f"{message} … {count - 1} more"
+    return message if count == 1 else f"{message} … {count - 1} more like it"

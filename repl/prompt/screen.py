@@ -174,7 +174,10 @@ class ScreenPrompt:
 
     def too_long(self, length: int) -> None:
         """Report that a paste of `length` characters did not fit."""
-        why = f"not taken: a paste of {length:,} characters (a line has {TEXT_MAX:,} at most)"
+        why = (
+            f"not taken: a paste of {length:,} characters (a block has {TEXT_MAX:,} at most; "
+            "`load` and `reload` read files)"
+        )
         self._throttle.add([INDENT + why])
 
     def _on_characters(self, data: str) -> None:

@@ -33,6 +33,10 @@ class JournalError(ErgonError):
     """A journal cannot be written or read: one sentence says why."""
 
 
+def _reason(error: Exception) -> str:
+    return (isinstance(error, OSError) and error.strerror) or str(error)
+
+
 class Journal:
     """A journal that is being written; its events survive however the program ends."""
 
@@ -80,7 +84,7 @@ class Journal:
                 self._file.write(line + "\n")
                 self._file.flush()
         except (OSError, ValueError) as error:
-            self._trouble = f"the journal cannot be written: {error}"
+            self._trouble = f"the journal cannot be written: {_reason(error)}"
             self.has_failed = True
         self._told.set()
 
@@ -107,7 +111,7 @@ class Journal:
             try:
                 os.fsync(self._file.fileno())
             except OSError as error:
-                self._trouble = f"the journal cannot be written: {error}"
+                self._trouble = f"the journal cannot be written: {_reason(error)}"
                 self.has_failed = True
 
 

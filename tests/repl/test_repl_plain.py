@@ -90,8 +90,9 @@ def test_messages_come_while_no_line_does(tmp_path: Path):
         process.stdin.write(b"say 15 0 gone\n")
         process.stdin.flush()
         said = b""
-        while b"gone \xe2\x80\xa6 14 more\n" not in said:
+        while b" more" not in said:
             said += process.stdout.readline()
+        assert "gone … 14 more like it\n".encode() in said
         process.stdin.close()
         assert process.wait(PATIENCE) == 0
 
@@ -171,7 +172,7 @@ def test_a_plain_terminal_hears_f12_with_the_line_and_ctrl_d(tmp_path: Path):
 def test_messages_at_a_pace_that_can_be_read():
     folded = MessageThrottle()
     folded.add(["first"] * 3)
-    assert folded.pop_due(0.0) == ["first … 2 more"]
+    assert folded.pop_due(0.0) == ["first … 2 more like it"]
     folded.add(["first"])
     assert folded.pop_due(0.9) == []  # within a second it stands there already
     assert folded.pop_due(1.0) == ["first"]
@@ -180,7 +181,9 @@ def test_messages_at_a_pace_that_can_be_read():
     for step in range(1, 200):
         now = 1.0 + step / 10
         shown += [(now, line) for line in folded.pop_due(now)]
-    assert [line for _, line in shown] == [f"number {n}" for n in range(HELD_MAX)] + ["… 7 more"]
+    assert [line for _, line in shown] == [f"number {n}" for n in range(HELD_MAX)] + [
+        "… 7 more messages"
+    ]
     times = [1.0, *(now for now, _ in shown)]
     assert all(
         sum(start <= time < start + 0.999 for time in times) <= PER_SECOND for start in times
@@ -190,7 +193,7 @@ def test_messages_at_a_pace_that_can_be_read():
 def test_what_waits_at_the_end_is_told():
     folded = MessageThrottle()
     folded.add(["one", "two", "two"])
-    assert folded.pop_all() == ["one", "two … 1 more"]
+    assert folded.pop_all() == ["one", "two … 1 more like it"]
     assert folded.pop_all() == []
 
 

@@ -218,7 +218,7 @@ def test_messages_stand_above_a_line_that_is_being_typed(at: Prompt):
 
 
 def test_a_flood_of_messages_comes_folded(at: Prompt):
-    at.enter("say 15 0 the same", "the same … 14 more")
+    at.enter("say 15 0 the same", "the same … 14 more like it")
     at.enter("say 25 0 different #", "ok, later")
     at.type("half")
     at.sees("different 24")
