@@ -51,8 +51,9 @@ class PartNames:
     families: dict[str, dict[int, str]] = field(default_factory=dict)
 
     def targets(self, name: Name, wanted: Wanted, who: str) -> list[Target]:
-        """The targets of a name; for an instrument with notes one for each note. None if one is not
-        found, which is reported once.
+        """The targets of a name; for an instrument with notes one for each note.
+
+        If one is not found, that is reported once, and there are none.
         """
         found = []
         for each in self.members(name):

@@ -425,9 +425,9 @@ def mix(values: Values | None, files: Files) -> Mix:
             message = f"{route.part}: `pan` lies between two channels, such as `to: [1, 2]`"
             values.context.error("E103", message, route.place)
     for own in rooms:
-        highest = max(own.to, default=0)
-        if highest > channels:
-            message = f"channel {highest} does not exist; the mix has {channels}"
+        last = max(own.to, default=0)
+        if last > channels:
+            message = f"channel {last} does not exist; the mix has {channels}"
             values.context.error("E202", message, own.place)
     if room is not None and values.written("channels") and speakers > channels:
         message = f"the layout has {speakers} loudspeakers, but the mix has {channels} channels"
