@@ -72,6 +72,15 @@ def test_two_rough_runs_of_a_mesh_that_agree_are_not_believed():
     assert plan.real < -25.0, plan
 
 
+def test_three_runs_whose_change_does_not_fall_are_not_believed():
+    """Bristles once a step by ear: each doubling changes as much as the one before."""
+    found = audit.look(
+        "bristle-727", random_scenes.text("bristle", 727), (audit.BY_EAR,), plain=False
+    )
+    (plan,) = found.plans
+    assert plan.excess <= 1.5, plan
+
+
 def test_by_ear_nothing_is_looked_for_below_what_is_heard():
     """The waveform is promised by no budget of ears: the way stays that of the search."""
     plans = audit.look("law-0", random_scenes.text("law", 0), (audit.BY_EAR, -80.0), plain=False)

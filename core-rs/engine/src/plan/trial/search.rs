@@ -227,11 +227,13 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'a, F> {
             return Ok(Err(Rejected { change }));
         }
         let contact_substeps = self.contact_substeps(&island);
-        // Two runs say little of friction, and of laws that are computed once a step.
+        // Two runs say little of friction, and of laws that are computed once a step; nor do three if the change hardly
+        // falls from one to the next.
+        let is_unsure = last.is_none_or(|last| change > last - RATE_GAIN);
         let has_plain_laws = island.may_collocate && contact_substeps == 1;
         let by_two_runs = error;
         let mut heard = (fine.clone(), change);
-        if last.is_none()
+        if is_unsure
             && (island.sticks() || has_plain_laws)
             && let Some(finest) = self.finer(finer)
         {
