@@ -221,3 +221,28 @@ def test_the_reference_holds_and_turns():
     assert [found[: frames[0] + 9].min(), found[frames[0] :].max()] == pytest.approx(
         wanted, rel=2e-5
     )
+
+
+def test_a_turn_within_a_step_is_held_by_the_level_near_rest():
+    """A mass swings half a period under the level of fast sliding, and turns where its spring is
+    between both levels. It passes the velocities between in 1/70 of a frame.
+    """
+    text = """\
+ergon: 1
+rates: {audio: 44100Hz}
+instruments:
+  s:
+    modules:
+      m: {CEL: {M: 1g, f: 1200Hz, t60: 60s, X0: 2.7mm}}
+      w: {SOL: {}}
+      l: {DRY: {between: [m, w], F: 50N, static: 90N, speed: 0.02m/s}}
+    out: {SOX: m}
+render: {tail: 0.1s}
+"""
+    stiffness = 1e-3 * (2.0 * np.pi * 1200.0) ** 2
+    turn = 2.0 * 50.0 / stiffness - 2.7e-3
+    assert 50.0 < -stiffness * turn < 90.0
+    for wishes in ({"method": "ca"}, {"error_db": -60.0}):
+        sound = played(text, **wishes)
+        assert np.ptp(sound[100:]) == 0.0
+        assert sound[-1, 0] == pytest.approx(turn, rel=0.02)

@@ -91,6 +91,8 @@ def friction(row, v, free, beta):
     if static != level:
         slow = np.exp(-((0.5 * (v + to) * row[PER_V] / speed) ** 2))
         to = turned(v, free - v, beta * (level + (static - level) * slow))
+        if v * to < 0.0 and abs(free - v) <= beta * static:
+            to = 0.0
     return (free - to) / beta
 
 

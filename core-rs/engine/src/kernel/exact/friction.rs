@@ -40,6 +40,10 @@ pub(super) fn force(
         let mut v_next = after(level(v));
         if by.falls() {
             v_next = after(level(0.5 * (v + v_next)));
+            // Where it passes rest, the level is that near rest, in however short a time it passes.
+            if v * v_next < 0.0 && (next - v).abs() <= per_force * level(0.0) {
+                v_next = 0.0;
+            }
         }
         return (next - v_next) / per_force;
     }
