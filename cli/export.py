@@ -12,7 +12,6 @@ from ergon.api import score
 from ergon.api.errors import OptionError
 from ergon.api.export import ExportedPart, ExportOptions, faust_programs, mi_gen_models, mode_tables
 from ergon.api.export_csound import csound_orchestras
-from ergon.api.options import ReadOptions
 
 from . import options
 from .console import Console
@@ -159,8 +158,8 @@ def _for_workstation(
     from ergon.exchange.markers import markers_csv
     from ergon.exchange.safe import check_target, open_for_writing
 
-    loaded = score.read(score_path, ReadOptions(trust=trust), console)
     asked = FileOptions(stems=output / "stems", bits=bits, force=force, trust=trust)
+    loaded = score.read(score_path, asked, console)
     prepared = prepare(loaded, str(output / "mix.wav"), asked, console) if stems else None
     stage = (prepared or score.stage_piece(loaded, None, console)).stage
     piece, end = stage.piece, stage.n_analysed_frames / stage.rate

@@ -244,8 +244,7 @@ class Commits:
                 ) from error
             further.append(version)
         # From here on nothing can fail, so the queue may change.
-        for one, (running, on) in zip(queue, made, strict=True):
-            one.staged, one.predecessor, one.version = running, on, running.version
+        _keep_made(queue, made)
         for one, of_one in zip(after, further, strict=True):
             one.staged, one.predecessor, one.version = None, None, of_one
             if one.start != starts[id(one)]:
@@ -278,13 +277,16 @@ class Commits:
     def _make_all(self, queue: list[WaitingLine]) -> list[tuple[RunningVersion, RunningVersion]]:
         on, found = self.running, []
         for one in queue:
-            is_made = one.staged is not None and one.predecessor is on
-            running = (
-                one.staged if is_made and one.staged is not None else self._stage_line(on, one)
-            )
+            running = self._made(on, one)
             found.append((running, on))
             on = running
         return found
+
+    def _made(self, on: RunningVersion, one: WaitingLine) -> RunningVersion:
+        """The version that a line makes of `on`, made before or now. Raises `REFUSALS`."""
+        if one.staged is not None and one.predecessor is on:
+            return one.staged
+        return self._stage_line(on, one)
 
     def _stage_line(self, on: RunningVersion, one: WaitingLine) -> RunningVersion:
         began = MakingTime.began()
@@ -436,18 +438,15 @@ class Commits:
             made = self._make_all(queue)
         except REFUSALS:  # the line is dropped when it is due
             return
-        for one, (running, on) in zip(queue, made, strict=True):
-            one.staged, one.predecessor, one.version = running, on, running.version
+        _keep_made(queue, made)
 
     def _hand_over(self, group: Sequence[WaitingLine]) -> None:
         """Hand the lines of one boundary to the engine as one change."""
         before = on = self.running
         n_dropped, taken = len(self.dropped), []
         for one in group:
-            is_made = one.staged is not None and one.predecessor is on
             try:
-                on = one.staged if is_made and one.staged is not None else self._stage_line(on, one)
-                one.staged = on
+                on = one.staged = self._made(on, one)
                 taken.append(one)
             except REFUSALS as error:  # an earlier line removed what it needs
                 self.dropped.append((one, str(error)))
@@ -530,6 +529,14 @@ class Commits:
         """Remove a completed change from those under way; returns its lines."""
         index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)
         return () if index is None else self.under_way.pop(index)[1]
+
+
+def _keep_made(
+    queue: Sequence[WaitingLine], made: Sequence[tuple[RunningVersion, RunningVersion]]
+) -> None:
+    """Keep with each line its version and the one before it."""
+    for one, (running, on) in zip(queue, made, strict=True):
+        one.staged, one.predecessor, one.version = running, on, running.version
 
 
 def _names(version: Version) -> frozenset[str]:

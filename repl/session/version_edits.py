@@ -269,10 +269,9 @@ def _load(command: c.Load) -> VersionEdit:
             trust = before is not None and before.allows_any_file
             folder = Path(command.file).parent
             files.append(_file(command.file, FileBounds.around(folder, trust=trust)))
-        piece_from_files(files[0])
-        made = replace(
-            with_texts(version, files[0]), read_texts=files[0], base=files[0], renames=()
-        )
+        texts = files[0]
+        made = replace(version, texts=texts, piece=piece_from_files(texts))
+        made = replace(made, read_texts=texts, base=texts, renames=())
         return replace(made, enter_beat=beat if has_events_from(made.piece, beat) else 0.0)
 
     return edit
