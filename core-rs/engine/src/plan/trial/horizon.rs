@@ -20,8 +20,8 @@ const LOOK: f64 = 0.1;
 /// An error may grow this far above a pilot's and still count as the same [dB].
 const SAME: f64 = 3.0;
 
-/// A strike or a gesture is harder than another by this factor. Errors of laws that harden grow with the square of the impulse, so by
-/// 3.9 dB, about what estimates are in doubt anyway.
+/// A strike or a gesture is harder than another by this factor. Errors of laws that harden grow with the square of the
+/// impulse, so by 3.9 dB, about what estimates are in doubt anyway.
 const HARDER: f64 = 1.25;
 
 /// Time for which the last event is heard [s].
