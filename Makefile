@@ -1,6 +1,8 @@
 # One list of tasks; CI calls them by the same names.
 #   make demo       build, render a bundled score to a WAV, say where and how fast, play it if it can
-#   make test       everything that must hold (random cases by a fixed seed: no luck in a landing)
+#   make test       everything that must hold (random cases by a fixed seed: no luck in a landing); installs the programs that tests
+#                   start, or skips these tests and names them. SKIPS=fail: a skipped test is a failed one, as in CI
+#   make test-terminal  what is printed, in the plainest locale and a terminal of 80 columns
 #   make check      format, lint, types, Rust documentation; warnings are errors
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, faults, licences
@@ -9,36 +11,51 @@
 #   make movie      a minute of a bundled piece as a film for headphones, into out/ (minutes without a graphics card)
 #   make wheel      a wheel for others: any Linux with glibc 2.28 or newer (manylinux_2_28), into out/
 #   make audit      known faults, licences and sources of what is built in (needs the network)
-#   make test-long  the minutes-long tests, and random cases drawn anew
+#   make test-long  the minutes-long tests, random cases drawn anew, and `make demo` and `make test` in a bare Debian
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 SUDO := $(shell test "$$(id -u)" = 0 || echo sudo)
+PYTEST := $(BIN)/python -m pytest -q --numprocesses auto
+SKIPS ?= say
+# Rooms whose tests read what is printed.
+PRINTING := tests/cli tests/notation tests/lsp tests/exchange tests/house/test_docs.py
+NO_SKIPS := $(if $(filter fail,$(SKIPS)),--no-skips)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test test-rust test-python check check-rust check-python audit bench docs charts accuracy movie wheel test-long clean
+.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python audit bench docs charts accuracy movie wheel test-long clean
 
 demo: $(VENV)/built
 	@mkdir -p out
 	$(BIN)/ergon demo -o out/demo.wav --force
 
 # Side by side: one computes where the other waits.
-test:
+test: test-programs
 	$(MAKE) --jobs=2 test-rust test-python
 
 test-rust:
 	MAKEFLAGS= PROPTEST_RNG_SEED=1 cargo test --locked --quiet
 
 test-python: $(VENV)/dev
-	MAKEFLAGS= CI=true $(BIN)/python -m pytest -q -m "not slow" --numprocesses auto --dist loadfile --no-loadscope-reorder
+	MAKEFLAGS= CI=true $(PYTEST) -m "not slow" --dist loadfile --no-loadscope-reorder $(NO_SKIPS)
+
+test-programs:
+	@$(PYTHON) tests/support/programs.py
+
+# LANG=C: the locale of a machine that nobody has set up.
+test-terminal: $(VENV)/dev
+	MAKEFLAGS= CI=true LANG=C TERM=xterm COLUMNS=80 LINES=24 $(PYTEST) -m "not slow" --dist loadfile $(NO_SKIPS) $(PRINTING)
+
+test-bare:
+	tests/bare_debian.sh
 
 test-long: $(VENV)/dev
 	PROPTEST_CASES=4096 cargo test --locked --release
 	cargo test --locked --release -p ergon-live --lib -- --ignored
 	cargo test --locked --release -p ergon-engine --test no_alloc --test scenes -- --ignored
-	$(BIN)/python -m pytest -q --numprocesses auto --dist worksteal
-	$(MAKE) accuracy
+	$(PYTEST) --dist worksteal
+	$(MAKE) test-bare accuracy
 
 check: check-rust check-python
 
@@ -94,7 +111,7 @@ wheel: $(VENV)/dev
 $(VENV)/built: pyproject.toml $(RUST)
 	@test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV) || \
 	  { echo "Debian keeps venv in a package of its own: installing python3-venv"; \
-	    $(SUDO) apt-get install -y -q python3-venv && $(PYTHON) -m venv $(VENV); }
+	    $(SUDO) sh -c 'apt-get update -qq && apt-get install -y -q python3-venv' && $(PYTHON) -m venv $(VENV); }
 	$(BIN)/pip install --quiet --upgrade pip
 	$(BIN)/pip install --quiet --editable .
 	@touch $@

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import sys
@@ -24,7 +25,7 @@ from .outcome import (
     Outcome,
     Refused,
 )
-from .streams import make_whole
+from .streams import flush_and_close, make_whole
 
 # numpy's BLAS starts a thread for each core, which spins for 25 ms and then does nothing: no
 # command multiplies matrices large enough to need these threads. The variable is read when numpy is
@@ -152,13 +153,17 @@ def run(arguments: list[str]) -> int:
     make_whole()
     try:
         code = _outcome(arguments)
-        sys.stdout.flush()
-        return code
-    except BrokenPipeError:
-        # The reader has closed the pipe. The interpreter flushes stdout once more: send that to
-        # null.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+    except BrokenPipeError:  # the reader has seen enough
+        code = 0
+    except OSError:  # not even the message about an error can be written
+        code = Refused.exit_code
+    failure = flush_and_close()
+    if code == 0 and failure is not None and not isinstance(failure, BrokenPipeError):
+        code = Refused.exit_code
+        with contextlib.suppress(OSError):  # where both streams lead to one full disk
+            Console().outcome(explain(failure))
+        flush_and_close()
+    return code
 
 
 def _outcome(arguments: list[str]) -> int:
@@ -190,8 +195,10 @@ def _outcome(arguments: list[str]) -> int:
     except BaseException as error:  # PyO3's panic exception is no Exception
         if debug and not isinstance(error, Outcome):
             raise
-        outcome = explain(error)
-        console.outcome(outcome)
+        # Where a stream is full, the error that is seen first names no file.
+        failure = flush_and_close() if isinstance(error, OSError) and not error.filename else None
+        outcome = explain(error if failure is None else failure)
+        (console if failure is None else Console()).outcome(outcome)
         return outcome.exit_code
 
 

@@ -1,19 +1,18 @@
-"""Standard streams that never fail to write, even if they are closed or cannot encode a
-character.
-"""
+"""Standard streams: made usable at the start of a command, flushed and closed at its end."""
 
 from __future__ import annotations
 
 import io
 import os
 import sys
+from typing import Any
 
 _NAMES = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
 
 def make_whole() -> None:
     """Put the null device in place of closed streams, and escape characters that a stream cannot
-    encode.
+    encode. Streams that lead to one place are written in the order of what is printed.
 
     Without this, the first file that is opened gets the number of a closed stream, and messages
     go into that file.
@@ -25,6 +24,51 @@ def make_whole() -> None:
             setattr(sys, name, null)
         elif isinstance(stream, io.TextIOWrapper) and mode == "w":
             stream.reconfigure(errors="backslashreplace")
+    # stderr is written line by line. Python keeps 8 KiB of stdout back unless it is a terminal.
+    if isinstance(sys.stdout, io.TextIOWrapper) and _lead_to_one_place():
+        sys.stdout.reconfigure(line_buffering=True)
+
+
+def flush_and_close() -> OSError | None:
+    """Write what is still buffered, and ask the system whether all that was written has arrived.
+
+    A stream that fails leads to the null device from then on, so that neither a later message nor
+    the end of the interpreter fails once more. Returns the first failure, with the name of its
+    stream as the file name.
+    """
+    failure = None
+    for stream, name in ((sys.stdout, "standard output"), (sys.stderr, "standard error")):
+        number = _number(stream)
+        if number is None:
+            continue
+        try:
+            stream.flush()
+            os.close(os.dup(number))  # file systems of a network report a full disk here
+        except OSError as error:
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, number)
+            os.close(null)
+            stream.flush()
+            failure = failure or OSError(error.errno, error.strerror, name)
+    return failure
+
+
+def _lead_to_one_place() -> bool:
+    numbers = [_number(stream) for stream in (sys.stdout, sys.stderr)]
+    if None in numbers:
+        return False
+    out, err = (os.fstat(number) for number in numbers if number is not None)
+    return os.path.samestat(out, err)
+
+
+def _number(stream: Any) -> int | None:
+    """The number of an open stream; None for what is no file, as in a test that captures it."""
+    try:
+        number: int = stream.fileno()
+        os.fstat(number)
+    except (OSError, ValueError):
+        return None
+    return number
 
 
 def _null(number: int) -> int:

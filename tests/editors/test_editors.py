@@ -2,11 +2,11 @@
 
 import json
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+from needed import needs
 from patience import PATIENCE
 from sockets import serving
 
@@ -59,7 +59,7 @@ qall!
 """
 
 
-@pytest.mark.skipif(shutil.which("vim") is None, reason="no Vim is installed")
+@needs("vim")
 def test_vim(tmp_path: Path):
     (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
     (tmp_path / "test.vim").write_text(VIM, encoding="utf-8")
@@ -144,7 +144,7 @@ const until = async (count) => {
 """
 
 
-@pytest.mark.skipif(shutil.which("node") is None, reason="no Node is installed")
+@needs("node")
 def test_vs_code(tmp_path: Path):
     (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
     (tmp_path / "test.js").write_text(NODE, encoding="utf-8")
@@ -198,7 +198,7 @@ LISP = """
 """
 
 
-@pytest.mark.skipif(shutil.which("emacs") is None, reason="no Emacs is installed")
+@needs("emacs")
 def test_emacs(tmp_path: Path):
     (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
     (tmp_path / "test.el").write_text(LISP, encoding="utf-8")

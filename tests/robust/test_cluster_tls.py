@@ -1,7 +1,6 @@
 """TLS by the commands of docs/cluster.md; certificates that lack are told of by a sentence."""
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import pytest
 from commands import ERGON
 from documented_cluster import documented_cluster
+from needed import needs
 
 from ergon.cli import app
 
@@ -32,7 +32,7 @@ def here(own_folder: Path) -> None:
     Path("piece.yaml").write_text(SCORE)
 
 
-@pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl")
+@needs("openssl")
 @pytest.mark.slow
 def test_by_the_documented_commands():
     binaries = Path(sys.executable).parent

@@ -10,6 +10,7 @@ import os
 import resource
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -153,13 +154,43 @@ def test_a_device_that_is_full(here: Path, line: str) -> None:
     "line",
     few(["info score.yaml", "plan score.yaml", "compile score.yaml", "render score.yaml -o -"], 1),
 )
-def test_a_full_standard_output(here: Path, line: str) -> None:
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_standard_output(here: Path, line: str, unbuffered: str) -> None:
+    """Whether a write fails at once or when the buffer is flushed at the end."""
+    words = [*ERGON, *line.split()]
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
     with open("/dev/full", "wb") as full:
-        words = [*ERGON, *line.split()]
-        done = subprocess.run(words, cwd=here, stdout=full, stderr=subprocess.PIPE, text=True)
-    assert done.returncode == 2
+        done = subprocess.run(
+            words, cwd=here, env=environment, stdout=full, stderr=subprocess.PIPE, text=True
+        )
+        both = subprocess.run(words, cwd=here, env=environment, stdout=full, stderr=full)
+    assert done.returncode == both.returncode == 2
     assert "No space left" in done.stderr
+    assert unbuffered or done.stderr == "error: standard output: No space left on device\n"
     assert not [word for word in NEVER if word in done.stderr], done.stderr
+
+
+@pytest.mark.parametrize("line", ["check score.yaml", "check none.yaml"])
+def test_a_full_standard_error(here: Path, line: str) -> None:
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run(
+            [*ERGON, *line.split()], cwd=here, stdout=subprocess.DEVNULL, stderr=full
+        )
+    assert done.returncode == 2
+
+
+def test_data_and_messages_in_one_file_stand_in_order(here: Path) -> None:
+    """The sentence about a warning does not overtake the data printed before it."""
+    environment = {**os.environ, "PYTHONUNBUFFERED": ""}
+    program = (
+        "import sys; from ergon.cli.streams import make_whole; make_whole();"
+        "print('first'); print('second', file=sys.stderr); print('third')"
+    )
+    with (here / "both.txt").open("wb") as both:
+        subprocess.run(
+            [sys.executable, "-c", program], env=environment, stdout=both, stderr=both, check=True
+        )
+    assert (here / "both.txt").read_text().split() == ["first", "second", "third"]
 
 
 def fill(disk: Path) -> None:

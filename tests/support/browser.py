@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterator
 
-import pytest
+from needed import program
 
 from ergon.movies import chromium
-from ergon.movies.chromium import Browser, BrowserError, Page
+from ergon.movies.chromium import Browser, Page
 
 __all__ = ["Browser", "Page", "running"]
 
 
 @contextlib.contextmanager
 def running(*flags: str) -> Iterator[Browser]:
-    """Chromium with software rendering. If it is missing, CI fails; elsewhere the test is skipped
-    with a message.
-    """
-    try:
-        program = chromium.find_browser()
-    except BrowserError as error:
-        if os.environ.get("CI"):
-            pytest.fail(str(error))
-        pytest.skip(str(error))
-    with chromium.launch_browser(program, ("--use-angle=swiftshader", *flags)) as found:
+    """Chromium with software rendering."""
+    with chromium.launch_browser(program("chromium"), ("--use-angle=swiftshader", *flags)) as found:
         yield found

@@ -1,18 +1,14 @@
 """Orchestras of Csound, played into samples."""
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
 import numpy as np
-import pytest
 import soundfile
+from needed import needs
 
-needs_csound = pytest.mark.skipif(
-    not shutil.which("csound"),
-    reason="csound is not installed: what the orchestras play is not compared",
-)
+needs_csound = needs("csound")
 
 
 def heard(orchestra: Path) -> np.ndarray:

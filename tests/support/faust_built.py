@@ -1,11 +1,10 @@
 """Programs of Faust, compiled and run."""
 
-import shutil
 import subprocess
 from pathlib import Path
 
 import numpy as np
-import pytest
+from needed import needs
 
 _MAIN = """
 #include <algorithm>
@@ -31,10 +30,7 @@ int main(int, char** arguments) {
     }
 }
 """
-needs_faust = pytest.mark.skipif(
-    not (shutil.which("faust") and shutil.which("g++")),
-    reason="faust and g++ are not installed: what the programs compute is not compared",
-)
+needs_faust = needs("faust", "g++")
 
 
 def heard(program: Path, fed: np.ndarray, rate: int) -> np.ndarray:

@@ -3,27 +3,14 @@
 import contextlib
 import fcntl
 import os
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from needed import program
 from patience import PATIENCE, until
-
-PACKAGES = {"jackd": "jackd2", "pulseaudio": "pulseaudio", "parec": "pulseaudio-utils"}
-
-
-def need(program: str) -> str:
-    """Path of a program. If it is missing, CI fails; elsewhere the test says what to install."""
-    found = shutil.which(program)
-    if found is None:
-        why = f"{program} is missing: apt-get install {PACKAGES[program]}"
-        if os.environ.get("CI"):
-            pytest.fail(why)
-        pytest.skip(why)
-    return found
 
 
 @contextlib.contextmanager
@@ -102,7 +89,7 @@ class Jack:
         from ergon import _core
 
         # Real-time priority if it is granted; jackd continues without.
-        server = [need("jackd"), "-R", "-P", "60", "-n", self.name]
+        server = [program("jackd"), "-R", "-P", "60", "-n", self.name]
         driver = ["-d", "dummy", "-r", self.rate, "-p", self.block, "-C", 2, "-P", self.channels]
         environment = os.environ | {"JACK_NO_AUDIO_RESERVATION": "1"}
         with running([*server, *map(str, driver)], env=environment) as process:
@@ -130,7 +117,7 @@ class Pulse:
         door = f"module-native-protocol-unix socket={self.socket} auth-anonymous=1"
         own = {"HOME": str(self.folder), "XDG_RUNTIME_DIR": str(self.folder)}
         command = [
-            need("pulseaudio"),
+            program("pulseaudio"),
             *("-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no"),
             *("--resample-method=copy", "-L", sink, "-L", door),
         ]
@@ -142,7 +129,7 @@ class Pulse:
     def recording(self, path: Path) -> Iterator[None]:
         """What the sink hears, as raw float32 of all channels."""
         command = [
-            *(need("parec"), "-d", "dome.monitor", "--format=float32le", f"--rate={self.rate}"),
+            *(program("parec"), "-d", "dome.monitor", "--format=float32le", f"--rate={self.rate}"),
             *(f"--channels={self.channels}", "--raw", f"--channel-map={self.map}"),
             *("--latency-msec=20", str(path)),
         ]
