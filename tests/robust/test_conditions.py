@@ -313,12 +313,45 @@ ENVIRONMENTS: dict[str, dict[str, str | None]] = {
     "HOME is empty": {"HOME": "", "XDG_CACHE_HOME": "/dev/null/x", "ERGON_CACHE": "on"},
     "C": {"LANG": "C", "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"},
     "TMPDIR is nowhere": {"TMPDIR": "/nonexistent", "TERM": "nothing"},
+    "a terminal of no size": {"COLUMNS": "0", "LINES": "-1", "TERM": ""},
+    "a terminal of a size that is no number": {"COLUMNS": "wide", "LINES": "long"},
+    "a time zone that is not there": {"TZ": "../../Nowhere"},
+    "folders that are relative": {
+        "XDG_CACHE_HOME": "here",
+        "XDG_CONFIG_HOME": "here",
+        "XDG_STATE_HOME": "here",
+        "XDG_RUNTIME_DIR": "here",
+        "ERGON_CACHE": "on",
+    },
+    "Python without assertions": {"PYTHONOPTIMIZE": "2"},
+    "Python whose warnings are errors": {"PYTHONWARNINGS": "error"},
 }
 
 
-@pytest.mark.parametrize(("line", "name"), crossed(LINES, [*ENVIRONMENTS]))
-def test_an_environment_without(here: Path, line: str, name: str) -> None:
+@pytest.mark.parametrize(("name", "line"), crossed([*ENVIRONMENTS], LINES))
+def test_an_environment_without(here: Path, name: str, line: str) -> None:
+    before = files(here)
     code, _, told = ergon(here, line, **ENVIRONMENTS[name])
+    assert code == 0, told
+    assert not [path for path in files(here) if path not in before and "." not in path]
+
+
+@pytest.mark.parametrize("line", few(LINES, 2))
+def test_a_home_that_is_read_only(tmp_path: Path, here: Path, line: str) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "ro,size=64k", "tmpfs", str(home)]
+    if not IS_ROOT:
+        home.chmod(0o500)
+    elif subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("no disk can be mounted here")
+    folders: dict[str, str | None] = {"HOME": str(home), "ERGON_CACHE": "on"}
+    folders |= {f"XDG_{name}": None for name in ("CACHE_HOME", "CONFIG_HOME", "STATE_HOME")}
+    try:
+        code, _, told = ergon(here, line, **folders)
+    finally:
+        if IS_ROOT:
+            subprocess.run(["umount", "-l", str(home)], check=True)
     assert code == 0, told
 
 
