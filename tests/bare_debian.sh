@@ -11,7 +11,7 @@ command -v mmdebstrap >/dev/null || apt-get install -y -qq mmdebstrap >/dev/null
 bare=$(mktemp -d)
 trap 'rm -rf --one-file-system "$bare"' EXIT
 trap 'exit 1' HUP INT TERM
-mmdebstrap --quiet --variant=minbase --include=make,gcc,python3-venv,git,ca-certificates bookworm "$bare"
+mmdebstrap --quiet --variant=minbase --include=make,gcc,libc6-dev,python3-venv,git,ca-certificates bookworm "$bare"
 git clone --quiet . "$bare/root/ergon"
 # Rust as rustup installs it, and how this machine reaches the package registries.
 cp -a "$(rustc --print sysroot)" "$bare/opt/rust"
