@@ -135,6 +135,12 @@ class _Pending:
     part: Path
     file: BinaryIO
 
+    def has_its_name(self) -> bool:
+        """Whether the target is this file by now."""
+        if not temporary.IS_LOCKED:
+            return not self.part.exists()
+        return temporary.is_at(self.file.fileno(), self.target)
+
 
 @dataclass(slots=True)
 class FileGroup:
@@ -163,6 +169,8 @@ class FileGroup:
         if asked.exists() and not asked.is_file():  # a device or a named pipe: nothing to replace
             return self.stack.enter_context(asked.open("wb"))
         path = _resolved_path(asked)  # a link stays a link; what it points to is replaced
+        if any(one.target == path for one in self.pending):
+            raise FileRefusedError(f"{asked} would be written twice; give the outputs other names")
         self.new_folders.update(folder for folder in path.parents if not folder.exists())
         make_folder(path.parent)
         paths: list[Path] = []
@@ -196,18 +204,19 @@ class FileGroup:
                 one.file.close()
         for one in self.pending:
             self.check(one.path)  # somebody else may have written there meanwhile
-        replaced: list[tuple[Path, Path | None]] = []  # what was written, and what was there before
+        moved: list[tuple[_Pending, Path | None]] = []  # and what was there before
         try:
             for one in self.pending:
-                before = self._keep_old(one.target)
+                moved.append((one, self._keep_old(one.target)))
                 self._move(one)
-                replaced.append((one.target, before))
         except BaseException:
-            for target, before in reversed(replaced):
+            for one, before in reversed(moved):
+                if not one.has_its_name():
+                    continue
                 if before is None:
-                    target.unlink(missing_ok=True)
+                    one.target.unlink()
                 else:
-                    os.replace(before, target)
+                    os.replace(before, one.target)
             raise
         if self.sync and not self.is_recorded:  # what cannot be computed again
             _sync(one.target.parent for one in self.pending)

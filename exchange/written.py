@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import time
 from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
@@ -26,6 +27,7 @@ from .temporary import is_at, try_lock
 _BLOCK = 1 << 20  # bytes that are read at once
 _FULL = 65 << 17  # bytes: 131,072 files, some hours of a sweep that writes its table every second
 _NAME, _OLD_NAME = "written", "written.old"
+_COARSE = 2_000_000_000  # [ns]: two changes may have one time, on FAT for 2 s
 _APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
 # What this process wrote is known to it even where no register can be kept.
 _of_this_process: set[str] = set()
@@ -63,7 +65,10 @@ def is_known(path: Path) -> bool:
     try:
         with open_regular(path) as file:
             stat = os.fstat(file.fileno())
-            hashed = _digest_of(path, stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns)
+            if abs(time.time_ns() - stat.st_mtime_ns) < _COARSE:
+                hashed = digest(file)
+            else:
+                hashed = _digest_of(path, stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns)
     except OSError:
         return False
     if hashed in _of_this_process:

@@ -375,6 +375,42 @@ def test_a_group_of_which_one_file_cannot_be_moved_leaves_all_as_they_were(
     assert sorted(tmp_path.rglob("*")) == [new.parent, new, last, old]
 
 
+def test_one_file_is_not_written_twice_by_one_command(tmp_path: Path) -> None:
+    def write() -> None:
+        with file_group() as files:
+            files.write(tmp_path / "x.csv", b"table")
+            files.write(tmp_path / "." / "deep" / ".." / "x.csv", b"picture")
+
+    with pytest.raises(FileRefusedError, match=r"x\.csv would be written twice"):
+        write()
+    assert [*tmp_path.iterdir()] == []
+
+
+@pytest.mark.parametrize("last", "abc")
+def test_a_group_that_is_interrupted_after_any_move_leaves_all_as_they_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str
+) -> None:
+    paths = [tmp_path / name for name in "abc"]
+    write_text(paths[1], "before")
+    move = safe._move_to_target
+
+    def interrupted(part: Path, target: Path, *, is_new: bool) -> None:
+        move(part, target, is_new=is_new)
+        if target.name == last:
+            raise KeyboardInterrupt
+
+    def write() -> None:
+        with file_group() as files:
+            for path in paths:
+                files.write(path, b"after")
+
+    monkeypatch.setattr(safe, "_move_to_target", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write()
+    assert [*tmp_path.iterdir()] == [paths[1]]
+    assert paths[1].read_text() == "before"
+
+
 def _no_links(*_: object) -> None:
     raise PermissionError(1, "Operation not permitted")
 
