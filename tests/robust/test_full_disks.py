@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 from commands import forked
 from sweep import few
-from writing_commands import MAKERS, WRITERS, Writer, contents, make_inputs
+from writing_commands import MAKERS, WRITERS, Writer, contents, make_inputs, writers_of
 
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 PAGE = 4096
 SIZE = 32 << 20  # bytes of the disk
-SWEEP = next(writer for writer in WRITERS if writer.words[0] == "sweep")
+(SWEEP,) = writers_of("sweep")
 EVERY = (*MAKERS, *(writer for writer in WRITERS if writer is not SWEEP))
-SHOWN = [MAKERS[0], WRITERS[15]]
+SHOWN = writers_of("new piece", "export s.yaml -o")
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from commands import forked
 from sweep import few
-from writing_commands import MAKERS, WRITERS, Writer, contents, make_inputs
+from writing_commands import MAKERS, WRITERS, Writer, contents, make_inputs, writers_of
 
 EVERY = (*MAKERS, *WRITERS)
-SHOWN = [MAKERS[0], WRITERS[17]]
+SHOWN = writers_of("new piece", "export s.yaml --to faust")
 # They hold times of the processor, so no two are alike.
 _TIMED = ("sweep.csv", "sweep.svg", "c.csv", "c.svg", "c.png")
 _MOST = 200  # changes of a file

@@ -95,6 +95,11 @@ MAKERS = (
 )  # fmt: skip
 
 
+def writers_of(*lines: str) -> list[Writer]:
+    """The writers whose lines begin so."""
+    return [one for one in (*MAKERS, *WRITERS) if one.line.startswith(lines)]
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     """All files below a folder, hidden ones as well."""
     files = (path for path in folder.rglob("*") if path.is_file())
