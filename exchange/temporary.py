@@ -64,7 +64,7 @@ def open_temporary(path: Path, paths: list[Path]) -> BinaryIO:
     """
     for temporary in _new_names(path.parent, path.name):
         paths.append(temporary)
-        handle = os.open(temporary, _FLAGS, 0o666)
+        handle = os.open(temporary, _FLAGS, 0o600)
         if _holds(handle, temporary):
             return io.BufferedRandom(_TargetFile(handle, path))
         os.close(handle)  # somebody else swept it before it was locked
