@@ -146,6 +146,7 @@ class MovieMaker:
             raise OptionError("camera", reason, value=self._options.camera)
 
     def _draw(self, page: Page, instants: list[float], shown: Shown, report: Report) -> Movie:
+        from ergon.exchange.new_folder import new_folder
         from ergon.exchange.safe import open_for_writing
         from ergon.movies.video import VideoFile
 
@@ -153,7 +154,7 @@ class MovieMaker:
         sound = None
         with ExitStack() as stack:
             if self._is_folder:
-                self._target.mkdir(parents=True, exist_ok=True)
+                folder = stack.enter_context(new_folder(self._target))
             else:
                 force = options.force
                 file = stack.enter_context(open_for_writing(self._target, binary=True, force=force))
@@ -167,7 +168,7 @@ class MovieMaker:
                 page.run(f"ergon.seek({t!r})")
                 picture = page.picture()
                 if self._is_folder:
-                    (self._target / f"{i:06}.png").write_bytes(picture)
+                    (folder / f"{i:06}.png").write_bytes(picture)
                 else:
                     made.add(picture)
                 progress.at(i + 1)
@@ -215,9 +216,14 @@ def _instant(option: str, text: str | None, marks: dict[str, float]) -> float | 
 
 
 def _check_folder(folder: Path) -> None:
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    from ergon.exchange.new_folder import check_new_folder
+    from ergon.exchange.safe import FileRefusedError
+
+    try:
+        check_new_folder(folder)
+    except FileRefusedError:
         reason = f"{folder} is not an empty folder; pictures go into a new one"
-        raise OptionError("movie", reason)
+        raise OptionError("movie", reason) from None
 
 
 def _sound(path: Path, start: float, end: float) -> Sound:

@@ -87,23 +87,23 @@ def _write(
 ) -> None:
     import numpy as np
 
-    from ergon.exchange.safe import open_for_writing, write_text
+    from ergon.exchange.safe import file_group
 
-    if table is not None:
-        out = io.StringIO()
-        csv.writer(out, lineterminator="\n").writerows(_rows(found))
-        write_text(table, out.getvalue(), force=force, inputs=found.inputs)
-    if npz is not None:
-        with open_for_writing(Path(npz), binary=True, force=force, inputs=found.inputs) as file:
+    with file_group(force=force, inputs=found.inputs) as files:
+        if table is not None:
+            out = io.StringIO()
+            csv.writer(out, lineterminator="\n").writerows(_rows(found))
+            files.write(table, out.getvalue().encode())
+        if npz is not None:
             np.savez(
-                file,
+                files.open(Path(npz), binary=True),
                 frequency_hz=found.frequencies,
                 admittance=found.values,
                 forced=np.array(found.forced),
                 heard=np.array(found.heard),
             )
-    if svg is not None:
-        write_text(svg, _picture(found), force=force, inputs=found.inputs)
+        if svg is not None:
+            files.write(svg, _picture(found).encode())
     for path in (table, npz, svg):
         if path is not None:
             console.say(f"wrote {path}")

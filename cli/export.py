@@ -130,18 +130,19 @@ def export(
 def _write(
     console: Console, made: Sequence[ExportedPart], output: Path, ending: str, force: bool
 ) -> None:
-    """Write a file for each part; none if one of them may not be written."""
-    from ergon.exchange.safe import check_target, write_text
+    """Write a file for each part; none if one of them cannot be written."""
+    from ergon.exchange.safe import file_group
 
     if not made:
         raise Refused("nothing in this score moves")
-    files = {output / f"{one.part}{ending}": one for one in made}
-    for path, one in files.items():
-        check_target(path, force=force, inputs=one.inputs)
-    for path, one in files.items():
+    paths = {output / f"{one.part}{ending}": one for one in made}
+    inputs = {file for one in made for file in one.inputs}
+    with file_group(force=force, inputs=inputs) as files:
+        for path, one in paths.items():
+            files.write(path, one.text.encode())
+    for path, one in paths.items():
         for warning in one.warnings:
             console.warn(f"{one.part}: {warning}")
-        write_text(path, one.text, force=force, inputs=one.inputs)
         _say(console, path)
 
 
@@ -156,7 +157,7 @@ def _for_workstation(
 ) -> None:
     from ergon.api.render import FileOptions, prepare, write
     from ergon.exchange.markers import markers_csv
-    from ergon.exchange.safe import check_target, open_for_writing
+    from ergon.exchange.safe import check_target, file_group
 
     asked = FileOptions(stems=output / "stems", bits=bits, force=force, trust=trust)
     loaded = score.read(score_path, asked, console)
@@ -175,12 +176,16 @@ def _for_workstation(
         tempo_path: _tempo_file(piece, end),
         marks_path: markers_csv(marks).encode(),
     }
-    for path, content in files.items():
-        with open_for_writing(path, binary=True, force=force) as file:
-            file.write(content)
+    done = None
+    # What is small is on the disk before the sound, and gets its names after it: all or nothing.
+    with file_group(force=force, inputs=loaded.inputs) as small:
+        for path, content in files.items():
+            small.write(path, content)
+        if prepared is not None:
+            done = write(prepared, console)
+    for path in files:
         _say(console, path)
-    if prepared is not None:
-        done = write(prepared, console)
+    if done is not None:
         print_rendered(console, done)
         print_finer_steps(console, done.simulation)
 

@@ -69,8 +69,8 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     elif path == "-" and not only_check:
         _print(after)
     elif different and not only_check:
-        # The score is the composer's own file, so it may be overwritten.
-        with open_for_writing(path, binary=False, force=True) as file:
+        # The composer asks for this, and the score stays the composer's own file.
+        with open_for_writing(path, binary=False, force=True, replaceable=False) as file:
             file.write(after.encode())
     if console.json:
         console.record("fmt", file=path, changed=different)

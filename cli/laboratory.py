@@ -83,17 +83,20 @@ def workers(
 def write(
     console: Console, stem: Path, table: str, draw: Callable[[], Figure], force: bool
 ) -> None:
-    """Write the table, then the pictures; without matplotlib, the table alone, then raise
-    Refused.
-    """
-    from ergon.exchange.safe import write_text
-    from ergon.lab.pictures import MatplotlibMissingError, save, targets
+    """Write the table and the pictures; without matplotlib, the table alone, then raise Refused."""
+    from ergon.exchange.safe import file_group
+    from ergon.lab.pictures import MatplotlibMissingError, pictures, targets
 
-    csv = targets(stem)[0]
-    write_text(csv, table, force=force)
-    console.say(f"wrote {csv}")
+    csv, missing = targets(stem)[0], None
+    contents = {csv: table.encode()}
     try:
-        for path in save(draw, stem, force=force):
-            console.say(f"wrote {path}")
+        contents |= pictures(draw, stem)
     except MatplotlibMissingError as error:
-        raise Refused(f"{error}; {csv} is written") from None
+        missing = error
+    with file_group(force=force) as files:
+        for path, content in contents.items():
+            files.write(path, content)
+    for path in contents:
+        console.say(f"wrote {path}")
+    if missing is not None:
+        raise Refused(f"{missing}; {csv} is written")

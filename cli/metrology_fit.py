@@ -14,6 +14,8 @@ from .outcome import Findings, Refused
 from .recording import read
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ergon.metrology.gesture import Gesture
     from ergon.metrology.stages import Measured, Stage
 
@@ -95,9 +97,10 @@ def report(
         raise Refused(str(error)) from None
     _sum_up(console, measured, step)
     if output is not None:
-        _write(console, measured, takes, output, force=force, dry=dry)
         shown = gestures[-1] if held_out is None else held_out
-        _draw(console, measured, shown, output.with_suffix(".svg"), force=force, dry=dry)
+        drawn = _picture(measured, shown, output.stem)
+        texts = {output: _calibration(measured, takes), output.with_suffix(".svg"): drawn}
+        write_texts(console, texts, force=force, dry=dry)
     if measured.noise is not None and measured.fit.rms > _BAD * measured.noise:
         raise Findings(
             f"the model leaves {measured.fit.rms * 1e6:.3g} um where the sensor's noise is "
@@ -229,9 +232,7 @@ def _sum_up(console: Console, measured: Measured, step: float | None) -> None:
         console.say(f"the sensor's noise is {noise * 1e6:.3g} um{told}")
 
 
-def _draw(
-    console: Console, measured: Measured, gesture: Gesture, path: Path, *, force: bool, dry: bool
-) -> None:
+def _picture(measured: Measured, gesture: Gesture, title: str) -> str:
     """A picture of a gesture on the key, on the fitted model, and on the model of the first
     stage.
     """
@@ -240,30 +241,29 @@ def _draw(
 
     after = replay(measured.fit.row, gesture)
     before = replay(measured.stages[0].fit.row, gesture)
-    write_text_file(console, picture(after, path.stem, before), path, force=force, dry=dry)
+    return picture(after, title, before)
 
 
-def write_text_file(console: Console, said: str, path: Path, *, force: bool, dry: bool) -> None:
-    """Write a text file, or only say that it would be written."""
-    from ergon.exchange.safe import open_for_writing
-
-    if not dry:
-        with open_for_writing(path, binary=False, force=force) as file:
-            file.write(said.encode())
-    event = "would write" if dry else "wrote"
-    if console.json:
-        console.record(event.replace(" ", "_"), file=str(path))
-    else:
-        console.say(f"{event} {path}")
-
-
-def _write(
-    console: Console, measured: Measured, takes: list[Path], path: Path, *, force: bool, dry: bool
-) -> None:
+def _calibration(measured: Measured, takes: list[Path]) -> str:
     from datetime import date
 
     from ergon.metrology.calibration_file import text
 
     digests = [hashlib.sha256(take.read_bytes()).hexdigest() for take in takes]
-    said = text(measured, digests, date.today().isoformat())
-    write_text_file(console, said, path, force=force, dry=dry)
+    return text(measured, digests, date.today().isoformat())
+
+
+def write_texts(console: Console, texts: Mapping[Path, str], *, force: bool, dry: bool) -> None:
+    """Write text files, all or none, or only say that they would be written."""
+    from ergon.exchange.safe import file_group
+
+    if not dry:
+        with file_group(force=force) as files:
+            for path, said in texts.items():
+                files.write(path, said.encode())
+    event = "would write" if dry else "wrote"
+    for path in texts:
+        if console.json:
+            console.record(event.replace(" ", "_"), file=str(path))
+        else:
+            console.say(f"{event} {path}")

@@ -13,7 +13,7 @@ from . import metrology_score, options
 from .console import Console
 from .emulate import Quantity
 from .metrology_compare import calibration
-from .metrology_fit import gesture, write_text_file
+from .metrology_fit import gesture, write_texts
 from .outcome import Refused
 from .view import serve_shown
 
@@ -94,7 +94,7 @@ def replay(
         from ergon.metrology.picture import picture
 
         title = f"{real} and {file}"
-        write_text_file(console, picture(found, title), Path(output), force=force, dry=dry)
+        write_texts(console, {Path(output): picture(found, title)}, force=force, dry=dry)
     if view or view_at is not None:
         _show(console, found, view_at)
 

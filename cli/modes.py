@@ -66,7 +66,7 @@ def modes(
     their slope at rest. Levels are in dB below the mode that moves most at that point: where the
     part is struck, touched by others and heard.
     """
-    from ergon.exchange.safe import write_text
+    from ergon.exchange.safe import file_group
 
     if shapes and table is None and svg is None and not console.json:
         raise Refused("--shapes needs --csv, --json or --svg: shapes are many numbers, or pictures")
@@ -77,12 +77,13 @@ def modes(
             raise
         raise Refused(f"PART: {error.reason}") from None
     inputs = found[0].inputs if found else (Path(score_path),)
-    if table is not None:
-        write_text(table, _csv(found, shapes), force=force, inputs=inputs)
-    if svg is not None:
-        name = Path(score_path).name
-        picture = _shapes(found, name) if shapes else _stave(found, name)
-        write_text(svg, picture, force=force, inputs=inputs)
+    with file_group(force=force, inputs=inputs) as files:
+        if table is not None:
+            files.write(table, _csv(found, shapes).encode())
+        if svg is not None:
+            name = Path(score_path).name
+            picture = _shapes(found, name) if shapes else _stave(found, name)
+            files.write(svg, picture.encode())
     for part in found:
         if console.json:
             _records(console, part, shapes)

@@ -34,15 +34,17 @@ def new(console: Console, name: str, template: str) -> None:
     It holds score.yaml, an instrument of its own, a README and the schema by which an editor
     completes and explains names. Nothing that exists is overwritten.
     """
-    from ergon.exchange.safe import write_text
+    from ergon.exchange.new_folder import new_folder
 
     folder = Path(name)
     if not _NAME.fullmatch(folder.name):
         raise Refused(f"'{folder.name}' cannot name a piece; a name has letters, digits, - and _")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise Refused(f"{folder} exists already and is not empty")
-    for path, text in contents(template, folder.name).items():
-        write_text(folder / path, text)
+    files = contents(template, folder.name)
+    with new_folder(folder) as made:
+        for path, text in files.items():
+            (made / path).parent.mkdir(exist_ok=True)
+            (made / path).write_bytes(text.encode())
+    for path in files:
         if console.json:
             console.record("wrote", file=str(folder / path))
         else:

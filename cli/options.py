@@ -29,7 +29,10 @@ class Number(click.FloatRange):
 
 
 force = click.option(
-    "-f", "--force", is_flag=True, help="Also overwrite files that ergon did not write."
+    "-f",
+    "--force",
+    is_flag=True,
+    help="Also overwrite files that ergon did not write, or that were edited since.",
 )
 dry_run = click.option(
     "-n", "--dry-run", "dry", is_flag=True, help="Print what would be written; write nothing."

@@ -55,14 +55,12 @@ def target(output: str, source: Path) -> Path:
 
 def write(console: Console, recording: Recording, path: Path, *, force: bool, dry: bool) -> None:
     """Write a recording, or only say that it would be written."""
-    from ergon.exchange.safe import open_for_writing
+    from ergon.exchange.safe import check_target, open_for_writing
 
-    # The movements of hands cannot be computed again, so ergon's own recordings are not replaced
-    # either.
-    if path.exists() and not force:
-        raise Refused(f"{path} exists; -f overwrites it")
+    # The movements of hands cannot be computed again.
+    check_target(path, force=force, replaceable=False)
     if not dry:
-        with open_for_writing(path, binary=True, force=force) as file:
+        with open_for_writing(path, binary=True, force=force, replaceable=False) as file:
             file.write(recording.to_bytes())
     say(console, path, recording, dry=dry)
 

@@ -61,9 +61,10 @@ def record(
     try:
         performance = capture(boards, path, tick=tick, seconds=seconds)
     except _core.EngineError as error:
+        if error.module == "record":  # somebody else's file may be there by now
+            raise Refused(str(error)) from None
         path.unlink(missing_ok=True)
-        kind = Refused if error.module == "record" else DeviceMissing
-        raise kind(str(error)) from None
+        raise DeviceMissing(str(error)) from None
     console.say("recording" + ("; Ctrl-C ends it" if seconds is None else f" {seconds:g} s"))
     try:
         _until_over(console, performance)

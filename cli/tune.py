@@ -151,8 +151,8 @@ def _write(
         return
     if score_path == "-":
         raise Refused("--write needs a score in a file; write to stdout by -o -")
-    # The score is the composer's own file, and the composer asks for this.
-    write_text(Path(score_path), found.edited, force=True)
+    # The composer asks for this, and the score stays the composer's own file.
+    write_text(Path(score_path), found.edited, force=True, replaceable=False)
     console.say(f"wrote {plural(len(found.values), 'value')} into {score_path}")
 
 

@@ -56,7 +56,9 @@ class CacheFolder:
             return False
         try:
             self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
-            with open_for_writing(self._path(key), binary=False, force=True, sync=False) as file:
+            with open_for_writing(
+                self._path(key), binary=False, force=True, sync=False, replaceable=False
+            ) as file:
                 file.write(content)
         except (OSError, FileRefusedError):
             return False

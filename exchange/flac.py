@@ -59,7 +59,11 @@ class _Target:
             return 0
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        return self.file.seek(offset, whence)
+        try:
+            return self.file.seek(offset, whence)  # it writes what is buffered
+        except OSError as error:
+            self.error = error
+            return 0
 
     def tell(self) -> int:
         return self.file.tell()

@@ -47,7 +47,9 @@ def store_correction(correction: float, environment: Mapping[str, str] = os.envi
     content = {"made by ergon": "doctor", "processor": processor_name(), "correction": correction}
     with contextlib.suppress(OSError, FileRefusedError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with open_for_writing(path, binary=False, force=True, sync=False) as file:
+        with open_for_writing(
+            path, binary=False, force=True, sync=False, replaceable=False
+        ) as file:
             file.write(f"{json.dumps(content)}\n".encode())
         return True
     return False

@@ -1,4 +1,9 @@
-"""Writing files whole or not at all, and never over a file of another program unless forced."""
+"""Writing files whole or not at all, and never over a file of others unless forced.
+
+One rule for every command that writes: a file is overwritten unasked if it is empty, or if it is
+byte for byte as ergon wrote it (`written`); everything else needs `force`. docs/files.md lists what
+each command writes.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +11,24 @@ import contextlib
 import errno
 import io
 import os
+import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from ergon.common.errors import ErgonError
 from ergon.common.terminal import clean
 
-from . import temporary
+from . import temporary, written
 from .wave import is_render
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-MARK = b"made by ergon"  # stands within the first bytes of every text and MIDI file of ours
+MARK = b"made by ergon"  # stands within the first bytes of texts and MIDI files of ours
 _MARK_WITHIN = 1024
 # Errors of writing that name no file: the disk, a quota or the largest size of a file is reached.
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
@@ -31,15 +39,22 @@ class FileRefusedError(ErgonError):
 
 
 def is_ours(path: Path) -> bool:
-    """Whether ergon wrote the file earlier: a render by its originator, others by their mark. An
-    empty file counts too.
+    """Whether a file is as ergon wrote it, so that it can be computed again. An empty file, in
+    which there is nothing to lose, counts too.
     """
+    with contextlib.suppress(OSError):
+        return path.stat().st_size == 0 or written.is_known(path)
+    return False
+
+
+def _has_mark(path: Path) -> bool:
+    """Whether a file says that ergon made it: a render by its originator, others by their mark."""
     try:
         with path.open("rb") as file:
             head = file.read(_MARK_WITHIN)
     except OSError:
         return False
-    return not head or MARK in head or is_render(path)
+    return MARK in head or is_render(path)
 
 
 def is_one_of(path: Path, others: Iterable[Path]) -> bool:
@@ -56,15 +71,12 @@ def is_one_of(path: Path, others: Iterable[Path]) -> bool:
 
 
 def check_target(
-    path: Path,
-    *,
-    force: bool = False,
-    ours: Callable[[Path], bool] = is_ours,
-    inputs: Iterable[Path] = (),
+    path: Path, *, force: bool = False, inputs: Iterable[Path] = (), replaceable: bool = True
 ) -> None:
     """Raise FileRefusedError when `path` may not be written, before any work is done for it.
 
-    A file in `inputs` is never written over, even with `force`.
+    A file in `inputs` is never written over, even with `force`. What is not `replaceable`, because
+    nothing can compute it again, is never overwritten unasked.
     """
     try:
         is_loop = False
@@ -77,8 +89,21 @@ def check_target(
         raise FileRefusedError(f"{path} is a folder")
     if is_one_of(path, inputs):
         raise FileRefusedError(f"{path} is an input of this command; give the output another name")
-    if path.is_file() and not force and not ours(path):
-        raise FileRefusedError(f"{path} exists and was not made by ergon (-f overwrites it)")
+    if not path.is_file() or force:
+        return
+    if not replaceable:
+        raise FileRefusedError(f"{path} exists; -f overwrites it")
+    if not is_ours(path):
+        raise FileRefusedError(f"{path} {_reason(path)}; -f overwrites it")
+
+
+def _reason(path: Path) -> str:
+    if _has_mark(path):
+        return (
+            "was edited since ergon wrote it, or was written on another machine or by an earlier "
+            "version of ergon"
+        )
+    return "exists, and ergon has no record of writing it as it is now"
 
 
 class _Terminal(io.BytesIO):
@@ -92,6 +117,172 @@ class _Terminal(io.BytesIO):
 
 
 @contextlib.contextmanager
+def _standard_output(*, binary: bool) -> Iterator[BinaryIO]:
+    """Standard output, refused for binary data on a terminal."""
+    if binary and sys.stdout.isatty():
+        raise FileRefusedError("binary data is not written to a terminal; give -o FILE or a pipe")
+    sys.stdout.flush()
+    yield _Terminal() if sys.stdout.isatty() else sys.stdout.buffer
+    sys.stdout.flush()
+
+
+@dataclass(frozen=True, slots=True)
+class _Pending:
+    """A file that has no name yet: `path` as it was asked for, `target` with its links resolved."""
+
+    path: Path
+    target: Path
+    part: Path
+    file: BinaryIO
+
+    def has_its_name(self) -> bool:
+        """Whether the target is this file by now."""
+        if not temporary.IS_LOCKED:
+            return not self.part.exists()
+        return temporary.is_at(self.file.fileno(), self.target)
+
+
+@dataclass(slots=True)
+class FileGroup:
+    """Files that get their names together, when all of them are whole.
+
+    `check` raises if a file may not be written. It is called before any work, and again before the
+    first file gets its name.
+    """
+
+    check: Callable[[Path], None]
+    is_recorded: bool  # whether a later command may overwrite them unasked
+    sync: bool = True
+    stack: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+    new_folders: set[Path] = field(default_factory=set)
+    pending: list[_Pending] = field(default_factory=list)
+
+    def open(self, target: str | Path, *, binary: bool) -> BinaryIO:
+        """A file of the group. `-` is stdout; it and devices are written straight.
+
+        Raises FileRefusedError.
+        """
+        if str(target) == "-":
+            return self.stack.enter_context(_standard_output(binary=binary))
+        asked = Path(target)
+        self.check(asked)
+        if asked.exists() and not asked.is_file():  # a device or a named pipe: nothing to replace
+            return self.stack.enter_context(asked.open("wb"))
+        path = _resolved_path(asked)  # a link stays a link; what it points to is replaced
+        if any(one.target == path for one in self.pending):
+            raise FileRefusedError(f"{asked} would be written twice; give the outputs other names")
+        self.new_folders.update(folder for folder in path.parents if not folder.exists())
+        make_folder(path.parent)
+        paths: list[Path] = []
+        self.stack.callback(_unlink, paths)
+        try:
+            file = temporary.open_temporary(path, paths)
+        except OSError as error:
+            raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
+        self.stack.enter_context(file)
+        self.pending.append(_Pending(asked, path, paths[-1], file))
+        return file
+
+    def write(self, target: str | Path, data: bytes) -> None:
+        """A whole file of the group, on the disk but for its name."""
+        file = self.open(target, binary=False)
+        file.write(data)
+        file.flush()
+        if self.sync and self.pending and self.pending[-1].file is file:
+            os.fsync(file.fileno())  # some file systems say only now that the disk is full
+
+    def commit(self) -> None:
+        """Give all files their names; if one cannot get it, the others are as they were."""
+        for one in self.pending:
+            one.file.flush()
+            if self.sync:
+                os.fsync(one.file.fileno())
+            keep_mode(one.target, one.part)
+            if self.is_recorded:
+                written.remember(written.digest(one.file))
+            if not temporary.IS_LOCKED:  # on such systems an open file cannot be renamed
+                one.file.close()
+        for one in self.pending:
+            self.check(one.path)  # somebody else may have written there meanwhile
+        moved: list[tuple[_Pending, Path | None]] = []  # and what was there before
+        try:
+            for one in self.pending:
+                moved.append((one, self._keep_old(one.target)))
+                self._move(one)
+        except BaseException:
+            for one, before in reversed(moved):
+                if not one.has_its_name():
+                    continue
+                if before is None:
+                    one.target.unlink()
+                else:
+                    os.replace(before, one.target)
+            raise
+        if self.sync and not self.is_recorded:  # what cannot be computed again
+            _sync(one.target.parent for one in self.pending)
+
+    def _keep_old(self, target: Path) -> Path | None:
+        """A second name or a copy of a file that is about to be replaced; None if there is none, or
+        if nothing can fail after it.
+        """
+        if len(self.pending) == 1 or not target.exists():
+            return None
+        paths: list[Path] = []
+        self.stack.callback(_unlink, paths)
+        try:
+            self.stack.callback(os.close, temporary.link_temporary(target, paths))
+        except OSError:  # a file system without links
+            copy = self.stack.enter_context(temporary.open_temporary(target, paths))
+            with target.open("rb") as file:
+                shutil.copyfileobj(file, copy)
+            copy.flush()
+            keep_mode(target, paths[-1])
+        return paths[-1]
+
+    def _move(self, one: _Pending) -> None:
+        try:
+            _move_to_target(one.part, one.target, is_new=not one.target.exists())
+        except FileExistsError:  # somebody was faster
+            self.check(one.path)
+            _move_to_target(one.part, one.target, is_new=False)
+
+
+@contextlib.contextmanager
+def _grouped(group: FileGroup) -> Iterator[FileGroup]:
+    """A group for the time of a block. Whatever ends the block early (an exception, Ctrl-C, SIGTERM
+    under `signals_as_exceptions`) removes what was written.
+    """
+    try:
+        with group.stack:
+            yield group
+            group.commit()
+    except BaseException as error:
+        remove_folders(sorted(group.new_folders, key=lambda folder: -len(folder.parts)))
+        if isinstance(error, OSError) and error.errno in _FULL and group.pending:
+            names = [str(one.target) for one in group.pending]
+            if error.filename is None or error.filename in names:
+                name = error.filename or names[0]
+                raise FileRefusedError(f"{name} cannot be written: {error.strerror}") from error
+        raise
+
+
+def file_group(
+    *,
+    force: bool = False,
+    inputs: Iterable[Path] = (),
+    sync: bool = True,
+    replaceable: bool = True,
+) -> contextlib.AbstractContextManager[FileGroup]:
+    """Files that appear under their names together when the block ends well, or not at all.
+
+    `force`, `inputs` and `replaceable` are those of `check_target`. Without `sync`, a failing power
+    supply may lose what was written.
+    """
+    check = partial(check_target, force=force, inputs=tuple(inputs), replaceable=replaceable)
+    return _grouped(FileGroup(check, replaceable, sync))
+
+
+@contextlib.contextmanager
 def open_for_writing(
     target: str | Path,
     *,
@@ -99,57 +290,46 @@ def open_for_writing(
     force: bool = False,
     sync: bool = True,
     inputs: Iterable[Path] = (),
+    replaceable: bool = True,
 ) -> Iterator[BinaryIO]:
-    """A file that appears under its name only when the block ends well.
+    """A file that appears under its name only when the block ends well; see `file_group`.
 
-    `-` is stdout, refused for binary data on a terminal. Whatever ends the block early (an
-    exception, Ctrl-C, SIGTERM under `signals_as_exceptions`) removes what was written.
+    `-` is stdout, refused for binary data on a terminal.
     """
-    if str(target) == "-":
-        if binary and sys.stdout.isatty():
-            raise FileRefusedError(
-                "binary data is not written to a terminal; give -o FILE or a pipe"
-            )
-        sys.stdout.flush()
-        yield _Terminal() if sys.stdout.isatty() else sys.stdout.buffer
-        sys.stdout.flush()
-        return
-    path = Path(target)
-    check_target(path, force=force, inputs=inputs)
-    if path.exists() and not path.is_file():  # a device or a named pipe: nothing to replace
-        with path.open("wb") as file:
-            yield file
-        return
-    path = path.resolve()  # a link stays a link; what it points to is replaced
-    folders = [folder for folder in path.parents if not folder.exists()]
-    _make_folder(path.parent)
-    paths: list[Path] = []
+    grouped = file_group(force=force, inputs=inputs, sync=sync, replaceable=replaceable)
+    with grouped as group:
+        yield group.open(target, binary=binary)
+
+
+def write_text(
+    target: str | Path,
+    text: str,
+    *,
+    force: bool = False,
+    inputs: Iterable[Path] = (),
+    replaceable: bool = True,
+) -> None:
+    """Write a whole text; see `file_group`."""
+    with file_group(force=force, inputs=inputs, replaceable=replaceable) as group:
+        group.write(target, text.encode())
+
+
+def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> None:
+    """Write files of the user, all of them or none; `check` raises if one may not be written.
+
+    Raises FileRefusedError, and what `check` raises.
+    """
+    path = Path()
     try:
-        try:
-            opened = temporary.open_temporary(path, paths)
-        except OSError as error:
-            raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
-        part = paths[-1]
-        with opened:
-            yield opened
-            opened.flush()
-            if sync:
-                os.fsync(opened.fileno())
-            keep_mode(path, part)
-            if temporary.IS_LOCKED:  # a closed file is unlocked, and may be swept
-                os.replace(part, path)
-        if not temporary.IS_LOCKED:
-            os.replace(part, path)
-    except BaseException as error:
-        for part in paths:
-            part.unlink(missing_ok=True)
-        remove_folders(folders)
-        if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
-            raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from error
-        raise
+        with _grouped(FileGroup(check, is_recorded=False)) as group:
+            for path, data in files.items():
+                group.write(path, data)
+    except OSError as error:
+        raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
 
 
-def _make_folder(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it. Raises FileRefusedError where a file is in the way."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
@@ -158,23 +338,55 @@ def _make_folder(folder: Path) -> None:
 
 
 def keep_mode(path: Path, part: Path) -> None:
-    """Give a file the rights of the one that it replaces."""
-    if path.exists():
-        part.chmod(path.stat().st_mode & 0o777)
+    """Give a file the rights of the one that it replaces, or those of a new file.
+
+    Until then its owner alone may open it: it can hold what a replaced file kept from others.
+    """
+    umask = os.umask(0o077)
+    os.umask(umask)
+    part.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~umask)
 
 
-def remove_folders(folders: list[Path]) -> None:
-    """Remove folders that were made, innermost first."""
-    with contextlib.suppress(OSError):  # somebody else's file is in it by now
-        for folder in folders:
+def remove_folders(folders: Iterable[Path]) -> None:
+    """Remove folders that were made, innermost first, but those with somebody else's file."""
+    for folder in folders:
+        with contextlib.suppress(OSError):
             folder.rmdir()
 
 
-def write_text(
-    target: str | Path, text: str, *, force: bool = False, inputs: Iterable[Path] = ()
-) -> None:
-    """Write a whole text; its first lines must contain MARK if a later run is to recognise the
-    file.
-    """
-    with open_for_writing(target, binary=False, force=force, inputs=inputs) as file:
-        file.write(text.encode())
+def _unlink(parts: list[Path]) -> None:
+    for part in parts:
+        part.unlink(missing_ok=True)
+
+
+def _resolved_path(path: Path) -> Path:
+    """The path with its links resolved. Raises FileRefusedError."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError):  # RuntimeError up to Python 3.12, OSError from 3.13 on
+        raise FileRefusedError(f"{path} is a symbolic link in a circle") from None
+
+
+def _move_to_target(part: Path, target: Path, *, is_new: bool) -> None:
+    """Move a file to its target; if `is_new`, the target must not exist by now."""
+    if is_new:
+        try:
+            os.link(part, target)
+            return
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without links
+            if target.exists():
+                raise
+    os.replace(part, target)
+
+
+def _sync(folders: Iterable[Path]) -> None:
+    """Sync folders, so that new names are on the disk."""
+    for folder in dict.fromkeys(folders):
+        with contextlib.suppress(OSError):
+            handle = os.open(folder, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)

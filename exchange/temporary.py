@@ -1,31 +1,59 @@
-"""Temporary files beside their targets, and what killed programs left of them.
+"""Temporary files and folders beside their targets, and what killed programs left of them.
 
-A process locks its temporary files, and the locks end with the process in any case. So an
-unlocked temporary file is litter, and the next writer in the same folder removes it.
+    .NAME.0123456789abcdef0123456789abcdef.part
+
+The first 16 digits are drawn by chance. The last 16 are a hash of them, of NAME and of this
+machine, which no other program makes: so no file of others is taken for one of ours, nor is a copy
+of ours under another name. A process locks its temporary files, and the locks end with the process
+in any case. So a temporary file of this machine that is not locked is litter, and the next writer
+in the same folder removes it. Files of other machines are left alone, because not every network
+file system shows the locks that those hold.
 """
 
 from __future__ import annotations
 
 import contextlib
-import itertools
+import hashlib
+import io
 import os
+import platform
 import re
+import shutil
 import stat
+from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 try:
     import fcntl
 except ImportError:  # no POSIX system: nothing is locked, so nothing is swept
     fcntl = None  # type: ignore[assignment]
 
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
 IS_LOCKED = fcntl is not None
-_LONGEST = 255  # bytes of a name
-_OURS = re.compile(r"\.[^/]+\.\d+-\d+\.part")
+_NAME_MAX = 200  # bytes of NAME; a whole name has at most 255
+_DIGITS = 16
+_OURS = re.compile(r"\.(.+)\.([0-9a-f]{16})([0-9a-f]{16})\.part", re.DOTALL)
 _FLAGS = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-_LOOK = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-_serial = itertools.count()
+_LOOK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 _swept: set[Path] = set()  # folders: each is swept once in a process
+
+
+class _TargetFile(io.FileIO):
+    """A temporary file; an error of the disk names the target."""
+
+    def __init__(self, handle: int, target: Path) -> None:
+        super().__init__(handle, "rb+")
+        self._target = target
+
+    def write(self, data: ReadableBuffer, /) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            error.filename = str(self._target)
+            raise
 
 
 def open_temporary(path: Path, paths: list[Path]) -> BinaryIO:
@@ -34,57 +62,56 @@ def open_temporary(path: Path, paths: list[Path]) -> BinaryIO:
     Its name is appended to `paths` before the file exists: whatever interrupts the call, the
     caller can remove the file. Raises OSError.
     """
-    folder = path.parent
-    if folder not in _swept:
-        _swept.add(folder)
-        remove_abandoned(folder)
-    while True:
-        name = f".{path.name[:200]}.{os.getpid()}-{next(_serial)}.part"
-        while len(os.fsencode(name)) > _LONGEST:
-            name = f".{name[2:]}"
-        temporary = folder / name
+    for temporary in _new_names(path.parent, path.name):
         paths.append(temporary)
-        try:
-            handle = os.open(temporary, _FLAGS, 0o666)
-        except FileExistsError:  # left by an earlier process with our number
-            paths.pop()
-            continue
-        file = _try_lock(handle)
-        if file is None or (file and _is_at(handle, temporary)):
-            return open(handle, "w+b")
+        handle = os.open(temporary, _FLAGS, 0o600)
+        if _holds(handle, temporary):
+            return io.BufferedRandom(_TargetFile(handle, path))
         os.close(handle)  # somebody else swept it before it was locked
         paths.pop()
+    raise AssertionError  # the sequence of names is endless
+
+
+def link_temporary(path: Path, paths: list[Path]) -> int:
+    """A second name for a file, beside it, also appended to `paths`; returns the handle that locks
+    it, unless another program does. Raises OSError.
+    """
+    paths.append(next(_new_names(path.parent, path.name)))
+    os.link(path, paths[-1])
+    handle = os.open(paths[-1], os.O_RDONLY | _LOOK)
+    try_lock(handle)
+    return handle
+
+
+@contextlib.contextmanager
+def temporary_folder(parent: Path, name: str) -> Iterator[Path]:
+    """A new folder, for the time of the block; the caller may rename it. Raises OSError."""
+    for folder in _new_names(parent, name):
+        try:
+            folder.mkdir()
+            handle = os.open(folder, os.O_RDONLY | _LOOK) if IS_LOCKED else -1
+            try:
+                if not IS_LOCKED or _holds(handle, folder):
+                    yield folder
+                    return
+            finally:
+                if IS_LOCKED:
+                    os.close(handle)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def remove_abandoned(folder: Path) -> list[Path]:
-    """Remove temporary files whose writer has ended; returns their paths."""
+    """Remove temporary files and folders whose writer has ended; returns their paths."""
     if not IS_LOCKED:
         return []
-    swept = []
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
-        names = [entry.name for entry in entries if _OURS.fullmatch(entry.name)]
-        for name in names:
-            if _remove_if_abandoned(folder / name):
-                swept.append(folder / name)
-    return swept
+        ours = [folder / entry.name for entry in entries if _is_ours(entry.name)]
+        return [path for path in ours if _remove_if_abandoned(path)]
+    return []
 
 
-def _remove_if_abandoned(path: Path) -> bool:
-    with contextlib.suppress(OSError):
-        found = path.lstat()
-        if not stat.S_ISREG(found.st_mode) or found.st_uid != os.geteuid():
-            return False
-        handle = os.open(path, _LOOK)
-        try:
-            if _try_lock(handle) and _is_at(handle, path):
-                path.unlink()
-                return True
-        finally:
-            os.close(handle)
-    return False
-
-
-def _try_lock(handle: int) -> bool | None:
+def try_lock(handle: int) -> bool | None:
     """Lock a file until it is closed; False if another process holds the lock, None if there are no
     locks.
     """
@@ -99,8 +126,56 @@ def _try_lock(handle: int) -> bool | None:
     return True
 
 
-def _is_at(handle: int, path: Path) -> bool:
+def is_at(handle: int, path: Path) -> bool:
+    """Whether an open file has this name by now."""
     try:
         return os.path.samestat(os.fstat(handle), path.lstat())
     except OSError:
         return False
+
+
+def _new_names(folder: Path, name: str) -> Iterator[Path]:
+    """Temporary names in a folder, whose litter is removed before."""
+    if folder not in _swept:
+        _swept.add(folder)
+        remove_abandoned(folder)
+    name = os.fsencode(name)[:_NAME_MAX].decode(errors="ignore") or "_"
+    while True:
+        drawn = os.urandom(_DIGITS // 2).hex()
+        yield folder / f".{name}.{drawn}{_check_digits(name, drawn)}.part"
+
+
+def _check_digits(name: str, drawn: str) -> str:
+    said = f"temporary file of ergon\0{platform.node()}\0{drawn}\0{name}"
+    return hashlib.sha256(said.encode(errors="surrogateescape")).hexdigest()[:_DIGITS]
+
+
+def _is_ours(name: str) -> bool:
+    found = _OURS.fullmatch(name)
+    return found is not None and found[3] == _check_digits(found[1], found[2])
+
+
+def _holds(handle: int, path: Path) -> bool:
+    """Lock a new temporary file; False if another process swept it, or is about to."""
+    is_locked = try_lock(handle)
+    return is_locked is None or (is_locked and is_at(handle, path))
+
+
+def _remove_if_abandoned(path: Path) -> bool:
+    with contextlib.suppress(OSError):
+        found = path.lstat()
+        is_folder = stat.S_ISDIR(found.st_mode)
+        if not (is_folder or stat.S_ISREG(found.st_mode)) or found.st_uid != os.geteuid():
+            return False
+        # A network file system locks for writing only what is open for writing; folders never are.
+        handle = os.open(path, _LOOK | (os.O_RDONLY if is_folder else os.O_RDWR))
+        try:
+            if try_lock(handle) and is_at(handle, path):
+                if is_folder:
+                    shutil.rmtree(path)
+                else:
+                    path.unlink()
+                return True
+        finally:
+            os.close(handle)
+    return False

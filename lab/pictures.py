@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ergon.common.errors import ErgonError
 from ergon.common.extras import install_command
-from ergon.exchange.safe import MARK, open_for_writing
+from ergon.exchange.safe import MARK, file_group
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,7 +39,16 @@ class MatplotlibMissingError(ErgonError):
 def save(
     draw: Callable[[], Figure], stem: Path, *, force: bool = False, png: bool = True
 ) -> list[Path]:
-    """Draw once, write STEM.svg (and STEM.png), each file as a whole or not at all."""
+    """Draw once, write STEM.svg (and STEM.png), both or none."""
+    drawn = pictures(draw, stem, png=png)
+    with file_group(force=force) as files:
+        for path, content in drawn.items():
+            files.write(path, content)
+    return list(drawn)
+
+
+def pictures(draw: Callable[[], Figure], stem: Path, *, png: bool = True) -> dict[Path, bytes]:
+    """The contents of STEM.svg (and STEM.png). Raises MatplotlibMissingError."""
     try:
         import matplotlib
     except ImportError:
@@ -50,13 +59,9 @@ def save(
         figure = draw()
         svg = _bytes(figure, "svg", {"Date": None, "Creator": "ergon"})
         pixels = _bytes(figure, "png", {"Software": MARK.decode()}) if png else b""
-    # The mark stands near the beginning, where readers look for it.
     svg = svg.replace(b"<svg ", b"<!-- " + MARK + b" -->\n<svg ", 1)
-    paths = targets(stem)[1:] if png else targets(stem)[1:2]
-    for path, content in zip(paths, (svg, pixels), strict=False):
-        with open_for_writing(path, binary=False, force=force) as file:
-            file.write(content)
-    return paths
+    _, svg_path, png_path = targets(stem)
+    return {svg_path: svg, **({png_path: pixels} if png else {})}
 
 
 def targets(stem: Path) -> list[Path]:

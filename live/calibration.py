@@ -197,7 +197,7 @@ def store_axis(url: str, number: int, axis: Axis) -> Path:
         raise BoardError(
             f"{path} has a form that ergon cannot edit; add to it:\n" + ("\n".join(lines))
         )
-    with open_for_writing(path, binary=False, force=True) as file:
+    with open_for_writing(path, binary=False, force=True, replaceable=False) as file:
         file.write(after.encode())
     return path
 

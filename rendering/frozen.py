@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from ergon.exchange.frozen import MANIFEST, Frozen, Source, Stem, text
-from ergon.exchange.safe import check_target, open_for_writing
+from ergon.exchange.safe import check_target, file_group
 from ergon.exchange.sound import WAVE
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import CHANNELS_MAX, Stamp, WaveFormat
@@ -47,14 +47,10 @@ def write(
     for path in (*paths, folder / MANIFEST):
         check_target(path, force=force, inputs=inputs)
     stamp = Stamp(source.title, source.score, source.plan)
-    with contextlib.ExitStack() as stack:
-        # Entered first, so that the manifest gets its name last.
-        manifest = stack.enter_context(
-            open_for_writing(folder / MANIFEST, binary=True, force=force)
-        )
+    with file_group(force=force, inputs=inputs) as files:
         writers = []
         for (_, own), path in zip(pieces, paths, strict=True):
-            file = stack.enter_context(open_for_writing(path, binary=True, force=force))
+            file = files.open(path, binary=True)
             format = WaveFormat(int(source.rate), len(own), "double")
             writers.append(WaveWriter(file, format, n_frames, stamp))
         at = 0
@@ -72,5 +68,5 @@ def write(
             for (part, own), path, writer in zip(pieces, paths, writers, strict=True)
         )
         frozen = Frozen(source, n_frames, stems)
-        manifest.write(text(frozen).encode())
+        files.write(folder / MANIFEST, text(frozen).encode())  # gets its name last
     return frozen

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, BinaryIO, Protocol
 
 from ergon import _core
 from ergon.exchange import sound
-from ergon.exchange.safe import check_target, open_for_writing
+from ergon.exchange.safe import FileGroup, check_target, file_group
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .ahead import ahead
@@ -184,6 +184,7 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
     for path in paths:
         check_target(path, force=job.force, inputs=job.inputs)
     with contextlib.ExitStack() as stack:
+        files = stack.enter_context(file_group(force=job.force, inputs=job.inputs))
         mixers = [
             (job.target, stage.mixer(highpass=highpass, reference=reference), job.level.limit)
         ]
@@ -191,8 +192,7 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
         mixers += [(str(path), mixer, None) for path, (_, mixer) in zip(paths, stems, strict=True)]
         tracks = []
         for name, mixer, limit in mixers:
-            to = open_for_writing(name, binary=True, force=job.force, inputs=job.inputs)
-            file = stack.enter_context(to)
+            file = files.open(name, binary=True)
 
             def written_to(
                 of: RenderJob, name: str = name, file: BinaryIO = file, limit: float | None = limit
@@ -202,7 +202,7 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
 
             tracks.append(_track(stack, job, name, mixer, written_to))
         balances = _balances(stage, job)
-        filmed = _filmed(stack, stage, job, reference)
+        filmed = _filmed(files, stage, job, reference)
         resumed = None if filmed else _resumed(stage, job)
         job, written = _fill(stage, job, tracks, progress, balances, filmed or resumed)
         if filmed is not None:
@@ -229,7 +229,7 @@ def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | RemoteSimulat
 
 
 def _filmed(
-    stack: contextlib.ExitStack, stage: Staged, job: RenderJob, reference: float | None
+    files: FileGroup, stage: Staged, job: RenderJob, reference: float | None
 ) -> FilmedSimulation | None:
     """The simulation with its motion recorded, if `job` asks for it. It recalls nothing, because a
     recalled island does not move.
@@ -237,10 +237,7 @@ def _filmed(
     simulation = stage.simulation
     if job.film is None or not isinstance(simulation, _core.Simulation):
         return None
-    path = job.film.path
-    file = stack.enter_context(
-        open_for_writing(path, binary=True, force=job.force, inputs=job.inputs)
-    )
+    file = files.open(job.film.path, binary=True)
     return FilmedSimulation(simulation, job.film, stage.mixer(reference=reference), file)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.common.state_folder import state_folder
 from ergon.common.terminal import clean
 from ergon.repl.session_protocol import SessionProtocol
 
@@ -68,10 +69,5 @@ def can_redraw() -> bool:
 
 def history_of_user(environment: Mapping[str, str] = os.environ) -> Path | None:
     """$XDG_STATE_HOME/ergon/history, or ~/.local/state/ergon/history."""
-    base = environment.get("XDG_STATE_HOME", "")
-    if Path(base).is_absolute():  # the specification says to ignore relative paths
-        return Path(base) / "ergon" / "history"
-    try:
-        return Path.home() / ".local" / "state" / "ergon" / "history"
-    except RuntimeError:  # nobody's
-        return None
+    folder = state_folder(environment)
+    return None if folder is None else folder / "history"

@@ -86,7 +86,9 @@ class Captures:
             own.n_missing = span[1] - span[0] - len(found.ticks())
             if not is_below(target, folder):
                 raise FileRefusedError(f"{target} is outside the folder of the score")
-            with open_for_writing(target, binary=True) as file:
+            if target.exists():
+                raise FileRefusedError(f"{target} exists already")
+            with open_for_writing(target, binary=True, replaceable=False) as file:
                 file.write(found.to_bytes())
         except (FileRefusedError, _core.EngineError, OSError) as error:
             raise NotTakenError(f"the take {own.name} was not written: {error}") from None

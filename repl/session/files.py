@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.exchange.atomic_writes import write_all
-from ergon.exchange.safe import FileRefusedError
+from ergon.exchange.safe import FileRefusedError, write_all
 from ergon.notation.text.edit import EditError
 from ergon.repl.language.scope import SUFFIXES
 from ergon.repl.session import save_as

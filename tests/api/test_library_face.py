@@ -196,7 +196,7 @@ def test_what_is_refused_is_an_ergon_error(capsys: pytest.CaptureFixture[str]):
         assert refused.value.option == option
         assert isinstance(refused.value, ergon.ErgonError)
     Path("mine.wav").write_bytes(b"not a render")
-    with pytest.raises(ergon.FileRefusedError, match="not made by ergon"):
+    with pytest.raises(ergon.FileRefusedError, match="no record of writing it"):
         ergon.render_to_file("bell.yaml", "mine.wav")
     assert capsys.readouterr() == ("", "")
 

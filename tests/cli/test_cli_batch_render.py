@@ -148,7 +148,7 @@ def in_the_way() -> list[str]:
     [
         (same_name, [], 2, "a.yaml and more/a.yaml would both be written to a.wav"),
         (mistaken, [], 1, "b.yaml:2:"),
-        (in_the_way, [], 2, "b.wav exists and was not made by ergon"),
+        (in_the_way, [], 2, "b.wav exists, and ergon has no record"),
         (
             lambda: ["a.yaml", "b.yaml"],
             ["-o", "a.yaml"],

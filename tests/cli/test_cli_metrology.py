@@ -19,6 +19,9 @@ from recordings import Axis, end, header, row, rows
 from sweep import few
 
 from ergon.cli import app
+from ergon.cli.console import Console
+from ergon.cli.metrology_fit import write_texts
+from ergon.exchange.safe import FileRefusedError
 
 NONE: Set[int] = frozenset()
 Capture = pytest.CaptureFixture[str]
@@ -316,3 +319,17 @@ def test_what_measures_nothing_is_refused(
 ):
     assert app.run(["metrology", *command]) == code
     assert told in capsys.readouterr().err
+
+
+def test_a_calibration_or_a_picture_that_was_edited_needs_f(tmp_path: Path):
+    texts = {tmp_path / "k.yaml": "a calibration\n", tmp_path / "k.svg": "a picture\n"}
+    console = Console(quiet=True)
+    for _ in range(2):
+        write_texts(console, texts, force=False, dry=False)
+    for file, text in texts.items():
+        file.write_text(f"{text}edited\n")
+        with pytest.raises(FileRefusedError, match="-f overwrites it"):
+            write_texts(console, texts, force=False, dry=False)
+        assert file.read_text() == f"{text}edited\n"
+        write_texts(console, texts, force=True, dry=False)
+    assert {file: file.read_text() for file in texts} == texts

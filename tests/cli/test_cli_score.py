@@ -177,7 +177,7 @@ def test_compile_into_a_file_and_never_over_another(capsys: Capture) -> None:
     Path("notes.csv").write_text("mine\n")
     assert app.run(["compile", "bell.yaml", "-o", "notes.csv"]) == 2
     assert Path("notes.csv").read_text() == "mine\n"
-    assert "notes.csv exists and was not made by ergon" in capsys.readouterr().err
+    assert "notes.csv exists, and ergon has no record" in capsys.readouterr().err
 
 
 # --- plot, export, info -------------------------------------------------------------------------

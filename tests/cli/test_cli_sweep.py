@@ -110,7 +110,7 @@ def test_a_second_run_computes_what_is_missing(monkeypatch: pytest.MonkeyPatch):
     assert len(computed) == 3
     assert Path("bell.sweep/sweep.csv").read_bytes() == before
     Path("bell.sweep/hum.m.K=5kN_m.wav").write_bytes(b"half a file")
-    assert sweep(*vary) == 2  # it was not made by ergon
+    assert sweep(*vary) == 2  # it was edited
     assert sweep(*vary, "-f") == 0
     assert computed[3:] == ["hum.m.K=5kN_m.wav"]
     assert sweep("--vary", "hum.m.K=4kN/m..8kN/m:5", "-q") == 0  # two of three are known
@@ -174,7 +174,7 @@ def test_what_is_stopped_keeps_what_is_whole(number: signal.Signals):
     assert b"Traceback" not in told
     assert process.returncode == 128 + number
     done = rows()
-    assert 3 < len(done) < 60
+    assert 2 < len(done) < 60  # the fourth sound may not have its row yet
     assert {row["file"] for row in done} == {p.name for p in Path().glob("bell.sweep/*.wav")}
 
 
@@ -184,7 +184,8 @@ def test_a_strangers_table_is_no_table():
     assert sweep("--vary", "seed=1,2", "-q") == 2
     table = "# made by ergon\nseed,status,file,score_sha256\n1,ok,../../x.wav,\n"
     Path("bell.sweep/sweep.csv").write_text(table)
-    assert sweep("--vary", "seed=1,2", "-q") == 0
+    assert sweep("--vary", "seed=1,2", "-q") == 2
+    assert sweep("--vary", "seed=1,2", "-q", "-f") == 0
     done = forked(["sweep", "bell.yaml", "--vary", "seed=1,2", "--json"], Path())
     assert done.returncode == 0
     assert '"event": "variant"' not in done.stdout  # all of it was known

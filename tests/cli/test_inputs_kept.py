@@ -10,6 +10,7 @@ import pytest
 from recordings import Axis, end, header, row, rows
 
 from ergon.cli import app
+from ergon.exchange.safe import write_text
 
 SCORE = """ergon: 1
 use: [used.yaml]
@@ -22,12 +23,11 @@ parts: {p: [{at: 0, play: t}, {at: 1, play: g}]}
 render: {tail: 10ms}
 mix: {layout: layout.yaml}
 """
-# The mark by which a file of ours would be written over without asking.
 FILES = {
     "s.yaml": SCORE,
-    "used.yaml": "# made by ergon\ngestures: {g: 0mm@0 1mm@1/8 0mm@1/4}\n",
-    "t.csv": "# made by ergon\nt [s],x [mm]\n0,0\n0.1,1\n0.2,0\n",
-    "layout.yaml": "# made by ergon\nergon: 1\nspeakers: [[0, 1]]\n",
+    "used.yaml": "gestures: {g: 0mm@0 1mm@1/8 0mm@1/4}\n",
+    "t.csv": "t [s],x [mm]\n0,0\n0.1,1\n0.2,0\n",
+    "layout.yaml": "ergon: 1\nspeakers: [[0, 1]]\n",
 }
 
 
@@ -36,7 +36,7 @@ def written(tmp_path_factory):
     """A folder with a score, what it reads, and what commands read beside it."""
     folder = tmp_path_factory.mktemp("piece")
     for name, text in FILES.items():
-        (folder / name).write_text(text)
+        write_text(folder / name, text)  # as ergon does: else they would be kept for that alone
     before = Path.cwd()
     try:
         os.chdir(folder)

@@ -12,8 +12,8 @@ import soundfile
 
 from ergon.exchange import sound
 from ergon.exchange.flac import FlacWriter
-from ergon.exchange.safe import FileRefusedError, is_ours
-from ergon.exchange.wave_header import NotWaveError, Stamp, WaveFormat
+from ergon.exchange.safe import FileRefusedError
+from ergon.exchange.wave_header import ORIGINATOR, NotWaveError, Stamp, WaveFormat
 
 RNG = np.random.default_rng(5)
 STAMP = Stamp("Three bells", "a" * 64, "b" * 64)
@@ -61,15 +61,15 @@ def test_a_score_without_a_title_is_written(tmp_path: Path):
             writer.close()
     flac, wav = (sound.read_info(tmp_path / f"x{end}") for end in (".flac", ".wav"))
     assert (flac.title, flac.score) == (wav.title, wav.score)
-    assert is_ours(tmp_path / "x.flac")
+    assert flac.originator == ORIGINATOR
 
 
 def test_a_render_is_known_again(tmp_path: Path):
     format = WaveFormat(48_000, 2, 24)
     _write(tmp_path / "ours.flac", format, _samples(10, format))
     soundfile.write(tmp_path / "theirs.flac", np.zeros((10, 2)), 48_000)
-    assert is_ours(tmp_path / "ours.flac")
-    assert not is_ours(tmp_path / "theirs.flac")
+    assert sound.read_info(tmp_path / "ours.flac").originator == ORIGINATOR
+    assert sound.read_info(tmp_path / "theirs.flac").originator is None
     assert sound.read_info(tmp_path / "theirs.flac").score is None
 
 

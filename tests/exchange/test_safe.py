@@ -2,6 +2,7 @@
 
 import io
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -12,9 +13,15 @@ import pytest
 import soundfile
 from patience import PATIENCE
 
-from ergon.exchange import atomic_writes, temporary
-from ergon.exchange.atomic_writes import write_all
-from ergon.exchange.safe import MARK, FileRefusedError, is_ours, open_for_writing, write_text
+from ergon.exchange import safe, temporary
+from ergon.exchange.safe import (
+    FileRefusedError,
+    file_group,
+    is_ours,
+    open_for_writing,
+    write_all,
+    write_text,
+)
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
@@ -31,7 +38,7 @@ def test_nothing_is_seen_until_the_end(tmp_path: Path) -> None:
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit])
 def test_an_early_end_leaves_the_old_file(tmp_path: Path, error: type[BaseException]) -> None:
     path = tmp_path / "x.txt"
-    write_text(path, "made by ergon: old")
+    write_text(path, "old")
 
     def fail() -> None:
         with open_for_writing(path, binary=True) as file:
@@ -40,7 +47,7 @@ def test_an_early_end_leaves_the_old_file(tmp_path: Path, error: type[BaseExcept
 
     with pytest.raises(error):
         fail()
-    assert path.read_text() == "made by ergon: old"
+    assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -59,25 +66,87 @@ def test_foreign_files_are_refused_unless_forced(tmp_path: Path) -> None:
     path = tmp_path / "song.wav"
     soundfile.write(path, np.zeros(10), 44_100)
     before = path.read_bytes()
-    with pytest.raises(FileRefusedError, match="not made by ergon"):
+    with pytest.raises(FileRefusedError, match="no record of writing it as it is now"):
         write_text(path, "x")
     assert path.read_bytes() == before
     write_text(path, "x", force=True)
     assert path.read_text() == "x"
 
 
-def test_our_own_files_are_recognised(tmp_path: Path) -> None:
+def test_what_ergon_wrote_is_overwritten_unasked_until_it_is_edited(tmp_path: Path) -> None:
+    path = tmp_path / "x.bin"
+    write_text(path, "first")
+    write_text(path, "second")
+    assert is_ours(path)
+    path.write_text("secont")  # as long as it was
+    assert not is_ours(path)
+    with pytest.raises(FileRefusedError, match="no record of writing it as it is now"):
+        write_text(path, "third")
+    assert path.read_text() == "secont"
+    path.write_text("second")  # the edit was taken back
+    write_text(path, "third")
+
+
+def test_a_file_of_any_format_is_known_when_it_is_moved_or_copied(tmp_path: Path) -> None:
+    path, moved = tmp_path / "x.wav", tmp_path / "y.wav"
+    with open_for_writing(path, binary=True) as file:
+        WaveWriter(file, WaveFormat(44_100, 1, 16), 0, Stamp("t")).close()
+    path.rename(moved)
+    assert is_ours(moved)
+    with moved.open("r+b") as file:
+        file.seek(60)
+        file.write(b"x")
+    assert not is_ours(moved)
+
+
+def test_the_mark_of_ergon_in_a_text_is_no_leave_to_overwrite_it(tmp_path: Path) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text("What was made by ergon on Monday\n")
+    with pytest.raises(FileRefusedError, match="was edited since ergon wrote it, or was written"):
+        write_text(path, "x")
+    assert path.read_text() == "What was made by ergon on Monday\n"
+
+
+def test_a_render_of_an_earlier_version_needs_f_and_is_said_to(tmp_path: Path) -> None:
     path = tmp_path / "x.wav"
     file = io.BytesIO()
-    WaveWriter(file, WaveFormat(44_100, 1, 16), 0, Stamp("t")).close()
+    WaveWriter(file, WaveFormat(44_100, 1, 16), 0, Stamp("Of an earlier version")).close()
     path.write_bytes(file.getvalue())
-    assert is_ours(path)
-    text = tmp_path / "x.csv"
-    text.write_bytes(b"# " + MARK + b"\n")
-    assert is_ours(text)
-    other = tmp_path / "notes.txt"
-    other.write_text("mine")
-    assert not is_ours(other)
+    with pytest.raises(FileRefusedError, match=r"by an earlier version of ergon; -f overwrites it"):
+        write_text(path, "x")
+
+
+def test_an_empty_file_holds_nothing_to_lose(tmp_path: Path) -> None:
+    path = tmp_path / "x.txt"
+    path.touch()
+    write_text(path, "x")
+    assert path.read_text() == "x"
+
+
+def test_what_nothing_can_compute_again_is_never_overwritten_unasked(tmp_path: Path) -> None:
+    path = tmp_path / "x.take"
+    write_text(path, "hands", replaceable=False)
+    assert not is_ours(path)
+    with pytest.raises(FileRefusedError, match=r"x\.take exists; -f overwrites it"):
+        write_text(path, "x", replaceable=False)
+    assert path.read_text() == "hands"
+
+
+@pytest.mark.parametrize("before", ["there", "missing"])
+def test_what_others_write_while_a_file_is_computed_is_kept(tmp_path: Path, before: str) -> None:
+    path = tmp_path / "x.txt"
+    if before == "there":
+        write_text(path, "first")
+
+    def write() -> None:
+        with open_for_writing(path, binary=False) as file:
+            file.write(b"second")
+            path.write_text("theirs")
+
+    with pytest.raises(FileRefusedError, match="no record of writing it as it is now"):
+        write()
+    assert path.read_text() == "theirs"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_folder_is_refused(tmp_path: Path) -> None:
@@ -88,22 +157,22 @@ def test_a_folder_is_refused(tmp_path: Path) -> None:
 def test_a_link_stays_a_link(tmp_path: Path) -> None:
     real, link = tmp_path / "real.txt", tmp_path / "link.txt"
     link.symlink_to(real)
-    write_text(link, "made by ergon 1")
-    write_text(link, "made by ergon 2")
+    write_text(link, "1")
+    write_text(link, "2")
     assert link.is_symlink()
-    assert real.read_text() == "made by ergon 2"
+    assert real.read_text() == "2"
 
 
 def test_permissions_are_kept_and_new_files_follow_the_umask(tmp_path: Path) -> None:
     path = tmp_path / "x.txt"
     before = os.umask(0o027)
     try:
-        write_text(path, "made by ergon")
+        write_text(path, "x")
     finally:
         os.umask(before)
     assert path.stat().st_mode & 0o777 == 0o640
     path.chmod(0o600)
-    write_text(path, "made by ergon again")
+    write_text(path, "again")
     assert path.stat().st_mode & 0o777 == 0o600
 
 
@@ -181,30 +250,65 @@ with open_for_writing(sys.argv[1], binary=True) as file:
 """
 
 
+WRITE = "import sys; from ergon.exchange.safe import write_text; write_text(sys.argv[1], 'x')"
+
+
 def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
     command = [sys.executable, "-c", KILLED, str(tmp_path / "x.wav")]
-    foreign = [tmp_path / name for name in (".x.part", "song.1-2.part", ".notes.txt", "x.part")]
-    for path in foreign:
-        path.write_text("mine")
-    (tmp_path / ".y.wav.1-0.part").symlink_to(foreign[0])
-    (tmp_path / ".z.wav.1-0.part").mkdir()
-    kept = {*tmp_path.iterdir()}
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
-        (part,) = {*tmp_path.iterdir()} - kept
+        (part,) = tmp_path.iterdir()
         assert temporary.remove_abandoned(tmp_path) == []  # its writer lives
         assert part.exists()
         process.stdin.write(b"x")
         process.stdin.close()
         assert process.wait(timeout=PATIENCE) == -signal.SIGKILL
-    assert part.exists()
-    subprocess.run(
-        [sys.executable, "-c", "from ergon.exchange.safe import write_text as w;"
-         "import sys; w(sys.argv[1], 'x')", str(tmp_path / "new.txt")], check=True
-    )  # fmt: skip
-    assert {*tmp_path.iterdir()} == kept | {tmp_path / "new.txt"}
+    assert part.read_bytes() == b"half"
+    kept = (tmp_path / part.name.replace("x.wav", "rescued.wav"), tmp_path / f"{part.name}.wav")
+    for copy in kept:
+        copy.write_bytes(part.read_bytes())
+    subprocess.run([sys.executable, "-c", WRITE, str(tmp_path / "new.txt")], check=True)
+    assert {*tmp_path.iterdir()} == {*kept, tmp_path / "new.txt"}
+
+
+def test_no_file_of_others_is_swept_whatever_its_name(tmp_path: Path) -> None:
+    chance = random.Random(3)
+    digits = ["".join(chance.choices("0123456789abcdef", k=32)) for _ in range(1000)]
+    names = [".holiday.2024-11.part", ".x.wav.1-0.part", ".x.part", "song.1-2.part", ".notes.txt"]
+    for name in (*names, *(f".x.wav.{drawn}.part" for drawn in digits)):
+        (tmp_path / name).write_text("mine")
+    ours: list[Path] = []
+    temporary.open_temporary(tmp_path / "x.wav", ours).close()
+    name = ours[0].name
+    ours[0].unlink()
+    (tmp_path / name).symlink_to(tmp_path / names[0])
+    before = {*tmp_path.iterdir()}
+    assert temporary.remove_abandoned(tmp_path) == []
+    assert {*tmp_path.iterdir()} == before
+    (tmp_path / name).unlink()
+    (tmp_path / name).touch()
+    assert temporary.remove_abandoned(tmp_path) == [tmp_path / name]
+
+
+def test_what_another_machine_left_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Locks of another machine are not seen on every network file system."""
+    paths: list[Path] = []
+    with monkeypatch.context() as patch:
+        patch.setattr(temporary.platform, "node", lambda: "elsewhere")
+        temporary.open_temporary(tmp_path / "x.wav", paths).close()
+    assert temporary.remove_abandoned(tmp_path) == []
+    assert paths[0].exists()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file away")
+def test_what_another_user_left_is_kept(tmp_path: Path) -> None:
+    paths: list[Path] = []
+    temporary.open_temporary(tmp_path / "x.wav", paths).close()
+    os.chown(paths[0], 12345, 12345)
+    assert temporary.remove_abandoned(tmp_path) == []
+    assert paths[0].exists()
 
 
 def test_a_file_that_is_being_written_is_not_swept(tmp_path: Path) -> None:
@@ -240,21 +344,96 @@ def test_several_files_are_written_together_or_not_at_all(tmp_path: Path) -> Non
     assert sorted(tmp_path.rglob("*")) == [new.parent, new, old]
 
 
+def test_a_group_of_which_one_file_cannot_be_moved_leaves_all_as_they_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old, new, last = (tmp_path / name for name in ("old", "deep/new", "last"))
+    write_text(old, "before")
+    move = safe._move_to_target
+
+    def full(part: Path, target: Path, *, is_new: bool) -> None:
+        if target == last:
+            raise OSError(28, "No space left on device")
+        move(part, target, is_new=is_new)
+
+    def write() -> None:
+        with file_group() as files:
+            for path in (old, new, last):
+                files.write(path, b"after")
+
+    for has_links in (True, False):
+        if not has_links:
+            monkeypatch.setattr(os, "link", _no_links)
+        with monkeypatch.context() as patch:
+            patch.setattr(safe, "_move_to_target", full)
+            with pytest.raises(FileRefusedError, match="cannot be written: No space left"):
+                write()
+        assert [*tmp_path.iterdir()] == [old]
+        assert old.read_text() == "before"
+    write()
+    assert {path.read_text() for path in (old, new, last)} == {"after"}
+    assert sorted(tmp_path.rglob("*")) == [new.parent, new, last, old]
+
+
+def test_one_file_is_not_written_twice_by_one_command(tmp_path: Path) -> None:
+    def write() -> None:
+        with file_group() as files:
+            files.write(tmp_path / "x.csv", b"table")
+            files.write(tmp_path / "." / "deep" / ".." / "x.csv", b"picture")
+
+    with pytest.raises(FileRefusedError, match=r"x\.csv would be written twice"):
+        write()
+    assert [*tmp_path.iterdir()] == []
+
+
+@pytest.mark.parametrize("last", "abc")
+def test_a_group_that_is_interrupted_after_any_move_leaves_all_as_they_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str
+) -> None:
+    paths = [tmp_path / name for name in "abc"]
+    write_text(paths[1], "before")
+    move = safe._move_to_target
+
+    def interrupted(part: Path, target: Path, *, is_new: bool) -> None:
+        move(part, target, is_new=is_new)
+        if target.name == last:
+            raise KeyboardInterrupt
+
+    def write() -> None:
+        with file_group() as files:
+            for path in paths:
+                files.write(path, b"after")
+
+    monkeypatch.setattr(safe, "_move_to_target", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write()
+    assert [*tmp_path.iterdir()] == [paths[1]]
+    assert paths[1].read_text() == "before"
+
+
+def _no_links(*_: object) -> None:
+    raise PermissionError(1, "Operation not permitted")
+
+
 def test_who_makes_a_new_file_first_keeps_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     old, new = tmp_path / "a.txt", tmp_path / "b.txt"
     old.write_text("before")
-    put = atomic_writes._move_to_target
+    put = safe._move_to_target
 
     def raced(part: Path, target: Path, *, is_new: bool) -> None:
         if target == new:
             new.write_text("theirs")
         put(part, target, is_new=is_new)
 
-    monkeypatch.setattr(atomic_writes, "_move_to_target", raced)
-    with pytest.raises(FileRefusedError, match="File exists"):
-        write_all({old: b"after", new: b"ours"}, lambda path: None)
+    def check(path: Path) -> None:
+        if path == new and path.exists():
+            raise FileRefusedError("theirs")
+
+    monkeypatch.setattr(safe, "_move_to_target", raced)
+    with pytest.raises(FileRefusedError, match="theirs"):
+        write_all({old: b"after", new: b"ours"}, check)
     assert (old.read_text(), new.read_text()) == ("before", "theirs")
     assert sorted(tmp_path.iterdir()) == [old, new]
 

@@ -10,9 +10,8 @@ from tests.fuzz.render_targets import frozen_parts, renders
 from ergon import _core
 from ergon.common.errors import ErgonError
 from ergon.exchange import frozen, sound, wave
-from ergon.exchange.atomic_writes import write_all
 from ergon.exchange.frozen import MANIFEST, NotFrozenError
-from ergon.exchange.safe import FileRefusedError
+from ergon.exchange.safe import FileRefusedError, write_all
 from ergon.exchange.wave_header import NotWaveError
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation

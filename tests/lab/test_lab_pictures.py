@@ -111,7 +111,7 @@ def test_maps_are_the_same_picture_every_time(tmp_path: Path):
 
 def test_no_file_of_another_is_overwritten(tmp_path: Path):
     (tmp_path / "x.svg").write_text("<svg>mine</svg>")
-    with pytest.raises(FileRefusedError, match="was not made by ergon"):
+    with pytest.raises(FileRefusedError, match="no record of writing it"):
         save(lambda: draw_chart.draw(example("cents"), "Bell", ""), tmp_path / "x")
     assert (tmp_path / "x.svg").read_text() == "<svg>mine</svg>"
     assert not (tmp_path / "x.png").exists()

@@ -15,7 +15,7 @@ from patience import PATIENCE
 from sessions import EVERY, Stepped
 from tests.repl.test_journal_hostile import KEYS, SCORE
 
-from ergon.exchange import atomic_writes
+from ergon.exchange import safe
 from ergon.notation.text.files import installed_path
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.journal_content import read_journal
@@ -212,7 +212,7 @@ def test_a_full_disk_changes_nothing(
     at.ok("set k1.M 500g")
     at.ok("set ring.m.M 3g")
     at.ok("set bell.hum.t60 x0.5")
-    count, put = 0, atomic_writes._move_to_target
+    count, put = 0, safe._move_to_target
 
     def failing(part: Path, target: Path, *, is_new: bool) -> None:
         nonlocal count
@@ -223,7 +223,7 @@ def test_a_full_disk_changes_nothing(
 
     before = files(tmp_path)
     with monkeypatch.context() as patch:
-        patch.setattr(atomic_writes, "_move_to_target", failing)
+        patch.setattr(safe, "_move_to_target", failing)
         reply = at.type("save")
     assert "No space left" in reply.text
     assert files(tmp_path) == before

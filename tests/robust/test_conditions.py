@@ -46,13 +46,6 @@ def files(folder: Path) -> list[str]:
 GIVEN = ["live.yaml", "long.yaml", "score.yaml"]
 
 
-def after(folder: Path) -> list[str]:
-    """Files of a folder; an export keeps what it wrote before, none of it cut."""
-    kept = [path.name for path in folder.glob("out/*")]
-    assert not [name for name in kept if name.endswith((".part", ".wav"))], kept
-    return [name for name in files(folder) if name != "out"]
-
-
 def limited(kind: int, most: int) -> Callable[[], None]:
     return lambda: resource.setrlimit(kind, (most, most))
 
@@ -124,7 +117,7 @@ def test_a_full_disk_leaves_nothing_half(small: Path, line: str) -> None:
     code, _, told = forked_ergon(small, line)
     assert code == 2
     assert " cannot be written: No space left" in told, told
-    assert after(small) == ["live.yaml", "score.yaml"]
+    assert files(small) == ["live.yaml", "score.yaml"]
 
 
 @pytest.mark.parametrize("line", WRITERS)
@@ -132,7 +125,7 @@ def test_the_largest_file_that_may_be_is_a_full_disk(here: Path, line: str) -> N
     code, _, told = forked_ergon(here, line, (resource.RLIMIT_FSIZE, 100_000))
     assert code == 2
     assert " cannot be written: File too large" in told, told
-    assert after(here) == GIVEN
+    assert files(here) == GIVEN
 
 
 @pytest.mark.parametrize(

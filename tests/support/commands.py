@@ -68,13 +68,15 @@ def forked(
     lines: str = "",
     limits: Sequence[tuple[int, int]] = (),
     merged: bool = False,
+    killed_at: int = 0,
     **environment: str | None,
 ) -> subprocess.CompletedProcess[str]:
     """Exit code, stdout and stderr of `ergon WORDS`, in a forked process instead of a newly started
     one.
 
     `lines` are its standard input, `limits` pairs of a resource and its limit; variables that
-    are None are removed from its environment; `merged` puts stderr into stdout.
+    are None are removed from its environment; `merged` puts stderr into stdout. The process is
+    killed when its Python code is about to change a file in `folder` for the `killed_at`-th time.
     """
     given = {**os.environ, **environment}
     with tempfile.TemporaryDirectory() as name:
@@ -89,6 +91,7 @@ def forked(
                 "environment": {name: to for name, to in given.items() if to is not None},
                 "streams": [str(stdin), str(stdout), str(stdout if merged else stderr)],
                 "limits": list(limits),
+                "killed_at": killed_at,
             }
         )
         texts = stdout.read_text(encoding="utf-8"), stderr.read_text(encoding="utf-8")

@@ -15,7 +15,10 @@ import os
 import resource
 import socket
 import sys
+from pathlib import Path
 from typing import Any
+
+from written_files import kill_at
 
 from ergon.cli.app import main
 
@@ -52,6 +55,8 @@ def become(asked: dict[str, Any], channel: socket.socket) -> None:
     for kind, most in asked["limits"]:
         resource.setrlimit(kind, (most, most))
     sys.argv = ["ergon", *asked["words"]]
+    if asked["killed_at"]:
+        kill_at(asked["killed_at"], Path.cwd())
 
 
 def serve(channel: socket.socket) -> bool:

@@ -1,8 +1,9 @@
-"""The files that this process writes, by Python's audit events."""
+"""The files that this process writes, by Python's audit events; a kill at one of these."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,16 +34,20 @@ def _names(event: str, arguments: tuple[object, ...]) -> list[object]:
     return [arguments[at] for at in _CHANGES.get(event, ())]
 
 
-def _hook(event: str, arguments: tuple[object, ...]) -> None:
-    if not _watches:
-        return
+def _changed_paths(event: str, arguments: tuple[object, ...]) -> Iterator[str]:
     for name in _names(event, arguments):
         if not isinstance(name, str | bytes | os.PathLike):
             continue  # a descriptor: its file was opened before
         path = os.path.realpath(os.fsdecode(name))
         # Python keeps its compiled files beside the sources.
-        if path in _IGNORED or "__pycache__" in path:
-            continue
+        if path not in _IGNORED and "__pycache__" not in path:
+            yield path
+
+
+def _hook(event: str, arguments: tuple[object, ...]) -> None:
+    if not _watches:
+        return
+    for path in _changed_paths(event, arguments):
         for folder, outside in _watches:
             if not Path(path).is_relative_to(folder):
                 outside.append(f"{event} {path}")
@@ -64,3 +69,19 @@ def written_outside(folder: Path) -> Iterator[list[str]]:
         yield watch[1]
     finally:
         _watches.remove(watch)
+
+
+def kill_at(number: int, folder: Path) -> None:
+    """Kill this process just before its Python code changes a file in a folder for the `number`-th
+    time.
+    """
+    left = number
+
+    def hook(event: str, arguments: tuple[object, ...]) -> None:
+        nonlocal left
+        if any(Path(path).is_relative_to(folder) for path in _changed_paths(event, arguments)):
+            left -= 1
+            if not left:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+    sys.addaudithook(hook)

@@ -124,9 +124,10 @@ def test_the_command_makes_a_film_and_says_so(shown: Shown, tmp_path: Path) -> N
     done = forked([*arguments, *sizes], tmp_path)
     assert done.returncode == 0, done.stderr
     assert f"{target}: 2 pictures of 64x64, 1 s, with sound" in done.stderr
+    target.write_bytes(target.read_bytes() + b"edited")
     again = forked([*arguments, *sizes], tmp_path)
     assert again.returncode == 2
-    assert "exists and was not made by ergon (-f overwrites it)" in again.stderr
+    assert "no record of writing it as it is now; -f overwrites it" in again.stderr
     lost = forked(["view", str(shown.motion), "--fps", "2"], tmp_path)
     assert lost.returncode == 2
     assert "--fps needs --movie" in lost.stderr
@@ -153,7 +154,7 @@ def test_names_that_are_no_film_are_refused(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match=r"films end in \.webm, \.mp4; a name that ends in /"):
         MovieMaker(tmp_path / "film.avi", SMALL)
     (tmp_path / "mine.webm").write_text("mine")
-    with pytest.raises(FileRefusedError, match="was not made by ergon"):
+    with pytest.raises(FileRefusedError, match="no record of writing it"):
         MovieMaker(tmp_path / "mine.webm", SMALL)
     with pytest.raises(OptionError, match="is not an empty folder"):
         MovieMaker(tmp_path, SMALL)

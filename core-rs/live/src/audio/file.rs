@@ -1,6 +1,6 @@
 //! A WAVE file, written as fast as the frames come or by the clock; it gets its final name when it is complete.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -49,6 +49,37 @@ pub(super) fn open(
     })
 }
 
+/// A new file beside `path`: `.NAME.PID.part`, or `.NAME.PID-1.part` and so on where a file has that name.
+fn new_unfinished(path: &Path) -> io::Result<(PathBuf, File)> {
+    let own = path.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
+    let process = std::process::id();
+    let mut number = 0;
+    loop {
+        let mut name = std::ffi::OsString::from(".");
+        name.push(own);
+        name.push(match number {
+            0 => format!(".{process}.part"),
+            _ => format!(".{process}-{number}.part"),
+        });
+        let unfinished = path.with_file_name(name);
+        match File::create_new(&unfinished) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => number += 1,
+            made => return made.map(|file| (unfinished, file)),
+        }
+    }
+}
+
+/// Rename a file, but never over another one that has got the name meanwhile.
+fn rename_to_new(unfinished: &Path, path: &Path) -> io::Result<()> {
+    match fs::hard_link(unfinished, path) {
+        Ok(()) => fs::remove_file(unfinished),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Err(error),
+        // A file system without links.
+        Err(_) if !path.exists() => fs::rename(unfinished, path),
+        Err(error) => Err(error),
+    }
+}
+
 /// A WAVE file that is being written.
 pub(super) struct Recording {
     path: PathBuf,
@@ -75,11 +106,8 @@ impl Recording {
     }
 
     fn begin(path: &Path, rate: u32, channels: usize) -> io::Result<Self> {
-        let mut name = std::ffi::OsString::from(".");
-        name.push(path.file_name().ok_or(io::ErrorKind::InvalidFilename)?);
-        name.push(format!(".{}.part", std::process::id()));
-        let unfinished = path.with_file_name(name);
-        let mut to = BufWriter::with_capacity(1 << 18, File::create(&unfinished)?);
+        let (unfinished, file) = new_unfinished(path)?;
+        let mut to = BufWriter::with_capacity(1 << 18, file);
         to.write_all(&wave::header(rate, channels, 0))?;
         Ok(Self {
             path: path.to_owned(),
@@ -146,12 +174,56 @@ impl Recording {
     pub(super) fn end(&mut self) -> io::Result<()> {
         self.write_header()?;
         self.to.get_ref().sync_all()?;
-        std::fs::rename(&self.unfinished, &self.path)
+        rename_to_new(&self.unfinished, &self.path)
     }
 
     /// A sentence on why the file could not be written.
     pub(super) fn failure_sentence(&self, error: &io::Error) -> String {
         let (path, unfinished) = (self.path.display(), self.unfinished.display());
         format!("{path} could not be written ({error}); the unfinished file is {unfinished}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("ergon-{name}-{}", std::process::id()));
+        fs::create_dir_all(&folder).expect("a folder");
+        folder
+    }
+
+    #[test]
+    fn a_file_that_has_the_unfinished_name_is_kept() {
+        let folder = folder("unfinished");
+        let path = folder.join("a.wav");
+        let taken = folder.join(format!(".a.wav.{}.part", std::process::id()));
+        fs::write(&taken, "mine").expect("written");
+        let mut recording = Recording::create(&path, 1000, 1).expect("a recording");
+        recording.write(&[1.0, 2.0], 2).expect("written");
+        recording.end().expect("ended");
+        assert_eq!(fs::read(&taken).expect("it is there"), b"mine");
+        assert!(path.exists());
+        assert_eq!(fs::read_dir(&folder).expect("a folder").count(), 2);
+        fs::remove_dir_all(&folder).expect("removed");
+    }
+
+    #[test]
+    fn a_file_that_gets_the_name_meanwhile_is_kept() {
+        let folder = folder("meanwhile");
+        let path = folder.join("a.wav");
+        let mut recording = Recording::create(&path, 1000, 1).expect("a recording");
+        recording.write(&[1.0, 2.0], 2).expect("written");
+        fs::write(&path, "mine").expect("written");
+        let error = recording.end().expect_err("the name is taken");
+        assert!(
+            recording
+                .failure_sentence(&error)
+                .contains("the unfinished file is ")
+        );
+        assert_eq!(fs::read(&path).expect("it is there"), b"mine");
+        assert!(recording.unfinished.exists());
+        fs::remove_dir_all(&folder).expect("removed");
     }
 }

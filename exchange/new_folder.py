@@ -1,0 +1,78 @@
+"""A folder that appears under its name when all that belongs in it is there."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from . import temporary
+from .safe import FileRefusedError, make_folder, remove_folders
+
+
+def check_new_folder(folder: Path) -> None:
+    """Raise FileRefusedError unless a folder may be made: there is none, or an empty one.
+
+    What killed programs left in it is removed.
+    """
+    temporary.remove_abandoned(folder)
+    if folder.exists() and not folder.is_dir():
+        raise FileRefusedError(f"{folder} exists already and is not a folder")
+    if folder.exists() and any(folder.iterdir()):
+        raise FileRefusedError(f"{folder} exists already and is not empty")
+
+
+@contextlib.contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """A temporary folder to write into, whose files are in `folder` when the block ends well.
+
+    A folder that exists and is empty is filled. Whatever ends the block early leaves no file.
+    Raises FileRefusedError.
+    """
+    check_new_folder(folder)
+    target = folder.resolve()
+    is_there = target.exists()
+    above = [one for one in target.parents if not one.exists()]
+    make_folder(target.parent)
+    try:
+        # Within a folder that exists: it may be the root of a file system, and keeps its rights.
+        with temporary.temporary_folder(target if is_there else target.parent, target.name) as part:
+            yield part
+            _sync_files(part)
+            if is_there:
+                _move_up(part, target)
+            else:
+                os.rename(part, target)
+    except BaseException as error:
+        remove_folders(above)
+        if isinstance(error, OSError):
+            reason = error.strerror or "it is in use"
+            raise FileRefusedError(f"{folder} cannot be written: {reason}") from error
+        raise
+
+
+def _sync_files(folder: Path) -> None:
+    for path in (*folder.rglob("*"), folder):
+        with contextlib.suppress(PermissionError, IsADirectoryError):
+            handle = os.open(path, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)
+
+
+def _move_up(part: Path, target: Path) -> None:
+    """Move all that is in `part` into the folder that holds it; if one cannot be moved, none is."""
+    moved: list[tuple[Path, Path]] = []
+    try:
+        for path in sorted(part.iterdir()):
+            to = target / path.name
+            if to.exists():
+                raise FileExistsError(17, "a file of this name appeared meanwhile", str(to))
+            os.rename(path, to)
+            moved.append((path, to))
+    except BaseException:
+        for path, to in moved:
+            os.rename(to, path)
+        raise

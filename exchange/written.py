@@ -1,0 +1,102 @@
+"""The register of what ergon wrote: a hash of the content of each file, in the user's state folder.
+
+A file whose hash is in the register is byte for byte as ergon wrote it, so what it holds can be
+computed again. The register is kept beside the files and not in them: so it is the same for every
+format, and no byte of an output depends on it. It knows contents, not names: a file that is moved
+or copied is still known, and one that is edited is not.
+
+STATE/written      SHA-256 in 64 hex digits a line, the newest last
+STATE/written.old  what `written` was when it was full
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import time
+from functools import lru_cache
+from pathlib import Path
+from typing import BinaryIO
+
+from ergon.common.regular import open_regular, read_bounded
+from ergon.common.state_folder import state_folder
+
+from .temporary import is_at, try_lock
+
+_BLOCK = 1 << 20  # bytes that are read at once
+_FULL = 65 << 17  # bytes: 131,072 files, some hours of a sweep that writes its table every second
+_NAME, _OLD_NAME = "written", "written.old"
+_COARSE = 2_000_000_000  # [ns]: two changes may have one time, on FAT for 2 s
+_APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
+# What this process wrote is known to it even where no register can be kept.
+_of_this_process: set[str] = set()
+
+
+def digest(file: BinaryIO) -> str:
+    """The hash of a whole file, 64 hex digits."""
+    file.seek(0)
+    hashed = hashlib.sha256()
+    while block := file.read(_BLOCK):
+        hashed.update(block)
+    return hashed.hexdigest()
+
+
+def remember(hashed: str) -> None:
+    """Note the hash of a file that is about to get its name. Where no register can be kept, only
+    this process knows it.
+    """
+    _of_this_process.add(hashed)
+    folder = state_folder()
+    if folder is None:
+        return
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _make_room(folder)
+        handle = os.open(folder / _NAME, _APPEND, 0o600)
+        try:
+            os.write(handle, f"{hashed}\n".encode())
+        finally:
+            os.close(handle)
+
+
+def is_known(path: Path) -> bool:
+    """Whether a file is as ergon wrote it for this user, on this machine."""
+    try:
+        with open_regular(path) as file:
+            stat = os.fstat(file.fileno())
+            if abs(time.time_ns() - stat.st_mtime_ns) < _COARSE:
+                hashed = digest(file)
+            else:
+                hashed = _digest_of(path, stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns)
+    except OSError:
+        return False
+    if hashed in _of_this_process:
+        return True
+    folder = state_folder()
+    names = () if folder is None else (folder / _NAME, folder / _OLD_NAME)
+    return any(hashed.encode() in _content(name) for name in names)
+
+
+@lru_cache(maxsize=64)
+def _digest_of(path: Path, *_: int) -> str:
+    """The hash of a file; a command asks for it before its work and again after it."""
+    with open_regular(path) as file:
+        return digest(file)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return read_bounded(path, 2 * _FULL)
+    except OSError:
+        return b""
+
+
+def _make_room(folder: Path) -> None:
+    """Begin another register when this one is full; one process does it, the others go on."""
+    path = folder / _NAME
+    if not path.exists() or path.stat().st_size < _FULL:
+        return
+    with path.open("rb+") as file:
+        if try_lock(file.fileno()) and is_at(file.fileno(), path):
+            os.replace(path, folder / _OLD_NAME)
