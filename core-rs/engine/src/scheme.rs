@@ -167,7 +167,7 @@ impl Run {
     }
 
     /// Whether it is of hardening springs.
-    fn is_hardening(&self) -> bool {
+    pub(crate) fn is_hardening(&self) -> bool {
         !matches!(self.kind, Kind::Ref) && self.spring().is_some()
     }
 
@@ -210,7 +210,7 @@ impl Run {
     }
 
     /// The run as hardening springs; `None` for contacts and other laws.
-    fn spring(&self) -> Option<Spring> {
+    pub(crate) fn spring(&self) -> Option<Spring> {
         let (k, q, z) = match &self.kind {
             Kind::Ref => (self.k, 0.0, self.z),
             Kind::Hardening(q) => (self.k, *q, self.z),

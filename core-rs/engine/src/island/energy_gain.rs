@@ -6,17 +6,21 @@
 //! created energy.
 
 use super::energy_account::{Account, Gain};
+use super::fine::Fine;
+use super::inside::RunningBody;
 use super::pair_gain::PairGains;
+use super::put_in::PutIn;
 use super::{Fault, Island, OnFault};
 use crate::kernel;
+use crate::law::Law;
 use crate::network::{AXES_MAX, SpaceLaw, SpaceLink};
-use crate::scheme::{Kind, Run, Scheme};
-use crate::state::Body;
+use crate::scheme::{Kind, Run, Scheme, Spring};
+use crate::state::{Body, Target};
 
 /// Steps between two looks at the accounts.
 pub(super) const BLOCK: u64 = 256;
 /// Longest run of laws with accounts: a longer one would take more time for its accounts than for its steps.
-const LONGEST: usize = 32;
+pub(super) const LONGEST: usize = 32;
 /// Elongations [m] and rates [m/s] at which a law's damping is tested for giving energy.
 const ACTIVE: (f64, f64) = (1e-2, 10.0);
 
@@ -32,13 +36,18 @@ struct LinkWork {
     account: Account,
     /// The same along each axis, for a link in space.
     space: Option<SpaceWork>,
+    /// A spring that is computed in one pass with others: its force is not known apart from theirs.
+    spring: Option<Spring>,
+    /// For a link whose strength changes in time, by a gate or a lead: its strength in the step before, as a factor.
+    strength: Option<f64>,
 }
 
 crate::archive::state!(LinkWork {
     stretch,
     force,
     account,
-    space
+    space,
+    strength
 });
 
 /// What a link in space did in the step before, along each axis.
@@ -83,7 +92,7 @@ impl SpaceWork {
 struct Watched {
     /// A run of only this link.
     run: Run,
-    /// Elongations [m] when the account began, and a step before.
+    /// Elongations [m] when the account began, and a step before; of bristles, their bend, twice.
     from: [f64; 2],
     /// Whether the account counts the energy that was stored when it began; that is computed only when needed.
     is_whole: bool,
@@ -96,12 +105,20 @@ crate::archive::state!(Watched {
     worst
 });
 
+/// Hardening springs, if they are few; what makes many create energy is how stiff they become, which the guard bounds.
+pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<Run> {
+    let springs = scheme.runs.iter().filter(|run| run.is_hardening());
+    let are_few = springs.clone().map(|run| run.len).sum::<usize>() <= LONGEST;
+    springs.filter(|_| are_few).cloned().collect()
+}
+
 /// All links that may create energy.
 #[derive(Clone, Debug)]
 pub(super) struct Gains {
     link_work: Vec<LinkWork>,
     links: Vec<Watched>,
     pairs: Option<PairGains>,
+    put_in: PutIn,
     /// Whether accounts begin at this step.
     is_fresh: bool,
 }
@@ -112,32 +129,39 @@ crate::archive::state!(Gains {
     link_work,
     links,
     pairs,
+    put_in,
     is_fresh
 });
 
 impl Gains {
-    /// `None` if nothing can create energy.
-    pub(super) fn new(scheme: &Scheme) -> Option<Box<Self>> {
+    /// `None` if nothing can create energy. `fused`: hardening springs that are computed in one pass; `is_led`: whether
+    /// K and Z of a link change in time.
+    pub(super) fn new(
+        scheme: &Scheme,
+        fused: &[Run],
+        is_led: impl Fn(usize) -> bool,
+    ) -> Option<Box<Self>> {
         let may_gain = |run: &&Run| {
             let may = match &run.kind {
-                Kind::Ref
-                | Kind::Hardening(_)
-                | Kind::Followed { .. }
-                | Kind::Bristle { .. }
-                | Kind::Dry { .. } => false,
+                Kind::Ref | Kind::Followed { .. } | Kind::Dry { .. } => false,
                 Kind::Pairwise { .. } => false, // all contacts of pairs share one account
+                Kind::Hardening(_) => run.len == 1,
+                Kind::Bristle { .. } => run.bristle().is_some_and(|(by, _)| by.is_passive()),
                 Kind::But(_) => true,
                 Kind::Space(space) => match &space.law {
                     law if law.is_contact() => true,
-                    SpaceLaw::Lnl { law, .. } => !law.is_active(ACTIVE.0, ACTIVE.1),
+                    SpaceLaw::Lnl { law, .. } => !is_active(law),
                     _ => run.len <= LONGEST,
                 },
                 Kind::Lnl { law, .. } => {
-                    let is_exempt = law.is_shared() || law.is_active(ACTIVE.0, ACTIVE.1);
-                    run.len <= LONGEST && !is_exempt
+                    run.len <= LONGEST && !law.is_shared() && !is_active(law)
                 }
             };
-            may && run.gate.is_none()
+            let is_contact = matches!(run.kind, Kind::But(_));
+            // The energy of other links does not change with K alone, or is not that of one link.
+            let is_constant = !is_led(run.first);
+            let has_energy = matches!(run.kind, Kind::But(_) | Kind::Lnl { .. });
+            may && (is_constant || is_contact) && (run.gate.is_none() || has_energy)
         };
         let alone = |run: &Run| {
             let run = run.clone();
@@ -149,7 +173,8 @@ impl Gains {
                 ..run.clone()
             })
         };
-        let runs = scheme.runs.iter().filter(may_gain).flat_map(alone);
+        let runs = scheme.runs.iter().chain(&scheme.exact).chain(fused);
+        let runs = runs.filter(may_gain).flat_map(alone);
         let links: Vec<Watched> = runs
             .map(|run| Watched {
                 run,
@@ -169,17 +194,28 @@ impl Gains {
                 Kind::Space(link) => Some(SpaceWork::new(link.clone())),
                 _ => None,
             },
+            spring: (fused.iter())
+                .any(|own| (own.first..own.first + own.len).contains(&run.first))
+                .then(|| run.spring())
+                .flatten(),
+            strength: (run.gate.is_some() || is_led(run.first)).then_some(0.0),
         });
         let link_work = link_work.collect();
-        let pairs = PairGains::new(scheme);
+        let pairs = PairGains::new(scheme).filter(|pairs| !is_led(pairs.first_link()));
         (!links.is_empty() || pairs.is_some()).then(|| {
             Box::new(Self {
                 link_work,
                 links,
                 pairs,
+                put_in: PutIn::default(),
                 is_fresh: true,
             })
         })
+    }
+
+    /// Reserve room for this many imposed MATs, so that steps do not allocate.
+    pub(super) fn reserve(&mut self, n_targets: usize) {
+        self.put_in.reserve(n_targets);
     }
 
     /// Begin the accounts anew at the next step, because what happened in this one is not known.
@@ -199,13 +235,28 @@ impl Gains {
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
     #[inline(never)]
-    pub(super) fn step(&mut self, scheme: &Scheme, body: &Body) {
+    pub(super) fn step(
+        &mut self,
+        scheme: &Scheme,
+        gates: &[f64],
+        targets: &[Target],
+        body: &Body,
+    ) {
+        self.put_in.step(scheme, targets, body);
         if self.is_fresh {
-            self.begin(body);
+            self.begin(scheme, gates, body);
             return;
         }
-        for link_work in &mut self.link_work {
-            let force = body.link[link_work.link];
+        for (link_work, link) in self.link_work.iter_mut().zip(&self.links) {
+            let force = link_work.force_now(body);
+            if let Some(before) = link_work.strength {
+                let now = strength(&link.run, scheme, gates);
+                if now != before {
+                    let stored = stored(&link.run, elongations(&link.run, body));
+                    link_work.account.take((now - before) * stored);
+                    link_work.strength = Some(now);
+                }
+            }
             if force == 0.0 && link_work.force == 0.0 {
                 continue;
             }
@@ -229,11 +280,14 @@ impl Gains {
     }
 
     #[cold]
-    fn begin(&mut self, body: &Body) {
+    fn begin(&mut self, scheme: &Scheme, gates: &[f64], body: &Body) {
         for (link_work, link) in self.link_work.iter_mut().zip(&mut self.links) {
             link_work.account = Account::default();
             link_work.stretch = body.d[link_work.b] - body.d[link_work.a];
-            link_work.force = body.link[link_work.link];
+            link_work.force = link_work.force_now(body);
+            if link_work.strength.is_some() {
+                link_work.strength = Some(strength(&link.run, scheme, gates));
+            }
             if let Some(space) = &mut link_work.space {
                 space.step((link_work.a, link_work.b), link_work.force, body);
             }
@@ -247,24 +301,26 @@ impl Gains {
 }
 
 impl Watched {
-    /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses.
+    /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses, `put_in` what
+    /// hands put in.
     fn check(
         &mut self,
-        account: &mut Account,
+        link_work: &mut LinkWork,
         body: &Body,
-        around: impl Fn() -> f64,
+        (around, put_in): (impl Fn() -> f64, f64),
         n: u64,
     ) -> Option<Gain> {
-        if account.is_overdrawn() && !self.is_whole {
-            let start = stored(&self.run, self.from);
-            account.add_start(start);
+        if link_work.account.is_overdrawn() && !self.is_whole {
+            let start = link_work.start(self);
+            link_work.account.add_start(start);
             self.is_whole = true;
         }
-        if !account.is_overdrawn() {
+        if !link_work.account.is_overdrawn() {
             return None;
         }
-        let stored = stored(&self.run, elongations(&self.run, body));
-        let gain = account.gain(stored, around(), n);
+        let stored = link_work.stored(&self.run, body);
+        let gain = link_work.account.gain(stored, around(), n);
+        let gain = gain.of_at_least(put_in);
         if !gain.is_reportable() || gain.created <= rounding(&self.run, body) {
             return None;
         }
@@ -273,8 +329,58 @@ impl Watched {
     }
 }
 
-/// Elongations of a link now and a step before [m].
+impl LinkWork {
+    /// The energy that its link stored when the account began [J].
+    fn start(&self, link: &Watched) -> f64 {
+        self.strength.unwrap_or(1.0) * stored(&link.run, link.from)
+    }
+
+    /// The energy that its link stored between the two frames up to which the account goes: MATs have moved on since
+    /// [J].
+    fn stored(&self, run: &Run, body: &Body) -> f64 {
+        let [next, now] = elongations(run, body);
+        let between = if run.n_axes() > 1 || run.bristle().is_some() {
+            [next, now]
+        } else {
+            [now, now - self.stretch]
+        };
+        self.strength.unwrap_or(1.0) * stored(run, between)
+    }
+}
+
+impl LinkWork {
+    /// The force of the link now [N].
+    fn force_now(&self, body: &Body) -> f64 {
+        match &self.spring {
+            None => body.link[self.link],
+            Some(spring) => {
+                let e = body.x[self.b] - body.x[self.a] - spring.rest;
+                let stretch = body.d[self.b] - body.d[self.a];
+                spring.k * e + spring.q * (e * e * e) + spring.z * stretch
+            }
+        }
+    }
+}
+
+/// Whether a law may give energy, as a bow does.
+pub(super) fn is_active(law: &Law) -> bool {
+    law.is_active(ACTIVE.0, ACTIVE.1)
+}
+
+/// The strength of a link in this step, as a factor of what it is as written.
+fn strength(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
+    let open = run.gate.map_or(1.0, |gate| gates[gate]);
+    let mut runs = scheme.runs.iter().chain(&scheme.exact);
+    let now = runs.find(|own| (own.first..own.first + own.len).contains(&run.first));
+    let of_k = now.map_or(1.0, |now| now.k / run.k);
+    if of_k.is_finite() { open * of_k } else { open }
+}
+
+/// Elongations of a link now and a step before [m]; of bristles, their bend.
 fn elongations(run: &Run, body: &Body) -> [f64; 2] {
+    if run.bristle().is_some() {
+        return [body.memory[run.first]; 2];
+    }
     let now = run.elongation(0, |mat| body.x[mat]);
     if run.n_axes() > 1 {
         let yielded = if run.yields() {
@@ -302,7 +408,10 @@ fn rounding(run: &Run, body: &Body) -> f64 {
 
 /// Energy of a link between two steps [J].
 fn stored(run: &Run, [now, before]: [f64; 2]) -> f64 {
-    0.5 * (kernel::potential(run, now) + kernel::potential(run, before))
+    match run.bristle() {
+        Some((by, _)) => by.energy(now),
+        None => 0.5 * (kernel::potential(run, now) + kernel::potential(run, before)),
+    }
 }
 
 /// Kinetic energy of the two ends of a link along one axis [J], without ends that are imposed.
@@ -314,33 +423,74 @@ fn kinetic((a, b): (usize, usize), scheme: &Scheme, body: &Body) -> f64 {
     own(a) + own(b)
 }
 
-/// Energy of all MATs and of what ties them to the ground [J].
-fn around(scheme: &Scheme, body: &Body) -> f64 {
+/// Energy of all MATs, of what ties them to the ground, and of bodies by their modes [J].
+fn around(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
     let own = |i: usize| {
         let (x, d) = (body.x[i] - scheme.rest[i], body.d[i]);
         0.5 * (d * d + scheme.kappa[i] * (x * (x - d))) / scheme.w[i]
     };
     let moving = (0..scheme.n_mat()).filter(|&i| scheme.w[i] > 0.0);
-    moving.map(own).sum()
+    let mut sum: f64 = moving.map(own).sum();
+    for modal in bodies.iter().filter_map(RunningBody::modal) {
+        modal.energies(|energy| sum += energy);
+    }
+    sum
 }
 
 impl Island {
+    /// Links that created energy, each with the most that it created; last what no account of a link has seen, if
+    /// nothing else was found.
+    fn link_gains(&self) -> impl Iterator<Item = (usize, Gain)> {
+        let state = &self.state;
+        let links = state.gains.iter().flat_map(|gains| &gains.links);
+        let links = links.filter_map(|link| Some((link.run.first, link.worst?)));
+        let pairs = state.gains.iter().filter_map(|gains| {
+            let pairs = gains.pairs.as_ref()?;
+            Some((pairs.first_link(), pairs.worst()?))
+        });
+        let fine = state.fine.iter().flat_map(Fine::gains);
+        let mut all = links.chain(pairs).chain(fine).peekable();
+        let rise = match all.peek() {
+            Some(_) => None,
+            None => state.rise.as_ref().and_then(|rise| rise.worst()),
+        };
+        all.chain(rise)
+    }
+
     /// Links and bodies that created energy, each with the most that it created.
     pub(crate) fn gains(&self) -> impl Iterator<Item = (String, Gain)> {
-        let links = self.state.gains.iter().flat_map(|gains| &gains.links);
-        let links = links.filter_map(|link| {
-            let gain = link.worst?;
-            Some((self.network.link_name(link.run.first), gain))
-        });
-        let pairs = self.state.gains.iter().filter_map(|gains| {
-            let pairs = gains.pairs.as_ref()?;
-            Some((self.network.link_name(pairs.first_link()), pairs.worst()?))
-        });
+        let links = self.link_gains();
+        let links = links.map(|(link, gain)| (self.network.link_name(link), gain));
         let bodies = self.state.bodies.iter();
-        links.chain(pairs).chain(bodies.filter_map(|body| {
-            let gain = body.gain()?;
-            Some((body.first_module()?.0, gain))
-        }))
+        links.chain(bodies.filter_map(|body| Some((body.first_module()?.0, body.gain()?))))
+    }
+
+    /// Number of links and bodies that created energy.
+    pub(crate) fn n_gains(&self) -> usize {
+        let bodies = self.state.bodies.iter();
+        self.link_gains().count() + bodies.filter(|body| body.gain().is_some()).count()
+    }
+
+    /// The most energy that one link or body has created, as a share of the energy that was there.
+    pub(crate) fn created_share(&self) -> f64 {
+        let state = &self.state;
+        let scheme = state.scheme.as_deref().unwrap_or(&self.script.scheme);
+        let around = around(scheme, &state.bodies, &state.body);
+        let links = state.gains.iter().flat_map(|gains| {
+            let put_in = gains.put_in.most();
+            let links = gains.link_work.iter().zip(&gains.links);
+            links.map(move |(link_work, link)| {
+                let mut account = link_work.account;
+                if !link.is_whole {
+                    account.add_start(link_work.start(link));
+                }
+                let stored = link_work.stored(&link.run, &state.body);
+                account.gain(stored, around, 0).of_at_least(put_in)
+            })
+        });
+        let told = self.gains().map(|(_, gain)| gain);
+        let all = links.chain(told).map(|gain| gain.created / gain.reference);
+        all.filter(|share| share.is_finite()).fold(0.0, f64::max)
     }
 
     /// Check the accounts; stop, or mute, if a part created too much.
@@ -348,23 +498,42 @@ impl Island {
     pub(super) fn check_gains(&mut self) -> Result<(), Fault> {
         let n = self.state.frame;
         let mut faults: Vec<(String, usize, Gain)> = Vec::new();
-        if let Some(gains) = &mut self.state.gains {
-            let scheme = self.state.scheme.as_deref().unwrap_or(&self.script.scheme);
-            let body = &self.state.body;
-            let around = || around(scheme, body);
+        let state = &mut self.state;
+        let scheme = state.scheme.as_deref().unwrap_or(&self.script.scheme);
+        let (body, bodies) = (&state.body, &state.bodies);
+        let around = || around(scheme, bodies, body);
+        let hands = &self.script.hand_bindings;
+        // A part that a hand plays is not silenced where another one can be: its key would jump.
+        let part = |a: usize, b: usize| {
+            let is_played = |mat: usize| {
+                let mut hands = hands.iter();
+                hands.any(|hand| scheme.part[hand.mat()] == scheme.part[mat])
+            };
+            let rank = |&mat: &usize| (scheme.w[mat] == 0.0, is_played(mat));
+            let end = if rank(&b) < rank(&a) { b } else { a };
+            scheme.part[end] as usize
+        };
+        let mut put_in = 0.0;
+        if let Some(gains) = &mut state.gains {
+            put_in = gains.put_in.most();
             for (link_work, link) in gains.link_work.iter_mut().zip(&mut gains.links) {
-                let found = link.check(&mut link_work.account, body, around, n);
+                let found = link.check(link_work, body, (around, put_in), n);
                 if let Some(gain) = found.filter(Gain::is_fault) {
-                    let (a, b) = (link_work.a, link_work.b);
-                    let part = scheme.part[if scheme.w[a] > 0.0 { a } else { b }] as usize;
+                    let part = part(link_work.a, link_work.b);
                     faults.push((self.network.link_name(link_work.link), part, gain));
                 }
             }
             if let Some(pairs) = &mut gains.pairs
-                && let Some(gain) = pairs.check(body, around, n).filter(Gain::is_fault)
+                && let Some(gain) = pairs.check(body, (around, put_in), n).filter(Gain::is_fault)
             {
                 let part = scheme.part[pairs.moving_mat(scheme)] as usize;
                 faults.push((self.network.link_name(pairs.first_link()), part, gain));
+            }
+        }
+        if let Some(fine) = &mut state.fine {
+            let found = fine.check_gains((around, put_in), n);
+            for (link, mat, gain) in found.filter(|(.., gain)| gain.is_fault()) {
+                faults.push((self.network.link_name(link), scheme.part[mat] as usize, gain));
             }
         }
         for body in &mut self.state.bodies {
@@ -373,6 +542,12 @@ impl Island {
             {
                 faults.push((module, part, gain));
             }
+        }
+        if let Some((link, mat, gain)) = self.check_rise()
+            && gain.is_fault()
+        {
+            let part = self.script.scheme.part[mat] as usize;
+            faults.push((self.network.link_name(link), part, gain));
         }
         let parts = self.network.parts();
         // Under `units: ca` the time step is part of the instrument: the energy that it creates is intended.

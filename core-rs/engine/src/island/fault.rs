@@ -205,6 +205,7 @@ impl Island {
         if let Some(gains) = &mut state.gains {
             gains.release(&ours);
         }
+        state.rise = None;
         if state.scheme.is_some() {
             state.scheme = Some(scheme.changing());
         }

@@ -7,6 +7,7 @@ use super::{
 };
 use crate::guard;
 use crate::interrupt;
+use crate::island::fine::Fine;
 use crate::island::written_hand::voice::{Scene, Voice, VoiceScript};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
@@ -132,6 +133,11 @@ impl Island {
             &mut state.body,
             &mut state.targets,
         );
+        if let Some(rise) = &mut state.rise
+            && state.impulses.iter().any(|&impulse| impulse != 0.0)
+        {
+            rise.restart();
+        }
         live_strikes::apply(
             &script.strike_points,
             &mut state.impulses,
@@ -141,7 +147,7 @@ impl Island {
         kernel::proxies::note(scheme, &mut state.body);
         kernel::proxies::divide(scheme, &mut state.body);
         if let Some(fine) = &mut state.fine {
-            fine.lean(&state.body);
+            fine.lean(scheme, &state.body);
             fine.carry(&mut state.body);
         }
         layers(script, state);
@@ -176,7 +182,7 @@ impl Island {
         if let Some(gains) = &mut state.gains
             && !state.guard.as_ref().is_some_and(|guard| guard.is_finer())
         {
-            gains.step(scheme, &state.body);
+            gains.step(scheme, &state.gates, &state.targets, &state.body);
         }
         if let Some(ledger) = &mut state.ledger {
             ledger.before(scheme, &state.targets, &state.body);
@@ -201,6 +207,7 @@ impl Island {
         sound = finer.unwrap_or(sound);
         if finer.is_some() || state.damped < 1.0 {
             state.gains.iter_mut().for_each(|gains| gains.restart());
+            state.fine.iter_mut().for_each(Fine::restart_accounts);
         }
         kernel::bend(scheme, &mut state.body);
         kernel::rest(scheme, &mut state.body);

@@ -20,7 +20,7 @@ use crate::plan::passes::modes::{Modes, Row};
 use crate::plan::passes::slow::slow_bodies;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
-use crate::plan::passes::wiring::{Body, Wiring};
+use crate::plan::passes::wiring::{Body, Wanted, Wiring};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -83,7 +83,11 @@ pub(in crate::plan) fn cut(
     // mass through normal modes.
     let takes_complex = found.is_empty() && !timeline.is_open;
     if budget.takes_modes() && has_bodies && !are_meshes {
-        for body in wiring.bodies(network, false, false) {
+        let wanted = match budget.contact_substeps() {
+            1 => Wanted::Linear,
+            _ => Wanted::Touched,
+        };
+        for body in wiring.bodies(network, wanted) {
             let found_modes = match modal(network, timeline, &body, memo) {
                 Err(NoModes::Damping) if takes_complex => complex(network, timeline, &body, memo),
                 known => known.map(BodyPlan::Modal),
@@ -103,7 +107,8 @@ pub(in crate::plan) fn cut(
         }
         // If one method is asked for, it steps the smallest body too.
         let is_asked = are_meshes || matches!(budget, Budget::Method(_));
-        for body in wiring.bodies(network, true, is_asked) {
+        let wanted = if is_asked { Wanted::All } else { Wanted::Meshes };
+        for body in wiring.bodies(network, wanted) {
             let pin = pin.map(|pin| pin.kept.get(found.len()).map_or(&[][..], Vec::as_slice));
             if let Some(mesh) =
                 mesh::mesh(network, timeline, &body, budget, pin, (choice, found.len()))
@@ -145,7 +150,7 @@ pub(in crate::plan) fn check_supported(
     for (body, _) in slow_bodies(network, timeline).bodies {
         wiring.take(&body.mats);
     }
-    let bodies = wiring.bodies(network, true, true);
+    let bodies = wiring.bodies(network, Wanted::All);
     let check = |body: &Body| mesh::check_supported(network, timeline.rate, body, mesh_method);
     bodies.iter().try_for_each(check)
 }
