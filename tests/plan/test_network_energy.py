@@ -4,6 +4,7 @@ computed.
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from accuracy import reference
 from accuracy.equations import read
@@ -56,13 +57,24 @@ def test_masses_that_meet_on_springs_keep_their_energy(name: str, way: str) -> N
     assert of_text(text).gain(looked.x, read(text).rate) <= MOST
 
 
-def test_what_is_heard_of_a_spring_is_held_by_the_account() -> None:
-    """A spring whose force is heard is stepped beside the contact: what it makes is told."""
-    text = text_of("one-mass-50").replace("out: {SOX: m}", "out: {x: {SOX: m}, f: {SOF: {REF: l}}}")
-    text = text.replace("{from: s, to: [1]}", "{from: s.x, to: [1]}")
-    looked = look(text, "draft", 2.0)
-    made = of_text(text_of("one-mass-50")).gain(looked.x[:, :1])
+@pytest.mark.parametrize("way", ["draft", "session", "by ear"])
+@pytest.mark.parametrize("damping", [0.0, 1e-3])
+def test_a_spring_that_is_heard_makes_no_energy_untold(damping: float, way: str) -> None:
+    """The force of an undamped spring is a sum of positions. A damped one is stepped beside the
+    contact, and what it makes is told, or computed away.
+    """
+    plain = text_of("one-mass-50")
+    text = plain.replace("out: {SOX: m}", "out: {x: {SOX: m}, f: {SOF: {REF: l}}}")
+    text = text.replace("{from: s, to: [1]}", "{from: s.x, to: [1]}, {from: s.f, to: [2]}")
+    text = text.replace("channels: 1", "channels: 2")
+    text = text.replace("K: 50kN/m,", f"K: 50kN/m, Z: {damping},")
+    looked = look(text, way, 2.0)
+    made = of_text(plain).gain(looked.x[:, :1])
     assert made <= MOST or "created energy" in looked.said
+    if damping == 0.0:
+        assert (looked.said, made <= MOST) == ("", True)
+        x, force = looked.x.T
+        assert np.abs(force - force[0] / x[0] * x).max() < 1e-9 * np.abs(force).max()
 
 
 def drawn(seed: int) -> str:

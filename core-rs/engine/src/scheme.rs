@@ -166,6 +166,11 @@ impl Run {
         }
     }
 
+    /// Indices of its links.
+    pub(crate) fn links(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.len
+    }
+
     /// Whether it is of hardening springs.
     pub(crate) fn is_hardening(&self) -> bool {
         !matches!(self.kind, Kind::Ref) && self.spring().is_some()

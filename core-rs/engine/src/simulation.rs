@@ -523,7 +523,9 @@ impl Simulation {
     /// The most energy that one link or mesh has created, as a share of the energy that was there.
     pub fn created_share(&self) -> f64 {
         let islands = self.islands();
-        islands.map(|(island, _)| island.created_share()).fold(0.0, f64::max)
+        islands
+            .map(|(island, _)| island.created_share())
+            .fold(0.0, f64::max)
     }
 
     /// Number of links and meshes that created energy; does not allocate.

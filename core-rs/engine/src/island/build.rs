@@ -119,7 +119,12 @@ impl Island {
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts, timeline);
         }
-        let is_led = |link: usize| timeline.leads.iter().any(|lead| lead.links().contains(&link));
+        let is_led = |link: usize| {
+            timeline
+                .leads
+                .iter()
+                .any(|lead| lead.links().contains(&link))
+        };
         let gains = if options.unchecked {
             None // the run has to show what really happens
         } else {

@@ -5,17 +5,18 @@
 //! scheme balances exactly, whatever else moves the ends. What a link gave or stores beyond the work that it took is
 //! created energy.
 
-use super::energy_account::{Account, Gain};
-use super::fine::Fine;
+mod link_work;
+
+use super::energy_account::Gain;
 use super::inside::RunningBody;
 use super::pair_gain::PairGains;
 use super::put_in::PutIn;
 use super::{Fault, Island, OnFault};
-use crate::kernel;
 use crate::law::Law;
-use crate::network::{AXES_MAX, SpaceLaw, SpaceLink};
-use crate::scheme::{Kind, Run, Scheme, Spring};
+use crate::network::SpaceLaw;
+use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
+use link_work::{LinkWork, Watched};
 
 /// Steps between two looks at the accounts.
 pub(super) const BLOCK: u64 = 256;
@@ -23,87 +24,6 @@ pub(super) const BLOCK: u64 = 256;
 pub(super) const LONGEST: usize = 32;
 /// Elongations [m] and rates [m/s] at which a law's damping is tested for giving energy.
 const ACTIVE: (f64, f64) = (1e-2, 10.0);
-
-/// The account of one link, added to at every step.
-#[derive(Clone, Debug)]
-struct LinkWork {
-    a: usize,
-    b: usize,
-    link: usize,
-    /// In the step before: the stretch [m a step], and the force [N].
-    stretch: f64,
-    force: f64,
-    account: Account,
-    /// The same along each axis, for a link in space.
-    space: Option<SpaceWork>,
-    /// A spring that is computed in one pass with others: its force is not known apart from theirs.
-    spring: Option<Spring>,
-    /// For a link whose strength changes in time, by a gate or a lead: its strength in the step before, as a factor.
-    strength: Option<f64>,
-}
-
-crate::archive::state!(LinkWork {
-    stretch,
-    force,
-    account,
-    space,
-    strength
-});
-
-/// What a link in space did in the step before, along each axis.
-#[derive(Clone, Debug)]
-struct SpaceWork {
-    link: SpaceLink,
-    /// [m a step], and the force that pulls its ends together [N].
-    stretch: [f64; AXES_MAX],
-    force: [f64; AXES_MAX],
-}
-
-crate::archive::option!(SpaceWork, fixed);
-
-crate::archive::state!(SpaceWork { stretch, force });
-
-impl SpaceWork {
-    fn new(link: SpaceLink) -> Self {
-        let (stretch, force) = ([0.0; AXES_MAX], [0.0; AXES_MAX]);
-        Self {
-            link,
-            stretch,
-            force,
-        }
-    }
-
-    /// The work that the link took since the step before [J], if it pulls with `force` [N] now.
-    fn step(&mut self, ends: (usize, usize), force: f64, body: &Body) -> f64 {
-        let (_, along) = self.link.line(ends, |mat| body.x[mat]);
-        let mut work = 0.0;
-        for (axis, along) in along.into_iter().enumerate().take(self.link.n_axes) {
-            let (a, b) = self.link.pair(ends, axis);
-            let stretch = body.d[b] - body.d[a];
-            work += 0.5 * (self.stretch[axis] + stretch) * self.force[axis];
-            (self.stretch[axis], self.force[axis]) = (stretch, force * along);
-        }
-        work
-    }
-}
-
-/// A link whose account is checked.
-#[derive(Clone, Debug)]
-struct Watched {
-    /// A run of only this link.
-    run: Run,
-    /// Elongations [m] when the account began, and a step before; of bristles, their bend, twice.
-    from: [f64; 2],
-    /// Whether the account counts the energy that was stored when it began; that is computed only when needed.
-    is_whole: bool,
-    worst: Option<Gain>,
-}
-
-crate::archive::state!(Watched {
-    from,
-    is_whole,
-    worst
-});
 
 /// Hardening springs, if they are few; what makes many create energy is how stiff they become, which the guard bounds.
 pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<Run> {
@@ -153,9 +73,7 @@ impl Gains {
                     SpaceLaw::Lnl { law, .. } => !is_active(law),
                     _ => run.len <= LONGEST,
                 },
-                Kind::Lnl { law, .. } => {
-                    run.len <= LONGEST && !law.is_shared() && !is_active(law)
-                }
+                Kind::Lnl { law, .. } => run.len <= LONGEST && !law.is_shared() && !is_active(law),
             };
             let is_contact = matches!(run.kind, Kind::But(_));
             // The energy of other links does not change with K alone, or is not that of one link.
@@ -175,30 +93,10 @@ impl Gains {
         };
         let runs = scheme.runs.iter().chain(&scheme.exact).chain(fused);
         let runs = runs.filter(may_gain).flat_map(alone);
-        let links: Vec<Watched> = runs
-            .map(|run| Watched {
-                run,
-                from: [0.0; 2],
-                is_whole: false,
-                worst: None,
-            })
-            .collect();
-        let link_work = links.iter().map(|Watched { run, .. }| LinkWork {
-            a: run.a,
-            b: run.b,
-            link: run.first,
-            stretch: 0.0,
-            force: 0.0,
-            account: Account::default(),
-            space: match &run.kind {
-                Kind::Space(link) => Some(SpaceWork::new(link.clone())),
-                _ => None,
-            },
-            spring: (fused.iter())
-                .any(|own| (own.first..own.first + own.len).contains(&run.first))
-                .then(|| run.spring())
-                .flatten(),
-            strength: (run.gate.is_some() || is_led(run.first)).then_some(0.0),
+        let links: Vec<Watched> = runs.map(Watched::new).collect();
+        let link_work = links.iter().map(|Watched { run, .. }| {
+            let is_fused = fused.iter().any(|own| own.links().contains(&run.first));
+            LinkWork::new(run, is_fused, run.gate.is_some() || is_led(run.first))
         });
         let link_work = link_work.collect();
         let pairs = PairGains::new(scheme).filter(|pairs| !is_led(pairs.first_link()));
@@ -235,44 +133,14 @@ impl Gains {
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
     #[inline(never)]
-    pub(super) fn step(
-        &mut self,
-        scheme: &Scheme,
-        gates: &[f64],
-        targets: &[Target],
-        body: &Body,
-    ) {
+    pub(super) fn step(&mut self, scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body) {
         self.put_in.step(scheme, targets, body);
         if self.is_fresh {
             self.begin(scheme, gates, body);
             return;
         }
         for (link_work, link) in self.link_work.iter_mut().zip(&self.links) {
-            let force = link_work.force_now(body);
-            if let Some(before) = link_work.strength {
-                let now = strength(&link.run, scheme, gates);
-                if now != before {
-                    let stored = stored(&link.run, elongations(&link.run, body));
-                    link_work.account.take((now - before) * stored);
-                    link_work.strength = Some(now);
-                }
-            }
-            if force == 0.0 && link_work.force == 0.0 {
-                continue;
-            }
-            let ends = (link_work.a, link_work.b);
-            let (work, kinetic) = if let Some(space) = &mut link_work.space {
-                let work = space.step(ends, force, body);
-                let axes = (0..space.link.n_axes).map(|axis| space.link.pair(ends, axis));
-                (work, axes.map(|ends| kinetic(ends, scheme, body)).sum())
-            } else {
-                let stretch = body.d[link_work.b] - body.d[link_work.a];
-                let work = 0.5 * (link_work.stretch + stretch) * link_work.force;
-                link_work.stretch = stretch;
-                (work, kinetic(ends, scheme, body))
-            };
-            link_work.account.take_from_masses(work, kinetic);
-            link_work.force = force;
+            link_work.step(link, scheme, gates, body);
         }
         if let Some(pairs) = &mut self.pairs {
             pairs.step(body);
@@ -282,16 +150,7 @@ impl Gains {
     #[cold]
     fn begin(&mut self, scheme: &Scheme, gates: &[f64], body: &Body) {
         for (link_work, link) in self.link_work.iter_mut().zip(&mut self.links) {
-            link_work.account = Account::default();
-            link_work.stretch = body.d[link_work.b] - body.d[link_work.a];
-            link_work.force = link_work.force_now(body);
-            if link_work.strength.is_some() {
-                link_work.strength = Some(strength(&link.run, scheme, gates));
-            }
-            if let Some(space) = &mut link_work.space {
-                space.step((link_work.a, link_work.b), link_work.force, body);
-            }
-            (link.from, link.is_whole) = (elongations(&link.run, body), false);
+            link_work.begin(link, scheme, gates, body);
         }
         if let Some(pairs) = &mut self.pairs {
             pairs.begin(body);
@@ -300,127 +159,9 @@ impl Gains {
     }
 }
 
-impl Watched {
-    /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses, `put_in` what
-    /// hands put in.
-    fn check(
-        &mut self,
-        link_work: &mut LinkWork,
-        body: &Body,
-        (around, put_in): (impl Fn() -> f64, f64),
-        n: u64,
-    ) -> Option<Gain> {
-        if link_work.account.is_overdrawn() && !self.is_whole {
-            let start = link_work.start(self);
-            link_work.account.add_start(start);
-            self.is_whole = true;
-        }
-        if !link_work.account.is_overdrawn() {
-            return None;
-        }
-        let stored = link_work.stored(&self.run, body);
-        let gain = link_work.account.gain(stored, around(), n);
-        let gain = gain.of_at_least(put_in);
-        if !gain.is_reportable() || gain.created <= rounding(&self.run, body) {
-            return None;
-        }
-        self.worst = Some(gain.worse_of(self.worst));
-        Some(gain)
-    }
-}
-
-impl LinkWork {
-    /// The energy that its link stored when the account began [J].
-    fn start(&self, link: &Watched) -> f64 {
-        self.strength.unwrap_or(1.0) * stored(&link.run, link.from)
-    }
-
-    /// The energy that its link stored between the two frames up to which the account goes: MATs have moved on since
-    /// [J].
-    fn stored(&self, run: &Run, body: &Body) -> f64 {
-        let [next, now] = elongations(run, body);
-        let between = if run.n_axes() > 1 || run.bristle().is_some() {
-            [next, now]
-        } else {
-            [now, now - self.stretch]
-        };
-        self.strength.unwrap_or(1.0) * stored(run, between)
-    }
-}
-
-impl LinkWork {
-    /// The force of the link now [N].
-    fn force_now(&self, body: &Body) -> f64 {
-        match &self.spring {
-            None => body.link[self.link],
-            Some(spring) => {
-                let e = body.x[self.b] - body.x[self.a] - spring.rest;
-                let stretch = body.d[self.b] - body.d[self.a];
-                spring.k * e + spring.q * (e * e * e) + spring.z * stretch
-            }
-        }
-    }
-}
-
 /// Whether a law may give energy, as a bow does.
 pub(super) fn is_active(law: &Law) -> bool {
     law.is_active(ACTIVE.0, ACTIVE.1)
-}
-
-/// The strength of a link in this step, as a factor of what it is as written.
-fn strength(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
-    let open = run.gate.map_or(1.0, |gate| gates[gate]);
-    let mut runs = scheme.runs.iter().chain(&scheme.exact);
-    let now = runs.find(|own| (own.first..own.first + own.len).contains(&run.first));
-    let of_k = now.map_or(1.0, |now| now.k / run.k);
-    if of_k.is_finite() { open * of_k } else { open }
-}
-
-/// Elongations of a link now and a step before [m]; of bristles, their bend.
-fn elongations(run: &Run, body: &Body) -> [f64; 2] {
-    if run.bristle().is_some() {
-        return [body.memory[run.first]; 2];
-    }
-    let now = run.elongation(0, |mat| body.x[mat]);
-    if run.n_axes() > 1 {
-        let yielded = if run.yields() {
-            body.memory[run.first]
-        } else {
-            0.0
-        };
-        let before = run.elongation(0, |mat| body.x[mat] - body.d[mat]);
-        return [now - yielded, before - yielded];
-    }
-    [now, now - (body.d[run.b] - body.d[run.a])]
-}
-
-/// Energy of a link in space that rounding alone explains [J]: its elongation is a difference of coordinates.
-fn rounding(run: &Run, body: &Body) -> f64 {
-    /// Error of the elongation in units of the last digit: rounding adds up from step to step.
-    const DIGITS: f64 = 1e4;
-    if run.n_axes() == 1 {
-        return 0.0; // a contact that is open has no force at all
-    }
-    let ends = run.pairs(0).flat_map(|(a, b)| [body.x[a], body.x[b]]);
-    let least = DIGITS * f64::EPSILON * ends.map(f64::abs).fold(0.0, f64::max);
-    run.k * least * least
-}
-
-/// Energy of a link between two steps [J].
-fn stored(run: &Run, [now, before]: [f64; 2]) -> f64 {
-    match run.bristle() {
-        Some((by, _)) => by.energy(now),
-        None => 0.5 * (kernel::potential(run, now) + kernel::potential(run, before)),
-    }
-}
-
-/// Kinetic energy of the two ends of a link along one axis [J], without ends that are imposed.
-fn kinetic((a, b): (usize, usize), scheme: &Scheme, body: &Body) -> f64 {
-    let own = |mat: usize| {
-        let (d, w) = (body.d[mat], scheme.w[mat]);
-        if w > 0.0 { 0.5 * d * d / w } else { 0.0 }
-    };
-    own(a) + own(b)
 }
 
 /// Energy of all MATs, of what ties them to the ground, and of bodies by their modes [J].
@@ -448,7 +189,7 @@ impl Island {
             let pairs = gains.pairs.as_ref()?;
             Some((pairs.first_link(), pairs.worst()?))
         });
-        let fine = state.fine.iter().flat_map(Fine::gains);
+        let fine = state.fine.iter().filter_map(|fine| fine.sprung().worst());
         let mut all = links.chain(pairs).chain(fine).peekable();
         let rise = match all.peek() {
             Some(_) => None,
@@ -463,6 +204,15 @@ impl Island {
         let links = links.map(|(link, gain)| (self.network.link_name(link), gain));
         let bodies = self.state.bodies.iter();
         links.chain(bodies.filter_map(|body| Some((body.first_module()?.0, body.gain()?))))
+    }
+
+    /// Whether contacts and laws between frames created energy, or the energy of the whole rose though nothing drove it.
+    pub(crate) fn has_risen(&self) -> bool {
+        let state = &self.state;
+        let fine = state.fine.as_ref();
+        let rise = state.rise.as_ref();
+        fine.is_some_and(|fine| fine.sprung().worst().is_some())
+            || rise.is_some_and(|rise| rise.worst().is_some())
     }
 
     /// Number of links and bodies that created energy.
@@ -480,12 +230,7 @@ impl Island {
             let put_in = gains.put_in.most();
             let links = gains.link_work.iter().zip(&gains.links);
             links.map(move |(link_work, link)| {
-                let mut account = link_work.account;
-                if !link.is_whole {
-                    account.add_start(link_work.start(link));
-                }
-                let stored = link_work.stored(&link.run, &state.body);
-                account.gain(stored, around, 0).of_at_least(put_in)
+                link_work.gain(link, &state.body, (around, put_in), 0)
             })
         });
         let told = self.gains().map(|(_, gain)| gain);
@@ -524,17 +269,23 @@ impl Island {
                 }
             }
             if let Some(pairs) = &mut gains.pairs
-                && let Some(gain) = pairs.check(body, (around, put_in), n).filter(Gain::is_fault)
+                && let Some(gain) = pairs
+                    .check(body, (around, put_in), n)
+                    .filter(Gain::is_fault)
             {
                 let part = scheme.part[pairs.moving_mat(scheme)] as usize;
                 faults.push((self.network.link_name(pairs.first_link()), part, gain));
             }
         }
-        if let Some(fine) = &mut state.fine {
-            let found = fine.check_gains((around, put_in), n);
-            for (link, mat, gain) in found.filter(|(.., gain)| gain.is_fault()) {
-                faults.push((self.network.link_name(link), scheme.part[mat] as usize, gain));
-            }
+        if let Some(fine) = &mut state.fine
+            && let Some((link, mat, gain)) = fine.sprung_mut().check((around, put_in), n)
+            && gain.is_fault()
+        {
+            faults.push((
+                self.network.link_name(link),
+                scheme.part[mat] as usize,
+                gain,
+            ));
         }
         for body in &mut self.state.bodies {
             if let Some(gain) = body.check_gain(n).filter(Gain::is_fault)

@@ -93,7 +93,8 @@ impl Rise {
     ) -> Option<Box<Self>> {
         let parts = network.mats().part.iter();
         let is_discrete = |part: &u32| network.parts()[*part as usize].ca_rate.is_some();
-        let has_energy = |body: &RunningBody| body.modal().is_some_and(|modal| modal.cells().is_some());
+        let has_energy =
+            |body: &RunningBody| body.modal().is_some_and(|modal| modal.cells().is_some());
         let fine_runs = || fine.into_iter().flat_map(Fine::links);
         let runs = || scheme.runs.iter().chain(&scheme.exact).chain(fine_runs());
         let n_springs: usize = runs()
@@ -299,7 +300,9 @@ impl Island {
                 }
                 let energy = match run.bristle() {
                     Some((by, _)) => by.energy(body.memory[run.first + i]),
-                    None if is_exact => 0.5 * both.map(|e| kernel::potential(run, e)).iter().sum::<f64>(),
+                    None if is_exact => {
+                        0.5 * both.map(|e| kernel::potential(run, e)).iter().sum::<f64>()
+                    }
                     None => between(run, both),
                 };
                 total.add(open(run) * energy);
@@ -320,7 +323,11 @@ impl Island {
         let scheme = &self.script.scheme;
         let runs = scheme.runs.iter().chain(&scheme.exact);
         let stiffness = runs.map(|run| run.k * run.len as f64).sum::<f64>()
-            + scheme.fused.iter().map(|run| run.k * run.len as f64).sum::<f64>();
+            + scheme
+                .fused
+                .iter()
+                .map(|run| run.k * run.len as f64)
+                .sum::<f64>();
         let masses = scheme.w.iter().filter(|w| **w > 0.0).map(|w| 1.0 / w);
         (stiffness + masses.sum::<f64>()) * least * least
     }
@@ -336,7 +343,11 @@ impl Island {
             .flat_map(|run| (0..run.len).map(move |i| (run.first + i, [run.a + i, run.b + i])));
         let push = |link: usize| state.body.link[link].abs();
         let louder = |most: (usize, [usize; 2]), own: (usize, [usize; 2])| {
-            if push(own.0) > push(most.0) { own } else { most }
+            if push(own.0) > push(most.0) {
+                own
+            } else {
+                most
+            }
         };
         let (link, [a, b]) = links.reduce(louder)?;
         Some((link, if scheme.w[a] > 0.0 { a } else { b }))

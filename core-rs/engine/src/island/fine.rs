@@ -78,7 +78,7 @@ pub(crate) struct Fine {
     /// Whether each joint has glided since the tables of laws were made   (n_joints)
     has_glided: Vec<bool>,
     /// Points that steps hold too, where energy may be created.
-    sprung: Vec<Sprung>,
+    sprung: Sprung,
     /// Whether a contact has ever been closed.
     pub(super) has_touched: bool,
     /// Work done so far.
@@ -228,7 +228,7 @@ impl Fine {
         keep(&mut self.numbers, &stays);
         *laws = LawScript::new(script);
         self.frictions = Frictions::new(script);
-        self.release_sprung(mats);
+        self.sprung.release(mats);
         links
     }
 
@@ -261,6 +261,15 @@ impl Fine {
     /// Work done so far, counted.
     pub(super) fn work(&self) -> FineWork {
         self.work
+    }
+
+    /// The account of points that steps hold too.
+    pub(super) fn sprung(&self) -> &Sprung {
+        &self.sprung
+    }
+
+    pub(super) fn sprung_mut(&mut self) -> &mut Sprung {
+        &mut self.sprung
     }
 
     /// Its links.
@@ -354,7 +363,7 @@ impl Fine {
 
     /// Note the forces that act over the whole frame: those of links and drives, before strikes are added.
     pub(super) fn lean(&mut self, scheme: &Scheme, body: &Body) {
-        self.settle_sprung(scheme, body);
+        self.sprung.settle(scheme, body);
         for (joint, steady) in self.script.joints.iter().zip(&mut self.steady) {
             *steady = body.force[joint.mat];
         }
@@ -362,9 +371,7 @@ impl Fine {
 
     /// Add the forces that the frame before left to this one.
     pub(super) fn carry(&mut self, body: &mut Body) {
-        for own in &mut self.sprung {
-            own.carry(&self.later, body);
-        }
+        self.sprung.carry(&self.later, body);
         for (joint, later) in self.script.joints.iter().zip(&mut self.later) {
             if *later != 0.0 {
                 body.push(joint.mat, std::mem::take(later));
@@ -440,7 +447,7 @@ impl Fine {
             self.collocate(&script, &laws, gates);
         }
         self.tell_laws(&script, &laws, body);
-        self.note_sprung(&script, scheme, body);
+        self.sprung.note(&script, &self.pushed, scheme);
         self.give(&script, bodies, body);
     }
 
@@ -503,9 +510,7 @@ impl Fine {
                     if joint.cell.is_some() {
                         // The forces inside a mesh also bend the path of its port throughout the frame.
                         bend += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
-                        if let Some(own) = self.sprung.iter_mut().find(|own| own.is_at(at)) {
-                            own.note_free(step, bend);
-                        }
+                        self.sprung.note_free(at, step, bend);
                     } else {
                         bend = 0.0;
                     }

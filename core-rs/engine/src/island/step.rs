@@ -7,7 +7,6 @@ use super::{
 };
 use crate::guard;
 use crate::interrupt;
-use crate::island::fine::Fine;
 use crate::island::written_hand::voice::{Scene, Voice, VoiceScript};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
@@ -207,7 +206,8 @@ impl Island {
         sound = finer.unwrap_or(sound);
         if finer.is_some() || state.damped < 1.0 {
             state.gains.iter_mut().for_each(|gains| gains.restart());
-            state.fine.iter_mut().for_each(Fine::restart_accounts);
+            let fine = state.fine.iter_mut();
+            fine.for_each(|fine| fine.sprung_mut().restart());
         }
         kernel::bend(scheme, &mut state.body);
         kernel::rest(scheme, &mut state.body);

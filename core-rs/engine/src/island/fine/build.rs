@@ -8,7 +8,7 @@ use super::crowded::{CrowdedBody, crowded_bodies};
 use super::joint::{Joint, joint, moves, reach};
 use super::laws::LawScript;
 use super::slides::Frictions;
-use super::sprung::sprung;
+use super::sprung::Sprung;
 use super::{Fine, FineWork, Script};
 use crate::island::inside::RunningBody;
 use crate::island::modal::RunningModal;
@@ -104,7 +104,7 @@ impl Fine {
         };
         script.is_coupled = script.has_coupled_links();
         let law_script = LawScript::new(&script);
-        let sprung = sprung(&script, network, bodies);
+        let sprung = Sprung::new(&script, network, bodies);
         let n_links = script.links.len();
         Self {
             way: vec![0.0; n_joints * n],

@@ -11,7 +11,7 @@ use crate::network::{Error, Network, Subset, Term};
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::cost;
-use crate::plan::passes::body::{blows, output_sums};
+use crate::plan::passes::body::{blows, output_sums, position_sums};
 use crate::plan::passes::complex_body::{self, Part};
 use crate::plan::passes::complex_modes::Sum;
 use crate::plan::passes::linear::NoModes;
@@ -107,7 +107,11 @@ pub(in crate::plan) fn cut(
         }
         // If one method is asked for, it steps the smallest body too.
         let is_asked = are_meshes || matches!(budget, Budget::Method(_));
-        let wanted = if is_asked { Wanted::All } else { Wanted::Meshes };
+        let wanted = if is_asked {
+            Wanted::All
+        } else {
+            Wanted::Meshes
+        };
         for body in wiring.bodies(network, wanted) {
             let pin = pin.map(|pin| pin.kept.get(found.len()).map_or(&[][..], Vec::as_slice));
             if let Some(mesh) =
@@ -199,7 +203,7 @@ fn modal(
 ) -> Result<Modal, NoModes> {
     let rate = timeline.rate;
     let subset = network.subset(&body.mats, &body.guests, &body.links);
-    let outputs = output_sums(&subset.network)?;
+    let outputs = position_sums(&subset.network)?;
     let local = |mat: &u32| subset.mat(*mat as usize).unwrap_or(0);
     let row = |mat: usize| vec![(mat, 1.0)];
     let ports: Vec<usize> = body.ports.iter().map(local).collect();
@@ -352,10 +356,11 @@ fn complex(
             struck: (n_ports..points.len()).map(answers).collect(),
         }),
     };
-    // The largest cost allowed: the same masses stepped module by module, times `MOST`.
+    // The largest cost allowed: the same masses stepped module by module, times `MOST`. A few masses that contacts touch
+    // would create energy if they were stepped.
     let stepped = MOST * cost::stepped_cost(&found.of, &Timeline::new(rate));
     let found = BodyPlan::Modal(found);
-    let is_cheap = cost::body_cost(&found) <= stepped;
+    let is_cheap = body.is_small() || cost::body_cost(&found) <= stepped;
     is_cheap.then_some(found).ok_or(NoModes::Ports)
 }
 

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use crate::network::forest::{Forest, ends};
-use crate::network::{Contact, LinkKind, Network, Proxy, Term};
+use crate::network::{Contact, LinkKind, Network, Proxy, Run, Term};
 use crate::timeline::Timeline;
 
 /// Fewest masses of a body that nothing touches between frames: fewer are stepped as quickly as by modes.
@@ -110,9 +110,18 @@ impl Wiring {
         let mut outer = |link: usize| (is_spring[link], is_law[link]) = (false, false);
         let gated = timeline.gates.iter().flat_map(|gate| gate.links());
         gated.for_each(&mut outer);
+        // The force of an undamped spring is a sum of positions.
+        let is_sum = |link: usize| {
+            let mut leads = timeline.leads.iter();
+            let is_led = leads.any(|lead| lead.links().contains(&link));
+            !is_led && network.run_of(link).is_some_and(Run::is_undamped_spring)
+        };
         for term in network.outputs().iter().flat_map(|output| &output.terms) {
             match *term {
-                Term::Force { first, len, .. } => (first..first + len).for_each(&mut outer),
+                Term::Force { first, len, .. } => {
+                    let others = (first..first + len).filter(|&link| !is_sum(link));
+                    others.for_each(&mut outer);
+                }
                 Term::Ground { first, len, .. } => is_eligible[first..first + len].fill(false),
                 Term::Position { .. } | Term::Length { .. } => {}
             }
@@ -173,7 +182,7 @@ impl Wiring {
             }
         }
         let worth = |body: &Body| {
-            let is_large = body.mats.len() >= MASSES_MIN
+            let is_large = !body.is_small()
                 && body.ports.len() <= PORTS_ANY.max(body.mats.len() / MASSES_A_PORT);
             let takes_small = match wanted {
                 Wanted::All => true,
@@ -211,6 +220,11 @@ impl Body {
         }
         own.links.retain(|link| !ties.contains(link));
         (1..=most).contains(&ties.len()).then(|| own.tidy())
+    }
+
+    /// Whether it has so few masses that it is a body only for what touches it.
+    pub(in crate::plan) fn is_small(&self) -> bool {
+        self.mats.len() < MASSES_MIN
     }
 
     /// Sorts the lists and removes duplicates.
