@@ -128,13 +128,13 @@ def test_every_method_has_limits_and_every_map_a_name():
 
 @pytest.mark.parametrize("method", ["plan", "ca"])
 def test_the_energy_of_a_rattle_is_kept_by_a_plan(method: str):
-    """A mass on an undamped spring that meets a stop: by steps of CA some of it is made."""
+    """A mass on an undamped spring that meets a stop: by steps of CA a stiff one runs away."""
     (whole,) = map_catalogue.maps(method, None, 0.5, None, "energy").values()
-    one = replace(whole, xs=whole.xs[::4], ys=whole.ys[::3], seconds=0.5)
+    one = replace(whole, xs=whole.xs[4::4], ys=whole.ys[::3], seconds=0.2)
     spots = maps.survey(one, silent)
     assert all(spot.energy_db is not None for spot in spots if spot.stable)
-    right = [spot.accurate for spot in spots]
-    assert all(right) if method == "plan" else {True, False} <= set(right)
+    kept = [spot.stable and spot.accurate for spot in spots]
+    assert all(kept) if method == "plan" else {True, False} == set(kept)
     assert "energy_db of at most -20 dB" in map_table.csv({"rattle": (one, spots)}, method)
 
 
