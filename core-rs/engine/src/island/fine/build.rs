@@ -104,7 +104,7 @@ impl Fine {
         };
         script.is_coupled = script.has_coupled_links();
         let law_script = LawScript::new(&script);
-        let sprung = Sprung::new(&script, network, bodies);
+        let sprung = Sprung::new(&script, network);
         let n_links = script.links.len();
         Self {
             way: vec![0.0; n_joints * n],

@@ -1,4 +1,4 @@
-//! Energy that impulses between frames create at points that steps hold too, by springs or as a mesh.
+//! Energy that impulses between frames create at points that steps hold too, by springs.
 //!
 //! Within a frame such a point moves as if it were free, and what holds it acts at frames only. So the work of an
 //! impulse along that motion, which is what the contact or law gives or takes, is not its work in the steps. The
@@ -7,8 +7,8 @@
 
 use super::script::Script;
 use crate::island::energy_account::{Account, Gain};
-use crate::island::inside::RunningBody;
-use crate::network::Network;
+use crate::island::energy_gain::LONGEST;
+use crate::network::{LinkKind, Network};
 use crate::scheme::Scheme;
 use crate::state::Body;
 
@@ -52,12 +52,19 @@ crate::archive::state!(Sprung {
 });
 
 impl Sprung {
-    pub(super) fn new(script: &Script, network: &Network, bodies: &[RunningBody]) -> Self {
+    /// None of a mesh: the energy of one that is a body is its own account's, and many hardening springs are bounded by
+    /// the guard, which begins accounts anew too often for this one.
+    pub(super) fn new(script: &Script, network: &Network) -> Self {
+        let hardens = |kind: &LinkKind| match kind {
+            LinkKind::Lnl(law) => law.hardening_spring().is_some(),
+            _ => false,
+        };
+        let springs = network.runs().iter().filter(|run| hardens(&run.kind));
+        let is_mesh = springs.map(|run| run.len).sum::<usize>() > LONGEST;
         let is_stepped = |mat: usize| {
-            let mut others = bodies.iter().filter(|body| body.modal().is_none());
             let ends = script.links.iter().flat_map(|run| [run.a, run.b]);
             let n_fine = ends.filter(|&end| end == mat).count();
-            others.any(|body| body.has_port(mat)) || network.degree(mat) as usize > n_fine
+            !is_mesh && network.degree(mat) as usize > n_fine
         };
         let joints = script.joints.iter().enumerate();
         let held = joints.filter(|(_, joint)| {
