@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.lab.names import CUTS, MAPS, METHODS, SLOW
+from ergon.lab.names import CUTS, ENERGY_MAPS, MAPS, METHODS, PLAN, SLOW
 
 from . import laboratory, options
 from .console import Console
@@ -17,11 +17,18 @@ from .outcome import Refused
 
 if TYPE_CHECKING:
     from ergon.lab.maps import Map
+    from ergon.lab.names import MapMetric
     from ergon.scores.reading.load import Loaded
 
 
-_HOW = f"Method that is mapped; {SLOW} is a part computed slower than the rest."
-_WHICH = f"Only these maps, of {','.join(MAPS)}; with --method {SLOW} of {','.join(CUTS)}."
+_HOW = (
+    f"Method that is mapped; {SLOW} is a part computed slower than the rest, {PLAN} what the "
+    "planner chooses by ear."
+)
+_WHICH = (
+    f"Only these maps, of {','.join(MAPS)}; with --method {SLOW} of {','.join(CUTS)}, with "
+    f"--metric energy of {','.join(ENERGY_MAPS)}."
+)
 
 
 @click.command()
@@ -35,10 +42,17 @@ _WHICH = f"Only these maps, of {','.join(MAPS)}; with --method {SLOW} of {','.jo
 )
 @click.option(
     "--method",
-    type=click.Choice((*METHODS, SLOW)),
+    type=click.Choice((*METHODS, SLOW, PLAN)),
     default="ca",
     show_default=True,
     help=_HOW,
+)
+@click.option(
+    "--metric",
+    type=click.Choice(("waveform", "energy")),
+    default="waveform",
+    show_default=True,
+    help="What has to be right: the sound, or the energy, of which steps make at most a hundredth.",
 )
 @click.option("--maps", "chosen", metavar="NAMES", help=_WHICH)
 @click.option(
@@ -63,6 +77,7 @@ def stability(
     score_path: str | None,
     output: str | None,
     method: str,
+    metric: str,
     chosen: str | None,
     seconds: float,
     accurate: float | None,
@@ -83,15 +98,23 @@ def stability(
 
     if score_path is not None and method == SLOW:
         raise Refused(f"--method {SLOW} maps scenes of ergon's own, and takes no SCORE")
+    of = cast("MapMetric", metric)
+    if of == "energy" and method == SLOW:
+        raise Refused(
+            f"--metric energy has no map of --method {SLOW}; use {PLAN} or another method"
+        )
+    if of != "energy" and method == PLAN:
+        raise Refused(f"--method {PLAN} has maps of its energy alone; add --metric energy")
     loaded = (
         None if score_path is None else score.read(score_path, ReadOptions(trust=trust), console)
     )
     inputs = () if loaded is None else loaded.inputs
     stem = laboratory.stem(output, score_path or method, "stability", force, inputs)
-    maps, title = _maps(loaded, Path(score_path or "").stem, method, chosen, seconds, accurate)
+    asked = (method, seconds, accurate, of)
+    maps, title = _maps(loaded, Path(score_path or "").stem, chosen, asked)
     total = sum(one.n_spots for one in maps.values())
     with laboratory.workers(on, score_path, loaded, trust, console) as others:
-        surveyors = None if others is None else others.surveyors(method, seconds, accurate)
+        surveyors = None if others is None else others.surveyors(*asked)
         with console.progress("mapping", total, 0.0) as progress:
             found = survey_all(maps, progress.at, surveyors)
     if console.json:
@@ -106,17 +129,17 @@ def stability(
 def _maps(
     loaded: Loaded | None,
     name: str,
-    method: str,
     chosen: str | None,
-    seconds: float,
-    accurate: float | None,
+    asked: tuple[str, float, float | None, MapMetric],
 ) -> tuple[dict[str, Map], str]:
     from ergon.lab import map_catalogue
 
     piece = None if loaded is None else score.piece_of(loaded)
-    known = map_catalogue.maps(method, piece, seconds, accurate)
+    method, seconds, accurate, metric = asked
+    known = map_catalogue.maps(method, piece, seconds, accurate, metric)
     names = laboratory.words(chosen, tuple(known), "--maps")
-    title = f"where {method} is stable, and where right"
+    right = "it makes no energy" if metric == "energy" else "right"
+    title = f"where {method} is stable, and where {right}"
     if piece is not None:
-        title = f"{piece.title or name}: where {method} is stable, and right"
+        title = f"{piece.title or name}: where {method} is stable, and {right}"
     return {name: known[name] for name in names}, title

@@ -161,6 +161,36 @@ def _pair(
     return Bare(build, RATE)
 
 
+_GAP = 1e-4  # [m] from where the spring holds the mass to the stop
+_SPANS = 10  # of a run, in each of which the mass turns many times
+
+
+def rattle(f: float, ratio: float) -> Bare:
+    """An undamped mass on a spring of pitch f [Hz], released from 1 mm, that meets a stop `ratio`
+    times as stiff as the spring.
+    """
+    k = _MASS * (2.0 * pi * f) ** 2
+
+    def build(network: _core.Network) -> None:
+        network.part("rattle")
+        ground, stop = network.sol("g"), network.sol("s", X0=-_GAP)
+        mass = network.mas("m", M=_MASS, X0=_START)
+        network.ref("r", ground, mass, K=k)
+        network.but("c", stop, mass, K=ratio * k)
+        network.listen("m", positions=[(mass, 1, 1.0)])
+
+    return Bare(build, RATE)
+
+
+def risen(frames: Floats) -> float:
+    """How far the energy of `rattle` rose, over what it was: where the mass turns away from the
+    stop, all of it is in the spring, and goes as the square of the distance.
+    """
+    spans = np.array_split(frames[:, 0], _SPANS)
+    peaks = np.array([span.max() for span in spans]) ** 2
+    return float(max(0.0, peaks.max() / peaks[0] - 1.0))
+
+
 def contact_load(kappa: float, times: float, method: str) -> float:
     """λ over the limit while the contact is closed, at `times` the rate."""
     return _pair_load(HAMMER, BAR, kappa, times, _PLAIN)

@@ -298,7 +298,9 @@ def _costs(bench: _Bench) -> dict[Setting, float]:
 
 
 def _with_energy(bench: _Bench, point: Point) -> Point:
-    """The point with the energy errors from its ledger; unchanged if the method keeps none."""
+    """The point with the energy errors from its ledger, or from the accounts of contacts and laws
+    if the method keeps none.
+    """
     if point.status != "ok":
         return point
     edges = np.linspace(0, bench.n_frames, _LOOKS + 1).astype(int)
@@ -309,7 +311,9 @@ def _with_energy(bench: _Bench, point: Point) -> Point:
             run.frames(int(n_frames))
             ledgers.append(run.energy())
     except _core.EngineError:
-        return point
+        run = runs.start(bench.scene, point.setting)
+        run.frames(bench.n_frames)
+        return replace(point, energy_db=run.made_db())
     t = [float(edge) / bench.scene.rate for edge in edges[1:]]
     found = drift(t, ledgers)
     return replace(point, energy_db=production_db(ledgers[-1]), drift_db_s=found.per_second)

@@ -20,6 +20,7 @@ from ergon.api.score_bundle import ScoreBundle, unpack, with_local_paths
 from ergon.lab import map_catalogue
 from ergon.lab.chart import ROUNDS, Played, Point, played_beside, yardstick
 from ergon.lab.maps import Map, Spot, compute_spot
+from ergon.lab.names import MapMetric
 from ergon.lab.runs import Setting
 from ergon.lab.scene import Score
 from ergon.rendering.remote import ClusterError
@@ -44,6 +45,7 @@ class _Which(TypedDict):
     method: str
     seconds: float
     accurate: float | None
+    metric: MapMetric
     content: NotRequired[ScoreBundle]
 
 
@@ -84,9 +86,11 @@ class Workers:
                 point = replace(point, cost=point.cost * here / sound["yardstick"])
             yield Played(point, samples.reshape(n_frames, sound["n_channels"]))
 
-    def surveyors(self, method: str, seconds: float, accurate: float | None) -> Surveyors:
+    def surveyors(
+        self, method: str, seconds: float, accurate: float | None, metric: MapMetric = "waveform"
+    ) -> Surveyors:
         """The surveyors of columns of maps, for `maps`."""
-        which = _Which(method=method, seconds=seconds, accurate=accurate)
+        which = _Which(method=method, seconds=seconds, accurate=accurate, metric=metric)
         if self.content is not None:
             which["content"] = self.content
         return Surveyors(self.cluster, which)
@@ -142,9 +146,9 @@ def survey(asked: list[Any], which: _Which, name: str, x: float) -> list[dict[st
 
 
 def _map(which: _Which, name: str) -> Map:
-    content = which.get("content")
+    content, others = which.get("content"), (which["seconds"], which["accurate"], which["metric"])
     if content is None:
-        return map_catalogue.maps(which["method"], None, which["seconds"], which["accurate"])[name]
+        return map_catalogue.maps(which["method"], None, *others)[name]
     with unpack(content) as path:
         piece = scores.piece_of(scores.read(path))
-        return map_catalogue.maps(which["method"], piece, which["seconds"], which["accurate"])[name]
+        return map_catalogue.maps(which["method"], piece, *others)[name]

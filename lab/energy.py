@@ -47,6 +47,11 @@ def production_db(ledger: Ledger) -> float:
     return 10.0 * log10(wrong / given) if given > 0.0 else inf
 
 
+def share_db(share: float) -> float:
+    """10·log10 of the energy made over the energy that was there; -inf if none was made."""
+    return 10.0 * log10(share) if share > 0.0 else -inf
+
+
 @dataclass(frozen=True, slots=True)
 class Drift:
     """Stored and lost energy over the energy given: its trend [dB/s], and its worst error [dB]."""

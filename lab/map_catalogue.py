@@ -14,7 +14,7 @@ from ergon.lab.canonical import RATE
 from ergon.lab.map_point import MapPoint, Stepped
 from ergon.lab.maps import Map
 from ergon.lab.metrics import Floats
-from ergon.lab.names import SLOW
+from ergon.lab.names import PLAN, SLOW, MapMetric
 from ergon.lab.runs import Setting
 from ergon.lab.scene import Bare, Scene, Score
 from ergon.lab.stiffness import has_contacts, stiffer
@@ -34,10 +34,20 @@ def _found(scene: Scene) -> Callable[[int], Truth]:
 
 
 def maps(
-    method: str, piece: Piece | None, seconds: float, accurate: float | None
+    method: str,
+    piece: Piece | None,
+    seconds: float,
+    accurate: float | None,
+    metric: MapMetric = "waveform",
 ) -> dict[str, Map]:
     """The maps of a method, or of a piece; an error up to `accurate` [dB] counts as right."""
-    found = built_in(method) if piece is None else of_score(piece, seconds, method)
+    if piece is not None:
+        found = of_score(piece, seconds, method)
+        found = {name: replace(one, metric=metric) for name, one in found.items()}
+    elif metric == "energy":
+        found = {"rattle": _rattle(method)}
+    else:
+        found = built_in(method)
     if accurate is not None:
         found = {name: replace(one, right=((inf, accurate),)) for name, one in found.items()}
     return found
@@ -87,6 +97,22 @@ def _oversampled(
         return Stepped(make(x), setting, lambda n_frames: truth(x, n_frames))
 
     return case
+
+
+def _setting(method: str) -> Setting:
+    return Setting(None if method == PLAN else method)
+
+
+def _rattle(method: str) -> Map:
+    def case(f: float, ratio: float) -> MapPoint:
+        def unknown(n_frames: int) -> Truth:
+            return Truth(None, inf)
+
+        return Stepped(canonical.rattle(f, ratio), _setting(method), unknown, canonical.risen)
+
+    return Map("rattle", "an undamped mass on a spring, which meets a stop", "its pitch [Hz]",
+               "K of the stop over K of the spring", _spaced(100.0, 6000.0, 13),
+               _spaced(0.1, 100.0, 7), 2.0, case, metric="energy")  # fmt: skip
 
 
 def _contact(method: str) -> Map:
@@ -199,7 +225,7 @@ def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_o
             frames: Floats = found.frames[::stride][:n_frames]
             return Truth(frames, found.change_db)
 
-        return Stepped(scene(factor, times), Setting(method), truth)
+        return Stepped(scene(factor, times), _setting(method), truth)
 
     what = "all its contacts" if contacts_only else "all its springs"
     title = f"{piece.title or 'the score'}: {what} stiffer"

@@ -10,7 +10,7 @@ import numpy as np
 
 from ergon import _core
 from ergon.lab import runs
-from ergon.lab.energy import production_db
+from ergon.lab.energy import production_db, share_db
 from ergon.lab.metrics import Floats
 from ergon.lab.runs import Setting
 from ergon.lab.scene import Scene
@@ -21,13 +21,14 @@ RUNAWAY_DB = 10.0  # ten times the energy that went in, made by the scheme alone
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The result of a run: whether it stayed finite (None: the engine refused it), its outputs, and
-    the reason.
+    """The result of a run: whether it stayed finite (None: the engine refused it), its outputs, the
+    reason, and the energy that its steps made over the energy that was there [dB].
     """
 
     stable: bool | None
     frames: Floats | None = None
     reason: str = ""
+    energy_db: float | None = None
 
 
 class MapPoint(Protocol):
@@ -54,6 +55,7 @@ class Stepped:
     scene: Scene
     setting: Setting
     known: Callable[[int], Truth]
+    made: Callable[[Floats], float] | None = None  # share of energy made, where outputs tell it
 
     def refused(self) -> str:
         """The objection of the certificate; empty if there is none."""
@@ -82,11 +84,12 @@ class Stepped:
             return Outcome(False, reason=str(error))
         if not np.all(np.isfinite(frames)):
             return Outcome(False, reason="an output is not finite")
-        made = production_db(run.energy()) if ledger else -np.inf
+        made = production_db(run.energy()) if ledger else run.made_db()
+        energy = made if self.made is None else share_db(self.made(frames))
         if made > RUNAWAY_DB:
             times = f"{10 ** (made / 10):.3g} times the energy given"
-            return Outcome(False, frames, f"the scheme made {times}")
-        return Outcome(True, frames)
+            return Outcome(False, frames, f"the scheme made {times}", energy)
+        return Outcome(True, frames, energy_db=energy)
 
     def truth(self, n_frames: int) -> Truth:
         """The truth from `known`."""

@@ -30,7 +30,8 @@ def csv(surveyed: Surveyed, method: str) -> str:
 def _bar(one: Map) -> str:
     *steps, (_, last) = one.right
     upto = [f"{db:g} dB up to {y:g}, " for y, db in steps]
-    return f"error_db of at most {''.join(upto)}{last:g} dB"
+    what = "energy_db" if one.metric == "energy" else "error_db"
+    return f"{what} of at most {''.join(upto)}{last:g} dB"
 
 
 def records(surveyed: Surveyed) -> list[dict[str, table.Value]]:

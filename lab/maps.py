@@ -11,10 +11,11 @@ from typing import Protocol
 from ergon import _core
 from ergon.lab.map_point import MapPoint
 from ergon.lab.metrics import EARLY, Floats, early_db, spectral
+from ergon.lab.names import MapMetric
 from ergon.scores.staging.refusals import StageError
 
 # The error that still counts as right: (up to this y, at most so many dB). -20 dB is a tenth of the
-# motion.
+# motion, or a hundredth of the energy.
 RIGHT = ((inf, -20.0),)
 _SURE_DB = -6.0  # by so much the truth must be surer than what it judges
 Progress = Callable[[int], None]
@@ -27,7 +28,7 @@ class Map:
 
     `load` is λ over the limit by a formula: 1 is the predicted border; None if there is no
     formula. The error is that of the first `judged` seconds of sound. `as_written` is the spot
-    of the unchanged score.
+    of the unchanged score. By the metric `energy` a spot is right if its steps made little.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Map:
     right: Right = RIGHT
     judged: float = EARLY
     as_written: tuple[float, float] | None = None
+    metric: MapMetric = "waveform"
 
     @property
     def n_spots(self) -> int:
@@ -72,6 +74,7 @@ class Spot:
     load: float | None = None
     error_db: float | None = None
     spectral_db: float | None = None
+    energy_db: float | None = None
     reason: str = ""
 
 
@@ -148,12 +151,25 @@ def predicted_and_run(
     except (StageError, _core.EngineError) as error:
         reason = str(error).splitlines()[0]
         return Spot(x, y, theory, None, None, load=load, reason=reason), None, None
-    spot = Spot(x, y, theory, not said, ran.stable, load=load, reason=ran.reason or said)
+    spot = Spot(
+        x,
+        y,
+        theory,
+        not said,
+        ran.stable,
+        load=load,
+        energy_db=ran.energy_db,
+        reason=ran.reason or said,
+    )
     return spot, case, ran.frames if ran.stable else None
 
 
 def _judged(found: Map, spot: Spot, case: MapPoint, frames: Floats) -> Spot:
-    truth, right_db = case.truth(len(frames)), found.right_db(spot.y)
+    right_db = found.right_db(spot.y)
+    if found.metric == "energy":
+        made = spot.energy_db
+        return replace(spot, accurate=None if made is None else made <= right_db)
+    truth = case.truth(len(frames))
     if truth.frames is None:
         reason = "accuracy is not known: no finer run went through"
         return replace(spot, reason=reason)

@@ -28,6 +28,9 @@ METRICS: dict[Metric, str] = {
     "energy": "energy that the scheme made [dB of what was given]",
 }
 MAPS = ("cell", "contact", "strike", "rate", "coupling")
+PLAN = "plan"  # whatever the planner chooses, by ear
+ENERGY_MAPS = ("rattle",)  # of the energy that steps make
+MapMetric = Literal["waveform", "energy"]  # by what a spot of a map is right
 SLOW = "e4"  # the exact flow of a slow part: no method of its own for all of a scene
 CUTS = ("soft", "quick")  # its maps
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from ergon import _core
+from ergon.lab.energy import share_db
 from ergon.lab.metrics import Floats
 from ergon.lab.names import PRECISIONS
 from ergon.lab.scene import NetworkAndTimeline, Scene
@@ -102,6 +103,10 @@ class Run:
             heard[at : at + _BLOCK] = part[::stride]
         self._derivatives.process(heard)
         return heard
+
+    def made_db(self) -> float:
+        """The energy that one link or mesh has made over the energy that was there [dB]."""
+        return share_db(self._simulation.created_share())
 
     def energy(self) -> _core.Energy:
         """The ledger of a run that keeps one."""

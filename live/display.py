@@ -221,6 +221,7 @@ def event_sentence(
         "tripped: frozen": f"{player}'s key tripped: its position does not change while the force "
         "does; the force returns when the key has moved for 3 s",
         "muted": "a part diverged or created energy, and is muted",
+        "gained": "a contact or a law has made energy: it is too stiff for the time step",
         "finer": "links became too stiff for one step a frame: such frames are computed in finer "
         "steps",
     }.get(what, "")

@@ -126,6 +126,26 @@ def test_every_method_has_limits_and_every_map_a_name():
     assert ORDERS["ca"] == 2
 
 
+@pytest.mark.parametrize("method", ["plan", "ca"])
+def test_the_energy_of_a_rattle_is_kept_by_a_plan(method: str):
+    """A mass on an undamped spring that meets a stop: by steps of CA a stiff one runs away."""
+    (whole,) = map_catalogue.maps(method, None, 0.5, None, "energy").values()
+    one = replace(whole, xs=whole.xs[4::4], ys=whole.ys[::3], seconds=0.2)
+    spots = maps.survey(one, silent)
+    assert all(spot.energy_db is not None for spot in spots if spot.stable)
+    kept = [spot.stable and spot.accurate for spot in spots]
+    assert all(kept) if method == "plan" else {True, False} == set(kept)
+    assert "energy_db of at most -20 dB" in map_table.csv({"rattle": (one, spots)}, method)
+
+
+def test_the_energy_of_a_score_is_told_by_its_accounts():
+    piece = load("two.yaml", text=TEXT).piece
+    assert piece is not None
+    found = map_catalogue.maps("plan", piece, 0.1, None, "energy")["contacts"]
+    spot = maps.compute_spot(found, 1.0, 1.0)
+    assert (spot.stable, spot.accurate, spot.error_db) == (True, True, None)
+
+
 def test_the_truth_is_a_run_that_half_as_fine_repeats():
     found = converged(canonical.string(20, 44100.0), 4410)
     assert found.frames is not None

@@ -301,6 +301,11 @@ impl Simulation {
             .collect()
     }
 
+    /// The most energy that one link or mesh has made, as a share of the energy that was there.
+    fn created_share(&self) -> f64 {
+        self.0.created_share()
+    }
+
     /// The islands whose stretches can be stored.
     fn storable(&self, py: Python<'_>) -> Vec<StorableIsland> {
         let islands = py.detach(|| self.0.storable());

@@ -25,6 +25,7 @@ pub(crate) fn named_event(event: perform::Event) -> PerformanceEvent {
         EventKind::Tripped(hand, why) => (tripped(why), hand as f64),
         EventKind::Muted => ("muted", 0.0),
         EventKind::Finer => ("finer", 0.0),
+        EventKind::Gained => ("gained", 0.0),
         EventKind::Changed(ticket) => ("changed", ticket as f64),
         EventKind::Late(ticket) => ("late", ticket as f64),
         EventKind::Acted(ticket) => ("acted", ticket as f64),

@@ -259,6 +259,14 @@ impl Cell {
         }
     }
 
+    /// Energy [J] of the free motion through two samples, the second a step after the first, relative to the rest
+    /// position [m].
+    pub(crate) fn energy(&self, [now, next]: [f64; 2], rate: Rate) -> f64 {
+        let (released, response) = (self.released(rate.step()), self.response(rate.step()));
+        let v = (next - released * now) / response;
+        0.5 * self.mass * (v * v) + 0.5 * self.stiffness() * (now * now)
+    }
+
     /// Displacement [m] per impulse [N·s], `t` [s] >= 0 after it.
     pub(crate) fn answer(&self, t: f64) -> f64 {
         self.response(t) / self.mass

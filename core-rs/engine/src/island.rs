@@ -6,6 +6,7 @@ mod contact_peaks;
 mod emulated_key;
 mod energy_account;
 pub(crate) mod energy_gain;
+mod energy_rise;
 mod fault;
 pub(crate) mod fine;
 pub(crate) mod followed_energy;
@@ -18,6 +19,7 @@ pub(crate) mod modal;
 mod pace;
 mod pair_energy;
 mod pair_gain;
+mod put_in;
 mod real_hands;
 pub(crate) mod record;
 mod rest;
@@ -110,6 +112,8 @@ struct State {
     guard: Option<Box<Guard>>,
     /// Accounts of links that can create energy.
     gains: Option<Box<energy_gain::Gains>>,
+    /// The energy of the whole island.
+    rise: Option<Box<energy_rise::Rise>>,
     /// Factor on every x[n] − x[n−1] at each step; below 1 it acts as additional viscosity.
     damped: f64,
     /// The scheme with the values of this frame, if glides, leads or laws that follow MATs change it.
@@ -319,6 +323,9 @@ impl Island {
         }
         if let Some(guard) = &mut self.state.guard {
             guard.reserve(most);
+        }
+        if let Some(gains) = &mut self.state.gains {
+            gains.reserve(most);
         }
         self.reserve_rest();
     }

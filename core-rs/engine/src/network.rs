@@ -148,6 +148,13 @@ pub struct Run {
     pub part: usize,
 }
 
+impl Run {
+    /// Whether it is of springs without damping, whose forces are sums of positions.
+    pub(crate) fn is_undamped_spring(&self) -> bool {
+        matches!(self.kind, LinkKind::Ref) && self.z == 0.0
+    }
+}
+
 /// An instrument or a key: everything to which a composer gave one name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {

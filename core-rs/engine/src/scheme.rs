@@ -166,8 +166,13 @@ impl Run {
         }
     }
 
+    /// Indices of its links.
+    pub(crate) fn links(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.len
+    }
+
     /// Whether it is of hardening springs.
-    fn is_hardening(&self) -> bool {
+    pub(crate) fn is_hardening(&self) -> bool {
         !matches!(self.kind, Kind::Ref) && self.spring().is_some()
     }
 
@@ -210,7 +215,7 @@ impl Run {
     }
 
     /// The run as hardening springs; `None` for contacts and other laws.
-    fn spring(&self) -> Option<Spring> {
+    pub(crate) fn spring(&self) -> Option<Spring> {
         let (k, q, z) = match &self.kind {
             Kind::Ref => (self.k, 0.0, self.z),
             Kind::Hardening(q) => (self.k, *q, self.z),

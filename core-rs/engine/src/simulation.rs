@@ -520,6 +520,19 @@ impl Simulation {
         self.islands().flat_map(|(island, _)| of(island)).collect()
     }
 
+    /// The most energy that one link or mesh has created, as a share of the energy that was there.
+    pub fn created_share(&self) -> f64 {
+        let islands = self.islands();
+        islands
+            .map(|(island, _)| island.created_share())
+            .fold(0.0, f64::max)
+    }
+
+    /// Number of links and meshes that created energy; does not allocate.
+    pub fn n_gains(&self) -> usize {
+        self.islands().map(|(island, _)| island.n_gains()).sum()
+    }
+
     /// Number of meshes with frames computed in finer steps; does not allocate.
     pub fn n_finer(&self) -> usize {
         let islands = self.islands();

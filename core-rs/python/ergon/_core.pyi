@@ -1557,6 +1557,10 @@ class Simulation:
         """The parts that were muted, with on_fault="mute"."""
     def gains(self) -> list[EnergyGain]:
         """Links and meshes that made energy; a single one of many is reported by its own name."""
+    def created_share(self) -> float:
+        """The most energy that one link or mesh has made, as a share of the energy that was there;
+        0 if nothing made any.
+        """
     def finer(self) -> list[FinerPart]:
         """The parts with frames of more than one step."""
     def storable(self) -> list[StorableIsland]:
@@ -1970,7 +1974,8 @@ class PerformanceEvent(NamedTuple):
     """An event of a performance.
 
     The number is a board ("gone", "back"), a hand ("took over", "tripped: …"), a ticket ("changed",
-    "late", "acted", "missed") or a time [s] ("lost"); 0 for "muted", "finer" and "ended".
+    "late", "acted", "missed") or a time [s] ("lost"); 0 for "muted", "finer", "gained"
+    and "ended".
     """
 
     frame: int

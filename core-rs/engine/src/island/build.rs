@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::contact_peaks::ContactPeaks;
-use super::energy_gain::Gains;
+use super::energy_gain::{self, Gains};
+use super::energy_rise::Rise;
 use super::fault::Mutes;
 use super::fine::Fine;
 use super::inside::{self, BodyPlan};
@@ -114,17 +115,26 @@ impl Island {
             Guard::new(&most, &stiffest, Limit::CA, &ports)?.map(Box::new)
         };
         body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
+        let mut springs = energy_gain::hardening_springs(&scheme);
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts, timeline);
         }
-        // No energy accounts are kept where K changes in time, because that gives and takes energy as a hand does. With
-        // a real hand, the stages before its key bound the force, and muting a part would make the key jump. Fused
-        // springs have no accounts, because their forces are not known one by one; the guard bounds how stiff they
-        // become.
-        let has_hand = timeline.drives.iter().any(|drive| drive.hand().is_some());
-        let is_accounted =
-            timeline.leads.is_empty() && !network.follows() && !has_hand && !options.unchecked;
-        let gains = is_accounted.then(|| Gains::new(&scheme)).flatten();
+        let is_led = |link: usize| {
+            timeline
+                .leads
+                .iter()
+                .any(|lead| lead.links().contains(&link))
+        };
+        let gains = if options.unchecked {
+            None // the run has to show what really happens
+        } else {
+            springs.retain(|run| scheme.runs.iter().all(|own| own.first != run.first));
+            Gains::new(&scheme, &springs, is_led)
+        };
+        let is_watched = !options.unchecked && timeline.glides.is_empty();
+        let rise = is_watched
+            .then(|| Rise::new(&network, &scheme, &bodies, fine.as_ref(), timeline.rate))
+            .flatten();
         let led = super::glide::bind_leads(&mut scheme, &network, timeline);
         let glides = super::glide::glides(&network, timeline, &scheme)?;
         let mut laws = Laws::new(&scheme);
@@ -180,6 +190,7 @@ impl Island {
             mutes: Mutes::new(&scheme),
             guard,
             gains,
+            rise,
             damped: 1.0,
             scheme: gliding,
             body,

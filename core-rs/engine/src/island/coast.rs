@@ -6,7 +6,7 @@
 
 use super::fault::Fault;
 use super::step::StepOutputs;
-use super::{Island, inside};
+use super::{Island, energy_rise, inside};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
@@ -67,7 +67,10 @@ impl Island {
         let quiet = events.map(|at| at.saturating_sub(n) as usize);
         let modals = state.bodies.iter().filter_map(inside::RunningBody::modal);
         let ahead = modals.map(super::modal::RunningModal::ahead);
-        let most = quiet.chain(ahead).fold(to - from, usize::min);
+        let watched = state.rise.is_some();
+        let look = watched.then(|| energy_rise::Rise::steps_left(n) as usize);
+        let most = quiet.chain(ahead).chain(look);
+        let most = most.fold(to - from, usize::min);
         if most < STEPS_MIN {
             return Ok(0);
         }

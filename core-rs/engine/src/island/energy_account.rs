@@ -86,6 +86,14 @@ impl Account {
 }
 
 impl Gain {
+    /// The same where at least `put_in` [J] was there.
+    pub(crate) fn of_at_least(self, put_in: f64) -> Self {
+        Self {
+            reference: self.reference.max(put_in),
+            ..self
+        }
+    }
+
     /// The message about it.
     pub(crate) fn sentence(&self, module: &str, seconds: f64) -> String {
         let [created, reference] = [self.created, self.reference].map(joules);

@@ -129,7 +129,7 @@ impl Island {
             }
             self.mute(part, n);
         }
-        while let Some(mat) = self.state.body.x.iter().position(|&x| !kernel::sound(x)) {
+        while let Some(mat) = self.unsound_mat() {
             let part = self.script.scheme.part[mat] as usize;
             if self.script.on_fault == OnFault::Stop {
                 return Err(self.fault_of(self.network.mat_name(mat), part, None));
@@ -137,6 +137,13 @@ impl Island {
             self.mute(part, n);
         }
         Ok(())
+    }
+
+    /// A MAT whose position is beyond all bounds, one that moves if there is one.
+    fn unsound_mat(&self) -> Option<usize> {
+        let (x, w) = (&self.state.body.x, &self.script.scheme.w);
+        let unsound = (0..x.len()).filter(|&mat| !kernel::sound(x[mat]));
+        unsound.min_by_key(|&mat| w[mat] == 0.0)
     }
 
     pub(super) fn fault_of(&self, module: String, part: usize, gain: Option<Gain>) -> Fault {
@@ -205,6 +212,7 @@ impl Island {
         if let Some(gains) = &mut state.gains {
             gains.release(&ours);
         }
+        state.rise = None;
         if state.scheme.is_some() {
             state.scheme = Some(scheme.changing());
         }

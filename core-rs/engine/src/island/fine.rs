@@ -15,6 +15,7 @@ mod laws;
 mod march;
 mod script;
 mod slides;
+mod sprung;
 
 use std::sync::Arc;
 
@@ -29,7 +30,11 @@ use joint::Joint;
 use laws::{LawScript, LawState};
 use script::Script;
 use slides::{Frame, Frictions};
+use sprung::Sprung;
 
+/// Most steps a frame for which links are computed finer while they run, and by how much at once.
+const STEPS_MAX: usize = 64;
+const FINER: usize = 4;
 /// A contact that is further than this from closing stays open, however its distance is rounded [m].
 const HAIR: f64 = 1e-9;
 
@@ -72,6 +77,8 @@ pub(crate) struct Fine {
     numbers: Vec<[[f64; 2]; 2]>,
     /// Whether each joint has glided since the tables of laws were made   (n_joints)
     has_glided: Vec<bool>,
+    /// Points that steps hold too, where energy may be created.
+    sprung: Sprung,
     /// Whether a contact has ever been closed.
     pub(super) has_touched: bool,
     /// Work done so far.
@@ -83,6 +90,9 @@ crate::archive::option!(Fine, fixed);
 /// All state that is not computed anew in each frame.
 impl State for Fine {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        let mut steps = self.script.steps;
+        steps.archive(archive)?;
+        self.set_steps(steps.min(STEPS_MAX));
         state_of!(
             self,
             archive,
@@ -91,6 +101,7 @@ impl State for Fine {
             rests,
             has_glided,
             has_touched,
+            sprung,
             work
         )?;
         if matches!(archive, Archive::Read(_)) && self.has_glided.contains(&true) {
@@ -128,8 +139,30 @@ impl Fine {
         &self.script.basis.instants
     }
 
+    /// Compute contacts and laws finer from now on, if that is possible: their steps have created energy.
+    pub(super) fn refine(&mut self) {
+        if self.frictions.is_empty() {
+            self.set_steps((FINER * self.script.steps).min(STEPS_MAX));
+        }
+    }
+
+    /// Compute contacts and laws in at least this many steps a frame.
+    fn set_steps(&mut self, steps: usize) {
+        if steps <= self.script.steps {
+            return;
+        }
+        // This happens at most a few times in a run, so copies of the scripts are acceptable.
+        let script = Arc::make_mut(&mut self.script);
+        script.steps = steps;
+        self.law_script = Arc::new(LawScript::new(script));
+        for law in &mut self.laws {
+            law.forget_before();
+        }
+    }
+
     /// Take over the state of the same contacts and laws in another version.
     pub(super) fn continue_from(&mut self, old: &mut Self) {
+        self.set_steps(old.script.steps);
         std::mem::swap(&mut self.later, &mut old.later);
         if self.rests.len() == old.rests.len() {
             self.rests.copy_from_slice(&old.rests);
@@ -195,6 +228,7 @@ impl Fine {
         keep(&mut self.numbers, &stays);
         *laws = LawScript::new(script);
         self.frictions = Frictions::new(script);
+        self.sprung.release(mats);
         links
     }
 
@@ -227,6 +261,46 @@ impl Fine {
     /// Work done so far, counted.
     pub(super) fn work(&self) -> FineWork {
         self.work
+    }
+
+    /// The account of points that steps hold too.
+    pub(super) fn sprung(&self) -> &Sprung {
+        &self.sprung
+    }
+
+    pub(super) fn sprung_mut(&mut self) -> &mut Sprung {
+        &mut self.sprung
+    }
+
+    /// Its links.
+    pub(super) fn links(&self) -> impl Iterator<Item = &Run> {
+        self.script.links.iter()
+    }
+
+    /// The force that this frame leaves to the next on a MAT [N].
+    pub(super) fn later_at(&self, mat: usize) -> f64 {
+        let joints = self.script.joints.iter().zip(&self.later);
+        let own = joints.filter(|(joint, _)| joint.mat == mat);
+        own.map(|(_, later)| later).sum()
+    }
+
+    /// Tell the energy that each link stores at the end of the frame [J]; `open` says how far its gate is open.
+    pub(super) fn energies(
+        &self,
+        body: &Body,
+        open: impl Fn(&Run) -> f64,
+        mut tell: impl FnMut(f64),
+    ) {
+        for (run, [_, [k, z]]) in self.script.links.iter().zip(&self.numbers) {
+            let energy = match (&run.kind, self.bend_of(run.first)) {
+                (Kind::Bristle { by, .. }, Some(bend)) => by.with(*k, *z).energy(bend),
+                _ => {
+                    let strength = if run.k == 0.0 { 1.0 } else { k / run.k };
+                    strength * kernel::potential(run, run.elongation(0, |mat| body.x[mat]))
+                }
+            };
+            tell(open(run) * energy);
+        }
     }
 
     /// Number of its links that end on a MAT.
@@ -288,7 +362,8 @@ impl Fine {
     }
 
     /// Note the forces that act over the whole frame: those of links and drives, before strikes are added.
-    pub(super) fn lean(&mut self, body: &Body) {
+    pub(super) fn lean(&mut self, scheme: &Scheme, body: &Body) {
+        self.sprung.settle(scheme, body);
         for (joint, steady) in self.script.joints.iter().zip(&mut self.steady) {
             *steady = body.force[joint.mat];
         }
@@ -296,6 +371,7 @@ impl Fine {
 
     /// Add the forces that the frame before left to this one.
     pub(super) fn carry(&mut self, body: &mut Body) {
+        self.sprung.carry(&self.later, body);
         for (joint, later) in self.script.joints.iter().zip(&mut self.later) {
             if *later != 0.0 {
                 body.push(joint.mat, std::mem::take(later));
@@ -371,6 +447,7 @@ impl Fine {
             self.collocate(&script, &laws, gates);
         }
         self.tell_laws(&script, &laws, body);
+        self.sprung.note(&script, &self.pushed, scheme);
         self.give(&script, bodies, body);
     }
 
@@ -425,6 +502,7 @@ impl Fine {
                 }
                 None => {
                     let rest = joint.rest;
+                    let step = next(joint.mat, body) - body.x[joint.mat];
                     let (x, then) = (body.x[joint.mat] - rest, next(joint.mat, body) - rest);
                     for (x_at, (from, to)) in values.iter_mut().zip(&joint.way) {
                         *x_at = rest + (x * from + then * to);
@@ -432,6 +510,7 @@ impl Fine {
                     if joint.cell.is_some() {
                         // The forces inside a mesh also bend the path of its port throughout the frame.
                         bend += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
+                        self.sprung.note_free(at, step, bend);
                     } else {
                         bend = 0.0;
                     }

@@ -190,6 +190,15 @@ impl RunningBody {
         }
     }
 
+    /// Whether a MAT of the island is one of its ports.
+    pub(crate) fn has_port(&self, mat: usize) -> bool {
+        match self {
+            Self::Modal(modal) => modal.ports().any(|port| port == mat),
+            Self::Mesh(mesh) => mesh.has_port(mat),
+            Self::Slow(slow) => slow.has_port(mat),
+        }
+    }
+
     /// Whether one of its ports is among the marked MATs (n_mat), or one of its own MATs is in a part.
     pub(crate) fn is_of(&self, mats: &[bool], part: usize) -> bool {
         match self {

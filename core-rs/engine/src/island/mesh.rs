@@ -282,6 +282,11 @@ impl RunningMesh {
         Some((network.mat_name(mat), network.mats().part[mat] as usize))
     }
 
+    /// Whether a MAT of the island is one of its ports.
+    pub(crate) fn has_port(&self, mat: usize) -> bool {
+        self.plan.ports.iter().any(|&(_, port)| port == mat)
+    }
+
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.
     pub(crate) fn is_of(&self, mats: &[bool], part: usize) -> bool {
         let own = &self.plan.network.mats().part;

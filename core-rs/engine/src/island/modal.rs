@@ -259,6 +259,20 @@ impl RunningModal {
         self.script.plan.ports.iter().map(|port| port.mat)
     }
 
+    /// Tell the energy of each of its modes [J]; of complex or discrete modes none is told.
+    pub(crate) fn energies(&self, mut tell: impl FnMut(f64)) {
+        let plan = &self.script.plan;
+        if plan.answers.is_some() {
+            return;
+        }
+        self.look(|mode, now, before| {
+            let own = &plan.modes[mode];
+            if let Some(cell) = &own.cell {
+                tell(cell.energy([now, own.a * now - own.b * before], plan.rate));
+            }
+        });
+    }
+
     /// Step from frame `n` to the next, under the forces at the ports (n_mat).
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let mut is_pushed = false;

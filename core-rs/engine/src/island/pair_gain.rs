@@ -124,7 +124,12 @@ impl PairGains {
     }
 
     /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses.
-    pub(super) fn check(&mut self, body: &Body, around: impl Fn() -> f64, n: u64) -> Option<Gain> {
+    pub(super) fn check(
+        &mut self,
+        body: &Body,
+        (around, put_in): (impl Fn() -> f64, f64),
+        n: u64,
+    ) -> Option<Gain> {
         if self.account.is_overdrawn() && !self.is_whole {
             let start = stored(&mut self.pair_contacts, [&self.from[0], &self.from[1]]);
             self.account.add_start(start + self.held);
@@ -134,7 +139,7 @@ impl PairGains {
             return None;
         }
         let stored = stored(&mut self.pair_contacts, [&body.x, &body.d]) + self.held(body);
-        let gain = self.account.gain(stored, around(), n);
+        let gain = self.account.gain(stored, around(), n).of_at_least(put_in);
         if !gain.is_reportable() || gain.created <= self.rounding(body) {
             return None;
         }

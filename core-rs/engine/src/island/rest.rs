@@ -241,7 +241,7 @@ impl Island {
     }
 
     /// The first step, `n` or later, at which an event may be due; `n` if that is not known.
-    fn due(&self, n: u64) -> u64 {
+    pub(super) fn due(&self, n: u64) -> u64 {
         let (script, state) = (&*self.script, &self.state);
         // The future of hands and takes is not looked at.
         let is_known =

@@ -373,6 +373,11 @@ impl RunningSlow {
             .sum()
     }
 
+    /// Whether a MAT of the island is one of its ports.
+    pub(crate) fn has_port(&self, mat: usize) -> bool {
+        self.plan.ports.iter().any(|&(_, port)| port == mat)
+    }
+
     /// Whether it belongs to a part.
     pub(crate) fn is_of(&self, part: usize) -> bool {
         self.plan.part == part

@@ -132,6 +132,11 @@ impl Island {
             &mut state.body,
             &mut state.targets,
         );
+        if let Some(rise) = &mut state.rise
+            && state.impulses.iter().any(|&impulse| impulse != 0.0)
+        {
+            rise.restart();
+        }
         live_strikes::apply(
             &script.strike_points,
             &mut state.impulses,
@@ -141,7 +146,7 @@ impl Island {
         kernel::proxies::note(scheme, &mut state.body);
         kernel::proxies::divide(scheme, &mut state.body);
         if let Some(fine) = &mut state.fine {
-            fine.lean(&state.body);
+            fine.lean(scheme, &state.body);
             fine.carry(&mut state.body);
         }
         layers(script, state);
@@ -176,7 +181,7 @@ impl Island {
         if let Some(gains) = &mut state.gains
             && !state.guard.as_ref().is_some_and(|guard| guard.is_finer())
         {
-            gains.step(scheme, &state.body);
+            gains.step(scheme, &state.gates, &state.targets, &state.body);
         }
         if let Some(ledger) = &mut state.ledger {
             ledger.before(scheme, &state.targets, &state.body);
@@ -201,6 +206,8 @@ impl Island {
         sound = finer.unwrap_or(sound);
         if finer.is_some() || state.damped < 1.0 {
             state.gains.iter_mut().for_each(|gains| gains.restart());
+            let fine = state.fine.iter_mut();
+            fine.for_each(|fine| fine.sprung_mut().restart());
         }
         kernel::bend(scheme, &mut state.body);
         kernel::rest(scheme, &mut state.body);

@@ -64,6 +64,7 @@ impl Archived for State {
             mutes,
             guard,
             gains,
+            rise,
             damped
         )
     }

@@ -115,6 +115,11 @@ impl Bristle {
     pub fn passive_viscosity(&self) -> f64 {
         self.damping * (self.static_level - self.level) / self.level
     }
+
+    /// Whether it never gives energy.
+    pub(crate) fn is_passive(&self) -> bool {
+        self.viscosity >= self.passive_viscosity()
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ergon_engine::network::{But, Network, Term, Tie};
-use ergon_engine::plan::{Budget, Method, Plan};
+use ergon_engine::plan::{Budget, Known, Method, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -165,4 +165,86 @@ fn a_mesh_is_held_against_the_energy_of_its_laws() {
     let mut simulation = Simulation::planned(Arc::new(plan), options(OnFault::Stop)).unwrap();
     let fault = simulation.skip(11_025).unwrap_err();
     assert!(fault.to_string().contains("created energy"), "{fault}");
+}
+
+/// A mass of 1 g between two springs of 50 kN/m of viscosity `z`, which meets a stop; the forces of the first `n_heard`
+/// springs are heard, so that damped ones are stepped.
+fn rattling(n_heard: usize, z: f64) -> Network {
+    let mut network = Network::new();
+    network.part("rattle", None);
+    let [ground, stop] = [("g", 0.0), ("s", -1e-4)].map(|(name, x)| network.sol(name, x).unwrap());
+    let mass = network.mas("m", 1e-3, 1e-3, 0.0).unwrap();
+    let springs = ["l", "r"].map(|name| network.spring(name, ground, mass, 5e4, z, 0.0).unwrap());
+    network
+        .but("c", stop, mass, But::plain(1.5e5, 0.0, 0.0))
+        .unwrap();
+    let (len, weight) = (1, 1.0);
+    let term = Term::Position {
+        first: mass,
+        len,
+        weight,
+    };
+    network.listen("x", vec![term]).unwrap();
+    for &first in &springs[..n_heard] {
+        let term = Term::Force { first, len, weight };
+        network.listen(&format!("f{first}"), vec![term]).unwrap();
+    }
+    network
+}
+
+/// Viscosity that leaves a thousandth of the motion after 7 s [N·s/m].
+const Z: f64 = 1e-3;
+
+/// Two seconds of it by a plan without trials, and its outputs.
+fn rattled(n_heard: usize, z: f64, on_fault: OnFault) -> (Simulation, Result<Vec<f64>, String>) {
+    let (network, timeline) = (
+        Arc::new(rattling(n_heard, z)),
+        Timeline::new(Rate::new(HERTZ).unwrap()),
+    );
+    let budget = Budget::Error(-20.0);
+    let known = Known {
+        share: 0.0,
+        ..Known::default()
+    };
+    let plan = Plan::with(network, &timeline, &budget, None, known).unwrap();
+    let mut simulation = Simulation::planned(Arc::new(plan), options(on_fault)).unwrap();
+    let mut out = vec![0.0; (1 + n_heard) * 88_200];
+    let played = simulation.process(&mut out).map(|()| out);
+    (simulation, played.map_err(|fault| fault.to_string()))
+}
+
+#[test]
+fn a_small_body_that_meets_a_contact_keeps_its_energy() {
+    // The force of an undamped spring is a sum of positions.
+    for n_heard in [0, 2] {
+        let (simulation, out) = rattled(n_heard, 0.0, OnFault::Stop);
+        let out: Vec<f64> = out.unwrap().into_iter().step_by(1 + n_heard).collect();
+        let peak = |part: &[f64]| part.iter().fold(0.0_f64, |most, x| most.max(*x));
+        // Where it turns away from the stop, all its energy is in the springs.
+        let rise = peak(&out[66_150..]) / peak(&out[..22_050]);
+        assert!((rise - 1.0).abs() < 1e-3, "{n_heard}: {rise}");
+        assert_eq!(simulation.gains(), []);
+    }
+}
+
+/// By one spring that is stepped at a port of a body, or by two at a stepped mass.
+#[test]
+fn energy_of_a_stepped_spring_beside_a_contact_between_frames_is_told() {
+    for n_heard in [1, 2] {
+        let (simulation, out) = rattled(n_heard, Z, OnFault::Stop);
+        match out {
+            Ok(_) => assert!(!simulation.gains().is_empty(), "{n_heard}"),
+            Err(fault) => assert!(fault.contains("rattle.c created energy"), "{fault}"),
+        }
+    }
+}
+
+#[test]
+fn a_part_that_creates_energy_between_frames_is_muted() {
+    let (simulation, out) = rattled(2, Z, OnFault::Mute);
+    let out = out.unwrap();
+    let muted = simulation.muted();
+    assert_eq!((muted.len(), &*muted[0].0), (1, "rattle"));
+    assert!(out.chunks(3).all(|row| row[0].abs() < 2e-3));
+    assert!(out[out.len() - 3..].iter().all(|x| *x == 0.0));
 }

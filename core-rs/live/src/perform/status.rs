@@ -39,6 +39,8 @@ pub struct Status {
     pub muted: u32,
     /// Number of parts with frames computed in finer steps.
     pub finer: u32,
+    /// Number of contacts, laws and meshes that created energy.
+    pub gained: u32,
 }
 
 impl Default for Status {
@@ -58,6 +60,7 @@ impl Default for Status {
             hands: [HandStatus::default(); HANDS_MAX],
             muted: 0,
             finer: 0,
+            gained: 0,
         }
     }
 }
@@ -115,6 +118,8 @@ pub enum EventKind {
     Muted,
     /// Links of a part stiffened so much that frames are computed in finer steps.
     Finer,
+    /// Steps of a contact, a law or a mesh created energy.
+    Gained,
     /// A change was made; its ticket.
     Changed(u64),
     /// A change was not made, because its frame had passed, too many changes waited, or it does not fit the playing

@@ -8,6 +8,7 @@ use super::crowded::{CrowdedBody, crowded_bodies};
 use super::joint::{Joint, joint, moves, reach};
 use super::laws::LawScript;
 use super::slides::Frictions;
+use super::sprung::Sprung;
 use super::{Fine, FineWork, Script};
 use crate::island::inside::RunningBody;
 use crate::island::modal::RunningModal;
@@ -103,6 +104,7 @@ impl Fine {
         };
         script.is_coupled = script.has_coupled_links();
         let law_script = LawScript::new(&script);
+        let sprung = Sprung::new(&script, network);
         let n_links = script.links.len();
         Self {
             way: vec![0.0; n_joints * n],
@@ -121,6 +123,7 @@ impl Fine {
             depths: vec![0.0; n_links],
             numbers: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
             has_glided: vec![false; n_joints],
+            sprung,
             has_touched: false,
             work: FineWork {
                 instants: 0,

@@ -250,25 +250,49 @@ pub(in crate::plan) struct OutputSums {
     pub(in crate::plan) held: Vec<f64>,
 }
 
-/// What each output of a body sums.
+/// What each output of a body sums; refused if one hears a force.
 pub(in crate::plan) fn output_sums(network: &Network) -> Result<OutputSums, NoModes> {
+    let mut terms = network.outputs().iter().flat_map(|output| &output.terms);
+    let hears_force = terms.any(|term| !matches!(term, Term::Position { .. }));
+    if hears_force {
+        return Err(NoModes::ForceHeard);
+    }
+    position_sums(network)
+}
+
+/// The same, with forces of undamped springs as sums of positions; refused if an output hears another force.
+pub(in crate::plan) fn position_sums(network: &Network) -> Result<OutputSums, NoModes> {
     let mats = network.mats();
     let (mut rows, mut held) = (Vec::new(), Vec::new());
     for output in network.outputs() {
         let (mut row, mut still) = (Row::new(), 0.0);
+        let mut add = |mat: usize, weight: f64| {
+            row.push((mat, weight));
+            if !mats.kind[mat].moves() {
+                still += weight * mats.x0[mat];
+            }
+        };
+        let mut rests = 0.0;
         for term in &output.terms {
-            let Term::Position { first, len, weight } = *term else {
-                return Err(NoModes::ForceHeard);
-            };
-            for i in first..first + len {
-                row.push((i, weight));
-                if !mats.kind[i].moves() {
-                    still += weight * mats.x0[i];
+            match *term {
+                Term::Position { first, len, weight } => {
+                    (first..first + len).for_each(|mat| add(mat, weight));
                 }
+                Term::Force { first, len, weight } => {
+                    for link in first..first + len {
+                        let run = network.run_of(link).filter(|run| run.is_undamped_spring());
+                        let (run, weight) = (run.ok_or(NoModes::ForceHeard)?, -weight);
+                        let at = link - run.first;
+                        add(run.b + at, weight * run.k);
+                        add(run.a + at, -weight * run.k);
+                        rests -= weight * run.k * run.rest;
+                    }
+                }
+                Term::Ground { .. } | Term::Length { .. } => return Err(NoModes::ForceHeard),
             }
         }
         rows.push(row);
-        held.push(still);
+        held.push(still + rests);
     }
     Ok(OutputSums { rows, held })
 }

@@ -8,7 +8,7 @@ use crate::island::mesh::Mesh;
 use crate::maths::sqrt;
 use crate::network::{Error, Network};
 use crate::plan::budget::Budget;
-use crate::plan::passes::body::output_sums;
+use crate::plan::passes::body::position_sums;
 use crate::plan::passes::split::local_links;
 use crate::plan::passes::wiring::Body;
 use crate::timeline::{Lead, Timeline, greatest, pushes};
@@ -98,7 +98,7 @@ pub(in crate::plan) fn mesh(
             _ => choose(&stiffest, rate, budget, false)?,
         },
     };
-    let outputs = output_sums(&subset.network).ok()?;
+    let outputs = position_sums(&subset.network).ok()?;
     let local = |mat: u32| subset.mat(mat as usize);
     let ports = body
         .ports

@@ -11,7 +11,7 @@ use crate::network::{Error, Network, Subset, Term};
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::cost;
-use crate::plan::passes::body::{blows, output_sums};
+use crate::plan::passes::body::{blows, output_sums, position_sums};
 use crate::plan::passes::complex_body::{self, Part};
 use crate::plan::passes::complex_modes::Sum;
 use crate::plan::passes::linear::NoModes;
@@ -20,7 +20,7 @@ use crate::plan::passes::modes::{Modes, Row};
 use crate::plan::passes::slow::slow_bodies;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
-use crate::plan::passes::wiring::{Body, Wiring};
+use crate::plan::passes::wiring::{Body, Wanted, Wiring};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -83,7 +83,11 @@ pub(in crate::plan) fn cut(
     // mass through normal modes.
     let takes_complex = found.is_empty() && !timeline.is_open;
     if budget.takes_modes() && has_bodies && !are_meshes {
-        for body in wiring.bodies(network, false, false) {
+        let wanted = match budget.contact_substeps() {
+            1 => Wanted::Linear,
+            _ => Wanted::Touched,
+        };
+        for body in wiring.bodies(network, wanted) {
             let found_modes = match modal(network, timeline, &body, memo) {
                 Err(NoModes::Damping) if takes_complex => complex(network, timeline, &body, memo),
                 known => known.map(BodyPlan::Modal),
@@ -103,7 +107,12 @@ pub(in crate::plan) fn cut(
         }
         // If one method is asked for, it steps the smallest body too.
         let is_asked = are_meshes || matches!(budget, Budget::Method(_));
-        for body in wiring.bodies(network, true, is_asked) {
+        let wanted = if is_asked {
+            Wanted::All
+        } else {
+            Wanted::Meshes
+        };
+        for body in wiring.bodies(network, wanted) {
             let pin = pin.map(|pin| pin.kept.get(found.len()).map_or(&[][..], Vec::as_slice));
             if let Some(mesh) =
                 mesh::mesh(network, timeline, &body, budget, pin, (choice, found.len()))
@@ -145,7 +154,7 @@ pub(in crate::plan) fn check_supported(
     for (body, _) in slow_bodies(network, timeline).bodies {
         wiring.take(&body.mats);
     }
-    let bodies = wiring.bodies(network, true, true);
+    let bodies = wiring.bodies(network, Wanted::All);
     let check = |body: &Body| mesh::check_supported(network, timeline.rate, body, mesh_method);
     bodies.iter().try_for_each(check)
 }
@@ -194,7 +203,7 @@ fn modal(
 ) -> Result<Modal, NoModes> {
     let rate = timeline.rate;
     let subset = network.subset(&body.mats, &body.guests, &body.links);
-    let outputs = output_sums(&subset.network)?;
+    let outputs = position_sums(&subset.network)?;
     let local = |mat: &u32| subset.mat(*mat as usize).unwrap_or(0);
     let row = |mat: usize| vec![(mat, 1.0)];
     let ports: Vec<usize> = body.ports.iter().map(local).collect();
@@ -347,10 +356,11 @@ fn complex(
             struck: (n_ports..points.len()).map(answers).collect(),
         }),
     };
-    // The largest cost allowed: the same masses stepped module by module, times `MOST`.
+    // The largest cost allowed: the same masses stepped module by module, times `MOST`. A few masses that contacts touch
+    // would create energy if they were stepped.
     let stepped = MOST * cost::stepped_cost(&found.of, &Timeline::new(rate));
     let found = BodyPlan::Modal(found);
-    let is_cheap = cost::body_cost(&found) <= stepped;
+    let is_cheap = body.is_small() || cost::body_cost(&found) <= stepped;
     is_cheap.then_some(found).ok_or(NoModes::Ports)
 }
 

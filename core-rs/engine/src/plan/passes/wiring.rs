@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 
 use crate::network::forest::{Forest, ends};
-use crate::network::{LinkKind, Network, Proxy, Term};
+use crate::network::{Contact, LinkKind, Network, Proxy, Run, Term};
 use crate::timeline::Timeline;
 
-/// Fewest masses of a body: fewer are stepped as quickly as by modes.
+/// Fewest masses of a body that nothing touches between frames: fewer are stepped as quickly as by modes.
 const MASSES_MIN: usize = 4;
 /// Ports that a body may have, however few its masses: contacts at all of them cost less by modes than with a mesh
 /// stepped as finely (60 on 100 masses: a fifth).
@@ -23,6 +23,8 @@ pub(in crate::plan) struct Body {
     pub(in crate::plan) guests: Vec<u32>,
     pub(in crate::plan) links: Vec<u32>,
     pub(in crate::plan) ports: Vec<u32>,
+    /// Whether a contact, a law or friction ends on one of its ports.
+    is_touched: bool,
 }
 
 /// Which links may lie inside a body, and which MATs.
@@ -31,7 +33,24 @@ pub(in crate::plan) struct Wiring {
     /// Springs that are not led; laws, and springs or laws that are led.
     is_spring: Vec<bool>,
     is_law: Vec<bool>,
+    /// Contacts, laws and friction that a plan may follow between frames.
+    is_followed: Vec<bool>,
     is_driven: Vec<bool>,
+}
+
+/// The bodies that are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::plan) enum Wanted {
+    /// All that have links, with laws inside.
+    All,
+    /// Meshes with laws inside, if large enough and with few enough ports.
+    Meshes,
+    /// Linear bodies, likewise.
+    Linear,
+    /// Linear bodies, and of these also small ones that contacts, laws or friction touch. Between frames such a link
+    /// needs the motion of its ends then, which steps do not have: impulses between the steps of a mass that springs
+    /// hold make energy, without bound.
+    Touched,
 }
 
 impl Wiring {
@@ -71,10 +90,16 @@ impl Wiring {
         masses.for_each(|mass| is_eligible[mass.mat] = false);
         let (mut is_spring, mut is_law) =
             (vec![false; network.n_lia()], vec![false; network.n_lia()]);
+        let mut is_followed = vec![false; network.n_lia()];
         for run in network.runs() {
             let links = run.first..run.first + run.len;
             is_spring[links.clone()].fill(matches!(run.kind, LinkKind::Ref));
-            is_law[links].fill(matches!(run.kind, LinkKind::Lnl(_)));
+            is_law[links.clone()].fill(matches!(run.kind, LinkKind::Lnl(_)));
+            is_followed[links].fill(match run.kind {
+                LinkKind::But(but) => but.contact != Contact::Magic,
+                LinkKind::Lnl(_) | LinkKind::Bristle(_) | LinkKind::Dry(_) => true,
+                _ => false,
+            });
         }
         // A led link has no fixed modes; a method for meshes can step it.
         for lead in &timeline.leads {
@@ -85,9 +110,18 @@ impl Wiring {
         let mut outer = |link: usize| (is_spring[link], is_law[link]) = (false, false);
         let gated = timeline.gates.iter().flat_map(|gate| gate.links());
         gated.for_each(&mut outer);
+        // The force of an undamped spring is a sum of positions.
+        let is_sum = |link: usize| {
+            let mut leads = timeline.leads.iter();
+            let is_led = leads.any(|lead| lead.links().contains(&link));
+            !is_led && network.run_of(link).is_some_and(Run::is_undamped_spring)
+        };
         for term in network.outputs().iter().flat_map(|output| &output.terms) {
             match *term {
-                Term::Force { first, len, .. } => (first..first + len).for_each(&mut outer),
+                Term::Force { first, len, .. } => {
+                    let others = (first..first + len).filter(|&link| !is_sum(link));
+                    others.for_each(&mut outer);
+                }
                 Term::Ground { first, len, .. } => is_eligible[first..first + len].fill(false),
                 Term::Position { .. } | Term::Length { .. } => {}
             }
@@ -96,18 +130,14 @@ impl Wiring {
             is_eligible,
             is_spring,
             is_law,
+            is_followed,
             is_driven,
         }
     }
 
-    /// Sets of MATs that inner links join, if large enough and with few enough ports, or if `with_small` all that have
-    /// links.
-    pub(in crate::plan) fn bodies(
-        &self,
-        network: &Network,
-        with_laws: bool,
-        with_small: bool,
-    ) -> Vec<Body> {
+    /// Sets of MATs that inner links join.
+    pub(in crate::plan) fn bodies(&self, network: &Network, wanted: Wanted) -> Vec<Body> {
+        let with_laws = matches!(wanted, Wanted::All | Wanted::Meshes);
         let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
         let mut forest = Forest::new(network.n_mat());
         for (link, a, b) in ends(network) {
@@ -139,6 +169,7 @@ impl Wiring {
                     }
                 } else {
                     body.ports.push(own as u32);
+                    body.is_touched |= self.is_followed[link];
                 }
             }
         }
@@ -151,9 +182,14 @@ impl Wiring {
             }
         }
         let worth = |body: &Body| {
-            let is_large = body.mats.len() >= MASSES_MIN
+            let is_large = !body.is_small()
                 && body.ports.len() <= PORTS_ANY.max(body.mats.len() / MASSES_A_PORT);
-            is_large || (with_small && !body.links.is_empty())
+            let takes_small = match wanted {
+                Wanted::All => true,
+                Wanted::Touched => body.is_touched,
+                Wanted::Meshes | Wanted::Linear => false,
+            };
+            is_large || (takes_small && !body.links.is_empty())
         };
         bodies.into_values().map(Body::tidy).filter(worth).collect()
     }
@@ -186,6 +222,11 @@ impl Body {
         (1..=most).contains(&ties.len()).then(|| own.tidy())
     }
 
+    /// Whether it has so few masses that it is a body only for what touches it.
+    pub(in crate::plan) fn is_small(&self) -> bool {
+        self.mats.len() < MASSES_MIN
+    }
+
     /// Sorts the lists and removes duplicates.
     pub(in crate::plan) fn tidy(mut self) -> Self {
         for list in [&mut self.guests, &mut self.links, &mut self.ports] {
@@ -201,6 +242,7 @@ impl Body {
             guests: Vec::new(),
             links: Vec::new(),
             ports: Vec::new(),
+            is_touched: false,
         }
     }
 }

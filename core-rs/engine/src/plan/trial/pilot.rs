@@ -173,7 +173,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             island: self.pruned(self.island, own, self.budget.left_out())?,
             // Only contacts and laws were held against finer ones. That is the error of the island if it is chaotic.
             error: found.parting.as_ref().and_then(|own| self.valid_span(own)),
-            diverges: found.run.is_lost,
+            diverges: found.run.has_diverged,
         };
         Ok(chosen.into())
     }
@@ -363,7 +363,7 @@ fn finished<F: Fn(How<'_>) -> Result<Assembled, Error>>(
         chosen: ChosenIsland {
             island,
             error,
-            diverges: best.run.is_lost,
+            diverges: best.run.has_diverged,
         },
         long_run: finer.map(|finer| LongRunPair {
             contact_substeps: [&best.island, &finer].map(|island| search.contact_substeps(island)),

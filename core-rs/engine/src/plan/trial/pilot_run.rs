@@ -51,6 +51,8 @@ pub(in crate::plan) struct PilotRun {
     /// Work that depends on the motion, from the first touch on.
     pub(in crate::plan) counted_cost: CountedCost,
     /// A part of the island diverged.
+    pub(in crate::plan) has_diverged: bool,
+    /// It diverged, or its energy rose although nothing drove it.
     pub(in crate::plan) is_lost: bool,
     /// The largest share that an output hears of what it would hear if no motion were cancelled.
     pub(in crate::plan) loudest_share: f64,
@@ -389,7 +391,8 @@ fn run(
         sound,
         squares,
         counted_cost: CountedCost::of(&island, n_frames - touched_from.unwrap_or(0)),
-        is_lost: !island.muted().is_empty(),
+        has_diverged: island.n_muted() > 0,
+        is_lost: island.n_muted() > 0 || island.has_risen(),
     }))
 }
 

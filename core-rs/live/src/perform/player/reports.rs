@@ -49,7 +49,8 @@ impl Player {
         }
     }
 
-    /// Note the load of the tick, which `took` this long, and report parts that were newly muted or computed finer.
+    /// Note the load of the tick, which `took` this long, and report parts that were newly muted or computed finer, or
+    /// created energy.
     pub(super) fn note_load(&mut self, took: Duration) {
         let period = self.clock.period();
         let load = took.as_secs_f64() / period;
@@ -69,6 +70,12 @@ impl Player {
         self.status.finer = finer;
         if is_new {
             self.send_event(EventKind::Finer);
+        }
+        let gained = self.stage.simulation.n_gains() as u32;
+        let is_new = gained > self.status.gained;
+        self.status.gained = gained;
+        if is_new {
+            self.send_event(EventKind::Gained);
         }
     }
 

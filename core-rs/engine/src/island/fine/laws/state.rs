@@ -156,6 +156,11 @@ impl LawState {
         self.bend = bend;
     }
 
+    /// Do not extrapolate from parts that were longer than those to come.
+    pub(in crate::island::fine) fn forget_before(&mut self) {
+        self.before = None;
+    }
+
     /// Save what a step changes, if it may be repeated.
     pub(in crate::island::fine) fn save(&mut self) {
         self.saved_bend = self.bend;

@@ -1,0 +1,355 @@
+//! The energy of a whole island: while no event falls on it, it may only fall.
+//!
+//! The accounts of single links (`energy_gain`) see what each gives and takes in steps. This one also sees what contacts
+//! and laws do between frames and to bodies by their modes, but only where nothing drives the island: the energy of all
+//! masses, bodies and links is added up now and then, and if no event fell between two looks, a rise is created energy.
+
+use super::energy_account::Gain;
+use super::fine::Fine;
+use super::inside::RunningBody;
+use super::{Island, energy_gain};
+use crate::cell::Cell;
+use crate::kernel;
+use crate::network::{But, Contact, MatKind, Network};
+use crate::scheme::{Kind, Run, Scheme, Spring};
+use crate::state::Body;
+use crate::units::Rate;
+
+/// Steps between two looks: what is computed ahead of bodies has to be gone through again for each.
+const STEPS: u64 = 16 * energy_gain::BLOCK;
+/// Error of an elongation in units of the last digit of a position.
+const DIGITS: f64 = 1e4;
+/// Contacts and laws between frames are computed finer from each rise by this share of the energy on, so that what is
+/// worth reporting (0.01) is not reached.
+const REFINE_SHARE: f64 = 0.002;
+
+/// How the energy of a MAT follows from its positions.
+#[derive(Clone, Debug)]
+enum Motion {
+    /// It does not move, or by the modes of a body.
+    None,
+    /// It moves freely, or as a cell, but for links between frames.
+    Free,
+    Cell(Cell),
+    /// Other links act on it once a step.
+    Stepped,
+}
+
+/// The watch over the energy of an island.
+#[derive(Clone, Debug)]
+pub(super) struct Rise {
+    motions: Vec<Motion>,
+    rate: Rate,
+    /// Energy at the first look since the last event, and the least since then [J]; NaN before that look.
+    first: f64,
+    least: f64,
+    /// The sizes of all its parts at that look, added up [J].
+    size: f64,
+    /// The rise at which links were last computed finer [J].
+    refined: f64,
+    /// The first step in which an event may fall on the island, as known at the last look.
+    due: u64,
+    /// The most energy that was created, and the link that pushed most then.
+    worst: Option<Gain>,
+    link: usize,
+}
+
+crate::archive::option!(Box<Rise>, fixed);
+
+crate::archive::state!(Rise {
+    first,
+    least,
+    size,
+    refined,
+    due,
+    worst,
+    link
+});
+
+/// A sum of energies [J], and the sum of their sizes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Total {
+    sum: f64,
+    size: f64,
+}
+
+impl Total {
+    fn add(&mut self, energy: f64) {
+        self.sum += energy;
+        self.size += energy.abs();
+    }
+}
+
+impl Rise {
+    /// `None` for an island whose energy may rise, or is not known: with links that give energy (a bow), laws that
+    /// follow MATs, links in space, weights, rows of hardening springs, or bodies that do not go by undamped modes; and
+    /// for one that is linear.
+    pub(super) fn new(
+        network: &Network,
+        scheme: &Scheme,
+        bodies: &[RunningBody],
+        fine: Option<&Fine>,
+        rate: Rate,
+    ) -> Option<Box<Self>> {
+        let parts = network.mats().part.iter();
+        let is_discrete = |part: &u32| network.parts()[*part as usize].ca_rate.is_some();
+        let has_energy =
+            |body: &RunningBody| body.modal().is_some_and(|modal| modal.cells().is_some());
+        let fine_runs = || fine.into_iter().flat_map(Fine::links);
+        let runs = || scheme.runs.iter().chain(&scheme.exact).chain(fine_runs());
+        let n_springs: usize = runs()
+            .filter(|run| run.is_hardening())
+            .map(|run| run.len)
+            .sum();
+        let is_known = scheme.proxies.is_empty()
+            && scheme.following_masses.is_empty()
+            && scheme.weight.iter().all(|&weight| weight == 0.0)
+            && !parts.clone().any(is_discrete)
+            && bodies.iter().all(has_energy)
+            && runs().all(only_loses)
+            && runs().any(|run| !matches!(run.kind, Kind::Ref))
+            && n_springs <= energy_gain::LONGEST;
+        if !is_known {
+            return None;
+        }
+        let is_port = |mat: usize| bodies.iter().any(|body| body.has_port(mat));
+        let mats = network.mats();
+        let motion = |mat: usize| {
+            let n_fine = fine.map_or(0, |fine| fine.touches(mat));
+            let (m, k, z) = (mats.m[mat], mats.k[mat], mats.z[mat]);
+            match mats.kind[mat] {
+                _ if scheme.w[mat] == 0.0 || is_port(mat) => Motion::None,
+                _ if network.degree(mat) > n_fine => Motion::Stepped,
+                MatKind::Cel => Motion::Cell(Cell::new(m, k, z)),
+                _ => Motion::Free,
+            }
+        };
+        Some(Box::new(Self {
+            motions: (0..network.n_mat()).map(motion).collect(),
+            rate,
+            first: f64::NAN,
+            least: f64::NAN,
+            size: 0.0,
+            refined: 0.0,
+            due: 0,
+            worst: None,
+            link: 0,
+        }))
+    }
+
+    /// Begin anew: an event fell on the island that was not foreseen.
+    pub(super) fn restart(&mut self) {
+        self.due = 0;
+    }
+
+    /// The most energy that was created, and the link that pushed most then.
+    pub(super) fn worst(&self) -> Option<(usize, Gain)> {
+        Some((self.link, self.worst?))
+    }
+
+    /// Steps from step `n` on before the next look.
+    pub(super) fn steps_left(n: u64) -> u64 {
+        n.next_multiple_of(STEPS) - n
+    }
+
+    /// The created energy if the energy is `now` after step `n`, and no event fell since the last look if it `was_quiet`.
+    fn gain(&mut self, now: Total, was_quiet: bool, n: u64) -> Option<Gain> {
+        if !was_quiet || self.first.is_nan() {
+            (self.first, self.least, self.size) = (now.sum, now.sum, now.size);
+            self.refined = 0.0;
+            return None;
+        }
+        self.least = self.least.min(now.sum);
+        Some(Gain {
+            created: now.sum - self.least,
+            reference: self.size,
+            frame: n,
+        })
+    }
+
+    /// Whether links are to be computed finer because of this gain.
+    fn refines(&mut self, gain: &Gain) -> bool {
+        let is_more = gain.created > self.refined + REFINE_SHARE * gain.reference;
+        if is_more {
+            self.refined = gain.created;
+        }
+        is_more
+    }
+}
+
+/// Whether a run can only lose energy, and stores what its elongation says.
+fn only_loses(run: &Run) -> bool {
+    match &run.kind {
+        Kind::Ref | Kind::Hardening(_) | Kind::Dry { .. } => true,
+        Kind::But(but) => but.contact != Contact::Magic,
+        Kind::Bristle { .. } => run.bristle().is_some_and(|(by, _)| by.is_passive()),
+        Kind::Lnl { law, .. } => !law.is_shared() && !energy_gain::is_active(law),
+        Kind::Followed { .. } | Kind::Space(_) | Kind::Pairwise { .. } => false,
+    }
+}
+
+/// Slope of the elastic force of a link over its elongation [N/m].
+fn slope(run: &Run, e: f64) -> f64 {
+    match &run.kind {
+        Kind::Ref => run.k,
+        Kind::Hardening(q) => run.k + 3.0 * q * e * e,
+        Kind::But(but) => contact_slope(but, run.k, kernel::side(but) * e),
+        Kind::Lnl { law, .. } => law.slope(e),
+        _ => 0.0,
+    }
+}
+
+fn contact_slope(but: &But, k: f64, depth: f64) -> f64 {
+    if depth <= 0.0 {
+        return 0.0;
+    }
+    k * but.exponent * crate::maths::pow(depth, but.exponent - 1.0)
+}
+
+/// Energy of a link between two steps [J], from its elongation at both [m]: what leapfrog steps keep, but for terms of
+/// their fourth order.
+fn between(run: &Run, [now, before]: [f64; 2]) -> f64 {
+    let (middle, stretch) = (0.5 * (now + before), now - before);
+    kernel::potential(run, middle) - 0.125 * slope(run, middle) * stretch * stretch
+}
+
+/// The same of springs that are computed in one pass, all of a run.
+fn fused(spring: &Spring, body: &Body, total: &mut Total) {
+    for i in 0..spring.len {
+        let (a, b) = (spring.a + i, spring.b + i);
+        let stretch = body.d[b] - body.d[a];
+        let middle = body.x[b] - body.x[a] - spring.rest - 0.5 * stretch;
+        let square = middle * middle;
+        total.add(0.5 * spring.k * square + 0.25 * spring.q * square * square);
+        let damped = 0.125 * (spring.k + 3.0 * spring.q * square) + 0.25 * spring.z;
+        total.add(-damped * stretch * stretch);
+    }
+}
+
+impl Island {
+    /// Look at the energy of the island after a step, and return the link that pushes most, a MAT that it moves, and
+    /// what was created, if that is worth reporting.
+    pub(super) fn check_rise(&mut self) -> Option<(usize, usize, Gain)> {
+        let n = self.state.frame - 1;
+        if self.state.rise.is_none() || !n.is_multiple_of(STEPS) || self.state.damped < 1.0 {
+            return None;
+        }
+        let due = self.due(n + 1);
+        let mut rise = self.state.rise.take()?;
+        let was_quiet = rise.due > n;
+        rise.due = due;
+        let gain = rise.gain(self.total(&rise), was_quiet, n);
+        let gain = gain.filter(|gain| gain.created > self.rounding());
+        if let (Some(gain), Some(fine)) = (&gain, &mut self.state.fine)
+            && rise.refines(gain)
+        {
+            fine.refine();
+        }
+        let found = gain.filter(Gain::is_reportable).and_then(|gain| {
+            let (link, mat) = self.loudest_link()?;
+            if rise.worst != Some(gain.worse_of(rise.worst)) {
+                (rise.worst, rise.link) = (Some(gain), link);
+            }
+            Some((link, mat, gain))
+        });
+        self.state.rise = Some(rise);
+        found
+    }
+
+    /// The energy of all MATs, bodies and links.
+    fn total(&self, rise: &Rise) -> Total {
+        let state = &self.state;
+        let body = &state.body;
+        let scheme = state.scheme.as_deref().unwrap_or(&self.script.scheme);
+        let mut total = Total::default();
+        for (mat, motion) in rise.motions.iter().enumerate() {
+            let (w, kappa, zeta) = (scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]);
+            let (x, d) = (body.x[mat] - scheme.rest[mat], body.d[mat]);
+            // What impulses between frames have still to add.
+            let later = || w * state.fine.as_ref().map_or(0.0, |fine| fine.later_at(mat));
+            match motion {
+                Motion::None => {}
+                Motion::Free => {
+                    let step = d + later();
+                    total.add(0.5 * step * step / w);
+                }
+                Motion::Cell(cell) => {
+                    let next = x + d - kappa * x - zeta * d + later();
+                    total.add(cell.energy([x, next], rise.rate));
+                }
+                Motion::Stepped => {
+                    total.add((0.5 * (d * d + kappa * x * (x - d)) - 0.25 * zeta * d * d) / w);
+                }
+            }
+        }
+        for modal in state.bodies.iter().filter_map(RunningBody::modal) {
+            modal.energies(|energy| total.add(energy));
+        }
+        let open = |run: &Run| run.gate.map_or(1.0, |gate| state.gates[gate]);
+        if let Some(fine) = &state.fine {
+            fine.energies(body, open, |energy| total.add(energy));
+        }
+        for run in scheme.runs.iter().chain(&scheme.exact) {
+            let is_exact = matches!(&run.kind, Kind::But(but) if but.contact == Contact::Exact);
+            for i in 0..run.len {
+                let now = run.elongation(i, |mat| body.x[mat]);
+                let stretch = body.d[run.b + i] - body.d[run.a + i];
+                let both = [now, now - stretch];
+                if matches!(run.kind, Kind::Ref) {
+                    total.add(-0.25 * run.z * stretch * stretch);
+                }
+                let energy = match run.bristle() {
+                    Some((by, _)) => by.energy(body.memory[run.first + i]),
+                    None if is_exact => {
+                        0.5 * both.map(|e| kernel::potential(run, e)).iter().sum::<f64>()
+                    }
+                    None => between(run, both),
+                };
+                total.add(open(run) * energy);
+            }
+        }
+        scheme
+            .fused
+            .iter()
+            .for_each(|spring| fused(spring, body, &mut total));
+        total
+    }
+
+    /// Energy that rounding alone explains [J].
+    fn rounding(&self) -> f64 {
+        let body = &self.state.body;
+        let far = body.x.iter().fold(0.0_f64, |far, x| far.max(x.abs()));
+        let least = DIGITS * f64::EPSILON * far;
+        let scheme = &self.script.scheme;
+        let runs = scheme.runs.iter().chain(&scheme.exact);
+        let stiffness = runs.map(|run| run.k * run.len as f64).sum::<f64>()
+            + scheme
+                .fused
+                .iter()
+                .map(|run| run.k * run.len as f64)
+                .sum::<f64>();
+        let masses = scheme.w.iter().filter(|w| **w > 0.0).map(|w| 1.0 / w);
+        (stiffness + masses.sum::<f64>()) * least * least
+    }
+
+    /// The contact or law that pushes most now, or the first; and a MAT that it moves.
+    fn loudest_link(&self) -> Option<(usize, usize)> {
+        let state = &self.state;
+        let scheme = &self.script.scheme;
+        let fine = state.fine.iter().flat_map(Fine::links);
+        let runs = scheme.runs.iter().chain(&scheme.exact).chain(fine);
+        let links = runs
+            .filter(|run| !matches!(run.kind, Kind::Ref))
+            .flat_map(|run| (0..run.len).map(move |i| (run.first + i, [run.a + i, run.b + i])));
+        let push = |link: usize| state.body.link[link].abs();
+        let louder = |most: (usize, [usize; 2]), own: (usize, [usize; 2])| {
+            if push(own.0) > push(most.0) {
+                own
+            } else {
+                most
+            }
+        };
+        let (link, [a, b]) = links.reduce(louder)?;
+        Some((link, if scheme.w[a] > 0.0 { a } else { b }))
+    }
+}

@@ -1,0 +1,189 @@
+//! Energy that impulses between frames create at points that steps hold too, by springs.
+//!
+//! Within a frame such a point moves as if it were free, and what holds it acts at frames only. So the work of an
+//! impulse along that motion, which is what the contact or law gives or takes, is not its work in the steps. The
+//! difference is created energy; without springs it is zero, to rounding. All points have one account: what is created
+//! at one end of a link may be lost at the other.
+
+use super::script::Script;
+use crate::island::energy_account::{Account, Gain};
+use crate::island::energy_gain::LONGEST;
+use crate::network::{LinkKind, Network};
+use crate::scheme::Scheme;
+use crate::state::Body;
+
+/// A point that steps hold too.
+#[derive(Clone, Debug)]
+struct Point {
+    joint: usize,
+    mat: usize,
+    /// A link between frames that ends there.
+    link: usize,
+    /// Its velocity at the start of this frame [m/frame] and its acceleration [m/frame²], if no link pushes it.
+    free: [f64; 2],
+    /// In the step before: the force in the steps that replaces impulses [N], and the last step [m].
+    force: f64,
+    step: f64,
+    /// Energy created at this point alone [J].
+    created: f64,
+}
+
+crate::archive::state!(Point {
+    force,
+    step,
+    created
+});
+
+/// All points that steps hold too, and their account.
+#[derive(Clone, Debug)]
+pub(in crate::island) struct Sprung {
+    points: Vec<Point>,
+    account: Account,
+    /// The most energy that was created, and a link at the point where most of it was.
+    worst: Option<Gain>,
+    link: usize,
+}
+
+crate::archive::state!(Sprung {
+    points,
+    account,
+    worst,
+    link
+});
+
+impl Sprung {
+    /// None of a mesh: the energy of one that is a body is its own account's, and many hardening springs are bounded by
+    /// the guard, which begins accounts anew too often for this one.
+    pub(super) fn new(script: &Script, network: &Network) -> Self {
+        let hardens = |kind: &LinkKind| match kind {
+            LinkKind::Lnl(law) => law.hardening_spring().is_some(),
+            _ => false,
+        };
+        let springs = network.runs().iter().filter(|run| hardens(&run.kind));
+        let is_mesh = springs.map(|run| run.len).sum::<usize>() > LONGEST;
+        let is_stepped = |mat: usize| {
+            let ends = script.links.iter().flat_map(|run| [run.a, run.b]);
+            let n_fine = ends.filter(|&end| end == mat).count();
+            !is_mesh && network.degree(mat) as usize > n_fine
+        };
+        let joints = script.joints.iter().enumerate();
+        let held = joints.filter(|(_, joint)| {
+            joint.port.is_none() && joint.cell.is_some() && is_stepped(joint.mat)
+        });
+        let point = |(at, joint): (usize, &super::Joint)| {
+            let mut ends = script.ends.iter();
+            let link = ends.position(|&(a, b)| a == at || b == at)?;
+            Some(Point {
+                joint: at,
+                mat: joint.mat,
+                link: script.links[link].first,
+                free: [0.0; 2],
+                force: 0.0,
+                step: 0.0,
+                created: 0.0,
+            })
+        };
+        Self {
+            points: held.filter_map(point).collect(),
+            account: Account::default(),
+            worst: None,
+            link: 0,
+        }
+    }
+
+    /// Note where a joint would go in this frame: the step to the next frame, and half of the change of the step by
+    /// forces that last [m].
+    pub(super) fn note_free(&mut self, joint: usize, step: f64, bend: f64) {
+        if let Some(point) = self.points.iter_mut().find(|point| point.joint == joint) {
+            point.free = [step - bend, 2.0 * bend];
+        }
+    }
+
+    /// Count the work that the impulses of the step before did in the steps: ½(d[n] + d[n+1])·f.
+    pub(super) fn settle(&mut self, scheme: &Scheme, body: &Body) {
+        let (mut work, mut around) = (0.0, 0.0);
+        for point in &mut self.points {
+            let (step, w) = (body.d[point.mat], scheme.w[point.mat]);
+            if w > 0.0 {
+                around += 0.5 * step * step / w;
+            }
+            let own = 0.5 * (point.step + step) * point.force;
+            point.created += own;
+            work += own;
+        }
+        if work != 0.0 {
+            self.account.take_from_masses(-work, around);
+        }
+    }
+
+    /// Note the forces that the frame before left to this one, of those of all joints [N].
+    pub(super) fn carry(&mut self, later: &[f64], body: &Body) {
+        for point in &mut self.points {
+            (point.force, point.step) = (later[point.joint], body.d[point.mat]);
+        }
+    }
+
+    /// Count the work of this frame's impulses, those on all joints, along the motion within the frame; and note the
+    /// forces that replace them.
+    pub(super) fn note(&mut self, script: &Script, pushed: &[f64], scheme: &Scheme) {
+        let (n, rate) = (script.basis.n(), script.rate.hertz());
+        for point in &mut self.points {
+            let pushed = &pushed[point.joint * n..(point.joint + 1) * n];
+            let split = script.joints[point.joint].split.iter();
+            let instants = script.basis.instants.iter();
+            let (mut sum, mut moment) = (0.0, 0.0);
+            for ((impulse, s), [at_once, _]) in pushed.iter().zip(instants).zip(split) {
+                sum += impulse * rate;
+                moment += impulse * rate * s;
+                point.force += impulse * at_once;
+            }
+            let [velocity, acceleration] = point.free;
+            let halfway = velocity + 0.5 * scheme.w[point.mat] * sum;
+            let work = sum * halfway + moment * acceleration;
+            point.created -= work;
+            self.account.take(work);
+        }
+    }
+
+    /// Begin the account anew.
+    pub(in crate::island) fn restart(&mut self) {
+        self.account = Account::default();
+        for point in &mut self.points {
+            (point.force, point.created) = (0.0, 0.0);
+        }
+    }
+
+    /// The energy created by frame `n`, if it is worth reporting: a link and the MAT where most of it was, and the
+    /// energy; `around` is that of all that moves, `put_in` what hands put in.
+    pub(in crate::island) fn check(
+        &mut self,
+        (around, put_in): (impl Fn() -> f64, f64),
+        n: u64,
+    ) -> Option<(usize, usize, Gain)> {
+        if !self.account.is_overdrawn() {
+            return None;
+        }
+        let gain = self.account.gain(0.0, around(), n).of_at_least(put_in);
+        let points = self.points.iter();
+        let most = points.max_by(|one, other| one.created.total_cmp(&other.created))?;
+        if !gain.is_reportable() {
+            return None;
+        }
+        let worst = gain.worse_of(self.worst);
+        if self.worst != Some(worst) {
+            (self.worst, self.link) = (Some(worst), most.link);
+        }
+        Some((most.link, most.mat, gain))
+    }
+
+    /// The most energy that was created, and a link where most of it was.
+    pub(in crate::island) fn worst(&self) -> Option<(usize, Gain)> {
+        Some((self.link, self.worst?))
+    }
+
+    /// Remove the points that are among the marked MATs (n_mat).
+    pub(super) fn release(&mut self, mats: &[bool]) {
+        self.points.retain(|point| !mats[point.mat]);
+        self.restart();
+    }
+}

@@ -1,0 +1,45 @@
+//! Energy that hands and imposed paths put into an island.
+
+use crate::kernel;
+use crate::scheme::Scheme;
+use crate::state::{Body, Target};
+
+/// The work of what imposes the motion of MATs, so far.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PutIn {
+    /// In the step before, of each imposed MAT: the force that held it on its way [N], and its last step [m].
+    before: Vec<(usize, [f64; 2])>,
+    work: f64,
+    /// The most of `work` [J].
+    most: f64,
+}
+
+crate::archive::state!(PutIn { work, most });
+
+impl PutIn {
+    /// Reserve room for this many MATs, so that steps do not allocate.
+    pub(super) fn reserve(&mut self, n_targets: usize) {
+        self.before.reserve(n_targets);
+    }
+
+    /// The most energy that was put in at any time, less what was taken out until then [J].
+    pub(super) fn most(&self) -> f64 {
+        self.most
+    }
+
+    /// Account for a step in which all forces are known and MATs have not moved yet.
+    pub(super) fn step(&mut self, scheme: &Scheme, targets: &[Target], body: &Body) {
+        for (mat, [force, step]) in self.before.drain(..) {
+            self.work += 0.5 * (step + body.d[mat]) * force;
+        }
+        self.most = self.most.max(self.work);
+        self.before.extend(targets.iter().map(|target| {
+            let mat = target.mat;
+            let force = match scheme.w[mat] {
+                0.0 => -body.force[mat],
+                _ => kernel::needed(scheme, body, mat, target.x),
+            };
+            (mat, [force, body.d[mat]])
+        }));
+    }
+}
