@@ -36,7 +36,8 @@ device that was never calibrated is tried by a fifth of the greatest force at mo
 
 The bounds of a motor and of a sensor are those of the rules in [playing
 live](live.md#force-and-motion-that-disagree): figures of one moment are below them. A second
-emulation makes the same faults at random moments under six hands ([safety](safety.md#faults-at-random)).
+emulation makes the same faults at random moments under six hands
+([safety](safety.md#faults-at-random)).
 """
 
 

@@ -163,10 +163,13 @@ impl Fault {
         let is_firefader = emulator == Emulator::Board(Protocol::FireFader);
         Ok(match self {
             Self::NotANumber | Self::Infinite => 1e-3,
-            // Five ticks of the slew limit, after a probe of up to eight ticks.
-            Self::Huge => 14e-3,
+            // Five ticks of the slew limit, and the pulses of a question: 24 ticks.
+            Self::Huge => 32e-3,
             Self::GarbageReplies | Self::GarbageRequests if is_firefader => {
                 return Err("its packets have no checksum");
+            }
+            Self::WrongTravel if is_firefader => {
+                return Err("the work that it may do keeps the key within so small a travel");
             }
             // 20 ms, and the ticks at its beginning and end.
             Self::NoReplies | Self::GarbageReplies => 22e-3,
@@ -181,7 +184,7 @@ impl Fault {
             // 90 ms without a change, and two questions of 56 ms after one under way.
             Self::Frozen => 0.26,
             // The travel with its margins, at a speed that the hand and the piece may halve.
-            Self::SensorDrifts => 0.4,
+            Self::SensorDrifts => 0.45,
             Self::SensorScaled => 0.1,
             // The next packet is zero.
             Self::SensorOffset => 1e-3,

@@ -130,6 +130,8 @@ impl Plausibility {
             self.step(x, sent, asked);
         }
         let force = match self.mode {
+            // A later stage trips.
+            _ if !asked.is_finite() => asked,
             Mode::Off { .. } => 0.0,
             Mode::Doubting(_) => self.confirmation.with_pulses(0.0),
             Mode::Probing(Probe {

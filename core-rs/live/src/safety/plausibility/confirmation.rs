@@ -154,7 +154,11 @@ impl Confirmation {
 
     /// Note the force that is asked for [N].
     pub(super) fn note_force(&mut self, force: f64) {
-        self.last_force = force.clamp(-self.force_max, self.force_max);
+        self.last_force = if force.is_finite() {
+            force.clamp(-self.force_max, self.force_max)
+        } else {
+            0.0
+        };
     }
 
     /// The force with the pulses of a question [N]. A force near the greatest is lowered, so that pulses are not clamped.
