@@ -199,6 +199,10 @@ def _percent(part: float) -> str:
     return f"{100 * part:.2g} %" if part < 0.1 else f"{100 * part:.0f} %"
 
 
+# How a trip that ends by itself is released if it comes again.
+_THIRD = "after the third time within a minute none until `release`"
+
+
 def event_sentence(
     event: _core.PerformanceEvent, players: Sequence[str], boards: Sequence[str]
 ) -> str:
@@ -211,15 +215,22 @@ def event_sentence(
         "back": f"{board} is back: its hand takes over at the next bar",
         "took over": f"{player} plays",
         "lost": f"the physics thread was stopped for {number:.3f} s",
-        "tripped: not finite": f"{player}'s key tripped: the piece's force was not finite; "
-        "no force for a while",
-        "tripped: speed": f"{player}'s key tripped: it was too fast; no force for a while",
+        "tripped: not finite": f"{player}'s key tripped: a force or a position was not finite; "
+        f"no force for half a second, {_THIRD}",
+        "tripped: speed": f"{player}'s key tripped: it was too fast; no force for half a second, "
+        f"{_THIRD}",
         "tripped: wrong way": f"{player}'s key tripped: its motor pushes in the wrong direction; "
         "no force until `release`; `ergon devices calibrate` finds the direction",
         "tripped: at stop": f"{player}'s key tripped: the piece pushes it into its stop; the "
-        "force returns 3 s after that has ended",
+        f"force returns 3 s after that has ended, {_THIRD}",
         "tripped: frozen": f"{player}'s key tripped: its position does not change while the force "
-        "does; the force returns when the key has moved for 3 s",
+        f"does; the force returns when the key has moved for 3 s, {_THIRD}",
+        "tripped: unanswered": f"{player}'s key tripped: it does not answer its motor; no force "
+        "until `release`; check the motor, its supply and the sensor",
+        "tripped: outside travel": f"{player}'s key tripped: its position is outside its travel; "
+        "no force until `release`; check the sensor, or find the ends by `ergon devices calibrate`",
+        "tripped: jump": f"{player}'s key tripped: its position jumped as no force could move it; "
+        "no force until `release`; check the sensor and its cable",
         "muted": "a part diverged or created energy, and is muted",
         "gained": "a contact or a law has made energy: it is too stiff for the time step",
         "finer": "links became too stiff for one step a frame: such frames are computed in finer "

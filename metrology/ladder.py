@@ -68,6 +68,10 @@ _ENDS = {
     "tripped: wrong way": "the motor pushes in the wrong direction, so its force is zero",
     "tripped: at stop": "the key was pushed into an end of its travel, so its force is zero",
     "tripped: frozen": "the sensor shows one position whatever the force is, so the force is zero",
+    "tripped: unanswered": "the key does not answer its motor, so the force is zero",
+    "tripped: outside travel": "the position is outside the travel of the key, so the force is "
+    "zero; find its ends by `ergon devices calibrate`",
+    "tripped: jump": "the position jumped as no force could move the key, so the force is zero",
 }
 
 
@@ -157,7 +161,13 @@ class Ladder:
 
 # Safety stages compare force and motion for keys that are played. Under rain a key in good order
 # may fail them.
-DOUBTS = ("tripped: wrong way", "tripped: frozen", "tripped: at stop", "tripped: speed")
+DOUBTS = (
+    "tripped: wrong way",
+    "tripped: unanswered",
+    "tripped: frozen",
+    "tripped: at stop",
+    "tripped: speed",
+)
 
 
 def push(

@@ -33,6 +33,11 @@ than the slew limit (a fifth of the greatest force in a millisecond); a board wh
 no checksum may read any force from garbage. A motor that turns round reaches the greatest force
 before it is found out, where the piece's spring is stronger than the hand. The direction of a
 device that was never calibrated is tried by a fifth of the greatest force at most.
+
+The bounds of a motor and of a sensor are those of the rules in [playing
+live](live.md#force-and-motion-that-disagree): figures of one moment are below them. A second
+emulation makes the same faults at random moments under six hands
+([safety](safety.md#faults-at-random)).
 """
 
 

@@ -209,7 +209,17 @@ def test_who_hears_replies_to_another_says_so(tmp_path: Path):
 def test_what_tripped_is_told_by_its_reason():
     from ergon.live.display import event_sentence
 
-    reasons = ("not finite", "speed", "wrong way", "at stop", "frozen")
+    reasons = (
+        "not finite",
+        "speed",
+        "wrong way",
+        "at stop",
+        "frozen",
+        "unanswered",
+        "outside travel",
+        "jump",
+    )
     sentences = {event_sentence((0, f"tripped: {why}", 0.0), ["remi"], []) for why in reasons}
     assert len(sentences) == len(reasons)
     assert all(sentence.startswith("remi's key tripped: ") for sentence in sentences)
+    assert all("until `release`" in sentence for sentence in sentences)

@@ -13,6 +13,9 @@ pub(crate) fn tripped(why: Trip) -> &'static str {
         Trip::WrongWay => "tripped: wrong way",
         Trip::AtStop => "tripped: at stop",
         Trip::Frozen => "tripped: frozen",
+        Trip::Unanswered => "tripped: unanswered",
+        Trip::OutsideTravel => "tripped: outside travel",
+        Trip::Jump => "tripped: jump",
     }
 }
 

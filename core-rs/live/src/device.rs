@@ -54,6 +54,14 @@ pub enum DeviceError {
         /// The protocol.
         kind: &'static str,
     },
+    /// The device answers and describes itself by impossible numbers.
+    #[error("{url}: {reason}")]
+    Impossible {
+        /// The URL.
+        url: String,
+        /// The number, and what it has to be.
+        reason: String,
+    },
     /// The device answers but cannot do this.
     #[error("{url}: {what}")]
     Unsupported {

@@ -40,6 +40,16 @@ pub enum Fault {
     WrongWay,
     /// The sensor begins to show the same position for ever.
     Frozen,
+    /// The motor keeps its force, whatever is sent.
+    MotorStuck,
+    /// The reported position drifts away by 0.5 m/s.
+    SensorDrifts,
+    /// The reported positions are ten times too great from now on.
+    SensorScaled,
+    /// The reported positions jump by 20 mm and stay off by that.
+    SensorOffset,
+    /// The device reports a part of its travel, and the key leaves it.
+    WrongTravel,
     /// The motor pushes the wrong way, and nobody has calibrated the device: its direction is tested before the first
     /// note.
     Uncalibrated,
@@ -104,6 +114,11 @@ impl Fault {
         Self::BoardStalled,
         Self::WrongWay,
         Self::Frozen,
+        Self::MotorStuck,
+        Self::SensorDrifts,
+        Self::SensorScaled,
+        Self::SensorOffset,
+        Self::WrongTravel,
         Self::Uncalibrated,
         Self::OpenedTwice,
         Self::SharedLine,
@@ -124,6 +139,11 @@ impl Fault {
             Self::BoardStalled => "the board stalls for 100 ms",
             Self::WrongWay => "the motor changes its direction",
             Self::Frozen => "the sensor freezes",
+            Self::MotorStuck => "the motor keeps its force, whatever is sent",
+            Self::SensorDrifts => "the position drifts by 0.5 m/s",
+            Self::SensorScaled => "positions are ten times too great",
+            Self::SensorOffset => "positions are off by 20 mm",
+            Self::WrongTravel => "the reported travel is too small",
             Self::Uncalibrated => "wired the wrong way, never calibrated",
             Self::OpenedTwice => "a second program opens the device",
             Self::SharedLine => "another program sends on the same line",
@@ -143,22 +163,33 @@ impl Fault {
         let is_firefader = emulator == Emulator::Board(Protocol::FireFader);
         Ok(match self {
             Self::NotANumber | Self::Infinite => 1e-3,
-            // Five ticks of the slew limit, after a probe of up to eight ticks.
-            Self::Huge => 14e-3,
+            // Five ticks of the slew limit, and the pulses of a question: 24 ticks.
+            Self::Huge => 32e-3,
             Self::GarbageReplies | Self::GarbageRequests if is_firefader => {
                 return Err("its packets have no checksum");
+            }
+            Self::WrongTravel if is_firefader => {
+                return Err("the work that it may do keeps the key within so small a travel");
             }
             // 20 ms, and the ticks at its beginning and end.
             Self::NoReplies | Self::GarbageReplies => 22e-3,
             Self::HostStalled | Self::Unplugged | Self::GarbageRequests => 51e-3,
             Self::HostResumed => 0.0,
             Self::BoardStalled => 101e-3,
-            Self::WrongWay | Self::Frozen if is_firefader => {
+            Self::WrongWay | Self::Frozen | Self::MotorStuck if is_firefader => {
                 return Err("a sensor this coarse is not judged");
             }
-            // Nothing is promised for these two; the bounds only keep the present figures from growing.
-            Self::WrongWay => 0.35,
-            Self::Frozen => 0.2,
+            // 0.2 s for which an answer counts, and 1.25 s without one.
+            Self::WrongWay | Self::MotorStuck => 1.45,
+            // 90 ms without a change, and two questions of 56 ms after one under way.
+            Self::Frozen => 0.26,
+            // The travel with its margins, at a speed that the hand and the piece may halve.
+            Self::SensorDrifts => 0.45,
+            Self::SensorScaled => 0.1,
+            // The next packet is zero.
+            Self::SensorOffset => 1e-3,
+            // The key is driven out of the travel by the greatest force.
+            Self::WrongTravel => 0.05,
             // Two pulses of 125 ms, and a rest of at most a second before each.
             Self::Uncalibrated => 2.25,
             Self::OpenedTwice => 0.0,
@@ -183,6 +214,9 @@ impl Fault {
                 | Self::GarbageRequests,
                 InProcess,
             ) => Some(NO_WIRE),
+            (Self::MotorStuck, Board(Protocol::Haply)) => {
+                Some("its service cannot switch motors off")
+            }
             (Self::OpenedTwice, Board(Protocol::FireFader)) => {
                 Some("the system locks a serial port")
             }

@@ -10,6 +10,7 @@ pub mod contract;
 mod counts;
 mod force;
 mod last_resort;
+mod latch;
 mod limits;
 pub mod margin;
 mod pipeline;
@@ -19,8 +20,8 @@ pub mod stiffness;
 
 pub use counts::Counts;
 pub use force::SafeForce;
+pub use latch::Trip;
 pub use limits::Limits;
-pub use plausibility::Trip;
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -32,6 +33,7 @@ use crate::wire::MAX_AXES;
 use clock::Clock;
 use last_resort::Armed;
 pub use last_resort::{block_signals, check_signals, watch, watch_termination};
+use latch::Latch;
 use pipeline::Pipeline;
 use plausibility::{AxisSpec, PlausibilityChecks};
 
@@ -51,8 +53,9 @@ pub struct Guarded<D: Device = Box<dyn Device>> {
     pipeline: Pipeline,
     /// Checks whether force and motion agree, if the device is watched.
     watched: Option<PlausibilityChecks>,
-    /// Why each axis tripped, if it did.
+    /// Why each axis is tripped, if it is; and which only the player can let push again.
     trips: [Option<Trip>; MAX_AXES],
+    latches: [Latch; MAX_AXES],
     /// Whether [`Guarded::stop`] stopped the forces; and whether the pipeline is stopped, by that call or by the stop
     /// of the process.
     stopped: bool,
@@ -61,11 +64,12 @@ pub struct Guarded<D: Device = Box<dyn Device>> {
     device: D,
 }
 
-/// Heat of the motors of a device and work on the hands, kept for the same device when it is opened again.
+/// Heat of the motors of a device, work on the hands and trips that stay, for the same device when it is opened again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Memory {
     heat: [f64; MAX_AXES],
     work: [f64; MAX_AXES],
+    latches: [Latch; MAX_AXES],
     at: Duration,
 }
 
@@ -79,6 +83,7 @@ impl Memory {
         Self {
             heat: [0.0; MAX_AXES],
             work: [0.0; MAX_AXES],
+            latches: [Latch::default(); MAX_AXES],
             at,
         }
     }
@@ -91,9 +96,10 @@ impl<D: Device> Guarded<D> {
         let spec = device.spec();
         Self {
             _armed: device.last_resort().and_then(last_resort::arm),
-            pipeline: Pipeline::new(spec, limits, period, in_lockstep),
+            pipeline: Pipeline::new(spec, |axis| device.range(axis), limits, period, in_lockstep),
             watched: None,
             trips: [None; MAX_AXES],
+            latches: [Latch::default(); MAX_AXES],
             stopped: false,
             held: false,
             clock: Clock::new(in_lockstep, period),
@@ -112,6 +118,7 @@ impl<D: Device> Guarded<D> {
                 resolution: spec.pos_lsb,
                 inertia: spec.inertia,
                 force: self.pipeline.force_max(),
+                delay: spec.loop_delay_s.unwrap_or(0.0),
             })
             .collect();
         self.watched = Some(PlausibilityChecks::new(&built, self.pipeline.period()));
@@ -170,7 +177,12 @@ impl<D: Device> Guarded<D> {
         if stop::has_let_go() || self.pipeline.was_stopped(self.clock.now()) {
             safe = self.pipeline.withdraw();
         }
-        self.device.send(&safe)?;
+        if self.motors_disobey() {
+            safe = self.pipeline.withdraw();
+            self.device.switch_off()?;
+        } else {
+            self.device.send(&safe)?;
+        }
         if self.pipeline.was_stopped(self.clock.now()) {
             safe = self.pipeline.withdraw();
             self.device.zero();
@@ -191,19 +203,30 @@ impl<D: Device> Guarded<D> {
         } else {
             self.pipeline.pass(forces, now)
         };
-        for (axis, trip) in self.trips.iter_mut().enumerate() {
-            let asked = forces.get(axis).copied().unwrap_or(0.0);
-            *trip = if let Some(own) = self.watched.as_ref().and_then(|own| own.trip(axis)) {
-                Some(own)
-            } else if !self.pipeline.tripped(axis) {
-                None
-            } else if asked.is_finite() {
-                trip.or(Some(Trip::Speed))
-            } else {
-                Some(Trip::NotFinite)
-            };
-        }
+        self.note_trips(now);
         safe
+    }
+
+    /// Whether a motor may not do what it is commanded: then zero force does not end its force, and all motors of the
+    /// device are switched off.
+    fn motors_disobey(&self) -> bool {
+        let disobeys = |trip: &Option<Trip>| trip.is_some_and(Trip::is_of_motor);
+        self.trips.iter().any(disobeys)
+    }
+
+    /// Note which axes are tripped, and hold those that tripped too often.
+    fn note_trips(&mut self, now: Duration) {
+        for (axis, latch) in self.latches.iter_mut().enumerate() {
+            let watched = self.watched.as_ref().and_then(|own| own.trip(axis));
+            let why = watched.or_else(|| self.pipeline.tripped(axis));
+            if let Some(why) = why.filter(|_| self.trips[axis].is_none()) {
+                latch.note(why, now);
+            }
+            if latch.why().is_some() {
+                self.pipeline.latch(axis);
+            }
+            self.trips[axis] = latch.why().or(why);
+        }
     }
 
     /// Take the newest positions, as [`Device::receive`] does.
@@ -236,8 +259,10 @@ impl<D: Device> Guarded<D> {
         }
     }
 
-    /// Let axes push again that tripped because force and motion disagreed.
+    /// Let every axis that tripped push again, whatever was found.
     pub fn release(&mut self) {
+        (self.latches, self.trips) = ([Latch::default(); MAX_AXES], [None; MAX_AXES]);
+        self.pipeline.release();
         if let Some(watched) = &mut self.watched {
             watched.release();
         }
@@ -264,15 +289,24 @@ impl<D: Device> Guarded<D> {
         self.trips.get(axis).copied().flatten()
     }
 
-    /// Heat of the motors and work on the hands so far.
+    /// Heat of the motors, work on the hands and trips that stay, so far.
     pub fn memory(&self) -> Memory {
-        self.pipeline.memory(clock::wall())
+        Memory {
+            latches: self.latches.map(|latch| latch.without_times()),
+            ..self.pipeline.memory(clock::wall())
+        }
     }
 
-    /// Continue with the heat and work of `memory`; motors have cooled since then.
+    /// Continue with the heat, work and trips of `memory`; motors have cooled since then.
     pub fn recall(&mut self, memory: &Memory) {
         let elapsed = clock::wall().saturating_sub(memory.at);
         self.pipeline.recall(memory, elapsed.as_secs_f64());
+        self.latches = memory.latches;
+        for (axis, latch) in self.latches.iter().enumerate() {
+            if latch.why().is_some() {
+                self.pipeline.latch(axis);
+            }
+        }
     }
 
     /// How often each stage acted.

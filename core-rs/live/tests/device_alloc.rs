@@ -49,7 +49,7 @@ fn an_exchange_does_not_allocate() {
             ramp: 0.0,
             ..Limits::of(device.spec())
         };
-        let mut device = Guarded::new(device, limits, 1.0 / RATE);
+        let mut device = Guarded::new(device, limits, 1.0 / RATE).watched();
         let (mut sample, mut fresh) = (Sample::default(), 0);
         reset_violation_count();
         assert_no_alloc(|| {

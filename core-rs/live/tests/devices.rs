@@ -493,7 +493,22 @@ fn left_at(end: End) -> f64 {
 #[test]
 fn whoever_ends_a_host_frees_the_hand() {
     // 1 N on 100 N/m gives 10 mm. Nothing can be sent after SIGKILL, which shows that the other ends do send zero.
-    let signals = [libc::SIGKILL, libc::SIGTERM, libc::SIGINT, libc::SIGABRT].map(End::Signal);
+    let signals = [
+        libc::SIGKILL,
+        libc::SIGTERM,
+        libc::SIGINT,
+        libc::SIGABRT,
+        libc::SIGUSR1,
+        libc::SIGUSR2,
+        libc::SIGALRM,
+        libc::SIGVTALRM,
+        libc::SIGPROF,
+        libc::SIGXCPU,
+        libc::SIGXFSZ,
+        libc::SIGSYS,
+        libc::SIGTRAP,
+    ]
+    .map(End::Signal);
     let ends = signals
         .into_iter()
         .chain([End::Itself("panic"), End::Itself("fault")]);

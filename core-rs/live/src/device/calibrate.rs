@@ -113,6 +113,10 @@ impl<D: Device> Device for Calibrated<D> {
         self.device.send(&force.with_gains(&self.signs))
     }
 
+    fn switch_off(&mut self) -> Result<(), Gone> {
+        self.device.switch_off()
+    }
+
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
         let mut carried = self.device.on_wire(&force.with_gains(&self.signs));
         for (force, sign) in carried.iter_mut().zip(&self.signs) {

@@ -39,13 +39,57 @@ pub(super) struct Frame {
     new: bool,
 }
 
-/// The specification that a device reports; `None` if its numbers are impossible.
-fn spec(info: &wire::DeviceInfo) -> Option<Spec> {
-    let [continuous, peak, pos_lsb, low, high, rate, inertia, damping] =
-        info.numbers.map(f64::from);
-    let known = |number: f64| (number.is_finite() && number > 0.0).then_some(number);
-    let sound = known(peak).is_some() && low < high && low.is_finite() && high.is_finite();
-    sound.then(|| Spec {
+/// Greatest travel that a key can have [m] or [rad]: more means another unit, or nonsense.
+const TRAVEL_MAX: f64 = 10.0;
+
+/// The numbers that a device reports about itself: name, unit, and whether zero (unknown) is allowed.
+const NUMBERS: [(&str, &str, Allowed); 8] = [
+    ("continuous force", "N", Allowed::ZeroOrMore),
+    ("greatest force", "N", Allowed::AboveZero),
+    ("step of the position", "m", Allowed::ZeroOrMore),
+    ("least position", "m", Allowed::Finite),
+    ("greatest position", "m", Allowed::Finite),
+    ("rate", "Hz", Allowed::ZeroOrMore),
+    ("mass", "kg", Allowed::ZeroOrMore),
+    ("friction", "N·s/m", Allowed::ZeroOrMore),
+];
+
+/// The values that a number may have.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Allowed {
+    Finite,
+    ZeroOrMore,
+    AboveZero,
+}
+
+/// The specification that a device reports.
+///
+/// # Errors
+/// A sentence that names the first number that is impossible.
+fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
+    let numbers = info.numbers.map(f64::from);
+    for (&number, (name, unit, allowed)) in numbers.iter().zip(NUMBERS) {
+        let rule = match allowed {
+            _ if !number.is_finite() => "it has to be a finite number",
+            Allowed::AboveZero if number <= 0.0 => "it has to be above zero",
+            Allowed::ZeroOrMore if number < 0.0 => {
+                "it has to be above zero, or zero if it is not known"
+            }
+            _ => continue,
+        };
+        return Err(format!(
+            "the device reports a {name} of {number} {unit}; {rule} (its firmware sends this number)"
+        ));
+    }
+    let [continuous, peak, pos_lsb, low, high, rate, inertia, damping] = numbers;
+    if low >= high || high - low > TRAVEL_MAX {
+        return Err(format!(
+            "the device reports positions from {low} to {high} m; the least has to be below the greatest, by at most \
+             {TRAVEL_MAX} m (its firmware sends these numbers)"
+        ));
+    }
+    let known = |number: f64| (number > 0.0).then_some(number);
+    Ok(Spec {
         dof: info.n,
         unit: if info.traits & 1 == 0 {
             Unit::Metre
@@ -84,9 +128,7 @@ impl Frame {
     ) -> Result<Self, DeviceError> {
         let info = ask(&mut port, first_reply(url)?, canceller).map_err(|gone| url.closed(gone))?;
         let info = info.ok_or_else(|| url.no_answer("device of the open frame"))?;
-        let spec = spec(&info).ok_or_else(|| {
-            url.cannot("the numbers that the device reports about itself are impossible")
-        })?;
+        let spec = spec(&info).map_err(|reason| url.impossible(reason))?;
         if url.lockstep && !spec.can_lockstep {
             return Err(
                 url.cannot("a real device runs by its own clock; lockstep is only for emulators")
@@ -254,6 +296,10 @@ impl Device for Frame {
         self.put(forces, flag::ENABLE)
     }
 
+    fn switch_off(&mut self) -> Result<(), Gone> {
+        self.put([0.0; MAX_AXES], 0)
+    }
+
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
         let mut carried = [0.0; MAX_AXES];
         for (carried, &force) in carried.iter_mut().zip(force.newtons()) {
@@ -315,5 +361,61 @@ impl Device for Frame {
         let mut bytes = [0; wire::LONGEST];
         let len = request.write(1.0, &mut bytes);
         Some(LastResort::new(self.port.raw(), &bytes[..len]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SOUND: [f32; 8] = [10.0, 20.0, 1e-5, -0.05, 0.05, 8000.0, 0.05, 1.0];
+
+    fn described(change: impl Fn(&mut [f32; 8])) -> Result<Spec, String> {
+        let mut numbers = SOUND;
+        change(&mut numbers);
+        spec(&wire::DeviceInfo {
+            seq: 0,
+            n: 1,
+            traits: 0,
+            numbers,
+        })
+    }
+
+    #[test]
+    fn impossible_descriptions_are_refused_by_name() {
+        for number in 0..8 {
+            for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+                let text = described(|numbers| numbers[number] = value).unwrap_err();
+                assert!(text.contains(NUMBERS[number].0), "{text}");
+            }
+        }
+        for (number, value, name) in [
+            (6, -1.0, "a mass of -1 kg"),
+            (5, -5.0, "a rate of -5 Hz"),
+            (7, -0.5, "a friction of -0.5 N·s/m"),
+            (0, -2.0, "a continuous force of -2 N"),
+            (1, 0.0, "a greatest force of 0 N"),
+            (2, -1.0, "a step of the position of -1 m"),
+            (3, 0.05, "positions from"),
+            (4, 1e4, "positions from"),
+        ] {
+            let text = described(|numbers| numbers[number] = value).unwrap_err();
+            assert!(text.contains(name), "{text}");
+        }
+    }
+
+    #[test]
+    fn unknown_numbers_are_zero() {
+        let spec = described(|numbers| {
+            for number in [0, 2, 5, 6, 7] {
+                numbers[number] = 0.0;
+            }
+        });
+        let spec = spec.unwrap();
+        assert_eq!(
+            (spec.inertia, spec.damping, spec.rate_nominal),
+            (None, None, None)
+        );
+        assert_eq!(spec.force_max_continuous, 20.0);
     }
 }

@@ -229,6 +229,13 @@ impl Url {
         }
     }
 
+    pub(crate) fn impossible(&self, reason: String) -> DeviceError {
+        DeviceError::Impossible {
+            url: self.text.clone(),
+            reason,
+        }
+    }
+
     pub(crate) fn cannot(&self, what: &'static str) -> DeviceError {
         DeviceError::Unsupported {
             url: self.text.clone(),

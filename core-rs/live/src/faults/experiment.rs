@@ -24,8 +24,16 @@ const HUGE_LASTS: Duration = Duration::from_millis(500);
 const WATCHDOG: Duration = Duration::from_millis(50);
 /// A watchdog time that never passes: Haply's service is not known to have a watchdog, so none is emulated.
 const NEVER: Duration = Duration::from_secs(3600);
+/// A motor with less force is weak [N].
+const WEAK_FORCE: f64 = 5.0;
 /// The hand that holds the key [N/m, N·s/m].
 const HAND: [f64; 2] = [400.0, 4.0];
+/// Drift of a sensor [m in a tick]: 0.5 m/s.
+const DRIFT: f64 = 5e-4;
+/// Part of its travel that a device reports, if that is the fault: the guide does not leave it, the greatest force does.
+/// A weak motor moves the key less.
+const REPORTED_TRAVEL: f64 = 0.08;
+const REPORTED_TRAVEL_WEAK: f64 = 0.04;
 /// Amplitude with which the piece leads the key to and fro, once a second [m].
 const SWING: f64 = 6e-3;
 
@@ -59,7 +67,7 @@ impl Host {
         } else {
             guarded.by_clock(shared.world().clock())
         };
-        let weak = guarded.spec().force_max_peak < 5.0;
+        let weak = guarded.spec().force_max_peak < WEAK_FORCE;
         Self {
             guarded,
             shared,
@@ -112,7 +120,7 @@ pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, D
     if let Some(why) = fault.excluded(emulator) {
         return Ok(found(Outcome::Excluded(why), [0.0; 2], [0.0; 2]));
     }
-    let (device, shared) = open_device(emulator)?;
+    let (mut device, shared) = open_device(emulator)?;
     let spec = device.spec().clone();
     let most = spec.force_max_peak;
     let allowed = |spec: &Spec| Limits::of(spec).slew + 2.0 * spec.force_lsb;
@@ -123,6 +131,14 @@ pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, D
             Outcome::Persists
         };
         return Ok(found(outcome, [0.0, most], [0.0, allowed(&spec)]));
+    }
+    if fault == Fault::WrongTravel {
+        let is_weak = most < WEAK_FORCE;
+        device.report_travel(if is_weak {
+            REPORTED_TRAVEL_WEAK
+        } else {
+            REPORTED_TRAVEL
+        });
     }
     let since = if fault == Fault::Uncalibrated {
         test_direction(device, &shared)
@@ -196,6 +212,11 @@ fn run_fault(fault: Fault, device: Defective, shared: &Shared) -> Duration {
         }
         Fault::WrongWay => device(&mut host, |defect| defect.wrong_way = true),
         Fault::Frozen => device(&mut host, |defect| defect.frozen = true),
+        Fault::MotorStuck => device(&mut host, |defect| defect.motor_stuck = true),
+        Fault::SensorDrifts => device(&mut host, |defect| defect.drift = DRIFT),
+        Fault::SensorScaled => device(&mut host, |defect| defect.scale = 10.0),
+        Fault::SensorOffset => device(&mut host, |defect| defect.offset = 0.02),
+        Fault::WrongTravel => host.ask = Ask::Force(f64::MAX),
         Fault::SharedLine => line(&host, |trouble| trouble.another_program = true),
         Fault::Unplugged => line(&host, |trouble| trouble.unplugged = true),
         Fault::GarbageReplies => line(&host, |trouble| trouble.replies_random = true),

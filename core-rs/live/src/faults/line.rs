@@ -33,12 +33,30 @@ impl InProcess for Shared {
 }
 
 /// Defects of the device itself.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Defect {
     pub(super) wrong_way: bool,
     pub(super) frozen: bool,
+    /// The motor keeps the force that it has, whatever is sent, until it is switched off.
+    pub(super) motor_stuck: bool,
+    /// The reported positions grow by this every tick [m], are this many times too great, and are off by this [m].
+    pub(super) drift: f64,
+    pub(super) scale: f64,
+    pub(super) offset: f64,
     /// No position arrives at the host.
     pub(super) blind: bool,
+}
+
+impl Defect {
+    const NOTHING: Self = Self {
+        wrong_way: false,
+        frozen: false,
+        motor_stuck: false,
+        drift: 0.0,
+        scale: 1.0,
+        offset: 0.0,
+        blind: false,
+    };
 }
 
 /// A device with its defects.
@@ -50,17 +68,27 @@ pub(super) struct Defective {
     /// Set for a test before a performance, which paces itself: every force sent is a tick of the host.
     pub(super) ticks: Option<Shared>,
     frozen_at: Option<[f64; MAX_AXES]>,
+    last_force: SafeForce,
+    spec: Spec,
 }
 
 impl Defective {
     pub(super) fn new(device: Box<dyn Device>, direct: Option<Shared>) -> Self {
+        let spec = device.spec().clone();
         Self {
+            last_force: SafeForce::zero(spec.dof),
+            spec,
             device,
-            defect: Defect::default(),
+            defect: Defect::NOTHING,
             direct,
             ticks: None,
             frozen_at: None,
         }
+    }
+
+    /// Report only this part of the travel.
+    pub(super) fn report_travel(&mut self, part: f64) {
+        self.spec.pos_range = self.spec.pos_range.map(|end| part * end);
     }
 
     fn note_force(&mut self, force: f64) {
@@ -75,14 +103,24 @@ impl Defective {
 
 impl Device for Defective {
     fn spec(&self) -> &Spec {
-        self.device.spec()
+        &self.spec
     }
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
         let gain = if self.defect.wrong_way { -1.0 } else { 1.0 };
-        let force = force.with_gains(&[gain; MAX_AXES]);
+        let mut force = force.with_gains(&[gain; MAX_AXES]);
+        if self.defect.motor_stuck {
+            force = self.last_force;
+        }
+        self.last_force = force;
         self.device.send(&force)?;
         self.note_force(force.newtons()[0]);
+        Ok(())
+    }
+
+    fn switch_off(&mut self) -> Result<(), Gone> {
+        self.device.switch_off()?;
+        self.note_force(0.0);
         Ok(())
     }
 
@@ -94,6 +132,16 @@ impl Device for Defective {
         let fresh = self.device.receive(into, deadline)?;
         if self.defect.frozen {
             into.position = *self.frozen_at.get_or_insert(into.position);
+        }
+        let Defect {
+            drift,
+            scale,
+            offset,
+            ..
+        } = &mut self.defect;
+        *offset += *drift;
+        for position in &mut into.position {
+            *position = *scale * *position + *offset;
         }
         Ok(fresh)
     }

@@ -112,6 +112,14 @@ pub trait Device: Send {
     /// [`Gone`] if the device cannot receive it.
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone>;
 
+    /// Send zero force for every axis, and switch the motors off where the protocol can.
+    ///
+    /// # Errors
+    /// [`Gone`] if the device cannot receive it.
+    fn switch_off(&mut self) -> Result<(), Gone> {
+        self.send(&SafeForce::zero(self.spec().dof))
+    }
+
     /// The forces as rounded by the packet that [`Device::send`] makes [N] or [N·m].
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
         let mut carried = [0.0; MAX_AXES];
@@ -156,6 +164,9 @@ macro_rules! devices {
             }
             fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
                 (**self).send(force)
+            }
+            fn switch_off(&mut self) -> Result<(), Gone> {
+                (**self).switch_off()
             }
             fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
                 (**self).on_wire(force)

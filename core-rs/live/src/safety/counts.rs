@@ -30,6 +30,8 @@ pub struct Counts {
     pub trips_not_finite: u64,
     /// How often an axis tripped because of its speed.
     pub trips_speed: u64,
+    /// How often an axis tripped because of a position that is outside its travel, or that no force explains.
+    pub trips_position: u64,
     /// How often the host had been stopped.
     pub stalls: u64,
     /// How often the device reported that it had let go.
@@ -38,7 +40,7 @@ pub struct Counts {
 
 impl Counts {
     /// Name and value of every count.
-    pub fn named(&self) -> [(&'static str, u64); 15] {
+    pub fn named(&self) -> [(&'static str, u64); 16] {
         [
             ("ticks", self.ticks),
             ("force not finite", self.not_finite),
@@ -53,6 +55,7 @@ impl Counts {
             ("stopped by the player", self.stopped),
             ("trips: not finite", self.trips_not_finite),
             ("trips: speed", self.trips_speed),
+            ("trips: position", self.trips_position),
             ("stalls of the host", self.stalls),
             ("force dropped by device", self.let_go),
         ]

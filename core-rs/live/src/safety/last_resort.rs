@@ -46,15 +46,37 @@ mod unix {
     /// Greatest number of open devices that are zeroed.
     const SLOTS: usize = 16;
     /// Signals that end a program, but that it may handle and survive.
-    const TERMINATION_SIGNALS: [i32; 4] =
-        [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
+    const TERMINATION_SIGNALS: [i32; 4 + OTHERS.len()] = {
+        let mut all = [0; 4 + OTHERS.len()];
+        [all[0], all[1], all[2], all[3]] =
+            [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
+        let mut i = 0;
+        while i < OTHERS.len() {
+            all[4 + i] = OTHERS[i];
+            i += 1;
+        }
+        all
+    };
+    /// Signals that mean something else where a program handles them, and end it where it does not: only then they are
+    /// watched.
+    const OTHERS: [i32; 7] = [
+        libc::SIGUSR1,
+        libc::SIGUSR2,
+        libc::SIGALRM,
+        libc::SIGVTALRM,
+        libc::SIGPROF,
+        libc::SIGXCPU,
+        libc::SIGXFSZ,
+    ];
     /// Signals that a program does not survive; the former handler of each runs after ours.
-    const FAULTS: [i32; 5] = [
+    const FAULTS: [i32; 7] = [
         libc::SIGABRT,
         libc::SIGSEGV,
         libc::SIGBUS,
         libc::SIGILL,
         libc::SIGFPE,
+        libc::SIGSYS,
+        libc::SIGTRAP,
     ];
 
     const FREE: i32 = -1;
@@ -80,6 +102,8 @@ mod unix {
     /// A signal that may end the program: what it stops, and the handler that was set before ours.
     struct WatchedSignal {
         stops: AtomicU8,
+        /// Whether our handler was set.
+        is_watched: AtomicBool,
         handler: AtomicUsize,
         has_info: AtomicBool,
     }
@@ -87,6 +111,7 @@ mod unix {
     static WATCHED: [WatchedSignal; TERMINATION_SIGNALS.len()] = [const {
         WatchedSignal {
             stops: AtomicU8::new(Stop::All as u8),
+            is_watched: AtomicBool::new(false),
             handler: AtomicUsize::new(libc::SIG_DFL),
             has_info: AtomicBool::new(false),
         }
@@ -283,7 +308,8 @@ mod unix {
                 return;
             }
             for (signal, own) in TERMINATION_SIGNALS.into_iter().zip(&WATCHED) {
-                if libc::sigismember(&raw const set, signal) == 1 {
+                let ends = !OTHERS.contains(&signal) || own.is_watched.load(Ordering::SeqCst);
+                if ends && libc::sigismember(&raw const set, signal) == 1 {
                     stop::stop(Stop::of(own.stops.load(Ordering::SeqCst)));
                 }
             }
@@ -315,7 +341,11 @@ mod unix {
             if [ours, libc::SIG_IGN].contains(&old.sa_sigaction) {
                 return;
             }
+            if OTHERS.contains(&signal) && old.sa_sigaction != libc::SIG_DFL {
+                return;
+            }
             let own = &WATCHED[index];
+            own.is_watched.store(true, Ordering::SeqCst);
             own.has_info
                 .store(old.sa_flags & libc::SA_SIGINFO != 0, Ordering::SeqCst);
             own.handler.store(old.sa_sigaction, Ordering::SeqCst);

@@ -9,7 +9,6 @@
 
 use std::time::Duration;
 
-use super::Memory;
 use super::counts::Counts;
 use super::force::SafeForce;
 use super::limits::Limits;
@@ -18,7 +17,9 @@ use super::stages::heat::Heat;
 use super::stages::passivity::Passivity;
 use super::stages::slew::Slew;
 use super::stages::stale::Ages;
+use super::stages::travel::Travel;
 use super::stages::trip::Trip;
+use super::{Memory, Trip as Reason};
 use crate::safety::contract::{Sample, Spec};
 use crate::wire::MAX_AXES;
 
@@ -49,30 +50,43 @@ struct Axis {
     /// Newest position and mean velocity, for the speed trip.
     position: Option<f64>,
     velocity: f64,
+    /// Velocity of the last step, for the travel [m/s].
+    last_velocity: f64,
     heat: Heat,
     ramp: Fade,
+    travel: Travel,
     trip: Trip,
     gain: f64,
     slew: Slew,
 }
 
 impl Pipeline {
-    pub(super) fn new(spec: &Spec, limits: Limits, period: f64, in_lockstep: bool) -> Self {
+    /// The stages for a device whose axes have these travels [m].
+    pub(super) fn new(
+        spec: &Spec,
+        travel: impl Fn(usize) -> [f64; 2],
+        limits: Limits,
+        period: f64,
+        in_lockstep: bool,
+    ) -> Self {
+        let new_axis = |axis| Axis {
+            position: None,
+            velocity: 0.0,
+            last_velocity: 0.0,
+            heat: Heat::default(),
+            ramp: Fade::ZERO,
+            travel: Travel::new(travel(axis), spec, spec.force_max_peak),
+            trip: Trip::NONE,
+            gain: 1.0,
+            slew: Slew::default(),
+        };
         Self {
             limits,
             continuous: spec.force_max_continuous,
             max_force: limits.force.min(spec.force_max_peak),
             period,
             n: spec.dof.min(MAX_AXES),
-            axes: [Axis {
-                position: None,
-                velocity: 0.0,
-                heat: Heat::default(),
-                ramp: Fade::ZERO,
-                trip: Trip::NONE,
-                gain: 1.0,
-                slew: Slew::default(),
-            }; MAX_AXES],
+            axes: std::array::from_fn(new_axis),
             counts: Counts::default(),
             ages: Ages::new(limits.stale),
             passivity: Passivity::new(spec, &limits, period, in_lockstep),
@@ -109,7 +123,8 @@ impl Pipeline {
         let mut force = asked;
         if !force.is_finite() {
             counts.not_finite += 1;
-            axis.trip.start(limits.hold, &mut counts.trips_not_finite);
+            let count = &mut counts.trips_not_finite;
+            axis.trip.start(Reason::NotFinite, limits.hold, count);
             force = 0.0;
         }
         if force.abs() > self.max_force {
@@ -120,7 +135,8 @@ impl Pipeline {
         axis.ramp.rise(period, limits.ramp);
         force = axis.ramp.pass(force, &mut counts.ramped);
         if axis.velocity.abs() > limits.velocity {
-            axis.trip.start(limits.hold, &mut counts.trips_speed);
+            let count = &mut counts.trips_speed;
+            axis.trip.start(Reason::Speed, limits.hold, count);
         }
         let is_held = axis.trip.tick(period, limits.fade);
         force = axis.trip.pass(force, &mut counts.tripped);
@@ -153,11 +169,17 @@ impl Pipeline {
             let before = axis.position.unwrap_or(*x);
             if !x.is_finite() {
                 let count = &mut self.counts.trips_not_finite;
-                axis.trip.start(self.limits.hold, count);
+                axis.trip.start(Reason::NotFinite, self.limits.hold, count);
                 *x = if before.is_finite() { before } else { 0.0 };
                 continue;
             }
+            let velocities = [axis.velocity, axis.last_velocity];
+            if let Some(why) = axis.travel.fault(*x, before, velocities, since) {
+                let count = &mut self.counts.trips_position;
+                axis.trip.start(why, self.limits.hold, count);
+            }
             axis.position = Some(*x);
+            axis.last_velocity = (*x - before) / since;
             axis.velocity += ((*x - before) / since - axis.velocity) * weight;
         }
         self.passivity.receive(&positions[..self.n], since);
@@ -204,8 +226,23 @@ impl Pipeline {
         }
     }
 
-    pub(super) fn tripped(&self, axis: usize) -> bool {
-        self.axes.get(axis).is_some_and(|axis| axis.trip.is_held())
+    /// Why a stage holds an axis at zero, if one does.
+    pub(super) fn tripped(&self, axis: usize) -> Option<Reason> {
+        self.axes.get(axis).and_then(|axis| axis.trip.why())
+    }
+
+    /// Hold an axis at zero until `release`.
+    pub(super) fn latch(&mut self, axis: usize) {
+        if let Some(axis) = self.axes.get_mut(axis) {
+            axis.trip.latch();
+        }
+    }
+
+    /// Let all axes push again; their forces fade in.
+    pub(super) fn release(&mut self) {
+        for axis in &mut self.axes {
+            axis.trip.release();
+        }
     }
 
     /// The greatest force that any stage lets through [N].

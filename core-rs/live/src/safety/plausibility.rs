@@ -1,20 +1,26 @@
-//! Checks that force and motion agree. Finds a motor wired the other way, a key pushed into its stop, and a sensor that
-//! freezes.
+//! Checks that force and motion agree. Finds a motor that pushes the wrong way or not at all, a key pushed into its stop,
+//! and a sensor that freezes.
 //!
 //! A hand may push against a force at any time, and a hand that holds still looks like a frozen sensor. So watching
-//! alone proves nothing: it raises a suspicion, and a probe decides. For a few milliseconds the force differs from the
-//! one that the piece asks for, and the key answers with the right sign, with the wrong sign, or not at all. After a
-//! wrong answer the probe is repeated; only `WRONG_ANSWERS` wrong answers without a right one between them count as a
-//! wrong motor. Two observations count without a probe, because no hand causes them: a force of newtons that pushes a
-//! resting key further into its stop, and a position that keeps its last bit while the force changes by newtons.
+//! alone proves nothing: the force is changed for some milliseconds, and the answer of the key decides. There are two
+//! ways. [`confirmation`] asks faint questions all the time, which hold for every hand but take 56 ms. [`signs`] watches
+//! for a key that runs away, or rests at a stop that the force pulls it away from, and a [`probe`] decides within 8 ms or
+//! 40 ms; only `WRONG_ANSWERS` wrong answers without a right one between them end the force, and questions without any
+//! other force then decide. Two observations count without an answer: a force of newtons that pushes a resting key
+//! further into its stop, and, where no questions are asked, a position that keeps its last bit while the force changes
+//! by newtons.
 //!
-//! Time is counted in steps of about a millisecond, without a clock. Without a suspicion the force is unchanged, to the
-//! last bit.
+//! Time is counted in steps of about a millisecond, without a clock. But for pulses and probes the force is unchanged, to
+//! the last bit.
 
+mod confirmation;
 mod probe;
+mod question;
 mod signs;
 
+use super::Trip;
 use crate::wire::MAX_AXES;
+use confirmation::{Confirmation, Phase, Step, Verdict};
 use probe::{Answer, Probe};
 use signs::{AxisParameters, Signs, Suspicion};
 
@@ -24,34 +30,17 @@ const STEP: f64 = 1e-3;
 const RETRY_AFTER: f64 = 3.0;
 /// Its force then fades in over this time [s].
 const FADE: f64 = 0.5;
-/// After this many trips only the player can let the axis push again.
-const TRIPS_MAX: u32 = 3;
 /// A sensor counts as alive for this time after it has moved [s].
 const ALIVE: f64 = 0.5;
 /// For each kind of suspicion: the pause after a probe without a finding, at first and at most [s]. The pause doubles
 /// each time.
-const PAUSES: [[f64; 2]; 3] = [[1.0, 4.0], [1.0, 4.0], [0.02, 1.0]];
+const PAUSES: [[f64; 2]; 2] = [[1.0, 4.0], [0.02, 1.0]];
 /// After this time without a suspicion the pause starts again at its first value [s].
 const PAUSE_RESET: f64 = 5.0;
-/// Distance from the last probe beyond which the key counts as being at another place [m].
-const SAME_PLACE: f64 = 2e-3;
-/// Number of wrong answers, without a right one between them, that mean a motor wired the other way.
+/// Number of wrong answers to probes, without a right one between them, that end the force.
 const WRONG_ANSWERS: u32 = 4;
-
-/// Why the forces of an axis are held at zero.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Trip {
-    /// The force asked for is not finite.
-    NotFinite,
-    /// The key was too fast, or its position is not finite.
-    Speed,
-    /// The motor pushes in the opposite direction of its command.
-    WrongWay,
-    /// The key rests at its stop, and the force pushes it further.
-    AtStop,
-    /// The sensor shows the same position whatever the force.
-    Frozen,
-}
+/// Longest time without the piece's force until an answer decides [s].
+const DOUBT: f64 = 1.0;
 
 /// The properties of an axis, for [`Plausibility`].
 #[derive(Clone, Copy, Debug)]
@@ -64,12 +53,16 @@ pub(super) struct AxisSpec {
     pub(super) inertia: Option<f64>,
     /// Greatest force [N].
     pub(super) force: f64,
+    /// Delay that the device tells [s].
+    pub(super) delay: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Mode {
     Watching,
     Probing(Probe),
+    /// No force but that of questions, whose answers decide; steps since then.
+    Doubting(u32),
     Off {
         why: Trip,
         calm: u32,
@@ -92,17 +85,15 @@ pub(super) struct Plausibility {
     mode: Mode,
     /// Progress of the fade to full force after a trip, 0 to 1.
     fade: f64,
-    trips: u32,
     /// Whether a probe was ever answered the right way.
     confirmed: bool,
     /// Wrong answers since the last right one.
     wrong: u32,
     /// For each kind of suspicion: steps until it may be probed again, and how often a probe had no finding.
-    pauses: [(i32, u32); 3],
-    /// Position at the end of the last probe.
-    probed_at: f64,
+    pauses: [(i32, u32); 2],
     /// Number of probes so far.
     probes: u64,
+    confirmation: Confirmation,
 }
 
 impl Plausibility {
@@ -119,12 +110,11 @@ impl Plausibility {
             signs: Signs::default(),
             mode: Mode::Watching,
             fade: 1.0,
-            trips: 0,
             confirmed: false,
             wrong: 0,
-            pauses: [(0, 0); 3],
-            probed_at: 0.0,
+            pauses: [(0, 0); 2],
             probes: 0,
+            confirmation: Confirmation::new(built, &traits),
         }
     }
 
@@ -132,37 +122,41 @@ impl Plausibility {
     /// key's position if there is a new one. Returns the force to ask for instead.
     pub(super) fn tick(&mut self, asked: f64, sent: f64, position: Option<f64>) -> f64 {
         self.ticks = (self.ticks + 1).min(self.every);
+        let passes = self.confirmation.passes(sent);
         if let Some(x) = position
             && self.ticks == self.every
         {
             self.ticks = 0;
             self.step(x, sent, asked);
         }
-        match self.mode {
+        let force = match self.mode {
+            // A later stage trips.
+            _ if !asked.is_finite() => asked,
             Mode::Off { .. } => 0.0,
+            Mode::Doubting(_) => self.confirmation.with_pulses(0.0),
             Mode::Probing(Probe {
                 offset,
                 replaces: true,
                 ..
             }) => offset * self.fade,
-            Mode::Probing(Probe {
-                offset,
-                kind,
-                force,
-                ..
-            }) => {
-                // More than the greatest force would be clamped and hide the probe; and while the sensor may be frozen,
-                // the force must not grow.
-                let limit = if kind == Suspicion::Still {
-                    force.abs()
-                } else {
-                    self.force
-                };
-                (asked.clamp(-limit, limit) + offset) * self.fade
+            // The force that was sent is changed, because one that is asked for may be clamped and hide the probe.
+            Mode::Probing(probe) if probe.kind == Suspicion::Stop => {
+                (probe.force + probe.offset) / passes
             }
-            Mode::Watching if self.fade < 1.0 => asked * self.fade,
-            Mode::Watching => asked,
-        }
+            Mode::Probing(Probe { offset, .. }) => {
+                (asked.clamp(-self.force, self.force) + offset) * self.fade
+            }
+            Mode::Watching => {
+                let force = self.confirmation.with_pulses(asked);
+                if self.fade < 1.0 {
+                    force * self.fade
+                } else {
+                    force
+                }
+            }
+        };
+        self.confirmation.note_force(force);
+        force
     }
 
     /// Why forces are off, if they are.
@@ -184,7 +178,6 @@ impl Plausibility {
         if self.trip().is_some() {
             self.push_again();
         }
-        self.trips = 0;
     }
 
     /// Forget earlier observations: a host that was stopped has missed motion and forces.
@@ -192,18 +185,21 @@ impl Plausibility {
         if self.trip().is_none() {
             self.mode = Mode::Watching;
             self.signs = Signs::default();
+            self.confirmation.interrupt();
         }
     }
 
     fn push_again(&mut self) {
         self.mode = Mode::Watching;
         (self.fade, self.wrong, self.confirmed) = (0.0, 0, false);
-        self.pauses = [(0, 0); 3];
+        self.pauses = [(0, 0); 2];
+        self.confirmation.reset();
         self.signs = Signs::default();
     }
 
     fn step(&mut self, x: f64, sent: f64, asked: f64) {
-        let seconds = |seconds: f64| (seconds / self.built.step) as u32;
+        let step = self.built.step;
+        let seconds = move |seconds: f64| (seconds / step) as u32;
         let (calm_for, alive_for) = (seconds(RETRY_AFTER), seconds(ALIVE));
         self.fade = (self.fade + self.built.step / FADE).min(1.0);
         let quiet = -(seconds(PAUSE_RESET) as i32);
@@ -213,13 +209,42 @@ impl Plausibility {
                 *passed = 0;
             }
         }
+        let moved = x - self.signs.past[0];
         self.signs.add(x, sent, &self.built);
+        let verdict = self.confirmation.advance(Step {
+            x,
+            moved,
+            sent,
+            phase: match self.mode {
+                Mode::Watching => Phase::Playing,
+                Mode::Probing(_) => Phase::Probing,
+                Mode::Doubting(_) => Phase::Doubting,
+                Mode::Off { .. } => Phase::Off,
+            },
+            is_at_stop: self.signs.is_at_stop(),
+            may_be_frozen: self.signs.may_be_frozen(sent, &self.built),
+        });
+        match verdict {
+            Verdict::Continue => {}
+            Verdict::Doubt => self.doubt(),
+            Verdict::Right => {
+                self.push_again();
+                self.confirmation.confirm();
+            }
+            Verdict::Fault(why) => return self.trip_with(why),
+        }
         match &mut self.mode {
             Mode::Watching => self.watch(sent),
+            Mode::Doubting(steps) => {
+                *steps += 1;
+                if *steps >= seconds(DOUBT) {
+                    return self.trip_with(Trip::WrongWay);
+                }
+            }
             Mode::Probing(probe) => {
                 let answer = probe.step(&self.signs, sent, &self.built);
                 let probe = *probe;
-                self.apply_answer(probe, answer, sent);
+                self.apply_answer(probe, answer);
             }
             Mode::Off {
                 why,
@@ -237,36 +262,41 @@ impl Plausibility {
                     _ => false,
                 };
                 *calm = if agrees { *calm + 1 } else { 0 };
-                if *calm >= calm_for && self.trips < TRIPS_MAX {
+                if *calm >= calm_for {
                     self.push_again();
                 }
             }
         }
     }
 
+    /// End the piece's force until an answer is right.
+    fn doubt(&mut self) {
+        self.confirmation.begin_doubt();
+        self.mode = Mode::Doubting(0);
+    }
+
     fn watch(&mut self, sent: f64) {
-        // An answer at one place says nothing about another place.
-        if (self.signs.past[0] - self.probed_at).abs() > SAME_PLACE.max(4.0 * self.built.resolution)
-        {
-            self.pauses[Suspicion::Still as usize] = (0, 0);
-        }
-        if let Some(trip) = self.signs.evident_fault(sent, &self.built) {
+        let asks = self.confirmation.asks;
+        if let Some(trip) = self.signs.evident_fault(sent, asks, &self.built) {
             self.trip_with(trip);
         } else if self.may_probe
+            && !self.confirmation.comes_first(self.signs.is_at_stop())
             && let Some((kind, direction)) = self.signs.suspicion(sent, self.confirmed, &self.built)
             && self.pauses[kind as usize].0 <= 0
         {
             self.probes += 1;
+            self.confirmation.interrupt();
             self.mode = Mode::Probing(Probe::new(kind, direction, &self.signs, sent, &self.built));
         }
     }
 
-    fn apply_answer(&mut self, probe: Probe, answer: Answer, sent: f64) {
+    fn apply_answer(&mut self, probe: Probe, answer: Answer) {
         self.mode = match answer {
             Answer::Waiting => Mode::Probing(probe),
-            Answer::Frozen if probe.unmoved => return self.trip_with(Trip::Frozen),
-            Answer::Frozen => Mode::Probing(probe.repeated(&self.signs, sent, &self.built)),
             Answer::Wrong if self.wrong + 1 >= WRONG_ANSWERS => {
+                return self.doubt();
+            }
+            Answer::Wrong if probe.kind == Suspicion::Stop && self.wrong > 0 => {
                 return self.trip_with(Trip::WrongWay);
             }
             Answer::Wrong => {
@@ -276,17 +306,17 @@ impl Plausibility {
             Answer::Right | Answer::Unclear => Mode::Watching,
         };
         if matches!(self.mode, Mode::Watching) {
+            if answer == Answer::Right {
+                self.confirmed = true;
+                self.wrong = 0;
+            }
             let (left, passed) = &mut self.pauses[probe.kind as usize];
             let [first, longest] = PAUSES[probe.kind as usize];
             let pause = (first * f64::from(1 << (*passed).min(8))).min(longest);
-            if answer == Answer::Right {
-                (self.wrong, self.confirmed) = (0, true);
-            }
             // After a wrong answer there is no pause: the next suspicion is probed at once.
             if self.wrong == 0 {
                 (*left, *passed) = ((pause / self.built.step) as i32, *passed + 1);
             }
-            self.probed_at = self.signs.past[0];
             self.signs.forget();
         }
     }
@@ -297,7 +327,6 @@ impl Plausibility {
             calm: 0,
             since_moved: 0,
         };
-        self.trips += 1;
     }
 }
 
@@ -318,6 +347,7 @@ impl PlausibilityChecks {
             resolution: 0.0,
             inertia: None,
             force: 0.0,
+            delay: 0.0,
         };
         let of = |axis| Plausibility::new(built.get(axis).copied().unwrap_or(nothing), period);
         Self {
@@ -332,6 +362,7 @@ impl PlausibilityChecks {
     pub(super) fn disable_probes(&mut self) {
         for axis in &mut self.axes {
             axis.may_probe = false;
+            axis.confirmation.asks = false;
         }
     }
 

@@ -6,4 +6,5 @@ pub(super) mod heat;
 pub(super) mod passivity;
 pub(super) mod slew;
 pub(super) mod stale;
+pub(super) mod travel;
 pub(super) mod trip;

@@ -4,11 +4,7 @@ use super::signs::{AxisParameters, Signs, Suspicion, VELOCITY_STEPS};
 
 /// For each kind of suspicion: the growth of a probe [N/s], its greatest force [N] (at a stop in addition to the
 /// present force), and its longest duration [s].
-const SHAPES: [(f64, f64, f64); 3] = [
-    (100.0, 1.2, 0.04),
-    (1_000.0, 1.0, 0.04),
-    (1_000.0, 3.0, 0.008),
-];
+const SHAPES: [(f64, f64, f64); 2] = [(1_000.0, 1.0, 0.04), (1_000.0, 3.0, 0.008)];
 /// Steps between two probes without an offset, so that the course of the key is known.
 const SETTLE_STEPS: u32 = 2 * VELOCITY_STEPS as u32;
 /// Least deviation from its course that counts as an answer [m].
@@ -17,6 +13,9 @@ const ANSWER: f64 = 1e-4;
 /// Factors of the way of a free key under the probe: an answer is at least the first, a wrong answer to a probe of
 /// `Run` at most the second.
 const ANSWER_RANGE: (f64, f64) = (0.25, 2.5);
+
+/// The same least part for a key that rests at its stop: no hand moves it meanwhile, and it may be heavy.
+const STOP_PART: f64 = 0.05;
 
 /// The answer of the key to a probe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,8 +28,6 @@ pub(super) enum Answer {
     Unclear,
     /// The key went the other way.
     Wrong,
-    /// The sensor did not change at all.
-    Frozen,
 }
 
 /// A probe under way.
@@ -50,11 +47,6 @@ pub(super) struct Probe {
     /// The force at the beginning; and velocity and way of a free key under the difference from that force.
     pub(super) force: f64,
     free_motion: [f64; 2],
-    /// The greatest change of the force that was really sent [N], and whether the sensor has changed.
-    max_change: f64,
-    moved: bool,
-    /// Whether the sensor did not change in the previous probe.
-    pub(super) unmoved: bool,
 }
 
 impl Probe {
@@ -81,21 +73,9 @@ impl Probe {
             course: [0.0; 3],
             force: 0.0,
             free_motion: [0.0; 2],
-            max_change: 0.0,
-            moved: false,
-            unmoved: false,
         };
         probe.begin(signs, force, axis);
         probe
-    }
-
-    /// The same probe once more, whose offset begins at zero again: a hand that yields to a growing force does not
-    /// follow that jump.
-    pub(super) fn repeated(self, signs: &Signs, force: f64, axis: &AxisParameters) -> Self {
-        Self {
-            unmoved: true,
-            ..Self::new(self.kind, self.direction, signs, force, axis)
-        }
     }
 
     /// Another probe of the kind `Run` after a few steps, in the direction in which the key then moves. Until it is
@@ -120,7 +100,7 @@ impl Probe {
                 v + 0.5 * VELOCITY_STEPS as f64 * axis.step * a,
                 a,
             ],
-            Suspicion::Still | Suspicion::Stop => [signs.past[0], 0.0, 0.0],
+            Suspicion::Stop => [signs.past[0], 0.0, 0.0],
         };
         (self.steps, self.force, self.free_motion) = (0, force, [0.0; 2]);
     }
@@ -141,7 +121,6 @@ impl Probe {
         }
         let (slope, _, longest) = SHAPES[self.kind as usize];
         self.steps += 1;
-        self.moved |= !signs.is_still();
         let t = f64::from(self.steps) * axis.step;
         let push = if self.kind == Suspicion::Stop {
             // As long as the force does not push into the stop, the old force may hold the key there.
@@ -149,7 +128,6 @@ impl Probe {
         } else {
             sent - self.force
         };
-        self.max_change = self.max_change.max((sent - self.force).abs());
         self.free_motion[0] += push / axis.mass * axis.step;
         self.free_motion[1] += self.free_motion[0] * axis.step;
         let [x, v, a] = self.course;
@@ -158,8 +136,12 @@ impl Probe {
         // Nothing can be told if the force hardly changed, if the sensor does not change, or if the deviation is a
         // small part of the way of a free key: a hand moves that much meanwhile.
         let free_path = self.free_motion[1];
-        let is_clear =
-            deviation.abs() >= enough.max(ANSWER_RANGE.0 * free_path.abs()) && !signs.is_still();
+        let part = if self.kind == Suspicion::Stop {
+            STOP_PART
+        } else {
+            ANSWER_RANGE.0
+        };
+        let is_clear = deviation.abs() >= enough.max(part * free_path.abs()) && !signs.is_still();
         if is_clear && deviation * free_path > 0.0 && free_path.abs() >= 0.3 * enough {
             return Answer::Right;
         }
@@ -169,14 +151,7 @@ impl Probe {
             return Answer::Wrong;
         }
         if t >= longest {
-            let would_show = self.kind == Suspicion::Still
-                && 2.0 * axis.visible_force_change() <= self.max_force;
-            let pushed = self.max_change >= 0.75 * self.max_force;
-            return if would_show && pushed && !self.moved {
-                Answer::Frozen
-            } else {
-                Answer::Unclear
-            };
+            return Answer::Unclear;
         }
         let offset = self.direction * slope * (t + axis.step);
         self.offset = offset.clamp(-self.max_force, self.max_force);

@@ -1,6 +1,7 @@
 //! The signs that watching a key gives: evident faults, and suspicions that have to be probed.
 
-use super::{AxisSpec, Trip};
+use super::AxisSpec;
+use crate::safety::Trip;
 
 /// Mass assumed for a device that does not report it: a light fader [kg].
 const DEFAULT_MASS: f64 = 0.05;
@@ -15,13 +16,14 @@ const MARGIN: f64 = 0.02;
 const REST_TOLERANCE: f64 = 1e-4;
 /// Time at rest at a stop after which it is a suspicion, and after which it is a fault [s].
 const DWELL: [f64; 2] = [0.1, 0.15];
-/// Least force for both [N].
-const STOP_FORCE: f64 = 2.0;
+/// Least force that pulls the key away, for the suspicion, and that pushes it in, for the fault [N].
+const PULLED_AWAY: f64 = 0.3;
+const PUSHED_IN: f64 = 2.0;
 
-/// Time for which a position keeps its last bit before it is a suspicion [s], and least force for that [N].
+/// Time for which a position keeps its last bit before a question is asked [s], and least force for that [N].
 const STILL: f64 = 0.09;
 const STILL_FORCE: f64 = 0.3;
-/// A position that keeps its last bit is a fault after `CHANGED_OVER` [s] if the force, averaged over `SMOOTH` [s],
+/// Where no questions are asked, a position that keeps its last bit is a fault after `CHANGED_OVER` [s] if the force, averaged over `SMOOTH` [s],
 /// changed by `CHANGED` [N] meanwhile.
 const SMOOTH: f64 = 0.02;
 const CHANGED: f64 = 1.0;
@@ -44,8 +46,6 @@ const COUNTER_ACCELERATION: (f64, f64) = (0.4, 0.8);
 /// A possible fault, which a probe has to confirm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Suspicion {
-    /// The position keeps its last bit under a force.
-    Still,
     /// The key rests at a stop that the force pulls it away from.
     Stop,
     /// The key runs against the force, faster and faster.
@@ -191,6 +191,16 @@ impl Signs {
         self.still > 0
     }
 
+    /// Whether the position has kept its last bit for so long under `sent` [N] that the sensor may be frozen.
+    pub(super) fn may_be_frozen(&self, sent: f64, axis: &AxisParameters) -> bool {
+        self.still >= axis.steps(STILL) && sent.abs() >= STILL_FORCE
+    }
+
+    /// Whether the key is at one of its stops.
+    pub(super) fn is_at_stop(&self) -> bool {
+        self.side != 0.0
+    }
+
     /// Restart all suspicions.
     pub(super) fn forget(&mut self) {
         (self.still, self.dwell, self.run) = (0, 0, None);
@@ -235,18 +245,24 @@ impl Signs {
     /// The side of the stop at which the key rests while `force` pushes it further in, if it does.
     pub(super) fn pushed_into_stop(&self, force: f64, axis: &AxisParameters) -> Option<f64> {
         let long = self.dwell >= axis.steps(DWELL[1]);
-        (long && force * self.side >= STOP_FORCE).then_some(self.side)
+        (long && force * self.side >= PUSHED_IN).then_some(self.side)
     }
 
-    /// A fault that is certain without a probe.
-    pub(super) fn evident_fault(&self, sent: f64, axis: &AxisParameters) -> Option<Trip> {
+    /// A fault that is seen without an answer. A hand may hold a position to the last bit by chance while the force
+    /// changes: where questions are asked (`asks`), they find a frozen sensor.
+    pub(super) fn evident_fault(
+        &self,
+        sent: f64,
+        asks: bool,
+        axis: &AxisParameters,
+    ) -> Option<Trip> {
         if self.pushed_into_stop(sent, axis).is_some() {
             return Some(Trip::AtStop);
         }
         let changed = self.forces[1] - self.forces[0];
-        let frozen = self.still >= axis.steps(CHANGED_OVER)
+        let is_frozen = self.still >= axis.steps(CHANGED_OVER)
             && changed >= CHANGED.max(axis.visible_force_change());
-        (frozen && self.side == 0.0).then_some(Trip::Frozen)
+        (is_frozen && !asks && self.side == 0.0).then_some(Trip::Frozen)
     }
 
     /// A suspicion, and the direction in which to probe it; `confirmed`: whether a probe has shown the right direction
@@ -263,11 +279,9 @@ impl Signs {
         {
             return Some((Suspicion::Run, -sent.signum()));
         }
-        if self.dwell >= axis.steps(DWELL[0]) && -sent * self.side >= STOP_FORCE {
+        if self.dwell >= axis.steps(DWELL[0]) && -sent * self.side >= PULLED_AWAY {
             return Some((Suspicion::Stop, self.side));
         }
-        let still = self.still >= axis.steps(STILL)
-            && sent.abs() >= STILL_FORCE.max(0.5 * axis.visible_force_change());
-        (still && self.side == 0.0).then_some((Suspicion::Still, -sent.signum()))
+        None
     }
 }

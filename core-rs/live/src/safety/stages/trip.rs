@@ -1,29 +1,55 @@
 //! A trip: an axis is held at zero for a while.
 
 use super::fade::Fade;
+use crate::safety::Trip as Reason;
 
 /// The state of a trip of one axis.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::safety) struct Trip {
     /// Time for which it is still held [s].
     left: f64,
+    why: Option<Reason>,
+    /// Whether it is held until `release`.
+    is_latched: bool,
     fade: Fade,
 }
 
 impl Trip {
     pub(in crate::safety) const NONE: Self = Self {
         left: 0.0,
+        why: None,
+        is_latched: false,
         fade: Fade::WHOLE,
     };
 
     /// Hold the axis at zero for `hold` [s] from now on; count it if the axis was not held before.
-    pub(in crate::safety) fn start(&mut self, hold: f64, count: &mut u64) {
-        *count += u64::from(!self.is_held());
+    pub(in crate::safety) fn start(&mut self, why: Reason, hold: f64, count: &mut u64) {
+        if !self.is_held() {
+            *count += 1;
+            self.why = Some(why);
+        }
         self.left = hold;
     }
 
+    /// Hold the axis at zero until `release`.
+    pub(in crate::safety) fn latch(&mut self) {
+        self.is_latched = true;
+    }
+
+    /// End every hold; the force fades in.
+    pub(in crate::safety) fn release(&mut self) {
+        if self.is_held() {
+            (self.left, self.is_latched, self.fade) = (0.0, false, Fade::ZERO);
+        }
+    }
+
     pub(in crate::safety) fn is_held(&self) -> bool {
-        self.left > 0.0
+        self.is_latched || self.left > 0.0
+    }
+
+    /// Why the axis is held by this stage, if it is.
+    pub(in crate::safety) fn why(&self) -> Option<Reason> {
+        self.why.filter(|_| self.is_held())
     }
 
     /// Advance by a tick of `period`: the axis is held, or fades in afterwards over `fade` [s]. Returns whether it is

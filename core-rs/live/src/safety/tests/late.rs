@@ -317,9 +317,9 @@ fn a_position_that_is_no_number_trips_and_passes() {
     let from = host.felt().len() - 1;
     host.fades_in(from, 4.0);
     assert_eq!(host.guarded.counts().trips_not_finite, 1);
-    // The velocity is finite again: a key that is too fast trips.
+    // The velocity is finite again: a key that jumps trips.
     host.guarded.device.sample.position[0] = 0.05;
     (0..2).for_each(|_| host.tick(4.0));
     assert_eq!(host.last(), 0.0);
-    assert_eq!(host.guarded.counts().trips_speed, 1);
+    assert_eq!(host.guarded.counts().trips_position, 1);
 }

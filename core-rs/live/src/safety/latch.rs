@@ -1,0 +1,77 @@
+//! Why the force of an axis is held at zero, and which trips only the player can end.
+
+use std::time::Duration;
+
+/// Why the forces of an axis are held at zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trip {
+    /// The force asked for, or the position, is not finite.
+    NotFinite,
+    /// The key was too fast.
+    Speed,
+    /// The motor pushes in the opposite direction of its command.
+    WrongWay,
+    /// The key rests at its stop, and the force pushes it further.
+    AtStop,
+    /// The sensor shows the same position whatever the force.
+    Frozen,
+    /// The key does not answer its motor.
+    Unanswered,
+    /// The position is outside the travel of the key.
+    OutsideTravel,
+    /// The position jumped as no force could move the key.
+    Jump,
+}
+
+impl Trip {
+    /// Whether the motor may not do what it is commanded.
+    pub(super) fn is_of_motor(self) -> bool {
+        matches!(self, Self::WrongWay | Self::Unanswered | Self::Frozen)
+    }
+
+    /// Whether only the player can let the axis push again, after the first trip already.
+    pub(super) fn latches(self) -> bool {
+        matches!(
+            self,
+            Self::WrongWay | Self::Unanswered | Self::OutsideTravel | Self::Jump
+        )
+    }
+}
+
+/// An axis that trips this often within `WITHIN` stays off.
+const TRIPS: usize = 3;
+const WITHIN: Duration = Duration::from_secs(60);
+
+/// The latest trips of an axis, and why it stays off, if it does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Latch {
+    /// Times of the trips before, the newest first.
+    earlier: [Option<Duration>; TRIPS - 1],
+    why: Option<Trip>,
+}
+
+impl Latch {
+    /// Note a trip: a fault of motor, sensor or travel stays at once, any other with the third trip within a minute.
+    pub(super) fn note(&mut self, why: Trip, now: Duration) {
+        let third = self.earlier[TRIPS - 2];
+        let often = third.is_some_and(|then| now.saturating_sub(then) <= WITHIN);
+        if why.latches() || often {
+            self.why = self.why.or(Some(why));
+        }
+        self.earlier.rotate_right(1);
+        self.earlier[0] = Some(now);
+    }
+
+    /// Why the axis stays off, if it does.
+    pub(super) fn why(&self) -> Option<Trip> {
+        self.why
+    }
+
+    /// The same latch, with the times of earlier trips forgotten: for another clock.
+    pub(super) fn without_times(&self) -> Self {
+        Self {
+            why: self.why,
+            ..Self::default()
+        }
+    }
+}

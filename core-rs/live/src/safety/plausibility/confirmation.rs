@@ -1,0 +1,256 @@
+//! Whether the motor still pushes the way it is commanded: questions are asked again and again, and answers counted.
+
+use super::AxisSpec;
+use super::question::{Questions, Reply};
+use super::signs::AxisParameters;
+use crate::safety::Trip;
+
+/// Time for which a right answer counts [s].
+const CONFIRMED: f64 = 0.2;
+/// Work that the motor takes out of the key after which a question is asked early [J]: a motor that pushes the wrong way
+/// does that work instead.
+const TAKEN_OUT: f64 = 0.01;
+/// Work that it may take out until a right answer; then the force ends until there is one [J].
+const TAKEN_OUT_MAX: f64 = 0.75;
+/// A force less than this is not judged [N].
+const JUDGED_FORCE: f64 = 0.3;
+/// Longest time with a greater force and without a right answer, from the end of a confirmation on [s].
+const PATIENCE: f64 = 1.25;
+/// A sensor of greater steps is too coarse for questions [m].
+const COARSEST: f64 = 3e-5;
+/// Number of wrong answers more than right ones that end the force.
+const WRONG_REPLIES: u32 = 2;
+/// Number of answers without any change of the sensor that mean that it is frozen.
+const UNMOVED_REPLIES: u32 = 2;
+/// Part of the greatest force that is left for questions, and the greatest such force [N].
+const ROOM: (f64, f64) = (0.15, 3.0);
+/// Least part of a force that is taken to reach the key.
+const PASSES_LEAST: f64 = 0.05;
+/// A force less than this does not show what part of it passes [N].
+const PASSES_FORCE: f64 = 0.1;
+
+/// What is done with the force of the axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Phase {
+    /// The piece's force acts, and questions are asked.
+    Playing,
+    /// A probe is under way.
+    Probing,
+    /// Only questions act: their answers decide.
+    Doubting,
+    /// No force acts.
+    Off,
+}
+
+/// What follows from a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// Nothing.
+    Continue,
+    /// The force has to end until an answer is right.
+    Doubt,
+    /// While in doubt: an answer was right.
+    Right,
+    /// The fault is certain.
+    Fault(Trip),
+}
+
+/// A step as it is judged.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Step {
+    /// Position, and movement since the step before [m].
+    pub(super) x: f64,
+    pub(super) moved: f64,
+    /// Force that was sent [N].
+    pub(super) sent: f64,
+    pub(super) phase: Phase,
+    /// Whether the key is at a stop, where pulses do not move it.
+    pub(super) is_at_stop: bool,
+    /// Whether the sensor may be frozen.
+    pub(super) may_be_frozen: bool,
+}
+
+/// The confirmations of an axis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Confirmation {
+    questions: Questions,
+    /// Whether questions are asked, and the force that is left for them [N].
+    pub(super) asks: bool,
+    room: f64,
+    /// Greatest force [N].
+    force_max: f64,
+    /// Length of a step [s].
+    step: f64,
+    /// The force that was asked for last [N], and the part of a force that passes the later stages.
+    last_force: f64,
+    passes: f64,
+    /// Time since the last right answer [s]; time without one in which a force was judged [s]; work that the motor took
+    /// out since then [J].
+    since_right: f64,
+    unanswered: f64,
+    taken_out: f64,
+    /// Wrong answers less right ones, and answers without any change in a row.
+    wrong: u32,
+    unmoved: u32,
+    /// Whether a probe has interrupted the questions since the last answer.
+    interrupted: bool,
+}
+
+impl Confirmation {
+    pub(super) fn new(axis: AxisSpec, parameters: &AxisParameters) -> Self {
+        let force_max = axis.force.max(0.0);
+        let asks = parameters.resolution <= COARSEST;
+        let (part, greatest) = ROOM;
+        let room = (part * force_max).min(greatest);
+        let AxisParameters {
+            step,
+            mass,
+            resolution,
+            ..
+        } = *parameters;
+        Self {
+            questions: Questions::new(step, mass, resolution, axis.delay),
+            asks,
+            room: if asks { room } else { 0.0 },
+            force_max,
+            step,
+            last_force: 0.0,
+            passes: 1.0,
+            since_right: f64::INFINITY,
+            unanswered: 0.0,
+            taken_out: 0.0,
+            wrong: 0,
+            unmoved: 0,
+            interrupted: false,
+        }
+    }
+
+    /// Forget earlier answers.
+    pub(super) fn reset(&mut self) {
+        self.questions.restart();
+        (self.wrong, self.unmoved, self.interrupted) = (0, 0, false);
+        (self.since_right, self.unanswered, self.taken_out) = (f64::INFINITY, 0.0, 0.0);
+    }
+
+    /// Forget earlier positions: motion was missed, or a probe moves the key.
+    pub(super) fn interrupt(&mut self) {
+        self.questions.restart();
+        self.interrupted = true;
+    }
+
+    /// Begin a time without the piece's force.
+    pub(super) fn begin_doubt(&mut self) {
+        self.questions.restart();
+        self.wrong = 0;
+    }
+
+    /// The part of a force that passes the later stages, by the last force `sent` [N].
+    pub(super) fn passes(&mut self, sent: f64) -> f64 {
+        if self.last_force.abs() > PASSES_FORCE {
+            self.passes = (sent / self.last_force).clamp(PASSES_LEAST, 1.0);
+        }
+        self.passes
+    }
+
+    /// Note the force that is asked for [N].
+    pub(super) fn note_force(&mut self, force: f64) {
+        self.last_force = if force.is_finite() {
+            force.clamp(-self.force_max, self.force_max)
+        } else {
+            0.0
+        };
+    }
+
+    /// The force with the pulses of a question [N]. A force near the greatest is lowered, so that pulses are not clamped.
+    pub(super) fn with_pulses(&self, asked: f64) -> f64 {
+        let limit = self.force_max - self.room;
+        let force = if self.asks && asked.abs() > limit {
+            limit.copysign(asked)
+        } else {
+            asked
+        };
+        let offset = self.questions.offset();
+        if offset == 0.0 { force } else { force + offset }
+    }
+
+    /// Whether an answer is overdue that probes have prevented: they have to wait.
+    pub(super) fn comes_first(&self, is_at_stop: bool) -> bool {
+        self.asks && self.interrupted && self.since_right >= CONFIRMED && !is_at_stop
+    }
+
+    /// Advance by a step.
+    pub(super) fn advance(&mut self, now: Step) -> Verdict {
+        let reply = self.questions.take(now.x, now.sent);
+        self.since_right += self.step;
+        self.taken_out = (self.taken_out - now.sent * now.moved).max(0.0);
+        if let Some(reply) = reply {
+            let verdict = self.note_reply(reply, now.phase);
+            if verdict != Verdict::Continue {
+                return verdict;
+            }
+        }
+        if !self.asks || now.phase == Phase::Off {
+            return Verdict::Continue;
+        }
+        if now.phase == Phase::Doubting {
+            if self.questions.is_calm() {
+                self.questions.begin(self.room, self.passes);
+            }
+            return Verdict::Continue;
+        }
+        if now.sent.abs() < JUDGED_FORCE || now.is_at_stop {
+            return Verdict::Continue;
+        }
+        if self.taken_out > TAKEN_OUT_MAX {
+            return Verdict::Doubt;
+        }
+        let is_overdue = self.since_right >= CONFIRMED;
+        if is_overdue {
+            self.unanswered += self.step;
+            if self.unanswered >= PATIENCE {
+                return Verdict::Fault(Trip::Unanswered);
+            }
+        }
+        let is_due = is_overdue || self.taken_out > TAKEN_OUT || now.may_be_frozen;
+        if is_due && now.phase == Phase::Playing && self.questions.may_begin() {
+            self.questions.begin(self.room, self.passes);
+        }
+        Verdict::Continue
+    }
+
+    fn note_reply(&mut self, reply: Reply, phase: Phase) -> Verdict {
+        self.interrupted = false;
+        self.unmoved = if reply == Reply::Unmoved {
+            self.unmoved + 1
+        } else {
+            0
+        };
+        let in_doubt = phase == Phase::Doubting;
+        match reply {
+            Reply::Right if in_doubt => return Verdict::Right,
+            // A right answer after a wrong one is not enough.
+            Reply::Right if self.wrong > 0 => self.wrong -= 1,
+            Reply::Right => (self.since_right, self.unanswered, self.taken_out) = (0.0, 0.0, 0.0),
+            Reply::Wrong => {
+                self.wrong += 1;
+                if self.wrong >= WRONG_REPLIES {
+                    return if in_doubt {
+                        Verdict::Fault(Trip::WrongWay)
+                    } else {
+                        Verdict::Doubt
+                    };
+                }
+            }
+            Reply::Unmoved if self.unmoved >= UNMOVED_REPLIES => {
+                return Verdict::Fault(Trip::Frozen);
+            }
+            Reply::Unmoved | Reply::Hidden => {}
+        }
+        Verdict::Continue
+    }
+
+    /// A right answer ends a doubt.
+    pub(super) fn confirm(&mut self) {
+        (self.since_right, self.unanswered, self.taken_out) = (0.0, 0.0, 0.0);
+    }
+}

@@ -1,0 +1,288 @@
+//! A question: two faint pulses of force, of opposite signs, and the sign of the key's answer.
+//!
+//! The answer is a weighted sum of positions before, during and after the pulses. It is zero for every path that is a
+//! polynomial of degree six, so that a hand that moves smoothly adds little. And it is positive for the answer of every
+//! hand, free, soft or firm, light or heavy, late by up to five steps, because the first movement of a passive body goes
+//! the way it is pushed. The weights are the shortest vector in the convex hull of the unit answers of 150 such hands
+//! (by the algorithm of M. Frank and P. Wolfe, Naval Research Logistics Quarterly 3, 1956), and a test computes the
+//! answers of more hands. A motor that pushes the other way gives a negative sum.
+//!
+//! Only the sum under the known pulses counts, never force and motion as such: with a spring they agree in sign whichever
+//! way the motor pushes, since the piece computes the force from the position.
+
+/// Number of positions before the pulses that are weighted.
+const BEFORE: usize = 16;
+/// The pulse: half a sine.
+const PULSE: [f64; 6] = [0.258819, 0.707107, 0.965926, 0.965926, 0.707107, 0.258819];
+/// Steps from the beginning of the first pulse to that of the second, which has the opposite sign.
+const SECOND: usize = 18;
+/// The weights, for the oldest position first.
+#[rustfmt::skip]
+const WEIGHTS: [f64; 56] = [
+    0.236870, 0.017143, -0.112710, -0.171164, -0.175152, -0.140107, -0.080003, -0.007405,
+    0.066489, 0.131802, 0.179927, 0.203481, 0.196254, 0.153158, 0.070177, -0.055688,
+    -0.178461, -0.212498, -0.135913, -0.003872, 0.089782, 0.066116, -0.042912, -0.130983,
+    -0.146108, -0.103598, -0.053330, -0.035001, -0.039043, -0.039960, -0.022896, 0.020674,
+    0.095664, 0.205033, 0.302756, 0.303613, 0.186818, 0.009352, -0.132486, -0.156794,
+    -0.092218, -0.041590, -0.053439, -0.109189, -0.156097, -0.152168, -0.105422, -0.040737,
+    0.026552, 0.086167, 0.130003, 0.150297, 0.138482, 0.084478, -0.023740, -0.200402,
+];
+/// Number of weighted positions.
+const SPAN: usize = WEIGHTS.len();
+/// Steps of a question, from the first pulse on.
+const STEPS: usize = SPAN - BEFORE;
+/// Longest delay that a device may report and that is waited for [steps].
+const DELAY_MAX: usize = 16;
+
+/// The answer of a free mass of 1 kg to a newton [m].
+const FREE_RESPONSE: f64 = 9.3e-6;
+/// An answer this many times greater than that of the free key is no answer: a hand moves the key.
+const TOO_GREAT: f64 = 2.5;
+/// The answer to a newton by a firm hand, which is expected at first, and by the firmest [m].
+const FIRM_RESPONSE: f64 = 25e-6;
+const FIRMEST_RESPONSE: f64 = 8e-6;
+/// How far a pulse of a newton moves a key in the firmest grip [m].
+const FIRMEST_PATH: f64 = 2e-5;
+
+/// Least sum that is an answer: [m], steps of the sensor, and times the greatest sum without pulses of late.
+const FAINTEST: f64 = 2e-6;
+const SENSOR_STEPS: f64 = 1.5;
+const NOISES: f64 = 3.0;
+/// Time in which the greatest sum without pulses is forgotten [s].
+const FORGOTTEN: f64 = 0.25;
+/// The force of a pulse is chosen for an answer this many times the least.
+const CLEAR: f64 = 2.0;
+/// Least and greatest force of a pulse [N].
+const PULSE_FORCES: [f64; 2] = [0.05, 3.0];
+
+/// The answer to a question.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reply {
+    /// The key went the way it was pushed.
+    Right,
+    /// The key went the other way.
+    Wrong,
+    /// The motion of the hand hides the answer.
+    Hidden,
+    /// The sensor did not change at all, though the pulses would show in it through the firmest grip.
+    Unmoved,
+}
+
+/// A question under way.
+#[derive(Clone, Copy, Debug)]
+struct Asked {
+    /// Force of its pulses at the key [N], and the part of a force that reaches the key.
+    force: f64,
+    passes: f64,
+    /// Steps since its beginning.
+    steps: usize,
+    /// Least and greatest force that was sent since then [N].
+    sent: [f64; 2],
+}
+
+/// The questions to an axis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Questions {
+    /// Length of a step [s].
+    step: f64,
+    /// Greatest answer to a newton [m], and step of the sensor [m].
+    greatest_response: f64,
+    resolution: f64,
+    /// Delay that the device reports [steps].
+    delay: usize,
+    /// The newest positions, the oldest first, and how many of them came since the last question.
+    past: [f64; SPAN],
+    quiet: usize,
+    /// Greatest sum without pulses of late [m].
+    noise: f64,
+    /// Answer to a newton that is expected [m].
+    response: f64,
+    asked: Option<Asked>,
+}
+
+impl Questions {
+    /// For steps of `step` [s] and an axis of `mass` [kg] whose sensor has steps of `resolution` [m] and whose device
+    /// reports a `delay` [s].
+    pub(super) fn new(step: f64, mass: f64, resolution: f64, delay: f64) -> Self {
+        Self {
+            step,
+            greatest_response: TOO_GREAT * FREE_RESPONSE / mass,
+            resolution,
+            delay: ((delay / step).round() as usize).min(DELAY_MAX),
+            past: [0.0; SPAN],
+            quiet: 0,
+            noise: 0.0,
+            response: FIRM_RESPONSE,
+            asked: None,
+        }
+    }
+
+    /// Forget earlier positions.
+    pub(super) fn restart(&mut self) {
+        (self.asked, self.quiet, self.noise) = (None, 0, 0.0);
+    }
+
+    /// Whether a question may begin.
+    pub(super) fn may_begin(&self) -> bool {
+        self.asked.is_none() && self.quiet >= BEFORE
+    }
+
+    /// Whether one may begin, and the noise since the last one is known.
+    pub(super) fn is_calm(&self) -> bool {
+        self.asked.is_none() && self.quiet > SPAN
+    }
+
+    /// Begin a question with at most `force` [N], if the part `passes` of a force reaches the key.
+    pub(super) fn begin(&mut self, force: f64, passes: f64) {
+        let [low, high] = PULSE_FORCES;
+        let clear = (CLEAR * self.least_answer() / self.response).clamp(low, high);
+        self.asked = Some(Asked {
+            force: clear.min(force),
+            passes,
+            steps: 0,
+            sent: [f64::INFINITY, f64::NEG_INFINITY],
+        });
+    }
+
+    /// The force of the pulses now [N].
+    pub(super) fn offset(&self) -> f64 {
+        let Some(asked) = self.asked else { return 0.0 };
+        let pulse = |step: usize| PULSE.get(step).copied().unwrap_or(0.0);
+        let second = asked.steps.checked_sub(SECOND).map_or(0.0, pulse);
+        asked.force / asked.passes * (pulse(asked.steps) - second)
+    }
+
+    fn least_answer(&self) -> f64 {
+        FAINTEST
+            .max(SENSOR_STEPS * self.resolution)
+            .max(NOISES * self.noise)
+    }
+
+    /// Take the position of a step [m], and the force `sent` before it [N]; returns the answer when a question is over.
+    pub(super) fn take(&mut self, x: f64, sent: f64) -> Option<Reply> {
+        if self.quiet == 0 && self.asked.is_none() {
+            self.past = [x; SPAN];
+        }
+        self.past.copy_within(1.., 0);
+        self.past[SPAN - 1] = x;
+        self.quiet = self.quiet.saturating_add(1);
+        self.noise *= 1.0 - self.step / FORGOTTEN;
+        let Some(asked) = &mut self.asked else {
+            if self.quiet > SPAN {
+                self.noise = self.noise.max(self.sum().abs());
+            }
+            return None;
+        };
+        asked.steps += 1;
+        asked.sent = [asked.sent[0].min(sent), asked.sent[1].max(sent)];
+        if asked.steps < STEPS + self.delay {
+            return None;
+        }
+        let asked = *asked;
+        (self.asked, self.quiet) = (None, 0);
+        Some(self.judge(asked))
+    }
+
+    fn judge(&mut self, Asked { force, sent, .. }: Asked) -> Reply {
+        let still = |x: &f64| x.to_bits() == self.past[SPAN - 1].to_bits();
+        let changed = 0.5 * (sent[1] - sent[0]);
+        if changed.min(force) * FIRMEST_PATH >= 2.0 * self.resolution
+            && self.past[BEFORE..].iter().all(still)
+        {
+            self.response = FIRMEST_RESPONSE;
+            return Reply::Unmoved;
+        }
+        let sum = self.sum();
+        if sum.abs() < self.least_answer() || sum.abs() > self.greatest_response * force {
+            self.response = (0.5 * self.response).max(FIRMEST_RESPONSE);
+            return Reply::Hidden;
+        }
+        self.response = (sum.abs() / force).max(FIRMEST_RESPONSE);
+        if sum > 0.0 {
+            Reply::Right
+        } else {
+            Reply::Wrong
+        }
+    }
+
+    /// The weighted sum of the newest positions [m].
+    fn sum(&self) -> f64 {
+        let first = self.past[0];
+        let weighted = self.past.iter().zip(WEIGHTS);
+        weighted.map(|(x, weight)| (x - first) * weight).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The weighted sum of the answer of a body to pulses of one newton [m].
+    fn answer(mass: f64, damping: f64, stiffness: f64, delay: usize) -> f64 {
+        const SUBSTEPS: usize = 16;
+        let h = 1e-3 / SUBSTEPS as f64;
+        let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
+        questions.asked = Some(Asked {
+            force: 1.0,
+            passes: 1.0,
+            steps: 0,
+            sent: [0.0; 2],
+        });
+        let (mut x, mut v) = (0.0, 0.0);
+        let mut forces = vec![0.0; delay];
+        for step in 0..STEPS {
+            forces.push(questions.offset());
+            for _ in 0..SUBSTEPS {
+                v += (forces[step] - damping * v - stiffness * x) / mass * h;
+                x += v * h;
+            }
+            questions.past.copy_within(1.., 0);
+            questions.past[SPAN - 1] = x;
+            questions.asked.as_mut().unwrap().steps += 1;
+        }
+        questions.sum()
+    }
+
+    #[test]
+    fn a_path_of_degree_six_adds_nothing() {
+        for degree in 0..=6 {
+            let mut questions = Questions::new(1e-3, 0.05, 0.0, 0.0);
+            for (i, x) in questions.past.iter_mut().enumerate() {
+                *x = libm::pow(i as f64 / 55.0 - 0.4, f64::from(degree));
+            }
+            assert!(
+                questions.sum().abs() < 1e-5,
+                "{degree}: {}",
+                questions.sum()
+            );
+        }
+    }
+
+    #[test]
+    fn every_hand_answers_the_way_it_is_pushed() {
+        let hands = [
+            [0.1, 0.0],
+            [1.0, 0.0],
+            [2.0, 100.0],
+            [5.0, 400.0],
+            [5.0, 1000.0],
+            [9.0, 800.0],
+            [11.0, 1500.0],
+            [16.0, 2000.0],
+            [21.0, 3000.0],
+            [31.0, 5000.0],
+            [41.0, 10_000.0],
+        ];
+        for mass in [0.03, 0.05, 0.1, 0.2, 0.4] {
+            for [damping, stiffness] in hands {
+                for delay in 0..=5 {
+                    let sum = answer(mass, damping, stiffness, delay);
+                    let text =
+                        format!("{mass} kg, {damping} N·s/m, {stiffness} N/m, {delay} steps");
+                    assert!(sum > 4e-6, "{text}: {sum}");
+                    assert!(sum < TOO_GREAT * FREE_RESPONSE / mass, "{text}: {sum}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! Whether a position is possible: within the travel of the key, and no jump that no force could cause.
+
+use crate::safety::Trip;
+use crate::safety::contract::Spec;
+
+/// How far a position may lie beyond either end of the travel, as a part of the travel: ends and sensors are not exact.
+pub(in crate::safety) const MARGIN: f64 = 0.1;
+/// Greatest force of a hand that strikes a key, for a moment [N].
+const STRIKE: f64 = 200.0;
+/// Greatest mass that is relied on [kg]: a device may report the mass of its whole mechanism.
+const MASS_MAX: f64 = 0.05;
+/// By how much a reply may be older than it seems [s].
+const LATE: f64 = 5e-3;
+/// A position is off by up to this many steps of the sensor.
+const SENSOR_STEPS: f64 = 3.0;
+
+/// The travel of an axis, and what it can do between two positions.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::safety) struct Travel {
+    /// Least and greatest position [m].
+    range: [f64; 2],
+    /// Greatest acceleration [m/s²].
+    acceleration: f64,
+    /// Greatest error of the sensor [m].
+    error: f64,
+}
+
+impl Travel {
+    /// The travel `range` [m] of an axis of a device that gives at most `force` [N].
+    pub(in crate::safety) fn new(range: [f64; 2], spec: &Spec, force: f64) -> Self {
+        let (low, high) = (range[0].min(range[1]), range[0].max(range[1]));
+        let margin = MARGIN * (high - low);
+        let mass = spec.inertia.map_or(MASS_MAX, |mass| mass.min(MASS_MAX));
+        Self {
+            range: [low - margin, high + margin],
+            acceleration: (STRIKE + force) / mass,
+            error: SENSOR_STEPS * spec.pos_lsb,
+        }
+    }
+
+    /// Why a key that was at `before` [m] cannot be at `x` after `since` [s], if it cannot; `velocities`: the mean of
+    /// late, and that of the last step [m/s].
+    pub(in crate::safety) fn fault(
+        &self,
+        x: f64,
+        before: f64,
+        velocities: [f64; 2],
+        since: f64,
+    ) -> Option<Trip> {
+        let [low, high] = self.range;
+        if x < low || x > high {
+            return Some(Trip::OutsideTravel);
+        }
+        // A reply that was late, or early, seems to be a jump by the velocity times that time.
+        let possible = self.acceleration * since * since + velocities[0].abs() * LATE + self.error;
+        let is_jump = |velocity: &f64| (x - before - velocity * since).abs() > possible;
+        velocities.iter().all(is_jump).then_some(Trip::Jump)
+    }
+}
