@@ -10,6 +10,7 @@
 #   make wheel      a wheel for others: any Linux with glibc 2.28 or newer (manylinux_2_28), into out/
 #   make audit      known faults, licences and sources of what is built in (needs the network)
 #   make test-long  the minutes-long tests, and random cases drawn anew
+#   make miri       pure parts of the core under Miri, which finds undefined behaviour (needs a nightly Rust; minutes)
 
 PYTHON ?= python3
 VENV := .venv
@@ -17,7 +18,7 @@ BIN := $(VENV)/bin
 SUDO := $(shell test "$$(id -u)" = 0 || echo sudo)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test test-rust test-python check check-rust check-python audit bench docs charts accuracy movie wheel test-long clean
+.PHONY: demo test test-rust test-python check check-rust check-python audit bench docs charts accuracy movie wheel test-long miri clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -39,6 +40,15 @@ test-long: $(VENV)/dev
 	cargo test --locked --release -p ergon-engine --test no_alloc --test scenes -- --ignored
 	$(BIN)/python -m pytest -q --numprocesses auto --dist worksteal
 	$(MAKE) accuracy
+
+# Without the tests that draw many numbers or sounds: Miri takes a thousand times as long.
+miri:
+	@if cargo +nightly miri --version >/dev/null 2>&1; then \
+	  PROPTEST_CASES=1 MIRIFLAGS="-Zmiri-disable-isolation" cargo +nightly miri test --locked -p ergon-engine --lib -- \
+	    archive:: interrupt:: kernel::thread_team law::runs --skip moments; \
+	else \
+	  echo "Miri comes with a nightly Rust: rustup toolchain install nightly --component miri. Nothing was tried."; \
+	fi
 
 check: check-rust check-python
 
