@@ -12,6 +12,7 @@
 #   make wheel      a wheel for others: any Linux with glibc 2.28 or newer (manylinux_2_28), into out/
 #   make audit      known faults, licences and sources of what is built in (needs the network)
 #   make test-long  the minutes-long tests, random cases drawn anew, and `make demo` and `make test` in a bare Debian
+#   make miri       pure parts of the core under Miri, which finds undefined behaviour (needs a nightly Rust; minutes)
 
 PYTHON ?= python3
 VENV := .venv
@@ -24,7 +25,7 @@ PRINTING := tests/cli tests/notation tests/lsp tests/exchange tests/house/test_d
 NO_SKIPS := $(if $(filter fail,$(SKIPS)),--no-skips)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python audit bench docs charts accuracy movie wheel test-long clean
+.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python audit bench docs charts accuracy movie wheel test-long miri clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -56,6 +57,15 @@ test-long: $(VENV)/dev
 	cargo test --locked --release -p ergon-engine --test no_alloc --test scenes -- --ignored
 	$(PYTEST) --dist worksteal
 	$(MAKE) test-bare accuracy
+
+# Without the tests that draw many numbers or sounds: Miri takes a thousand times as long.
+miri:
+	@if cargo +nightly miri --version >/dev/null 2>&1; then \
+	  PROPTEST_CASES=1 MIRIFLAGS="-Zmiri-disable-isolation" cargo +nightly miri test --locked -p ergon-engine --lib -- \
+	    archive:: interrupt:: kernel::thread_team law::runs --skip moments; \
+	else \
+	  echo "Miri comes with a nightly Rust: rustup toolchain install nightly --component miri. Nothing was tried."; \
+	fi
 
 check: check-rust check-python
 

@@ -1,6 +1,6 @@
 """`python -m ergon.cli` is the command `ergon`."""
 
-from .app import main
+from .start import main
 
 if __name__ == "__main__":
     main()

@@ -173,7 +173,7 @@ def _outcome(arguments: list[str]) -> int:
 
     console = Console(json="--json" in arguments)
     try:
-        with signals_as_exceptions():
+        with signals_as_exceptions(is_unexpected):
             invoke(arguments)
         return 0
     except click.exceptions.Exit as end:
@@ -226,6 +226,12 @@ def explain(error: BaseException) -> Outcome:
         f"internal error: {type(error).__name__}: {error} "
         "(please report it; --debug shows where it happened)"
     )
+
+
+def is_unexpected(error: BaseException) -> bool:
+    """Whether an exception is shown as an internal error."""
+    is_clicks = isinstance(error, (click.exceptions.Exit, click.Abort, click.ClickException))
+    return not is_clicks and type(explain(error)) is Outcome
 
 
 def _refused(error: ErgonError) -> Outcome:

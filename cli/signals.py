@@ -27,8 +27,13 @@ class Terminated(BaseException):
 
 
 @contextlib.contextmanager
-def signals_as_exceptions() -> Iterator[None]:
-    """SIGTERM and SIGHUP raise Terminated, so clean-up runs; a second Ctrl-C skips clean-up."""
+def signals_as_exceptions(
+    is_unexpected: Callable[[BaseException], bool] = lambda error: not isinstance(error, Exception),
+) -> Iterator[None]:
+    """SIGTERM and SIGHUP raise Terminated, so clean-up runs; a second Ctrl-C skips clean-up.
+
+    After a signal, an exception that `is_unexpected` counts as the signal's.
+    """
     arrived: list[int] = []
     over: list[bool] = []  # has an item once no signal is to come again
     watched: list[weakref.finalize[[int], Terminated]] = []
@@ -71,20 +76,29 @@ def signals_as_exceptions() -> Iterator[None]:
     try:
         with _not_lost(handlers, over):
             yield
-    except (KeyboardInterrupt, Terminated, Exception):
+    except (KeyboardInterrupt, Terminated):
         raise
-    except BaseException as panic:
-        # A signal that ends work inside the core may arrive here as a panic of the core.
-        if not arrived:
+    except BaseException as error:
+        # What a signal raises may arrive here as another exception: a panic of the core, or what an
+        # import makes of it.
+        if not arrived or not (is_unexpected(error) or _is_caused_by_signal(error)):
             raise
         ended = KeyboardInterrupt() if arrived[-1] == signal.SIGINT else Terminated(arrived[-1])
-        raise ended from panic
+        raise ended from error
     finally:
         over.append(True)
         for lost in watched:
             lost.detach()
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _is_caused_by_signal(error: BaseException) -> bool:
+    """Whether an exception was made of a signal's, or raised while that was on its way."""
+    inner: BaseException | None = error
+    while inner is not None and not isinstance(inner, (KeyboardInterrupt, Terminated)):
+        inner = inner.__cause__ or (None if inner.__suppress_context__ else inner.__context__)
+    return inner is not None
 
 
 def until_interrupted() -> None:

@@ -76,7 +76,9 @@ impl Network {
         };
         let rate = hertz(rate)?;
         Ok(ReachableNetwork {
-            reached: py.detach(|| self.0.reachable_network(mat, &moment, depth, rate.hertz())),
+            reached: computing(py, || {
+                self.0.reachable_network(mat, &moment, depth, rate.hertz())
+            })?,
             rate,
         })
     }
@@ -202,7 +204,8 @@ impl Network {
     /// The masses and links of some parts, with the links between them and without those to other parts.
     fn elements(&self, py: Python<'_>, parts: Vec<String>) -> PyResult<Elements> {
         load_numpy(py);
-        let found = self.0.elements(&self.part_indices(&parts)?);
+        let indices = self.part_indices(&parts)?;
+        let found = computing(py, || self.0.elements(&indices))?;
         let end = |at: usize| -> Numbers<i64> {
             let slot = |one: &network::Element| one.ends[at].map_or(-1, |slot| slot as i64);
             Numbers(found.each.iter().map(slot).collect())

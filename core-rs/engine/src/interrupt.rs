@@ -2,10 +2,21 @@
 //!
 //! A computation runs inside [`until`], which gets a function that says whether to stop. It calls [`poll`] after every
 //! few milliseconds of work; if the function then returns true, it unwinds to [`until`]. In a thread outside [`until`],
-//! such as the one that plays, a poll only reads a thread-local flag.
+//! such as the one that plays, a poll only reads a thread-local flag. Threads that share a computation
+//! ([`on_threads`]) end with it.
 
 use std::cell::{Cell, RefCell};
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+/// Steps of a long loop from poll to poll, of less than a microsecond each.
+const STRIDE: usize = 4096;
+/// Time between two polls of a thread that waits for others.
+const WAIT: Duration = Duration::from_millis(5);
 
 /// Returns whether the computation is to stop. It is called in the thread that computes.
 pub type Ask = Box<dyn FnMut() -> bool>;
@@ -63,6 +74,76 @@ pub fn until<T>(ask: Ask, work: impl FnOnce() -> T) -> Result<T, Stopped> {
 pub fn poll() {
     if IS_ASKED.get() {
         ask();
+    }
+}
+
+/// [`poll`], if a step over `n` modules takes longer than polls should.
+#[inline]
+pub fn poll_for(n: usize) {
+    if n >= STRIDE {
+        poll();
+    }
+}
+
+/// The numbers of a range, with a [`poll`] at every 4,096th: for loops over all modules of a network.
+#[inline]
+pub fn steps(range: Range<usize>) -> impl Iterator<Item = usize> + Clone {
+    range.inspect(|step| {
+        if step.is_multiple_of(STRIDE) {
+            poll();
+        }
+    })
+}
+
+/// The items of a list, with a [`poll`] at every 4,096th.
+#[inline]
+pub fn each<T>(all: &[T]) -> impl Iterator<Item = &T> + Clone {
+    all.iter().zip(0_usize..).map(|(item, step)| {
+        if step.is_multiple_of(STRIDE) {
+            poll();
+        }
+        item
+    })
+}
+
+/// Run `work` on `threads` threads, of which this is one, and wait for all. Where this computation is to stop, the
+/// others end at their next poll as well.
+pub fn on_threads(threads: usize, work: impl Fn() + Sync) {
+    let is_over = Arc::new(AtomicBool::new(false));
+    let is_asked = IS_ASKED.get();
+    let leader = thread::current();
+    thread::scope(|scope| {
+        let _end = OnEnd(&is_over); // dropped before the scope waits, also where this thread unwinds
+        let helper = || {
+            let is_over = is_over.clone();
+            let ask = Box::new(move || is_over.load(Ordering::Relaxed));
+            if is_asked {
+                let _ = until(ask, &work); // stopped only where the leader unwinds
+            } else {
+                work();
+            }
+            leader.unpark();
+        };
+        let helpers: Vec<_> = (1..threads).map(|_| scope.spawn(helper)).collect();
+        work();
+        while is_asked && !helpers.iter().all(thread::ScopedJoinHandle::is_finished) {
+            poll();
+            thread::park_timeout(WAIT);
+        }
+        for helper in helpers {
+            if let Err(panic) = helper.join() {
+                resume_unwind(panic);
+            }
+        }
+    });
+}
+
+/// On drop, tells other threads that the computation is over.
+struct OnEnd<'a>(&'a AtomicBool);
+
+impl Drop for OnEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
     }
 }
 
@@ -128,6 +209,70 @@ mod tests {
             poll();
         });
         assert_eq!((ended, polls.get()), (Err(Stopped), 2));
+    }
+
+    #[test]
+    fn long_loops_poll_once_in_a_stride() {
+        for n in [0, 1, STRIDE, STRIDE + 1, 3 * STRIDE] {
+            let list = vec![7; n];
+            for work in [
+                (&|| assert_eq!(steps(0..n).count(), n)) as &dyn Fn(),
+                &|| assert_eq!(each(&list).sum::<i32>(), 7 * n as i32),
+                &|| (0..n).for_each(|at| assert_eq!(steps(at..at).count(), 0)),
+            ] {
+                let (ask, polls) = at(usize::MAX);
+                assert_eq!(until(ask, work), Ok(()));
+                assert!([0, n.div_ceil(STRIDE)].contains(&polls.get()));
+            }
+        }
+    }
+
+    #[test]
+    fn threads_end_with_the_computation_that_they_share() {
+        for at_poll in [1, 2, 40] {
+            let (ask, polls) = at(at_poll);
+            let others = AtomicBool::new(false);
+            let leader = thread::current().id();
+            let endless = || {
+                while thread::current().id() != leader {
+                    poll();
+                    others.store(true, Ordering::Relaxed);
+                    thread::yield_now();
+                }
+                while !others.load(Ordering::Relaxed) {
+                    thread::yield_now();
+                }
+            };
+            assert_eq!(until(ask, || on_threads(3, endless)), Err(Stopped));
+            assert_eq!(polls.get(), at_poll);
+        }
+    }
+
+    #[test]
+    fn threads_that_nobody_asks_end_by_themselves() {
+        let runs = std::sync::atomic::AtomicUsize::new(0);
+        on_threads(4, || {
+            poll();
+            runs.fetch_add(1, Ordering::Relaxed);
+        });
+        assert_eq!(runs.into_inner(), 4);
+    }
+
+    #[test]
+    fn a_panic_of_another_thread_goes_on() {
+        let leader = thread::current().id();
+        let work = || assert_eq!(thread::current().id(), leader, "another thread");
+        for is_asked in [true, false] {
+            let run = || on_threads(2, work);
+            let panicked = catch_unwind(AssertUnwindSafe(|| {
+                if is_asked {
+                    let _ = until(Box::new(|| false), run);
+                } else {
+                    run();
+                }
+            }));
+            assert!(panicked.is_err());
+        }
     }
 
     #[test]

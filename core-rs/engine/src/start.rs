@@ -1,6 +1,7 @@
 //! The last step before frame 0, which the scheme needs to start.
 
 use crate::cell::Cell;
+use crate::interrupt;
 use crate::kernel::{self, Neighbours};
 use crate::network::{AXES_MAX, Dry, LinkKind, MatKind, Network, Run};
 use crate::scheme::Scheme;
@@ -72,7 +73,7 @@ pub(crate) fn forces(
             .iter()
             .any(|gate| gate.links().contains(&first) && gate.open(0) == 0.0)
     };
-    let runs = network.runs().iter();
+    let runs = interrupt::each(network.runs());
     for run in runs.filter(|run| !closed(run.first) && acts(run.first)) {
         let ca = network.parts().get(run.part).and_then(|part| part.ca_rate);
         let ca_step = ca.map_or(1.0, Rate::step);
@@ -83,7 +84,7 @@ pub(crate) fn forces(
             _ => 0.0,
         };
         if let LinkKind::Space(space) = &run.kind {
-            for i in 0..run.len {
+            for i in interrupt::steps(0..run.len) {
                 let ends = (run.a + i, run.b + i);
                 let (length, direction) = space.line(ends, |mat| x[mat]);
                 let v = space.stretch(ends, direction, |mat| mats.v0[mat]) * ca_step;
@@ -110,7 +111,7 @@ pub(crate) fn forces(
             Neighbours::new(&pairs).touching(&pairs, |mat| x[mat], push);
             continue;
         }
-        for i in 0..run.len {
+        for i in interrupt::steps(0..run.len) {
             let (a, b) = (run.a + i, run.b + i);
             let e = x[b] - x[a] - run.rest;
             // Under `ca` Z is a factor of metres per sample.
@@ -136,7 +137,7 @@ pub(crate) fn forces(
         let pull = force[proxy.mat];
         proxy.for_each_share(|mat| x[mat], |mat, share| force[mat] += share * pull);
     }
-    let runs = network.runs().iter();
+    let runs = interrupt::each(network.runs());
     for run in runs.filter(|run| !closed(run.first) && acts(run.first)) {
         if let LinkKind::Dry(dry) = &run.kind {
             add_dry_friction(network, (run, dry), x, &mut force);

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::error::from_engine;
+use crate::work::computing;
 
 /// The part of a network that a hand can move, made linear and at rest, with all contacts closed.
 #[pyclass(frozen, module = "ergon._core")]
@@ -38,7 +39,7 @@ impl ReachableNetwork {
         tick_frames: u32,
         ticks: [usize; 2],
     ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
-        let found = py.detach(|| self.reached.response(self.rate, tick_frames, ticks));
+        let found = computing(py, || self.reached.response(self.rate, tick_frames, ticks))?;
         Ok(found
             .map_err(from_engine)?
             .map(|felt| felt.into_pyarray(py)))

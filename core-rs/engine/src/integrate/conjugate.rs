@@ -3,6 +3,7 @@
 //! The number of iterations depends on the numbers alone, and every sum has a fixed order of lanes: the result has the
 //! same bits on any processor.
 
+use crate::interrupt;
 use crate::maths::wide::wide;
 
 /// The residual relative to the right side, below which only rounding is left.
@@ -56,6 +57,7 @@ impl Conjugate {
             last = rho;
             update_direction(inverse, r, 0.0, p);
             while rho > enough && iterations < ITERATIONS_MAX {
+                interrupt::poll_for(p.len());
                 apply(p, y);
                 let curvature = dot(p, y);
                 if curvature <= 0.0 || curvature.is_nan() {

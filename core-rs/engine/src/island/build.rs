@@ -18,6 +18,7 @@ use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::report::Report;
 use crate::gesture::script::Touch;
 use crate::guard::{Guard, Limit};
+use crate::interrupt;
 use crate::island::written_hand::free::{FreeKey, FreeMotion};
 use crate::island::written_hand::voice::{Voice, VoiceScript};
 use crate::kernel::mesh_partition::MeshPartition;
@@ -73,7 +74,7 @@ impl Island {
         } else {
             scheme.take_fine(&timeline.steered())
         };
-        let acts = |first: usize| links.iter().all(|run| run.first != first);
+        let acts = |first: usize| interrupt::each(&links).all(|run| run.first != first);
         let begun = match &timeline.leads[..] {
             [] if network.following_masses().is_empty() => None,
             leads => {
@@ -92,6 +93,7 @@ impl Island {
         let plans = bodies;
         let mut bodies = join(plans, at_first, timeline, &mut body, &acts)?;
         for run in &mut links {
+            interrupt::poll();
             let mut leads = timeline.leads.iter();
             if leads.any(|lead| lead.links().contains(&run.first)) {
                 run.set_loose();

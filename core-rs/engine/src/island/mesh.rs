@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::energy_account::{Account, Gain};
 use crate::guard::FinerFrames;
 use crate::integrate::{Integrator, MeshMethod};
+use crate::interrupt;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
 use crate::state::Body;
@@ -216,6 +217,7 @@ impl RunningMesh {
 
     /// Step from frame `n` to the next, under the forces at the ports (n_mat).
     pub(crate) fn step(&mut self, n: u64, force: &[f64], team: &mut ThreadTeam<'_>) {
+        interrupt::poll_for(self.integrator.positions().len());
         let step = self.plan.rate.step();
         self.impulses.clear();
         for (row, &(own, mat)) in self.plan.ports.iter().enumerate() {

@@ -13,8 +13,9 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
 use crate::timeline::GateContinuation;
 
-/// Steps between two polls for an interrupt; with half a million masses they take 50 ms.
+/// Most steps between two polls for an interrupt, and most modules that these steps compute.
 const LOOK: usize = 16;
+const LOOK_MODULES: usize = 1 << 17;
 
 /// Output buffer of the steps of a frame; only the first step of a frame is heard.
 pub(super) struct StepOutputs<'a> {
@@ -65,8 +66,10 @@ impl Island {
     ) -> Result<(), Fault> {
         let (steps, may_coast) = (n_frames * heard.oversampling, self.may_coast());
         let (mut done, mut looks) = (0, 0_usize);
+        let modules = self.script.scheme.n_mat() + self.script.scheme.n_lia;
+        let look = (LOOK_MODULES / modules.max(1)).clamp(1, LOOK);
         while done < steps {
-            if looks.is_multiple_of(LOOK) {
+            if looks.is_multiple_of(look) {
                 interrupt::poll();
             }
             looks += 1;

@@ -2,6 +2,7 @@
 //! slope at rest.
 
 use super::{LinkKind, MatKind, Network};
+use crate::interrupt;
 use crate::units::Rate;
 
 /// Kind of a link of some parts.
@@ -73,8 +74,9 @@ impl Network {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn elements(&self, parts: &[usize]) -> Elements {
-        let own: Vec<u32> = (0..self.n_mat() as u32)
-            .filter(|&i| parts.contains(&(self.mats.part[i as usize] as usize)))
+        let own: Vec<u32> = interrupt::steps(0..self.n_mat())
+            .filter(|&i| parts.contains(&(self.mats.part[i] as usize)))
+            .map(|i| i as u32)
             .collect();
         let links: Vec<u32> = (0..self.n_lia() as u32).collect();
         let subset = self.subset(&own, &[], &links);
@@ -115,7 +117,7 @@ impl Network {
                 let (a, b) = run.pair(*i, 0);
                 !alone.is_proxy(a) && !alone.is_proxy(b)
             };
-            each.extend((0..run.len).filter(ties).map(|i| Element {
+            each.extend(interrupt::steps(0..run.len).filter(ties).map(|i| Element {
                 kind,
                 ends: [slot(run.pair(i, 0).0), slot(run.pair(i, 0).1)],
                 k,

@@ -1,6 +1,7 @@
 //! Sets of linked MATs, by union-find.
 
 use super::{AXES_MAX, Network, Run};
+use crate::interrupt;
 
 /// A forest over the MATs.
 pub(crate) struct Forest(Vec<u32>);
@@ -32,7 +33,8 @@ impl Forest {
 pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
     let runs = network.runs().iter();
     runs.flat_map(|run| {
-        (0..run.len).flat_map(move |i| run.pairs(i).map(move |(a, b)| (run.first + i, a, b)))
+        interrupt::steps(0..run.len)
+            .flat_map(move |i| run.pairs(i).map(move |(a, b)| (run.first + i, a, b)))
     })
 }
 
@@ -41,7 +43,7 @@ pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usi
 pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> + '_ {
     let runs = network.runs().iter().filter(|run| run.n_axes() > 1);
     let coordinates = runs.flat_map(|run| {
-        (0..run.len).flat_map(move |i| {
+        interrupt::steps(0..run.len).flat_map(move |i| {
             let (a, b) = run.pair(i, 0);
             let others = run.pairs(i).skip(1);
             others.flat_map(move |(other_a, other_b)| [(a, other_a), (b, other_b)])
@@ -51,9 +53,9 @@ pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> 
     let crowds = network.runs().iter().filter_map(Run::pairwise);
     let crowds = crowds.flat_map(|run| {
         let groups = [(run.a, run.pairs.n_first), (run.b, run.n)];
-        groups
-            .into_iter()
-            .flat_map(|(first, n)| (first + 1..first + n).map(move |mat| (first, mat)))
+        groups.into_iter().flat_map(|(first, n)| {
+            interrupt::steps(first + 1..first + n).map(move |mat| (first, mat))
+        })
     });
     let proxies = network.proxies().iter().flat_map(|proxy| {
         let others = proxy.masses().chain(proxy.guides());
@@ -70,7 +72,7 @@ pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> 
 pub(crate) fn links(network: &Network) -> impl Iterator<Item = (usize, LinkMats)> + '_ {
     let runs = network.runs().iter();
     runs.flat_map(|run| {
-        (0..run.len).map(move |i| {
+        interrupt::steps(0..run.len).map(move |i| {
             let mut mats = LinkMats::default();
             run.pairs(i).for_each(|(a, b)| mats.extend([a, b]));
             (run.first + i, mats)

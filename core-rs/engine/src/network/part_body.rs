@@ -4,6 +4,7 @@ use nalgebra::Complex;
 
 use super::Network;
 use super::elements::{ElementKind, Elements};
+use crate::interrupt;
 use crate::maths::{atan2, log1p, sin};
 use crate::spectrum::springs::{End, Spring, Springs};
 use crate::units::Rate;
@@ -37,7 +38,7 @@ impl Body {
         let root: Vec<f64> = elements.m.iter().map(|m| m.sqrt()).collect();
         let end = |slot: usize| -> End { (slot, 1.0 / root[slot]) };
         let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
-        for one in &elements.each {
+        for one in interrupt::each(&elements.each) {
             if matches!(
                 one.kind,
                 ElementKind::But | ElementKind::Dry | ElementKind::Space

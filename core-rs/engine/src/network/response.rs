@@ -7,6 +7,7 @@ use nalgebra::Complex;
 use super::Network;
 use super::damped::NetworkMatrices;
 use super::part_body::Body;
+use crate::interrupt;
 use crate::maths::{cos, sin};
 use crate::spectrum::sparse::Factor;
 
@@ -54,6 +55,7 @@ impl Network {
         let matrices = NetworkMatrices::new(&body);
         let mut found = vec![Complex::from(0.0); heard.len() * frequencies.len()];
         for (at, &f) in frequencies.iter().enumerate() {
+            interrupt::poll();
             let (s, gain) = point(&body, f);
             let answer = answer(&matrices, s, &force);
             for (row, slots) in heard.iter().enumerate() {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::{
     Error, Followed, LinkKind, Mat, MatKind, Network, Output, Pairwise, Run, SpaceLink, Term,
 };
+use crate::interrupt;
 use crate::law::{Hardening, Law};
 
 /// A part of another network, the whole. The lists give the index in the whole of each local index, in rising order.
@@ -53,7 +54,7 @@ impl Network {
             links: Vec::new(),
             outputs: Vec::new(),
         };
-        for &mat in &subset.mats {
+        for &mat in interrupt::each(&subset.mats) {
             let mat = self.mat_at(mat as usize);
             subset.network.mats.push(mat);
         }
@@ -68,7 +69,7 @@ impl Network {
         let masses = self.following_masses.iter();
         let masses = masses.filter_map(|mass| mass.moved_to(|mat| subset.mat(mat)));
         subset.network.following_masses = masses.collect();
-        for run in &self.runs {
+        for run in interrupt::each(&self.runs) {
             if let LinkKind::Pairwise(pairs) = &run.kind {
                 subset.push_pairwise(run, pairs, links);
                 continue;
@@ -172,7 +173,7 @@ impl Network {
     /// Add the links of one run that lie inside the subset; links whose ends stay consecutive share a run.
     fn add_inside(&self, run: &Run, links: &[u32], subset: &mut Subset) {
         let mut open: Option<LinkRange> = None;
-        for i in 0..run.len {
+        for i in interrupt::steps(0..run.len) {
             let Some((a, b, space)) = subset.local(run, i) else {
                 continue;
             };

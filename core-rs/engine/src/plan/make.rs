@@ -6,6 +6,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use crate::interrupt;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset};
 use crate::plan::budget::Budget;
@@ -92,6 +93,7 @@ pub(super) fn make(
         .map(|glide| glide.mat as u32)
         .collect();
     for island in islands(&network, timeline) {
+        interrupt::poll();
         let is_gliding = |mat: &u32| glides.contains(mat);
         let is_loose = || budget.takes_modes() && cells::is_loose(&network, &island, timeline.rate);
         if !island.is_moved {

@@ -11,6 +11,7 @@ use std::collections::HashSet;
 use nalgebra::DMatrix;
 
 use super::{Kind, Run, Scheme};
+use crate::interrupt;
 use crate::law::Law;
 use crate::network::{Error, Network, Proxy, SpaceLaw, SpaceLink};
 use crate::spectrum;
@@ -200,7 +201,7 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
     let joined = || links().filter(|(run, _)| has_fixed_pairs(run));
     let factor = proxy_factor(scheme);
     for (run, weight) in joined() {
-        for i in 0..run.len {
+        for i in interrupt::steps(0..run.len) {
             for (a, b) in run.pairs(i) {
                 let weight = weight.abs() * factor(a) * factor(b);
                 sums[a] += weight;
@@ -210,7 +211,7 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
     }
     // (Σshare·x)² ≤ Σ|share|·Σ|share|·x², and no share of a moving proxy is above 1.
     let mut proxied_mats = Vec::new();
-    for proxy in &scheme.proxies {
+    for proxy in interrupt::each(&scheme.proxies) {
         let own = sums[proxy.mat];
         if proxy.is_moving() {
             for mat in proxy.masses() {
@@ -238,7 +239,7 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
     }
     let at = |i: usize| sums[i] * scheme.w[i];
     let edges = joined().flat_map(|(run, _)| {
-        let pairs = (0..run.len).flat_map(|i| run.pairs(i));
+        let pairs = interrupt::steps(0..run.len).flat_map(|i| run.pairs(i));
         pairs.map(|(a, b)| at(a) + at(b))
     });
     // Any two points of a pairwise run may touch.
@@ -259,7 +260,7 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
 /// Factor for the weight of a link in the sum at each end: above 1 only at proxies with Σ|share| above 1.
 fn proxy_factor(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
     |mat| {
-        let mut proxies = scheme.proxies.iter();
+        let mut proxies = interrupt::each(&scheme.proxies);
         let proxy = proxies.find(|proxy| proxy.mat == mat);
         proxy.map_or(1.0, |proxy| proxy.share_sum_max().max(1.0))
     }
@@ -292,7 +293,7 @@ fn by_eigenvalue(
             // The matrix of links between points that may touch is bounded by twice the sum at each point.
             pairwise_weights(run, *weight)
                 .for_each(|(mat, sum)| y[mat] += 2.0 * sum * scheme.w[mat] * v[mat]);
-            for (a, b) in (0..run.len)
+            for (a, b) in interrupt::steps(0..run.len)
                 .filter(|_| has_fixed_pairs(run))
                 .flat_map(|i| run.pairs(i))
             {

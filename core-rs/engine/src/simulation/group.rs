@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 use crate::bank::Bank;
+use crate::interrupt;
 use crate::island::{Fault, Island, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
@@ -145,6 +146,7 @@ impl Group {
             let team = if running.is_shared() { self.team } else { 1 };
             let found = ThreadTeam::with(team, |team| {
                 (0..n_frames).step_by(UNIT_BLOCK).find_map(|from| {
+                    interrupt::poll();
                     let n_frames = UNIT_BLOCK.min(n_frames - from);
                     let out = &mut sum[n_out * from..n_out * (from + n_frames)];
                     running.process(
@@ -261,12 +263,7 @@ pub(super) fn run_on_threads(
             }
         }
     };
-    std::thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(work);
-        }
-        work();
-    });
+    interrupt::on_threads(threads, work);
     faults.into_inner().unwrap_or_default()
 }
 

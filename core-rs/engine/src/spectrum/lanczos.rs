@@ -60,6 +60,7 @@ pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest 
             if last || residual <= CONVERGED * theta.abs() || theta >= beyond {
                 let mut vector = vec![0.0; n];
                 for (weight, direction) in s.iter().zip(&basis) {
+                    interrupt::poll_for(n);
                     add(*weight, direction, &mut vector);
                 }
                 return Largest {

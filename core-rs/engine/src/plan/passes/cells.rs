@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use crate::bank::{Blow, Kick, Oscillator};
+use crate::interrupt;
 use crate::network::{Error, MatKind, Network, Subset, Term};
 use crate::plan::BankPlan;
 use crate::plan::passes::islands::IslandMembers;
@@ -76,7 +77,8 @@ pub(in crate::plan) fn oscillators(
                 Term::Ground { first, len, weight } => (first, len, weight, true),
                 Term::Force { .. } | Term::Length { .. } => continue,
             };
-            for (i, own) in all.iter_mut().enumerate().skip(first).take(len) {
+            for i in interrupt::steps(first..first + len) {
+                let own = &mut all[i];
                 let weight = weight * if is_force { mats.k[i] } else { 1.0 };
                 if !is_force {
                     still[index as usize] += weight * mats.rest[i];
@@ -110,7 +112,7 @@ pub(in crate::plan) fn oscillators(
     let mut banks: Vec<BankPlan> = Vec::new();
     // In reverse, so that memory of moved oscillators can be given back: millions of them are not held twice.
     all.reverse();
-    for i in 0..all.len() {
+    for i in interrupt::steps(0..all.len()) {
         if i % SHRINK_EVERY == 0 {
             all.shrink_to_fit();
         }

@@ -1,6 +1,7 @@
 //! Islands: modules that can move each other, found by union-find over the links. Fixed and imposed
 //! points end an island: no force moves them.
 
+use crate::interrupt;
 use crate::network::forest::{Forest, ends, joined, links};
 use crate::network::{MatKind, Network, Term};
 use crate::start::forces;
@@ -37,7 +38,8 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     // A written hand keeps a free copy of its key with all modules of the key's part, so these belong to one island.
     for key in &timeline.keys {
         let part = network.mats().part[key.struck];
-        for mat in (0..n).filter(|&mat| network.mats().part[mat] == part && is_free[mat]) {
+        let is_ours = |mat: &usize| network.mats().part[*mat] == part && is_free[*mat];
+        for mat in interrupt::steps(0..n).filter(is_ours) {
             forest.join(key.struck, mat);
         }
     }
@@ -47,7 +49,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     );
     let mut index = vec![u32::MAX; n];
     let mut found: Vec<IslandMembers> = Vec::new();
-    for (mat, &is_moved) in moved.iter().enumerate() {
+    for mat in interrupt::steps(0..n) {
         let root = forest.root(mat);
         if index[root] == u32::MAX {
             index[root] = found.len() as u32;
@@ -56,7 +58,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         let island = &mut found[index[root] as usize];
         island.mats.push(mat as u32);
         island.is_heard |= heard.mats[mat];
-        island.is_moved |= is_moved;
+        island.is_moved |= moved[mat];
     }
     for (link, mats) in links(network) {
         let [.., last] = mats.all() else { continue };

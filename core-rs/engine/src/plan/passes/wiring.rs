@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::interrupt;
 use crate::network::forest::{Forest, ends};
 use crate::network::{Contact, LinkKind, Network, Proxy, Run, Term};
 use crate::timeline::Timeline;
@@ -200,7 +201,7 @@ impl Body {
     /// more than `most`.
     pub(in crate::plan) fn untied(&self, network: &Network, most: usize) -> Option<Self> {
         let is_single = |link: usize| {
-            let mut runs = network.runs().iter();
+            let mut runs = interrupt::each(network.runs());
             runs.any(|run| run.first == link && run.len == 1)
         };
         let is_guest = |mat: usize| self.guests.binary_search(&(mat as u32)).is_ok();
@@ -218,7 +219,10 @@ impl Body {
                 None => {}
             }
         }
-        own.links.retain(|link| !ties.contains(link));
+        own.links.retain(|link| {
+            interrupt::poll();
+            !ties.contains(link)
+        });
         (1..=most).contains(&ties.len()).then(|| own.tidy())
     }
 

@@ -1,0 +1,30 @@
+"""The command `ergon`. Whatever is imported later, a signal already ends it without a traceback."""
+
+from __future__ import annotations
+
+import os
+import signal
+from types import FrameType
+
+_ENDING = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
+
+
+def end_at_once(number: int, frame: FrameType | None) -> None:
+    """Exit with the code that shells give to a signal; there is nothing to clean up."""
+    os._exit(128 + number)
+
+
+def main() -> None:
+    """Run the command line; before and after `cli.signals` a signal ends the process at once."""
+    for number in _ENDING:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # nohup: what is ignored stays ignored
+            signal.signal(number, end_at_once)
+    from .app import main as command
+
+    command()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+//! Looks for an interrupt are counted: a body of many masses has at least one for every few thousand of them, wherever
+//! all of them are passed over.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use ergon_engine::generator::{Ends, string};
+use ergon_engine::interrupt::{Stopped, until};
+use ergon_engine::network::Term;
+use ergon_engine::plan::{Budget, Method, Plan};
+use ergon_engine::{Network, OnFault, Options, Rate, Simulation, Timeline};
+
+const MASSES: usize = 200_000;
+/// Masses for which there is at least one look in each pass over all.
+const MASSES_A_LOOK: usize = 8_192;
+
+/// The result of `work`, and how often it looked for an interrupt.
+fn looks<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    let count = Rc::new(Cell::new(0));
+    let own = count.clone();
+    let ask = move || {
+        own.set(own.get() + 1);
+        false
+    };
+    let done = until(Box::new(ask), work).expect("nobody stops it");
+    (done, count.get())
+}
+
+fn options(threads: usize) -> Options {
+    Options {
+        ledger: false,
+        record: false,
+        on_fault: OnFault::Stop,
+        threads,
+        unchecked: false,
+    }
+}
+
+/// Two long strings that an output hears, the first of them struck.
+fn strings() -> (Network, Timeline) {
+    let mut network = Network::new();
+    let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+    let topology = string(MASSES, Ends::Fixed, 0.0).unwrap();
+    let mut heard = Vec::new();
+    for name in ["first", "second"] {
+        network.part(name, None);
+        let first = network
+            .mesh("", &topology, 1.0, 2.0, Some(9.0), 0.0)
+            .unwrap();
+        heard.push(first);
+    }
+    let terms = heard.iter().map(|&first| Term::Position {
+        first,
+        len: 1,
+        weight: 1.0,
+    });
+    network.listen("out", terms.collect()).unwrap();
+    for &mat in &heard {
+        timeline.strike(&network, mat, 0.0, 1e-3, 0).unwrap();
+    }
+    (network, timeline)
+}
+
+#[test]
+fn a_large_body_is_planned_and_computed_with_many_looks() {
+    let (network, timeline) = strings();
+    let network = Arc::new(network);
+    let budget = Budget::Method(Method::Ca);
+    let (plan, planning) = looks(|| Plan::new(network, &timeline, &budget, None).unwrap());
+    // Islands, and for each string its subset, its bodies and its certificate.
+    assert!(planning >= 5 * 2 * MASSES / MASSES_A_LOOK, "{planning}");
+    let plan = Arc::new(plan);
+    let (simulation, building) = looks(|| Simulation::planned(plan.clone(), options(1)));
+    assert!(building >= 2 * 2 * MASSES / MASSES_A_LOOK, "{building}");
+    let mut simulation = simulation.unwrap();
+    let ((), computing) = looks(|| simulation.process(&mut [0.0; 20]).unwrap());
+    assert!(computing >= 2 * 20, "{computing}: not at every frame");
+}
+
+#[test]
+fn threads_that_compute_bodies_end_with_the_computation() {
+    let (network, timeline) = strings();
+    let budget = Budget::Method(Method::Ca);
+    let plan = Plan::new(Arc::new(network), &timeline, &budget, None).unwrap();
+    let plan = Arc::new(plan);
+    for threads in [1, 2, 3] {
+        let mut simulation = Simulation::planned(plan.clone(), options(threads)).unwrap();
+        let count = Cell::new(0);
+        let ask = move || {
+            count.set(count.get() + 1);
+            count.get() == 5
+        };
+        // A minute of sound would take hours: the test ends only if every thread does.
+        let minute = until(Box::new(ask), || simulation.skip(60 * 44_100));
+        assert_eq!(minute.map(|done| done.is_ok()), Err(Stopped));
+    }
+}
