@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+
+from ergon.common.regular import file_digest
 
 from . import options
 from .console import Console
@@ -264,6 +265,6 @@ def _write(
 
     from ergon.metrology.calibration_file import text
 
-    digests = [hashlib.sha256(take.read_bytes()).hexdigest() for take in takes]
+    digests = [file_digest(take).hex() for take in takes]
     said = text(measured, digests, date.today().isoformat())
     write_text_file(console, said, path, force=force, dry=dry)

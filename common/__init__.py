@@ -1,1 +1,3 @@
-"""Helpers of all packages: errors, reports, text for terminals, careful opening of files, T60."""
+"""Helpers of all packages: errors, reports, text for terminals, careful opening of files and reading
+of JSON and TOML, T60.
+"""
