@@ -1,3 +1,1 @@
-"""Helpers of all packages: errors, reports, text for terminals, careful opening of files and reading
-of JSON and TOML, T60.
-"""
+"""Helpers of all packages: errors, reports, text for terminals, careful reading of files, T60."""
