@@ -3,6 +3,8 @@
 from tests.fuzz import (
     commands,
     file_targets,
+    format_targets,
+    lsp_targets,
     notation_targets,
     render_targets,
     score_targets,
@@ -16,8 +18,10 @@ TARGETS = (
     Target("commands", commands.case, commands.read, (), 1, 2_000, limit=60.0),
     *notation_targets.TARGETS,
     *file_targets.TARGETS,
+    *format_targets.TARGETS,
     *render_targets.TARGETS,
     *socket_targets.TARGETS,
+    *lsp_targets.TARGETS,
     Target("journals", sessions.journal, sessions.read_journal, (), 20, 15_000, limit=30.0),
     Target("sessions", sessions.typed, sessions.read_typed, (), 20, 50_000, limit=30.0),
 )
