@@ -173,8 +173,10 @@ def _strokes() -> tuple[bytes, ...]:
 
 
 def _stroke(chance: random.Random) -> tuple[str, bytes]:
-    whole = chance.choice(_strokes())
-    suffix = chance.choice((".wav", ".flac", ".flac", ".txt", ".aiff"))
+    number = chance.randrange(len(_strokes()))
+    whole = _strokes()[number]
+    own = (".wav", ".flac", ".aiff", ".w64")[number]
+    suffix = own if chance.random() < 0.7 else chance.choice((".wav", ".flac", ".txt"))
     return suffix, next(corrupted(whole, 1, chance.randrange(1 << 30), *_strokes()))
 
 

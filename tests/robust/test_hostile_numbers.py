@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -189,3 +190,33 @@ def test_sound_that_is_played_overwrites_no_file(own_folder: Path, command: str)
     assert "a.wav: this file exists" in done.stderr
     assert "name another" in done.stderr
     assert Path("a.wav").read_bytes() == b"mine"
+
+
+OTHER_READERS = (
+    "bell {}.wav -o b.yaml",
+    "bell {}.flac -o b.yaml",
+    "bell {}.txt -o b.yaml",
+    "fold a.wav --from stereo --to binaural --head {}.sofa -o o.wav",
+    "layout import {}.json",
+    "import {}.mims -o m.yaml",
+    "metrology log {}.yaml",
+    "metrology fit {}.take",
+    "info {}.motion",
+    "view {}.motion",
+    "plot {}.flac",
+)
+
+
+@pytest.mark.parametrize("line", OTHER_READERS)
+def test_other_readers_take_files_alone(own_folder: Path, line: str):
+    """A pipe that nobody writes to, and a device without an end, which `ergon bell` waited for."""
+    soundfile.write("a.wav", np.zeros((100, 2)), 48_000, subtype="PCM_24")
+    suffix = Path(line.split()[1 + line.startswith(("layout", "metrology"))]).suffix
+    suffix = ".sofa" if ".sofa" in line else suffix
+    os.mkfifo(f"pipe{suffix}")
+    Path(f"zero{suffix}").symlink_to("/dev/zero")
+    for name in ("pipe", "zero"):
+        limits = ((resource.RLIMIT_AS, 4 << 30),)
+        done = forked(line.format(name).split(), own_folder, limits=limits)
+        assert done.returncode == 2
+        assert f"{name}{suffix}: not a regular file" in done.stderr
