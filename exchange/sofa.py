@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _MOST = 512 << 20  # bytes of a file
 _VALUES_MAX = 1 << 26  # of an array, as `sofa_reader.py` has it
 _HEAD_MAX = 4096  # bytes of the first line of an answer
-_SECONDS = 90.0  # by the clock, for a reader that waits
+_SECONDS = 600.0  # by the clock, where the system does not end the reader by itself
 _CONVENTION = "SimpleFreeFieldHRIR"
 _READER = Path(__file__).with_name("sofa_reader.py")
 

@@ -23,7 +23,7 @@ import numpy as np
 
 ARRAYS = ("SourcePosition", "Data.IR", "Data.SamplingRate")
 VALUES_MAX = 1 << 26  # of an array: 12,000 directions with 2,800 samples at both ears
-_MEMORY = 3 << 30  # bytes of addresses: libraries 1 GB, an array twice, and its chunks
+_MEMORY = 2 << 30  # bytes of addresses: an array as it is read and as doubles is 1 GB
 _SECONDS = 60  # of the processor
 _WORD_MAX = 200  # characters of a text of the file
 
@@ -103,10 +103,9 @@ def _checked(file: h5py.File, name: str) -> h5py.Dataset:
     if not isinstance(found, h5py.Dataset):
         raise RefusedError(f"its {name} is not an array")
     made = found.id.get_create_plist()
-    layout = made.get_layout()
-    if layout == h5py.h5d.VIRTUAL:
+    if made.get_layout() == h5py.h5d.VIRTUAL:
         raise RefusedError(f"its {name} is virtual: the numbers are in other files, not read here")
-    if layout == h5py.h5d.CONTIGUOUS and made.get_external_count():
+    if made.get_external_count():
         raise RefusedError(f"its {name} is external: the numbers are in other files, not read here")
     for number in range(made.get_nfilters()):
         code = made.get_filter(number)[0]

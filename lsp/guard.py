@@ -59,7 +59,8 @@ class GuardedInput:
 
     def readline(self) -> bytes:
         """The next line of a header; nothing at the end."""
-        return self._ready.readline() or (self._next() and self._ready.readline())
+        line = self._ready.readline()
+        return self._ready.readline() if not line and self._next() else line
 
     def read(self, n_bytes: int) -> bytes:
         """The body that the header announced."""
@@ -158,7 +159,7 @@ class GuardedInput:
         if self._is_begun and method == t.INITIALIZE:
             raise _RefusedError(t.ErrorCodes.InvalidRequest, "initialize comes once")
         try:
-            made = self._converter.structure(message, kind)
+            made: Any = self._converter.structure(message, kind)
         except Exception as error:  # cattrs and the validators raise errors of many types
             why = printable("; ".join(transform_error(error)))[:_WORDS_MAX]
             told = f"the fields of {method} are not those of the protocol: {why}"

@@ -159,7 +159,7 @@ class Server(LanguageServer):
 
     def _document(self, uri: str) -> TextDocument:
         """An open document, or a file that one of them uses."""
-        found = self.workspace.text_documents.get(unquote(uri))
+        found: TextDocument | None = self.workspace.text_documents.get(unquote(uri))
         if found is not None:
             return found
         try:
