@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import struct
@@ -98,6 +99,15 @@ def test_a_value_that_is_hidden_is_left_out_of_a_summary(tmp_path: Path):
     path.write_text("t [s],x [mm]\n0,1\n0,2\n")
     with pytest.raises(TakeError, match=r"a\.csv:3: times must rise"):
         summary(path)
+
+
+def test_a_record_of_what_is_hidden_is_json(own_folder: Path):
+    """It held Infinity, which no other program reads."""
+    Path("a.csv").write_text("t [s],x [mm]\n0,nan\n1,nan\n")
+    done = forked(["take", "info", "--json", "a.csv"], own_folder)
+    (record,) = done.stdout.splitlines()
+    found = json.loads(record, parse_constant=pytest.fail)
+    assert found["channels"] == [{"name": "x [mm]", "low": None, "high": None}]
 
 
 def wave(rate: int, n_frames: int = 22_000) -> bytes:
