@@ -16,10 +16,12 @@ import io
 import json
 import os
 import sys
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
-import h5py
 import numpy as np
+
+if TYPE_CHECKING:
+    import h5py
 
 ARRAYS = ("SourcePosition", "Data.IR", "Data.SamplingRate")
 VALUES_MAX = 1 << 26  # of an array: 12,000 directions with 2,800 samples at both ears
@@ -37,6 +39,8 @@ class RefusedError(Exception):
 
 def rehearse() -> None:
     """Read a small file from memory, so that every module that reading needs is loaded."""
+    import h5py
+
     whole = io.BytesIO()
     with h5py.File(whole, "w") as file:
         file.attrs["SOFAConventions"] = np.bytes_("none")
@@ -82,6 +86,8 @@ def answer(source: BinaryIO, target: BinaryIO) -> None:
 
 
 def _read(source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, Any]]:
+    import h5py
+
     with h5py.File(source, "r") as file, np.errstate(all="ignore"):
         found = [_checked(file, name) for name in ARRAYS]
         head = {
@@ -94,6 +100,8 @@ def _read(source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, Any]]
 
 def _checked(file: h5py.File, name: str) -> h5py.Dataset:
     """A data set whose numbers lie in this file, and are packed by nothing but the library."""
+    import h5py
+
     links, word = file.id.links, name.encode()
     if not links.exists(word):
         raise RefusedError(f"it has no {name}")
