@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import io
 import os
 import random
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -84,23 +84,13 @@ def _sofa(chance: random.Random) -> bytes:
     return bytes(data)
 
 
-@dataclass
-class Used:
-    """What readers of SOFA files took at most, and how many were ended by a signal."""
-
-    seconds: float = 0.0
-    memory: int = 0
-    signals: int = 0
-
-
-USED = Used()
-
-
 @cache
 def _forks() -> subprocess.Popen[str]:
     reader = str(Path(sofa.__file__).with_name("sofa_reader.py"))
     words = [sys.executable, "-P", str(SUPPORT / "sofa_forks.py"), reader]
-    return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    forks = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    atexit.register(forks.communicate)  # its input ends, and then it does
+    return forks
 
 
 def _read_sofa(data: bytes, folder: Path) -> None:
@@ -113,9 +103,6 @@ def _read_sofa(data: bytes, folder: Path) -> None:
     forks.stdin.write(f"{source}\t{target}\n")
     forks.stdin.flush()
     status, seconds, memory = forks.stdout.readline().split()
-    USED.seconds = max(USED.seconds, float(seconds))
-    USED.memory = max(USED.memory, int(memory))
-    USED.signals += os.WIFSIGNALED(int(status))
     assert os.WIFSIGNALED(int(status)) or int(status) == 0, f"the reader ends with {status}"
     assert float(seconds) < 10.0, f"the reader takes {seconds} s"
     assert int(memory) < MEMORY_MAX, f"the reader holds {memory} bytes"
