@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ergon.common.errors import ErgonError
 from ergon.common.report import Report
-from ergon.exchange.wave_header import ORIGINATOR, Bits
+from ergon.exchange.wave_header import ORIGINATOR, Bits, NotWaveError
 
 from .errors import OptionError
 from .gain import asked_gain
@@ -78,7 +78,7 @@ def fold_file(
     from ergon import _core
     from ergon.exchange import sound
     from ergon.exchange.safe import check_target, open_for_writing
-    from ergon.exchange.wave_header import NotWaveError, Stamp, WaveFormat
+    from ergon.exchange.wave_header import Stamp, WaveFormat
 
     from .layouts import chunks_of
 
@@ -170,11 +170,14 @@ def _whole(
     import numpy as np
 
     at = 0
-    for block in blocks:
-        if not np.isfinite(block).all():
-            raise FoldError(f"{path} holds samples that are not finite, after frame {at:,}")
-        at += len(block)
-        yield np.ascontiguousarray(block)
+    try:
+        for block in blocks:
+            if not np.isfinite(block).all():
+                raise FoldError(f"{path} holds samples that are not finite, after frame {at:,}")
+            at += len(block)
+            yield np.ascontiguousarray(block)
+    except NotWaveError as error:
+        raise FoldError(f"{path}: {error}") from None
     yield np.zeros((tail, info.format.n_channels))
 
 

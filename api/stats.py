@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -191,7 +192,7 @@ def _bands(frequencies: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
 
 def _highest(network: _core.Network, name: str, own: _core.Elements) -> float:
     """The highest mode's frequency without damping [Hz]: that of the mode nearest to an upper
-    bound.
+    bound, or the bound where no mode is found.
     """
     import numpy as np
 
@@ -207,8 +208,10 @@ def _highest(network: _core.Network, name: str, own: _core.Elements) -> float:
     rate = own.ca_rate
     bound = np.sqrt(2.002 * highest)
     f = bound / (2 * np.pi) if rate is None else rate * np.arcsin(min(1.0, bound / 2)) / np.pi
-    pole = network.part_modes(name, around=float(f), count=1).poles[0]
-    return float(abs(pole) if rate is None else abs(pole.imag)) / (2 * np.pi)
+    poles = network.part_modes(name, around=float(f), count=1).poles
+    if not poles.size or not np.isfinite(poles[0]):
+        return float(f)
+    return float(abs(poles[0]) if rate is None else abs(poles[0].imag)) / (2 * np.pi)
 
 
 def _certificate(piece: Piece, name: str) -> tuple[str | None, int]:
@@ -247,7 +250,9 @@ def _point(
     # Points that no such mode moves still have a finite compliance.
     stands = modes.frequencies > 0
     swinging = 2 * np.pi * min(modes.frequencies[stands], default=0.0)
-    slowest = float(abs(lowest.poles[0]) or swinging)
+    slowest = float(np.abs(lowest.poles[:1]).sum() or swinging)
+    if not isfinite(slowest):  # a discrete network may be at rest within a frame
+        slowest = 2 * np.pi * (own.ca_rate or 0.0)
     is_pushed_away = bool((shares[~stands] > _NOTHING).any()) or slowest == 0
     if not is_pushed_away and not is_free(lowest.shapes, own).any():
         f = _STATIC * slowest / (2 * np.pi)

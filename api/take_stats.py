@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.common.regular import open_regular
-
 from .errors import OptionError
 from .parts import hertz
 
@@ -75,7 +73,6 @@ def take_stats(path: str | Path, options: TakeStatsOptions | None = None) -> tup
     options = options or TakeStatsOptions()
     cutoff = hertz("cutoff", options.cutoff)
     try:
-        open_regular(Path(path)).close()  # the core would wait for a pipe's other end
         recording = _core.read_recording(Path(path))
     except OSError as error:
         raise TakeError(error.strerror or str(error), Path(path)) from None

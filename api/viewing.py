@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.report import Report
+from ergon.common.structured import parse_json
 from ergon.exchange.wave_header import NotWaveError, Stamp, WaveFormat
 
 from . import score as scores
@@ -50,7 +50,7 @@ def sound_beside(motion: Path, report: Report) -> Path | None:
     found = next((p for kind in _SOUNDS if (p := motion.with_suffix(kind)).is_file()), None)
     if found is None:
         return None
-    seen = json.loads(_core.read_motion(motion).manifest).get("score_sha256")
+    seen = parse_json(_core.read_motion(motion).manifest).get("score_sha256")
     try:
         heard = sound.read_info(found).score
     except (NotWaveError, OSError):

@@ -7,8 +7,10 @@ from pathlib import Path
 
 from ergon.common.decay import LN_1000
 from ergon.common.errors import ErgonError
+from ergon.common.regular import read_bounded
 
 _MOST = 100_000  # characters of a line, and lines
+_BYTES_MAX = 1 << 24  # of a file
 
 
 class TableError(ErgonError):
@@ -23,7 +25,10 @@ def read(path: Path) -> list[tuple[float, float, float]]:
     with bandwidth b falls by 60 dB in 3·ln 10/(π·b). Raises TableError.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        data = read_bounded(path, _BYTES_MAX)
+        if len(data) > _BYTES_MAX:
+            raise TableError(f"{path}: it is larger than {_BYTES_MAX >> 20} MB")
+        lines = data.decode("utf-8").splitlines()
     except UnicodeDecodeError:
         message = f"{path}: it is neither a WAV or FLAC file nor a text; give a recorded stroke or "
         raise TableError(message + "a table of resonances") from None

@@ -10,8 +10,10 @@ import numpy as np
 from ergon.bells.bands import Array
 from ergon.common.errors import ErgonError
 from ergon.exchange import sound as sound_files
+from ergon.exchange.wave_header import NotWaveError
 
 LONGEST = 30.0  # [s] of a stroke that are analysed
+_SAMPLES_MAX = 1 << 27  # of a file, all channels: 1 GB
 _SHORTEST = 0.1  # [s]
 _AFTER = 0.004  # [s] from its beginning to what is analysed: the stroke itself is over
 _LATEST = 0.03  # [s] of a soft stroke
@@ -44,8 +46,21 @@ class Stroke:
 
 
 def read(path: Path) -> tuple[Array, float]:
-    """The loudest channel of a WAV or FLAC file (n,), and its rate [Hz]."""
+    """The loudest channel of a WAV or FLAC file (n,), and its rate [Hz].
+
+    Raises NotAStrokeError and OSError.
+    """
+    try:
+        return _loudest_channel(path)
+    except NotWaveError as error:
+        raise NotAStrokeError(f"{path}: {error}") from None
+
+
+def _loudest_channel(path: Path) -> tuple[Array, float]:
     info = sound_files.read_info(path)
+    if info.n_frames * info.format.n_channels > _SAMPLES_MAX:
+        message = f"{path}: it has {info.n_frames:,} frames of {info.format.n_channels} channels; "
+        raise NotAStrokeError(message + "cut the stroke out of it")
     blocks = list(sound_files.read_blocks(path))
     if not blocks:
         raise NotAStrokeError(f"{path}: it has no samples")

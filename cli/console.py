@@ -139,8 +139,13 @@ def _sayable(text: str) -> str:
 
 
 def _finite(value: Any) -> Any:
+    """The value with None for numbers that JSON does not have."""
     if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
         return None
+    if isinstance(value, dict):
+        return {name: _finite(inner) for name, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(inner) for inner in value]
     return value
 
 

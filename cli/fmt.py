@@ -44,7 +44,9 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     from ergon.notation.text.format import formatted
     from ergon.notation.text.syntax import MAX_BYTES
 
-    data = sys.stdin.buffer.read() if path == "-" else read_bounded(Path(path), MAX_BYTES)
+    is_stdin = path == "-"
+    most = MAX_BYTES + 1
+    data = sys.stdin.buffer.read(most) if is_stdin else read_bounded(Path(path), MAX_BYTES)
     if len(data) > MAX_BYTES:
         raise Refused(
             f"{path}: the file is larger than {MAX_BYTES >> 20} MB, the most that a score may have"

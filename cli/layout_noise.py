@@ -121,7 +121,8 @@ def _play(
         try:
             _core.play_frames(frames, rate, audio)
         except _core.EngineError as error:
-            raise DeviceMissing(f"--audio {audio}: {error}") from None
+            kind = Refused if error.module == "record" else DeviceMissing
+            raise kind(f"--audio {audio}: {error}") from None
 
 
 def _ratio(level: str) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ergon.common.regular import open_regular
+from ergon.common.regular import read_bounded
 
 from . import options
 from .console import Console
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ergon.metrology.calibration_file import Calibration
     from ergon.metrology.comparison import Difference, Gain
 
+_BYTES_MAX = 1 << 20  # of a calibration
 _FAR = 3.0  # standard deviations: a larger difference is not chance
 
 
@@ -27,8 +28,10 @@ def calibration(file: str) -> Calibration:
     from ergon.metrology.gesture import MeasurementError
 
     try:
-        with open_regular(Path(file)) as opened:
-            return read(opened.read().decode())
+        data = read_bounded(Path(file), _BYTES_MAX)
+        if len(data) > _BYTES_MAX:
+            raise Refused(f"{file}: this file is larger than a calibration may be")
+        return read(data.decode())
     except OSError as error:
         raise Refused(f"{file}: {error.strerror or error}") from None
     except UnicodeDecodeError:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+
+from ergon.common.regular import file_digest
 
 from . import options
 from .console import Console
@@ -249,7 +250,7 @@ def _calibration(measured: Measured, takes: list[Path]) -> str:
 
     from ergon.metrology.calibration_file import text
 
-    digests = [hashlib.sha256(take.read_bytes()).hexdigest() for take in takes]
+    digests = [file_digest(take).hex() for take in takes]
     return text(measured, digests, date.today().isoformat())
 
 
@@ -259,8 +260,8 @@ def write_texts(console: Console, texts: Mapping[Path, str], *, force: bool, dry
 
     if not dry:
         with file_group(force=force) as files:
-            for path, said in texts.items():
-                files.write(path, said.encode())
+            for path, content in texts.items():
+                files.write(path, content.encode())
     event = "would write" if dry else "wrote"
     for path in texts:
         if console.json:

@@ -24,10 +24,8 @@ _WORDS = {
 def read(path: Path) -> Motion:
     """Read the intact part of a motion file. Raises Refused."""
     from ergon import _core
-    from ergon.common.regular import open_regular
 
     try:
-        open_regular(path).close()  # the core would wait for a pipe's other end
         return _core.read_motion(path)
     except OSError as error:
         raise Refused(f"{path}: {error.strerror or error}") from None

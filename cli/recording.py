@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.common.regular import open_regular
-
 from .console import Console
 from .outcome import Refused
 
@@ -34,7 +32,6 @@ def read_quietly(path: Path, span: tuple[int, int] | None = None) -> Recording:
     from ergon._core import EngineError, read_recording
 
     try:
-        open_regular(path).close()  # the core would wait for a pipe's other end
         return read_recording(path, span)
     except EngineError as error:
         raise Refused(f"{path}: {error}") from None

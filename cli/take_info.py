@@ -127,7 +127,7 @@ def _table(console: Console, path: Path) -> None:
         table = summary(path)
     except TakeError as error:
         raise Refused(error.message) from None
-    time = next((c for c in table.columns if c.name.partition("[")[0].strip() == "t"), None)
+    time = next((column for column in table.columns if column.is_time), None)
     span = _seconds(time) if time else None
     rate = (table.n_rows - 1) / span if span else None
     channels = [column for column in table.columns if column is not time]

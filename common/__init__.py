@@ -1,1 +1,1 @@
-"""Helpers of all packages: errors, reports, text for terminals, careful opening of files, T60."""
+"""Helpers of all packages: errors, reports, text for terminals, careful reading of files, T60."""

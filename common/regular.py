@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import stat
 from io import BufferedReader
@@ -44,3 +45,9 @@ def read_bounded(path: Path, most: int) -> bytes:
     with open_regular(path) as file:
         # `read` allocates as many bytes as it is asked for: ask for no more than the file has.
         return file.read(min(most, os.fstat(file.fileno()).st_size) + 1)
+
+
+def file_digest(path: Path) -> bytes:
+    """SHA-256 of a regular file, in bounded memory."""
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").digest()

@@ -29,6 +29,8 @@ _MADE_BY = "made by ergon;"  # this mark identifies a file of ergon
 _SUBTYPES: dict[Bits, str] = {16: "PCM_16", 24: "PCM_24"}
 _BITS: dict[str, Bits] = {subtype: bits for bits, subtype in _SUBTYPES.items()}
 _BLOCK = 65_536  # frames read at once
+_FRAMES_PER_BYTE = 8192  # 65,535 equal samples take 11 bytes at least (RFC 9639, section 9)
+_UNKNOWN = 1 << 36  # frames, of which the format counts less: libsndfile tells an unknown length
 
 
 def refusal(format: WaveFormat) -> str | None:
@@ -137,6 +139,12 @@ def read_info(path: Path) -> WaveInfo:
                 bits = _BITS.get(sound.subtype)
                 if sound.format != "FLAC" or bits is None:
                     raise NotWaveError("the file is not FLAC of 16 or 24 bits")
+                if sound.frames >= _UNKNOWN:
+                    raise NotWaveError("the file does not say how long it is; encode it again")
+                size = os.fstat(file.fileno()).st_size
+                if sound.frames > _FRAMES_PER_BYTE * size:
+                    message = f"the file is damaged: it declares {sound.frames:,} frames, which "
+                    raise NotWaveError(f"{message}{size:,} bytes cannot hold")
                 comment = sound.comment or ""
                 is_ours = comment.startswith(_MADE_BY)
                 return WaveInfo(
@@ -144,7 +152,7 @@ def read_info(path: Path) -> WaveInfo:
                     WaveFormat(sound.samplerate, sound.channels, bits),
                     sound.frames,
                     0,
-                    os.fstat(file.fileno()).st_size,
+                    size,
                     ORIGINATOR if is_ours else None,
                     comment.removeprefix(_MADE_BY).strip(),
                 )
@@ -183,6 +191,12 @@ def _integers(path: Path) -> Iterator[NDArray[np.int32]]:
     with _open(path) as file:
         try:
             with soundfile.SoundFile(file) as sound:
-                yield from sound.blocks(_BLOCK, dtype="int32", always_2d=True)
+                left = sound.frames
+                while left:
+                    block = sound.read(min(left, _BLOCK), dtype="int32", always_2d=True)
+                    if not len(block):
+                        raise NotWaveError(f"the file is damaged: {left:,} frames are missing")
+                    yield block
+                    left -= len(block)
         except soundfile.LibsndfileError as error:
             raise NotWaveError(f"the file is damaged: {error}") from None

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
+from ergon.common.structured import parse_json
 
 from .safe import MARK
 from .wave import hash_samples, read_info
@@ -127,7 +128,7 @@ def read(folder: Path) -> Frozen:
         data = read_bounded(path, _SIZE_MAX)
         if len(data) > _SIZE_MAX:
             raise NotFrozenError(f"{path}: the file is too large for a manifest")
-        manifest = json.loads(data)
+        manifest = parse_json(data)
         if manifest["ergon_frozen"] != VERSION:
             raise NotFrozenError(f"{path}: not a manifest of version {VERSION}")
         source = Source(
@@ -145,7 +146,7 @@ def read(folder: Path) -> Frozen:
         raise NotFrozenError(f"{path}: {why}; ergon render --freeze writes it") from None
     except NotFrozenError:
         raise
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError):
         raise NotFrozenError(f"{path}: not a manifest of frozen parts") from None
 
 

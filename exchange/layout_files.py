@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 
 from ergon.common.errors import ErgonError
+from ergon.common.structured import MalformedTextError, parse_json
 from ergon.common.terminal import printable
 from ergon.space.directions import Angles, angles, point, unit_vectors
 
@@ -82,9 +83,9 @@ def _write_iem(speakers: Sequence[Angles], title: str) -> str:
 
 def _read_iem(data: bytes) -> list[Angles]:
     try:
-        whole = json.loads(data.decode("utf-8-sig"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise LayoutFileError(f"this is not JSON: {error}") from None
+        whole = parse_json(data)
+    except MalformedTextError as error:
+        raise LayoutFileError(str(error)) from None
     layout = whole.get("LoudspeakerLayout") if isinstance(whole, dict) else None
     rows = layout.get("Loudspeakers") if isinstance(layout, dict) else None
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ergon.common.regular import read_bounded
+from ergon.common.structured import MalformedTextError, parse_json
 
 from .cache_folder import of_user
 from .safe import FileRefusedError, open_for_writing
@@ -29,8 +30,8 @@ def read_correction(environment: Mapping[str, str] = os.environ) -> float | None
     if path is None:
         return None
     try:
-        content = json.loads(read_bounded(path, _BYTES_MAX))
-    except (OSError, ValueError, RecursionError):
+        content = parse_json(read_bounded(path, _BYTES_MAX))
+    except (OSError, MalformedTextError):
         return None
     if not isinstance(content, dict) or content.get("processor") != processor_name():
         return None

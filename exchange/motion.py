@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, BinaryIO
+
+from ergon.common.structured import parse_json
 
 from .motion_space import NotMotionError, links_in_space, points_in_space
 from .safe import MARK
@@ -23,7 +24,7 @@ _FPS_MAX = 1_000_000
 
 def read_manifest(motion: Motion) -> dict[str, Any]:
     """The manifest at the beginning of the file (docs/motion.md). Raises NotMotionError."""
-    manifest: dict[str, Any] = json.loads(motion.manifest)
+    manifest: dict[str, Any] = parse_json(motion.manifest)
     fps = manifest.get("fps")
     if not isinstance(fps, float | int) or not 0.0 < fps <= _FPS_MAX:
         raise NotMotionError(f"its frames a second must be above 0 and at most {_FPS_MAX:,}")

@@ -19,6 +19,7 @@ from typing import NamedTuple
 from ergon._core import IslandChoice
 from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
+from ergon.common.structured import MalformedTextError, parse_json
 
 from .safe import open_for_writing
 
@@ -73,12 +74,12 @@ def read(path: Path) -> PlanFile:
             raise NotPlanError(
                 f"the file is larger than {_SIZE_MAX // 1_000_000} MB, the maximum for a plan"
             )
-        content = json.loads(data)
+        content = parse_json(data)
     except NotPlanError:
         raise
     except OSError as error:
         raise NotPlanError(error.strerror or "cannot be read") from None
-    except (ValueError, RecursionError):
+    except MalformedTextError:
         raise NotPlanError("not a plan; `ergon plan SCORE -o FILE` writes one") from None
     return PlanFile(parse_choices(content), _budget(content.get("budget")))
 

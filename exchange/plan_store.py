@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ergon._core import TrialRecord
+from ergon.common.structured import parse_json
 
 from . import cache_folder
 from .cache_folder import CacheFolder, of_this_version
@@ -42,8 +43,8 @@ class PlanStore:
         if data is None:
             return None
         try:
-            return _record_of(json.loads(data), key)
-        except (ValueError, RecursionError):
+            return _record_of(parse_json(data), key)
+        except ValueError:
             return None
 
     def put(self, key: str, record: TrialRecord) -> None:

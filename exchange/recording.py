@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ergon.common.errors import ErgonError
+from ergon.common.structured import MalformedTextError, parse_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,8 +31,8 @@ class NotRecordingError(ErgonError, ValueError):
 def read_description(recording: Recording) -> dict[str, Any]:
     """The description stored with the recording; empty if it is not a JSON object."""
     try:
-        description = json.loads(recording.about)
-    except (ValueError, RecursionError):
+        description = parse_json(recording.about)
+    except MalformedTextError:
         return {}
     return description if isinstance(description, dict) else {}
 

@@ -1,26 +1,37 @@
 """Measured responses of heads from SOFA files (AES69): impulse responses at two ears by direction.
 
-The format is HDF5, which h5py reads; it is an extra.
+The format is HDF5, which h5py reads; it is an extra. It reads in a process of its own with bounds
+(`sofa_reader.py`), because libhdf5 crashes on damaged files.
 """
 
 from __future__ import annotations
 
-import io
+import importlib.util
+import math
+import os
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from threading import Timer
+from typing import IO, TYPE_CHECKING, Any
 
 from ergon.common.errors import ErgonError
 from ergon.common.extras import install_command
-from ergon.common.regular import read_bounded
+from ergon.common.regular import open_regular
+from ergon.common.structured import MalformedTextError, parse_json
+from ergon.common.terminal import printable
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
 _MOST = 512 << 20  # bytes of a file
-_MOST_VALUES = 1 << 27  # values of a data set in memory
-_CONVENTIONS = ("SimpleFreeFieldHRIR", "SimpleFreeFieldHRTF")
+_VALUES_MAX = 1 << 26  # of an array, as `sofa_reader.py` has it
+_HEAD_MAX = 4096  # bytes of the first line of an answer
+_SECONDS = 600.0  # by the clock, where the system does not end the reader by itself
+_CONVENTION = "SimpleFreeFieldHRIR"
+_READER = Path(__file__).with_name("sofa_reader.py")
 
 
 class SofaError(ErgonError, ValueError):
@@ -39,38 +50,50 @@ class HeadResponses:
 
 def read(path: Path) -> HeadResponses:
     """Responses of a SimpleFreeFieldHRIR file. Raises SofaError and OSError."""
-    try:
-        import h5py
-    except ImportError:
-        raise SofaError(f"SOFA files are read by h5py; {install_command('head')}") from None
-    data = read_bounded(path, _MOST)
-    if len(data) > _MOST:
-        raise SofaError(f"{path} is larger than {_MOST >> 20} MB")
-    try:
-        with h5py.File(io.BytesIO(data), "r") as file:
-            return _responses(file, path)
-    except (IndexError, KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
-        if isinstance(error, SofaError):
-            raise
-        raise SofaError(f"{path} is not a SOFA file that can be read: {error}") from None
+    if importlib.util.find_spec("h5py") is None:
+        raise SofaError(f"SOFA files are read by h5py; {install_command('head')}")
+    with open_regular(path) as file:
+        if os.fstat(file.fileno()).st_size > _MOST:
+            raise SofaError(f"{path} is larger than {_MOST >> 20} MB")
+        return _read(file, path)
 
 
-def _responses(file: Any, path: Path) -> HeadResponses:
+def _read(file: IO[bytes], path: Path) -> HeadResponses:
+    """The answer of a reader with the open file as its stdin."""
+    process = subprocess.Popen(
+        [sys.executable, "-P", str(_READER)],
+        stdin=file,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        # No plug-in for a filter is looked for (H5PLpublic.h), and one thread needs less memory.
+        env={**os.environ, "HDF5_PLUGIN_PRELOAD": "::", "OPENBLAS_NUM_THREADS": "1"},
+    )
+    timer = Timer(_SECONDS, process.kill)
+    timer.start()
+    try:
+        assert process.stdout is not None
+        return responses_of(process.stdout, path)
+    finally:
+        timer.cancel()
+        process.kill()
+        process.communicate()
+
+
+def responses_of(answer: IO[bytes], path: Path) -> HeadResponses:
+    """The responses in the answer of a reader. Raises SofaError."""
     import numpy as np
 
-    said = _text(file.attrs.get("SOFAConventions", b""))
-    if said not in _CONVENTIONS[:1]:
-        raise SofaError(f"{path} is of {said or 'no'} convention; a head is {_CONVENTIONS[0]}")
-    if _text(file["SourcePosition"].attrs.get("Type", b"spherical")) != "spherical":
-        raise SofaError(f"{path}: directions are read as angles, here they are cartesian")
-    places = _values(file, "SourcePosition", path)
-    responses = _values(file, "Data.IR", path)
-    rate = float(_values(file, "Data.SamplingRate", path).ravel()[0])
-    shape = responses.shape
-    if len(shape) != 3 or shape[1] != 2 or shape[0] < 4 or shape[2] < 8:
-        raise SofaError(f"{path}: responses are {shape}; expected (directions, 2 ears, samples)")
-    if places.shape != (shape[0], 3):
-        raise SofaError(f"{path}: {len(places)} directions for {shape[0]} responses")
+    line = answer.readline(_HEAD_MAX)
+    try:
+        head = parse_json(line)
+    except MalformedTextError:
+        why = "reading it took too long, too much memory, or crashed the library; it is damaged"
+        raise SofaError(f"{path}: {why}") from None
+    if "error" in head:
+        raise SofaError(f"{path}: {printable(head['error'])}")
+    _check(head, path)
+    places, responses, rates = (_array(answer, shape, path) for shape in head["shapes"])
+    rate = float(rates.flat[0])
     if not 1_000.0 <= rate <= 768_000.0:
         raise SofaError(f"{path}: a rate of {rate:g} Hz")
     if not (np.isfinite(places).all() and np.isfinite(responses).all()) or not responses.any():
@@ -78,14 +101,29 @@ def _responses(file: Any, path: Path) -> HeadResponses:
     return HeadResponses(places[:, :2], responses, rate)
 
 
-def _values(file: Any, name: str, path: Path) -> NDArray[np.float64]:
+def _check(head: dict[str, Any], path: Path) -> None:
+    """Raise SofaError unless the arrays are those of responses at two ears."""
+    convention, (places, shape, rates) = head["convention"], head["shapes"]
+    if convention != _CONVENTION:
+        told = printable(convention) or "no"
+        raise SofaError(f"{path} is of {told} convention; a head is {_CONVENTION}")
+    if head["type"] != "spherical":
+        raise SofaError(f"{path}: directions are read as angles, here they are cartesian")
+    if len(shape) != 3 or shape[1] != 2 or shape[0] < 4 or shape[2] < 8:
+        told = " by ".join(map(str, shape))
+        raise SofaError(f"{path}: responses are {told}; expected (directions, 2 ears, samples)")
+    if places != [shape[0], 3]:
+        told = " by ".join(map(str, places))
+        raise SofaError(f"{path}: {told} directions for {shape[0]} responses")
+    if not 1 <= math.prod(rates) <= _VALUES_MAX or math.prod(shape) > _VALUES_MAX:
+        raise SofaError(f"{path}: it has no rate, or more responses than are read")
+
+
+def _array(answer: IO[bytes], shape: list[int], path: Path) -> NDArray[np.float64]:
     import numpy as np
 
-    found = file[name]
-    if found.size > _MOST_VALUES:
-        raise SofaError(f"{path}: {name} has {found.size:,} values")
-    return np.asarray(found[...], np.float64)
-
-
-def _text(value: Any) -> str:
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+    size = 8 * math.prod(shape)
+    data = answer.read(size)
+    if len(data) < size:
+        raise SofaError(f"{path}: reading it broke off; it is damaged")
+    return np.frombuffer(data, "<f8").reshape(shape)

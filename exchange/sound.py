@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from . import flac, wave
 from .safe import FileRefusedError
-from .wave_header import Stamp, WaveFormat, WaveInfo
+from .wave_header import NotWaveError, Stamp, WaveFormat, WaveInfo
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 WAVE, FLAC = ".wav", ".flac"
 SUFFIXES = (WAVE, FLAC)
+_RATES = (1_000, 1_000_000)  # [Hz] of scores; the work of filters grows with the rate
 
 
 def check_ending(target: str) -> None:
@@ -61,7 +62,12 @@ def writer(
 
 def read_info(path: Path) -> WaveInfo:
     """What the file says it holds. Raises NotWaveError or OSError."""
-    return flac.read_info(path) if _is_flac(path) else wave.read_info(path)
+    info = flac.read_info(path) if _is_flac(path) else wave.read_info(path)
+    low, high = _RATES
+    if not low <= info.format.rate <= high:
+        message = f"it has {info.format.rate:,} frames a second; from {low:,} to {high:,} are read"
+        raise NotWaveError(message)
+    return info
 
 
 def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _BLOCK = 65_536  # frames read at once
+_BLOCK_BYTES = 1 << 24  # a file may have 65,535 channels
 _CUT_SAMPLES = "this file became shorter while it was read"
 
 
@@ -111,8 +112,9 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     with open_regular(path) as file:
         file.seek(info.offset)
         n_frames = info.n_frames
+        most = min(_BLOCK, max(1, _BLOCK_BYTES // info.format.frame_bytes))
         while n_frames:
-            count = min(n_frames, _BLOCK)
+            count = min(n_frames, most)
             data = read_exactly(file, count * info.format.frame_bytes, _CUT_SAMPLES)
             if bits in ("float", "double"):
                 form = "<f4" if bits == "float" else "<f8"

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon.common.errors import ErgonError
+from ergon.common.regular import read_bounded
+from ergon.common.structured import MalformedTextError, parse_toml
 
 if TYPE_CHECKING:
     from .calibration import Axis
 
 # The name of a device in the user's file, with an optional axis, such as tgr0.3.
 _DEVICE_NAME = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
-_MAX_BYTES = 1 << 20  # a list of devices is small; what is larger is another file
+_MAX_BYTES = 1 << 18  # a list of devices is small; what is larger is another file
 
 
 class BoardError(ErgonError):
@@ -69,15 +70,24 @@ def config_path() -> Path:
 
 def read_config() -> dict[str, Any]:
     """The user's list; empty where there is no such file. Raises BoardError."""
+    try:
+        return parse_toml(config_bytes())
+    except MalformedTextError as error:
+        raise BoardError(f"{config_path()}: {error}") from None
+
+
+def config_bytes() -> bytes:
+    """The user's list as it stands in its file; empty where there is none. Raises BoardError."""
     path = config_path()
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise BoardError(f"{path}: larger than a list of devices may be ({_MAX_BYTES} bytes)")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        data = read_bounded(path, _MAX_BYTES)
     except FileNotFoundError:
-        return {}
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BoardError(f"{path}: {error}") from None
+        return b""
+    except OSError as error:
+        raise BoardError(f"{path}: {error.strerror or error}") from None
+    if len(data) > _MAX_BYTES:
+        raise BoardError(f"{path}: larger than a list of devices may be ({_MAX_BYTES:,} bytes)")
+    return data
 
 
 def device_urls() -> dict[str, str]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
+from ergon.common.structured import MalformedTextError, parse_toml
 
-from .boards import Board, BoardError, config_path, read_config
+from .boards import Board, BoardError, config_bytes, config_path, read_config
 
 if TYPE_CHECKING:
     from ergon._core import Device
@@ -175,7 +175,7 @@ def store_axis(url: str, number: int, axis: Axis) -> Path:
 
     path = config_path()
     before = read_config()
-    text = path.read_bytes().decode() if path.exists() else ""
+    text = config_bytes().decode()
     name = axis_key(url, number)
     row: dict[str, Any] = {
         "sign": axis.sign,
@@ -190,8 +190,8 @@ def store_axis(url: str, number: int, axis: Axis) -> Path:
     # However the user's file is formatted, everything else in it must stay the same.
     try:
         wanted = {**before, _TABLE: {**_table(before), name: row}}
-        kept = tomllib.loads(after) == wanted
-    except tomllib.TOMLDecodeError:
+        kept = parse_toml(after.encode()) == wanted
+    except MalformedTextError:
         kept = False
     if not kept:
         raise BoardError(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from ergon import _core
 from ergon.common.errors import ErgonError
-from ergon.common.regular import open_regular
 from ergon.rendering.level import Level
 
 from .perform import PlaybackConfig
@@ -46,7 +45,6 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
     from ergon.scores.staging.live import TICK
 
     try:
-        open_regular(path).close()  # the core would wait for a pipe's other end
         recording = _core.read_recording(path)
     except (_core.EngineError, OSError) as error:
         raise RecordingMismatchError(f"{path}: {error}") from None

@@ -7,7 +7,11 @@ A score is read while it is typed; when it is opened or saved, the engine checks
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import logging
+import os
 import re
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,16 +26,19 @@ from pygls.workspace import TextDocument
 from ergon import _core
 from ergon.api import score as scores
 from ergon.api.check import try_stage
+from ergon.common.regular import read_bounded
 from ergon.notation.text import document
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, Diagnostic, TextError
 from ergon.notation.text.files import installed_path
 from ergon.notation.text.format import formatted
+from ergon.notation.text.syntax import MAX_BYTES
 from ergon.notation.text.values import Place
 from ergon.scores.reading.load import Loaded, load
 
 from . import answers, cursor
 from .catalogue import Catalogue, catalogue
+from .guard import GuardedInput
 
 # An editor reports every keystroke; a score is read once typing has paused for this long [s].
 TYPING_PAUSE = 0.15
@@ -76,6 +83,10 @@ class Server(LanguageServer):
         """Read a document, unless it changes again meanwhile; if `saved`, let the engine check it
         too.
         """
+        with contextlib.suppress(asyncio.CancelledError):  # the server ends meanwhile
+            await self._read(uri, saved)
+
+    async def _read(self, uri: str, saved: bool) -> None:
         kept = self._open.setdefault(uri, _OpenDocument())
         kept.version += 1
         version = kept.version
@@ -141,10 +152,21 @@ class Server(LanguageServer):
 
     def range(self, uri: str, place: Place) -> t.Range:
         """The range of a place, in the client's units."""
-        text = self.workspace.get_text_document(uri)
+        text = self._document(uri)
         start = t.Position(place.line - 1, place.column - 1)
         end = t.Position(place.line - 1, place.column - 1 + place.length)
         return text.position_codec.range_to_client_units(text.lines, t.Range(start, end))
+
+    def _document(self, uri: str) -> TextDocument:
+        """An open document, or a file that one of them uses."""
+        found: TextDocument | None = self.workspace.text_documents.get(unquote(uri))
+        if found is not None:
+            return found
+        try:
+            source = read_bounded(_path(uri), MAX_BYTES).decode("utf-8", "replace")
+        except OSError:
+            source = ""
+        return TextDocument(uri, source, position_codec=self.workspace.position_codec)
 
     def locate(
         self, uri: str, position: t.Position
@@ -157,8 +179,14 @@ class Server(LanguageServer):
 
 
 def serve() -> None:
-    """Serve an editor on stdin and stdout until it disconnects."""
-    server().start_io()
+    """Serve an editor on stdin and stdout until it disconnects. Raises ProtocolError."""
+    logging.getLogger("pygls").setLevel(logging.ERROR)  # its warnings are about the editor
+    # pygls closes its output at `exit`, and this process has to flush its own after that.
+    with open(os.dup(sys.stdout.fileno()), "wb") as output:
+        guarded = GuardedInput(sys.stdin.buffer, output, _HANDLERS.keys())
+        server().start_io(guarded, output)  # type: ignore[arg-type]  # it has what pygls calls
+    if guarded.failure is not None:
+        raise guarded.failure
 
 
 def server() -> Server:
@@ -193,9 +221,18 @@ def _complete(ls: Server, params: t.CompletionParams) -> t.CompletionList:
     is_score = ls.is_score(params.text_document.uri)
     found = answers.completions(text.source, index, file, known) if is_score else []
     begin = index - len(cursor.word_before(text.source, index))
-    start = text.client_position_at_offset(begin)
-    here = t.Range(start, params.position)
+    here = t.Range(_client_position(text, begin), _client_position(text, index))
     return t.CompletionList(is_incomplete=True, items=list(_items(found, here)))
+
+
+def _client_position(text: TextDocument, index: int) -> t.Position:
+    """The position of an index; that of the end is on the last line, unless this line is ended."""
+    if index < len(text.source):
+        return text.client_position_at_offset(index)
+    lines = text.lines
+    if not lines or text.source.endswith(("\n", "\r")):
+        return t.Position(len(lines), 0)
+    return t.Position(len(lines) - 1, text.position_codec.client_num_units(lines[-1]))
 
 
 def _items(found: Iterable[answers.Completion], here: t.Range) -> Iterable[t.CompletionItem]:

@@ -130,7 +130,7 @@ UNITS = {
     "noise": ("mm", 1e3),
 }
 OF_MODES = {"M": ("g", 1e3), "f": ("Hz", 1.0), "t60": ("s", 1.0)}
-_NUMBER = r"([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)"
+_NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?)"
 _FIGURE = re.compile(rf"(\w+): {_NUMBER}([A-Za-z/]+)(?: # ± {_NUMBER})?$")
 _MODE = re.compile(
     rf"  - {{M: {_NUMBER}g, f: {_NUMBER}Hz, t60: (?:{_NUMBER}|inf)s}}(?: # ± (.+))?$"
@@ -213,6 +213,12 @@ def read(said: str) -> Calibration:
         raise MeasurementError(
             f"this is not a calibration file of ergon metrology: it lacks {missing[0]}"
         )
+    for name, value in (*figures.items(), *deviations.items()):
+        is_decay = name.endswith(".t60")  # infinite without damping
+        if not (np.isfinite(value) or (is_decay and value > 0.0)):
+            raise MeasurementError(f"{name} is not a finite number")
+    if not figures["M"] > sum(mass for mass, _, _ in modes):
+        raise MeasurementError("M must be above 0 and above the masses of the modes")
     return Calibration(figures, deviations, tuple(modes), date, correlations)
 
 
@@ -224,6 +230,8 @@ def _mode(
     """
     *said, told = found.groups()
     mass, frequency, decay = (float("inf") if x is None else float(x) for x in said)
+    if not (mass > 0.0 and 0.0 < frequency < np.inf and decay > 0.0):
+        raise MeasurementError(f"{name} must have a mass, a frequency and a decay above 0")
     wobbles = (told or "").split()
     for i, (own, (_, per_unit)) in enumerate(OF_MODES.items()):
         figures[f"{name}.{own}"] = (mass, frequency, decay)[i] / per_unit

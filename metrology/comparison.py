@@ -61,7 +61,10 @@ def replay(row: Floats, gesture: Gesture) -> Replay:
 
 
 def replay_difference(one: Floats, other: Floats) -> float:
-    """Rms of the difference [m] of two keys under a standard gesture of knocks."""
+    """Rms of the difference [m] of two keys under a standard gesture of knocks.
+
+    Raises MeasurementError.
+    """
     guided = one.copy()
     guided[INDEX["stiffness"]] = max(one[1], 1e-3)
     force = excitation.knocks(guided, _RATE, _SECONDS, _REACH, _MOST)
@@ -70,7 +73,10 @@ def replay_difference(one: Floats, other: Floats) -> float:
         held = row.copy()
         # Each path begins at rest at 0, so that only the motion is compared.
         held[START] = held[INDEX["weight"]] = 0.0
-        paths.append(_core.key_path(held, force, _RATE, columns=())[0])
+        try:
+            paths.append(_core.key_path(held, force, _RATE, columns=())[0])
+        except _core.EngineError as error:
+            raise MeasurementError(f"the motion of this key cannot be computed: {error}") from None
     return float(np.sqrt(np.mean((paths[0] - paths[1]) ** 2)))
 
 

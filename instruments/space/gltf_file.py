@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
 import math
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from ergon.common.structured import MalformedTextError, parse_json
 from ergon.instruments.space.mesh import (
     MAX_EDGES,
     MAX_FACES,
@@ -47,8 +47,8 @@ def read(text: str | bytes, binary: bytes | None = None) -> Mesh:
     `binary` is the data chunk of a binary file.
     """
     try:
-        root = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        root = parse_json(text)
+    except MalformedTextError as error:
         raise MeshFileError("it is not the JSON of a glTF file") from error
     try:
         return _Reader(root, binary).mesh()

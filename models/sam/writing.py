@@ -49,10 +49,14 @@ class Writing:
 def let(
     own: Writing, name: str, text: str, comment: str, before: tuple[str, ...] = (), unit: str = ""
 ) -> None:
-    """Add a parameter under `let:`."""
+    """Add a parameter under `let:`. Raises ModelError."""
     said = own.params.of[name]
     own.parameters[said] = Line(said, f"{text}{unit}", comment, before)
-    own.amounts[said] = evaluate(f"{text}{unit}", own.amounts)
+    try:
+        own.amounts[said] = evaluate(f"{text}{unit}", own.amounts)
+    except TextError as error:
+        one = own.values.definitions.get(name)
+        raise ModelError(f"{name}: {error.message}", one.line if one else 0) from None
 
 
 def _named(own: Writing, name: str, line: int) -> bool:

@@ -8,9 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.common.regular import read_bounded
 from ergon.notation.text import document, edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.files import is_below, is_shipped, shipped
+from ergon.notation.text.syntax import MAX_BYTES
 from ergon.repl.session.journal_names import journal_name
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits.texts import SECTIONS
@@ -113,7 +115,8 @@ def target_path(file: str, folder: Path) -> str:
 def read_text(path: Path) -> str | None:
     """The text of a file; None where it cannot be read as text."""
     try:
-        return path.read_bytes().decode("utf-8-sig") if path.is_file() else None
+        data = read_bounded(path, MAX_BYTES)
+        return data.decode("utf-8-sig") if len(data) <= MAX_BYTES else None
     except (OSError, UnicodeError):
         return None
 

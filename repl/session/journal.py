@@ -19,6 +19,7 @@ from typing import IO, Any, NoReturn
 
 from ergon.common.errors import ErgonError
 from ergon.common.regular import NotRegularError, open_regular
+from ergon.common.structured import MalformedTextError, parse_json
 
 VERSION = 1
 MAX_BYTES = 1 << 28  # an hour of lines takes some hundred kilobytes
@@ -200,8 +201,8 @@ def _events(path: Path, file: IO[bytes]) -> Iterator[JournalEvent]:
         if not line.strip():
             continue
         try:
-            fields = json.loads(line.decode())
-        except (ValueError, RecursionError):
+            fields = parse_json(line)
+        except MalformedTextError:
             if (
                 not line.endswith(b"\n") and len(line) < MAX_LINE
             ):  # the program ended while it was written

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.common.regular import open_regular
 from ergon.exchange.recording import NotRecordingError, from_start
 from ergon.repl.session.engine import RecordedHand
 from ergon.repl.session.journal import FRAME_MAX, JournalError, JournalEvent
@@ -108,7 +107,6 @@ def recorded_hands(take: JournalTake, stage: Stage, every: int) -> RecordedHands
 
 def _recording(take: JournalTake) -> _core.Recording:
     try:
-        open_regular(take.path).close()  # the core would wait for a pipe's other end
         return _core.read_recording(take.path)
     except FileNotFoundError:
         who = ", ".join(hand.player for hand in take.hands)

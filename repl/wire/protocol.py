@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon.common.errors import ErgonError
+from ergon.common.structured import MalformedTextError, parse_json
 from ergon.repl.session_protocol import Reply, State
 
 VERSION = 1
@@ -75,8 +76,8 @@ def encode(**fields: Any) -> bytes:
 def decode(line: bytes) -> dict[str, Any]:
     """The fields of a line. Raises ProtocolError."""
     try:
-        fields = json.loads(line)
-    except (ValueError, RecursionError):
+        fields = parse_json(line)
+    except MalformedTextError:
         raise ProtocolError("this line is not JSON") from None
     if not isinstance(fields, dict):
         raise ProtocolError("a line must be a JSON object: {...}")

@@ -13,12 +13,15 @@ import numpy as np
 from ergon.scores.gesture import bvh_file, c3d_file, optitrack_file, qtm_file, sdif_file
 from ergon.scores.gesture.motion import AXES, Motion
 from ergon.scores.gesture.npz import npz
-from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, lines, opened
+from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, lines, number_in, opened
 
 
 @dataclass(slots=True)
 class Column:
-    """One channel: its name as written (`x [mm]`), smallest, largest, first and last value."""
+    """One channel: its name as written (`x [mm]`), smallest, largest, first and last value.
+
+    Values that are not finite are left out; instants must be finite.
+    """
 
     name: str
     low: float = math.inf
@@ -26,15 +29,22 @@ class Column:
     first: float = math.nan
     last: float = math.nan
 
+    @property
+    def is_time(self) -> bool:
+        """Whether it holds the instants of the others."""
+        return self.name.partition("[")[0].strip() == "t"
+
     def add(self, block: Floats | Sequence[float]) -> None:
         """Include further values."""
-        if not len(block):
+        values = np.asarray(block, np.float64)
+        values = values[np.isfinite(values)]
+        if not values.size:
             return
         if math.isnan(self.first):
-            self.first = float(block[0])
-        self.last = float(block[-1])
-        self.low = min(self.low, float(np.min(block)))
-        self.high = max(self.high, float(np.max(block)))
+            self.first = float(values[0])
+        self.last = float(values[-1])
+        self.low = min(self.low, float(values.min()))
+        self.high = max(self.high, float(values.max()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +76,9 @@ def _table(path: Path) -> Table:
             columns = tuple(Column(name.strip()) for name in header.split(separator))
             if len(columns) > MAX_CHANNELS:
                 raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path)
+            time = next((i for i, column in enumerate(columns) if column.is_time), None)
             block: list[list[float]] = []
-            n_rows = 0
+            n_rows, before = 0, -math.inf
             for number, line in rows:
                 cells = line.split(separator)
                 if len(cells) != len(columns):
@@ -80,6 +91,11 @@ def _table(path: Path) -> Table:
                     block.append([float(cell) for cell in cells])
                 except ValueError:
                     raise TakeError("this line is not a row of numbers", path, number) from None
+                if time is not None:
+                    instant = number_in(cells[time], path, number)
+                    if not instant > before:
+                        raise TakeError("times must rise", path, number)
+                    before = instant
                 if len(block) * len(columns) >= _BLOCK:
                     n_rows += _added(columns, block)
             n_rows += _added(columns, block)
@@ -108,6 +124,8 @@ def _npz(path: Path) -> Table:
                 continue
             column = Column(row.name)
             for block in arrays.blocks(row):
+                if column.is_time and not np.isfinite(block).all():
+                    raise TakeError(f"'{row.name[:40]}' has an instant that is not finite", path)
                 column.add(block)
             columns.append(column)
             n_rows = max(n_rows, row.length)
@@ -136,7 +154,7 @@ def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
         for block in motion.blocks():
             values = block.reshape(len(block), -1).T * (motion.metres or 1.0)
             for column, own in zip(columns, values, strict=True):
-                column.add(own[np.isfinite(own)])
+                column.add(own)
         if not motion.rate:
             return Table(motion.n, columns)
         time = Column("t [s]", 0.0, (motion.n - 1) / motion.rate, 0.0, (motion.n - 1) / motion.rate)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from io import BufferedReader
@@ -65,3 +66,14 @@ def lines(file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
             raise TakeError(f"this line has more than {MAX_LINE:,} characters", path, number)
         if (text := line.strip(" \r\n")) and text[0] != "#":
             yield number, text
+
+
+def number_in(cell: str, path: Path, line: int) -> float:
+    """The number in a cell of a table. Raises TakeError."""
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= 1e15 or "_" in cell:  # also refuses nan
+        raise TakeError(f"'{cell.strip()[:40]}' is not a number that a take can hold", path, line)
+    return value

@@ -14,7 +14,6 @@ none. GMS files cannot be read, because no description of their format is public
 """
 
 import io
-import math
 import os
 from array import array
 from collections.abc import Callable
@@ -35,6 +34,7 @@ from ergon.scores.gesture.take_file import (
     Floats,
     TakeError,
     lines,
+    number_in,
     opened,
 )
 
@@ -114,9 +114,9 @@ def _read_table(path: Path, channel: str | None, rate: float | None, unit: float
                         path,
                         number,
                     )
-                x = _number(cells[c], path, number)
+                x = number_in(cells[c], path, number)
                 if timed:
-                    instant = _number(cells[t], path, number)
+                    instant = number_in(cells[t], path, number)
                     if ts and not instant > ts[-1]:
                         raise TakeError("times must rise", path, number)
                     ts.append(instant)
@@ -131,16 +131,6 @@ def _read_table(path: Path, channel: str | None, rate: float | None, unit: float
     else:
         seconds = np.arange(len(xs)) / (rate or 1.0)
     return _checked(seconds, x_metres, path)
-
-
-def _number(cell: str, path: Path, line: int) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not abs(value) <= 1e15 or "_" in cell:  # also refuses nan
-        raise TakeError(f"'{cell.strip()[:40]}' is not a number that a take can hold", path, line)
-    return value
 
 
 def _columns(names: list[str], path: Path, line: int | None) -> dict[str, tuple[int, str]]:
@@ -315,7 +305,6 @@ def _read_recording(
     _check_rate(True, rate, path)
     _check_unit(unit, path)
     try:
-        open_regular(path).close()  # the core would wait for a pipe's other end
         recording = _core.read_recording(path)
     except _core.EngineError as error:
         raise TakeError(str(error), path) from None

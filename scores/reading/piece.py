@@ -10,6 +10,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from ergon.common.regular import file_digest
 from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.instruments.module_kinds import HASH_OMITS_DEFAULTS
 from ergon.notation.clock.meter import SAME, Meter
@@ -573,7 +574,7 @@ def _chunks(value: Any) -> Iterator[bytes]:
         for item in value:
             yield from _chunks(item)
     elif isinstance(value, Path):
-        yield b"p" + hashlib.sha256(value.read_bytes() if value.is_file() else b"").digest()
+        yield b"p" + (file_digest(value) if value.is_file() else hashlib.sha256().digest())
     elif isinstance(value, float):
         yield b"f" + (value + 0.0).hex().encode()  # -0.0 and 0.0 are one value
     else:

@@ -124,3 +124,15 @@ def test_a_mass_that_only_a_damper_holds_goes_where_it_is_pushed(own_folder: Pat
     given = {point.name: point.compliance for point in part.points}
     assert given["one.m"] == pytest.approx(1 / (5e-3 * (2 * np.pi * 200) ** 2), rel=1e-3)
     assert sorted(np.isinf(x) for x in given.values()) == [False] * (len(given) - 1) + [True]
+
+
+@pytest.mark.parametrize(
+    ("values", "stiffness"), [("M: 1, K: 1, Z: 1", 1), ("M: 2, K: 8, Z: 2", 8)]
+)
+def test_a_discrete_body_that_rests_within_a_frame(values: str, stiffness: int):
+    """Its poles have no logarithm, and the static answer was asked for at no frequency."""
+    score = "ergon: 1\ninstruments:\n  body:\n    units: ca\n    at: 44100Hz\n"
+    score += f"    modules: {{m: {{CEL: {{{values}}}}}}}\n    out: {{SOX: m}}\n"
+    Path("bars.yaml").write_text(score)
+    body = stats("body")
+    assert body.points[0].compliance == pytest.approx(1 / stiffness, rel=1e-6)

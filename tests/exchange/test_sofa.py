@@ -1,6 +1,10 @@
 """Heads from SOFA files, and what is no such file."""
 
+import io
+import json
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -48,6 +52,38 @@ def replaced(name: str, data: object) -> Callable[[h5py.File], None]:
     return change
 
 
+def virtual(source: str) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        del file["Data.IR"]
+        layout = h5py.VirtualLayout(shape=(12, 2, 64), dtype="f8")
+        layout[...] = h5py.VirtualSource(source, "Data.IR", shape=(12, 2, 64))
+        file.create_virtual_dataset("Data.IR", layout)
+
+    return change
+
+
+def external(source: str) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        del file["Data.IR"]
+        file.create_dataset("Data.IR", (12, 2, 64), "i1", external=[(source, 0, 12 * 2 * 64)])
+
+    return change
+
+
+def linked(link: object) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        file.move("Data.IR", "elsewhere")
+        file["Data.IR"] = link
+
+    return change
+
+
+def packed(file: h5py.File) -> None:
+    responses = file["Data.IR"][...]
+    del file["Data.IR"]
+    file.create_dataset("Data.IR", data=responses, compression="lzf")
+
+
 def huge(file: h5py.File) -> None:
     del file["Data.IR"]
     file.create_dataset("Data.IR", shape=(1 << 20, 2, 1 << 20), dtype="f8", chunks=(1, 2, 1024))
@@ -59,13 +95,20 @@ def huge(file: h5py.File) -> None:
         (renamed, "GeneralTF convention"),
         (cartesian, "cartesian"),
         (huge, "values"),
-        (replaced("Data.IR", None), "not a SOFA file"),
+        (virtual("b.sofa"), "is virtual"),
+        (virtual("."), "is virtual"),  # of itself: libhdf5 ran out of its stack, and crashed
+        (external("/etc/passwd"), "is external"),
+        (linked(h5py.SoftLink("/elsewhere")), "is a link"),
+        (linked(h5py.ExternalLink("b.sofa", "/Data.IR")), "is a link"),
+        (packed, "filter 32000"),
+        (replaced("Data.IR", None), "has no Data.IR"),
+        (replaced("Data.IR", np.array([b"a"] * 64)), "does not hold numbers"),
         (replaced("Data.IR", np.ones((12, 1, 64))), "2 ears"),
         (replaced("Data.IR", np.zeros((12, 2, 64))), "not all 0"),
         (replaced("Data.IR", np.full((12, 2, 64), np.nan)), "finite"),
-        (replaced("SourcePosition", np.ones((3, 3))), "3 directions"),
+        (replaced("SourcePosition", np.ones((3, 3))), "3 by 3 directions"),
         (replaced("Data.SamplingRate", [0.0]), "rate of 0"),
-        (replaced("Data.SamplingRate", np.array([], float)), "not a SOFA file"),
+        (replaced("Data.SamplingRate", np.array([], float)), "no rate"),
     ],
 )
 def test_what_is_no_head_is_told(tmp_path: Path, change: Callable, words: str):
@@ -87,3 +130,38 @@ def test_other_files_are_refused(tmp_path: Path):
     os.mkfifo(tmp_path / "c.sofa")
     with pytest.raises(OSError, match="regular"):
         sofa.read(tmp_path / "c.sofa")
+
+
+def test_a_pipe_as_external_storage_is_not_waited_for(tmp_path: Path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(sofa.SofaError, match="is external"):
+        sofa.read(made(tmp_path / "a.sofa", external(str(tmp_path / "pipe"))))
+
+
+def test_no_plug_in_is_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """libhdf5 loads every library of the folder when it meets a filter that it lacks."""
+    (tmp_path / "plug-ins").mkdir()
+    monkeypatch.setenv("HDF5_PLUGIN_PATH", str(tmp_path / "plug-ins"))
+    with pytest.raises(sofa.SofaError, match="filter 32000"):
+        sofa.read(made(tmp_path / "a.sofa", packed))
+
+
+def test_the_reader_opens_no_file_and_takes_bounded_memory(tmp_path: Path):
+    code = "import sofa_reader, numpy; sofa_reader.limit()\n"
+    env = {**os.environ, "PYTHONPATH": str(Path(sofa.__file__).parent)}
+    for line, error in (("open('/etc/passwd')", "OSError"), ("numpy.ones(1 << 29)", "MemoryError")):
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", code + line], env=env, capture_output=True, text=True
+        )
+        assert error in done.stderr
+
+
+def test_a_reader_that_dies_is_told(tmp_path: Path):
+    for answer in (b"", b'{"convention"', b"\0\0\0\n"):
+        with pytest.raises(sofa.SofaError, match="it is damaged"):
+            sofa.responses_of(io.BytesIO(answer), tmp_path / "a.sofa")
+    head = {"convention": "SimpleFreeFieldHRIR", "type": "spherical"}
+    shapes = [[12, 3], [12, 2, 64], [1]]
+    line = json.dumps({**head, "shapes": shapes}).encode() + b"\n"
+    with pytest.raises(sofa.SofaError, match="broke off"):
+        sofa.responses_of(io.BytesIO(line + bytes(100)), tmp_path / "a.sofa")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from tests.fuzz.harness import Target, fuzz
+from tests.fuzz.model_targets import models, read
 from tests.fuzz.render_targets import frozen_parts, read_folder, reader, renders
 from tests.fuzz.targets import BY_NAME, TARGETS
 from tests.scores.test_corrupted_takes import FORMATS
@@ -45,6 +46,12 @@ def test_renders_and_frozen_parts_that_are_whole_are_read(tmp_path: Path) -> Non
     manifest, files = frozen_parts()
     whole = {MANIFEST: manifest.encode(), **files}
     assert list(read_folder(whole, tmp_path)) == ["bell gong"]
+
+
+def test_models_that_are_whole_are_read(tmp_path: Path) -> None:
+    for text in models():
+        (score,) = read((".txt", text), tmp_path)
+        assert "instruments:" in score
 
 
 def cut_or_flipped(data: bytes):

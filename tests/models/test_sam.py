@@ -149,6 +149,13 @@ audioout,right,0.0; # nothing
 """
 
 
+def test_a_number_that_no_score_holds_is_refused_with_its_line() -> None:
+    text = WRITTEN.replace("250.0,", "250.1e90,")
+    with pytest.raises(ModelError, match="k: the number is too large") as refused:
+        sam_score(text)
+    assert refused.value.line == 5
+
+
 def test_a_score_is_as_a_person_writes_it() -> None:
     score = sam_score(WRITTEN)
     for line in (

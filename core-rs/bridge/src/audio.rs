@@ -7,7 +7,7 @@ use ergon_live::audio::{self, AudioError, Feed, Info, Output, Spec};
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use crate::error::plain_error;
+use crate::error::{plain_error, unwritten};
 use crate::frames::rows;
 
 /// Time between two checks for Ctrl-C during a wait.
@@ -15,7 +15,10 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 const POLL_INTERVAL: Duration = Duration::from_micros(500);
 
 fn failed(error: AudioError) -> PyErr {
-    plain_error(error)
+    match error {
+        AudioError::File { .. } => unwritten(error),
+        error => plain_error(error),
+    }
 }
 
 /// A sound output that takes frames of float32.

@@ -107,7 +107,7 @@ pub(crate) fn from_fault(fault: Fault) -> PyErr {
 }
 
 /// EngineError for a file that cannot be written; its `module` is "record".
-pub(crate) fn unrecorded(sentence: impl Display) -> PyErr {
+pub(crate) fn unwritten(sentence: impl Display) -> PyErr {
     let raised = EngineError::new_err(sentence.to_string());
     with_attributes(raised, Some("record"), |_| Ok(()))
 }

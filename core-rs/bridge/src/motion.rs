@@ -1,10 +1,11 @@
 //! Motion of a simulation as chunks of bytes; motion files.
 
-use std::path::PathBuf;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use ergon_engine::simulation::Look;
-use ergon_live::perform;
+use ergon_live::{perform, regular};
 use ergon_view::read::{MotionFile, ReadError};
 use ergon_view::record::{self, Recorder, Setup};
 use numpy::ndarray::Array2;
@@ -203,10 +204,18 @@ pub(crate) struct Motion(MotionFile);
 /// Read a `.motion` file up to its last whole chunk.
 #[pyfunction]
 pub(crate) fn read_motion(py: Python<'_>, path: PathBuf) -> PyResult<Motion> {
-    let bytes = py.detach(|| std::fs::read(&path))?;
+    let bytes = py.detach(|| read_bytes(&path))?;
     py.detach(|| MotionFile::new(bytes))
         .map(Motion)
         .map_err(from_read)
+}
+
+fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
+    let mut file = regular::open(path)?;
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(file.metadata()?.len() as usize)?;
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 fn from_read(error: ReadError) -> PyErr {

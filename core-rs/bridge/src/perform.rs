@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use ergon_engine::mix::limiter::Limiter;
 use ergon_engine::mix::silence_detector::SilenceDetector;
 use ergon_engine::simulation::Takeover;
-use ergon_live::audio;
+use ergon_live::audio::{self, AudioError};
 use ergon_live::device::{Url, WaitCanceller};
 use ergon_live::perform::{
     self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, InputConfig, Keyboard,
@@ -18,7 +18,7 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::device::{self, AxisTuple};
-use crate::error::{module_error, plain_error, unrecorded};
+use crate::error::{module_error, plain_error, unwritten};
 use crate::fold::Fold;
 use crate::guardian;
 use crate::mixer::Mixer;
@@ -153,7 +153,8 @@ impl Performance {
                 .map(|board| open(board, period))
                 .collect::<PyResult<_>>()?;
             perform::Performance::start(stage, boards, config).map_err(|error| match error {
-                perform::PlayError::Recording(_) => unrecorded(error),
+                perform::PlayError::Recording(_)
+                | perform::PlayError::Audio(AudioError::File { .. }) => unwritten(error),
                 error => plain_error(error),
             })
         })

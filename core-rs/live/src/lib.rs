@@ -12,6 +12,7 @@ pub mod metrology;
 pub mod perform;
 pub mod realtime;
 pub mod recording;
+pub mod regular;
 pub mod safety;
 pub mod stop;
 pub mod wire;

@@ -100,7 +100,12 @@ impl Recording {
             error,
         };
         if path.exists() {
-            return Err(failed(io::ErrorKind::AlreadyExists.into()));
+            let sentence =
+                "this file exists, and sound that is played overwrites no file; name another";
+            return Err(failed(io::Error::new(
+                io::ErrorKind::AlreadyExists,
+                sentence,
+            )));
         }
         Self::begin(path, rate, channels).map_err(failed)
     }

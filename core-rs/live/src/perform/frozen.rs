@@ -13,6 +13,8 @@ use std::time::Duration;
 use rtrb::chunks::ChunkError;
 use rtrb::{Consumer, Producer, RingBuffer};
 
+use crate::regular;
+
 /// Number of frames read at once.
 const BLOCK: u64 = 4_096;
 /// Number of frames read ahead, 1.5 s at 44.1 kHz. The ring is in locked memory, so `RING_MAX` limits it too.
@@ -66,7 +68,7 @@ pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (Pa
     for stem in stems {
         let width = stem.outputs.len();
         let at = stem.offset + start * (width * size_of::<f64>()) as u64;
-        let file = File::open(&stem.path).and_then(|mut file| {
+        let file = regular::open(&stem.path).and_then(|mut file| {
             file.seek(SeekFrom::Start(at))?;
             Ok(file)
         });

@@ -1,6 +1,5 @@
 //! Reads the intact parts of a recording, and reports the damaged ones.
 
-use std::fs::{self, File};
 use std::io::{BufReader, Read, Write};
 use std::ops::Range;
 use std::path::Path;
@@ -8,6 +7,7 @@ use std::path::Path;
 use super::chunk::{self, ChunkState};
 use super::row::{self, Sample};
 use super::{Header, MAGIC, MAX_EVENTS, MAX_SAMPLES, RecordingError, VERSION};
+use crate::regular;
 
 /// Payload of a chunk of rows that is written at once: small, so that damage to one chunk costs little.
 const ROWS_PAYLOAD: usize = 1 << 16;
@@ -177,11 +177,7 @@ pub(super) fn start(header: &Header) -> Vec<u8> {
 /// Read the rows and events of `ticks`, counted from the first row, or all of them. Memory is bounded, whatever the
 /// file contains.
 pub fn read(path: &Path, ticks: Option<Range<u64>>) -> Result<Recording, RecordingError> {
-    // Checked before opening, because opening a named pipe would wait for a writer.
-    if !fs::metadata(path)?.is_file() {
-        return Err(RecordingError::NotARecording);
-    }
-    let file = File::open(path)?;
+    let file = regular::open(path)?;
     let length = file.metadata()?.len();
     decode(&mut BufReader::new(file), length, ticks)
 }

@@ -221,7 +221,7 @@ fn every_axis_has_a_name_of_its_own() {
 fn only_files_are_read() {
     let folder = Folder::new();
     let refused = read(&folder.0, None);
-    assert!(matches!(refused, Err(RecordingError::NotARecording)));
+    assert!(matches!(refused, Err(RecordingError::Io(_))));
     let mut file = fs::File::create(folder.file("no.take")).unwrap();
     file.write_all(b"t [s],x [mm]\n0,0\n1,0\n").unwrap();
     let refused = read(&folder.file("no.take"), None);

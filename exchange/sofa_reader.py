@@ -1,0 +1,138 @@
+"""Reads the arrays of a SOFA file on stdin and writes them to stdout; runs as a process of its own.
+
+libhdf5 crashes on damaged files, and a file may name other files that it would open. So this
+process has bounds that the system keeps: memory, time, and no file that is not open already.
+
+    python -P sofa_reader.py < FILE.sofa
+
+The answer is a line of JSON, {"convention", "type", "shapes"}, and the numbers of ARRAYS one after
+the other as little-endian doubles; or {"error": a sentence without the name of the file}.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import sys
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import h5py
+
+ARRAYS = ("SourcePosition", "Data.IR", "Data.SamplingRate")
+VALUES_MAX = 1 << 26  # of an array: 12,000 directions with 2,800 samples at both ears
+_MEMORY = 2 << 30  # bytes of addresses: an array as it is read and as doubles is 1 GB
+_SECONDS = 60  # of the processor
+_WORD_MAX = 200  # characters of a text of the file
+
+# Filters of the library itself (H5Zpublic.h); others would be loaded as code.
+_FILTERS = {1: "deflate", 2: "shuffle", 3: "fletcher32", 5: "nbit", 6: "scaleoffset"}
+
+
+class RefusedError(Exception):
+    """The file holds something that is not read; the message says what."""
+
+
+def rehearse() -> None:
+    """Read a small file from memory, so that every module that reading needs is loaded."""
+    import h5py
+
+    whole = io.BytesIO()
+    with h5py.File(whole, "w") as file:
+        file.attrs["SOFAConventions"] = np.bytes_("none")
+        for name in ARRAYS:
+            file.create_dataset(name, data=[[1.0]], compression="gzip", shuffle=True)
+    _read(whole)
+
+
+def limit() -> None:
+    """Bound the memory and the time of this process; it opens no file any more."""
+    with contextlib.suppress(ImportError):  # Windows has no such limits
+        import resource
+
+        most = {
+            resource.RLIMIT_AS: _MEMORY,
+            resource.RLIMIT_CPU: _SECONDS,
+            resource.RLIMIT_CORE: 0,
+            resource.RLIMIT_FSIZE: 0,
+            resource.RLIMIT_NOFILE: 0,
+        }
+        for what, value in most.items():
+            hard = resource.getrlimit(what)[1]
+            soft = value if hard == resource.RLIM_INFINITY else min(value, hard)
+            with contextlib.suppress(OSError, ValueError):
+                resource.setrlimit(what, (soft, soft))
+
+
+def answer(source: BinaryIO, target: BinaryIO) -> None:
+    """Read a file and write the answer."""
+    try:
+        arrays, head = _read(source)
+    except RefusedError as error:
+        arrays, head = [], {"error": str(error)}
+    except MemoryError:
+        arrays, head = [], {"error": "reading it takes more memory than is allowed"}
+    except Exception as error:  # h5py turns errors of libhdf5 into exceptions of many types
+        told = " ".join(str(error).split())[:_WORD_MAX]
+        arrays, head = [], {"error": f"this is not a SOFA file that can be read: {told}"}
+    target.write(json.dumps(head).encode() + b"\n")
+    for array in arrays:
+        target.write(array.reshape(-1).view(np.uint8).data)
+    target.flush()
+
+
+def _read(source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, Any]]:
+    import h5py
+
+    with h5py.File(source, "r") as file, np.errstate(all="ignore"):
+        found = [_checked(file, name) for name in ARRAYS]
+        head = {
+            "convention": _text(file.attrs.get("SOFAConventions")),
+            "type": _text(found[0].attrs.get("Type", b"spherical")),
+        }
+        arrays = [np.ascontiguousarray(one[...], "<f8") for one in found]
+        return arrays, {**head, "shapes": [array.shape for array in arrays]}
+
+
+def _checked(file: h5py.File, name: str) -> h5py.Dataset:
+    """A data set whose numbers lie in this file, and are packed by nothing but the library."""
+    import h5py
+
+    links, word = file.id.links, name.encode()
+    if not links.exists(word):
+        raise RefusedError(f"it has no {name}")
+    if links.get_info(word).type != h5py.h5l.TYPE_HARD:
+        raise RefusedError(f"its {name} is a link to another place, which is not followed")
+    found = file[name]
+    if not isinstance(found, h5py.Dataset):
+        raise RefusedError(f"its {name} is not an array")
+    made = found.id.get_create_plist()
+    if made.get_layout() == h5py.h5d.VIRTUAL:
+        raise RefusedError(f"its {name} is virtual: the numbers are in other files, not read here")
+    if made.get_external_count():
+        raise RefusedError(f"its {name} is external: the numbers are in other files, not read here")
+    for number in range(made.get_nfilters()):
+        code = made.get_filter(number)[0]
+        if code not in _FILTERS:
+            message = f"its {name} is packed by the filter {code}, which HDF5 has not built in; "
+            raise RefusedError(message + "`h5repack -f GZIP=4 IN OUT` packs it anew")
+    if found.dtype.kind not in "fiu":
+        raise RefusedError(f"its {name} does not hold numbers")
+    if found.size is None or found.size > VALUES_MAX:
+        raise RefusedError(f"its {name} has {found.size or 0:,} values; {VALUES_MAX:,} are read")
+    return found
+
+
+def _text(value: Any) -> str:
+    text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")
+    return text[:_WORD_MAX]
+
+
+if __name__ == "__main__":
+    rehearse()
+    limit()
+    answer(os.fdopen(0, "rb"), sys.stdout.buffer)
