@@ -11,7 +11,9 @@ import pytest
 from ergon.movies import chromium
 from ergon.movies.chromium import Browser, BrowserError, Page
 
-__all__ = ["Browser", "Page", "running"]
+__all__ = ["KEY", "Browser", "Page", "running"]
+
+KEY = "0123456789abcdef0123456789abcdef"  # of the addresses of pages
 
 
 @contextlib.contextmanager
