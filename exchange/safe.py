@@ -158,9 +158,13 @@ def _make_folder(folder: Path) -> None:
 
 
 def keep_mode(path: Path, part: Path) -> None:
-    """Give a file the rights of the one that it replaces."""
-    if path.exists():
-        part.chmod(path.stat().st_mode & 0o777)
+    """Give a file the rights of the one that it replaces, or those of a new file.
+
+    Until then its owner alone may open it: it can hold what a replaced file kept from others.
+    """
+    umask = os.umask(0o077)
+    os.umask(umask)
+    part.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~umask)
 
 
 def remove_folders(folders: list[Path]) -> None:

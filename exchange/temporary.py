@@ -45,7 +45,7 @@ def open_temporary(path: Path, paths: list[Path]) -> BinaryIO:
         temporary = folder / name
         paths.append(temporary)
         try:
-            handle = os.open(temporary, _FLAGS, 0o666)
+            handle = os.open(temporary, _FLAGS, 0o600)
         except FileExistsError:  # left by an earlier process with our number
             paths.pop()
             continue

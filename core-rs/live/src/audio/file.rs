@@ -79,7 +79,9 @@ impl Recording {
         name.push(path.file_name().ok_or(io::ErrorKind::InvalidFilename)?);
         name.push(format!(".{}.part", std::process::id()));
         let unfinished = path.with_file_name(name);
-        let mut to = BufWriter::with_capacity(1 << 18, File::create(&unfinished)?);
+        // What a killed process of the same number has left; a link that somebody has put there is not followed.
+        let _ = std::fs::remove_file(&unfinished);
+        let mut to = BufWriter::with_capacity(1 << 18, File::create_new(&unfinished)?);
         to.write_all(&wave::header(rate, channels, 0))?;
         Ok(Self {
             path: path.to_owned(),
