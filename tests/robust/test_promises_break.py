@@ -39,13 +39,13 @@ BREAKS = {
     ),
     "repl/test_journal_hostile.py::test_hostile_journals_write_nothing_and_read_nothing": (
         "repl/session/journal_names.py",
-        'if ".." in (*windows.parts, *posix.parts):',
-        "if False:",
+        "    path = folder / _check_relative(name)\n    if not is_below(path, folder):\n",
+        "    path = folder / name\n    if False:\n",
     ),
     "repl/test_repl_saves.py::test_a_strangers_journal_writes_no_file": (
         "repl/session/journal_names.py",
-        "    windows, posix = PureWindowsPath(name), PurePosixPath(name)\n",
-        "    return name\n    windows, posix = PureWindowsPath(name), PurePosixPath(name)\n",
+        "    path = folder / _check_relative(name)\n    if not is_below(path, folder):\n",
+        "    path = folder / name\n    if False:\n",
     ),
     "scores/test_take_files.py::test_a_pickle_is_not_opened": (
         "scores/gesture/npz.py",
@@ -55,8 +55,8 @@ BREAKS = {
     ),
     "scores/test_corrupted_takes.py::test_damage_is_refused_with_a_sentence": (
         "scores/gesture/npz.py",
-        "        except Exception as error:  # numpy lets the tokenizer's own errors through\n",
-        "        except ImportError as error:\n",
+        "    except Exception as error:\n        why = ",
+        "    except ImportError as error:\n        why = ",
     ),
     "plan/test_plan_store.py::test_a_broken_file_is_made_anew": (
         "exchange/plan_store.py",
@@ -66,12 +66,12 @@ BREAKS = {
     "robust/test_conditions.py::test_no_reader_waits_for_what_is_no_file": (
         "common/regular.py",
         "if not stat.S_ISREG(mode):",
-        "if False:",
+        "if not (stat.S_ISREG(mode) or stat.S_ISFIFO(mode)):",
     ),
     "robust/test_conditions.py::test_load_takes_files_alone": (
         "common/regular.py",
         "if not stat.S_ISREG(mode):",
-        "if False:",
+        "if not (stat.S_ISREG(mode) or stat.S_ISFIFO(mode)):",
     ),
     "exchange/test_layout_files.py::test_files_of_strangers_are_refused": (
         "exchange/layout_files.py",
