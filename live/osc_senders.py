@@ -67,7 +67,7 @@ class _Noted:
 
     inodes: frozenset[int]
     is_shared: bool
-    heard_from: int
+    trusted_from: int
 
 
 class SenderCheck:
@@ -119,14 +119,14 @@ class SenderCheck:
             # A socket that is noted now is older than what comes after the queue was empty twice:
             # the first time may have been before it was noted.
             is_calm = self._clock() - self._stranger_at >= _CAUTION
-            heard_from = 0 if is_calm else self._emptied + 2
-            noted = _Noted(inodes, _can_be_shared(address, port), heard_from)
+            trusted_from = 0 if is_calm else self._emptied + 2
+            noted = _Noted(inodes, _can_be_shared(address, port), trusted_from)
             if len(self._noted) >= _NOTED_MAX:
                 self._noted.clear()
             self._noted[address, port] = noted
         if noted.is_shared:
             return _stranger("its port can be shared, so that its user cannot be told")
-        if self._emptied < noted.heard_from:
+        if self._emptied < noted.trusted_from:
             return _stranger("it is new while strangers send; what it sends from now on is heard")
         return FROM_USER
 

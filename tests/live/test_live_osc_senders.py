@@ -35,7 +35,7 @@ class Served:
     def get(self, address: str) -> Any:
         return lambda arguments: self.requests.append((address, arguments))
 
-    def heard(self) -> list[str]:
+    def addresses(self) -> list[str]:
         return [address for address, _ in self.requests]
 
 
@@ -66,7 +66,7 @@ class Client:
 
     def is_heard(self, address: str) -> None:
         self.say(address)
-        until(lambda: address in self.server.heard(), address)
+        until(lambda: address in self.server.addresses(), address)
 
     def close(self) -> None:
         self.socket.close()
@@ -87,11 +87,11 @@ def test_an_own_program_is_heard_without_a_key(host: str) -> None:
 _SAY = """
 port, shared, datagram = int(sys.argv[1]), int(sys.argv[2]), bytes.fromhex(sys.argv[3])
 def sender(at):
-    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    made.bind(("127.0.0.1", at))
-    made.sendto(datagram, ("127.0.0.1", port))
-    return made
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    opened.bind(("127.0.0.1", at))
+    opened.sendto(datagram, ("127.0.0.1", port))
+    return opened
 for _ in range(20):
     sender(0).close()
     sender(shared).close()
@@ -117,7 +117,7 @@ def test_a_second_user_is_not_heard_by_whatever_socket(served: Served) -> None:
     answer = as_second_user(_SAY, served.port, shared, datagram.hex(), imports="json, socket")
     assert "the sender is not heard" in answer
     client.is_heard("/ergon/after")
-    assert served.heard() == ["/ergon/before", "/ergon/after"]
+    assert served.addresses() == ["/ergon/before", "/ergon/after"]
     remarks = " ".join(served.osc.remarks())
     for reason in ("another user", "closed already", "can be shared"):
         assert reason in remarks
@@ -135,19 +135,19 @@ def test_who_cannot_be_told_needs_the_key() -> None:
     for address in (f"/{KEY}x/ergon/cmd", f"/{KEY[:-1]}/ergon/cmd", "//ergon/cmd"):
         sharing.say(address)
     sharing.say(f"/{KEY}/ergon/stop")
-    until(lambda: "/ergon/stop" in served.heard(), "the key")
+    until(lambda: "/ergon/stop" in served.addresses(), "the key")
     closed = Client(served)
     closed.say(f"/{KEY}/ergon/panic")
     closed.close()
-    until(lambda: "/ergon/panic" in served.heard(), "a socket that is closed, with the key")
-    assert served.heard() == ["/ergon/before", "/ergon/stop", "/ergon/panic"]
+    until(lambda: "/ergon/panic" in served.addresses(), "a socket that is closed, with the key")
+    assert served.addresses() == ["/ergon/before", "/ergon/stop", "/ergon/panic"]
     client.close()
     sharing.close()
     served.osc.close()
 
 
 @pytest.mark.parametrize(
-    ("key", "hands", "heard"),
+    ("key", "hands", "expected"),
     [
         ("", False, ["/ergon/cmd", "/ergon/release", "/ergon/gain", "/ergon/panic"]),
         ("", True, ["/ergon/gain", "/ergon/panic"]),
@@ -156,7 +156,7 @@ def test_who_cannot_be_told_needs_the_key() -> None:
     ],
 )
 def test_where_the_system_does_not_tell_a_force_needs_the_key(
-    key: str, hands: bool, heard: list[str]
+    key: str, hands: bool, expected: list[str]
 ) -> None:
     served = Served(key=key, hands=hands)
     served.osc._senders = SenderCheck(tables=(Path("/nowhere"),))
@@ -165,8 +165,8 @@ def test_where_the_system_does_not_tell_a_force_needs_the_key(
         client.say(address)
     last = f"/{key}/last" if key else "/last/gain"
     client.say(last)
-    until(lambda: {"/last", "/last/gain"} & set(served.heard()), "the last")
-    assert served.heard()[:-1] == heard
+    until(lambda: {"/last", "/last/gain"} & set(served.addresses()), "the last")
+    assert served.addresses()[:-1] == expected
     client.close()
     served.osc.close()
 

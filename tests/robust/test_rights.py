@@ -57,11 +57,11 @@ def run(folder: Path, line: str, lines: str, umask: int, seen: Callable[[], None
         "XDG_RUNTIME_DIR": folder / "run",
         "ERGON_CACHE": "",
     }
-    own = {**os.environ, **{name: str(value) for name, value in variables.items()}}
+    environment = {**os.environ, **{name: str(value) for name, value in variables.items()}}
     with subprocess.Popen(
         [*ERGON, *line.split()],
         cwd=folder,
-        env=own,
+        env=environment,
         umask=umask,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -74,9 +74,9 @@ def run(folder: Path, line: str, lines: str, umask: int, seen: Callable[[], None
             process.stdout.readline()  # it is served
             seen()
             process.terminate()
-        told = process.communicate(lines, PATIENCE)[0]
+        output = process.communicate(lines, PATIENCE)[0]
         code = process.returncode
-    assert code == 0 or "--socket" in line, told
+    assert code == 0 or "--socket" in line, output
     seen()
 
 

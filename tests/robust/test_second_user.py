@@ -77,9 +77,9 @@ def ports_of(process: subprocess.Popen[str]) -> set[tuple[int, int]]:
     """(process, port) of all that listens below a command."""
     import psutil
 
-    whole = psutil.Process(process.pid)
+    command = psutil.Process(process.pid)
     rows = set()
-    for member in (whole, *whole.children(recursive=True)):
+    for member in (command, *command.children(recursive=True)):
         with contextlib.suppress(psutil.NoSuchProcess):
             rows |= {
                 (member.pid, row.laddr.port)
@@ -96,7 +96,7 @@ foreign = security.get_connection_args("client")["ssl_context"]
 nobody = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 nobody.check_hostname, nobody.verify_mode = False, ssl.CERT_NONE
 foreign.check_hostname, foreign.verify_mode = False, ssl.CERT_NONE
-def said(port, context, asked):
+def answer(port, context, asked):
     try:
         with socket.create_connection(("127.0.0.1", port), 5) as plain:
             with (context.wrap_socket(plain) if context else plain) as channel:
@@ -110,7 +110,7 @@ def said(port, context, asked):
     except OSError:
         return ""
 page = b"GET /health HTTP/1.0\\r\\n\\r\\n"
-print(json.dumps({port: [said(int(port), context, asked) for context, asked in
+print(json.dumps({port: [answer(int(port), context, asked) for context, asked in
     ((None, b""), (None, page), (nobody, b""), (nobody, page), (foreign, b""), (foreign, page))]
     for port in sys.argv[1:]}))
 """
@@ -126,11 +126,11 @@ def test_workers_of_this_machine_answer_nobody_else(folder: Path):
         ports = {port for _, port in ports_of(process)}
         assert len(ports) >= 5
         imports = "json, socket, ssl, distributed, cryptography.x509"
-        said = as_second_user(_ASK, *ports, imports=imports)
-        assert set(said) == {str(port) for port in ports}
+        answers = as_second_user(_ASK, *ports, imports=imports)
+        assert set(answers) == {str(port) for port in ports}
         alert = "15"  # the type of a TLS record that tells why the connection ends
-        for port, answers in said.items():
-            assert all(not answer or answer.startswith(alert) for answer in answers), (port, said)
+        for port, texts in answers.items():
+            assert all(not text or text.startswith(alert) for text in texts), (port, texts)
         assert process.poll() is None
         assert open_to_others(folder) == []
 
