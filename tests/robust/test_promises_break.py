@@ -133,7 +133,7 @@ BREAKS = {
     "live/test_live_osc_senders.py::test_who_cannot_be_told_needs_the_key": (
         "live/osc.py",
         "hmac.compare_digest(key.encode(), self._key.encode())",
-        "True",
+        "self._key.startswith(key)",
     ),
     "live/test_live_osc_senders.py::test_where_the_system_does_not_tell_a_force_needs_the_key": (
         "live/osc.py",
