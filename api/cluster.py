@@ -10,7 +10,6 @@ import logging
 import os
 import re
 import threading
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ergon import _core
 from ergon.common.extras import install_command
+from ergon.common.private import NotPrivateError
 from ergon.common.report import Report
 from ergon.exchange import plan_file
 from ergon.rendering.remote import Answer, ClusterError, Request
@@ -202,21 +202,15 @@ def open_cluster(on: str, report: Report) -> Iterator[Cluster]:
     At the end `report` gets the amount of render work of each. Raises OptionError, ClusterError.
     """
     local = _local(on)
-    dask: Any
-    distributed: Any
     try:
-        dask, distributed = (importlib.import_module(name) for name in ("dask", "distributed"))
+        distributed: Any = importlib.import_module("distributed")
     except ImportError:
-        raise ClusterError(
-            f"--on needs dask and distributed; install them by: {install_command('cluster')}"
-        ) from None
+        raise ClusterError(_missing("dask and distributed")) from None
     _silence()
     with contextlib.ExitStack() as stack:
         address: Any = on
         if local is not None:
-            allowed = {"distributed.scheduler.allowed-failures": _RETRIES}
-            stack.enter_context(dask.config.set(allowed))
-            address = stack.enter_context(_begun(distributed, local))
+            address = _begun(stack, local)
         try:
             security = _encrypted(distributed, on) if on.startswith("tls:") else None
             client = stack.enter_context(
@@ -267,23 +261,25 @@ def _silence() -> None:
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
-def _begun(distributed: Any, count: int) -> Any:
+def _begun(stack: contextlib.ExitStack, count: int) -> Any:
     """Start processes on this machine, and try again if one dies meanwhile. Raises ClusterError."""
+    from .local_workers import local_cluster
+
     reason = ""
     for _ in range(_BEGINNINGS):
         try:
-            with warnings.catch_warnings(action="ignore"):
-                return distributed.LocalCluster(
-                    n_workers=count,
-                    threads_per_worker=1,
-                    processes=True,
-                    dashboard_address="127.0.0.1:0",
-                    silence_logs=logging.CRITICAL,
-                    host="127.0.0.1",
-                )
+            return stack.enter_context(local_cluster(count, _RETRIES))
+        except ImportError:  # of what makes certificates
+            raise ClusterError(_missing("cryptography")) from None
+        except NotPrivateError as error:
+            raise ClusterError(f"local:{count}: {error}") from None
         except (RuntimeError, OSError) as error:
             reason = str(error)
     raise ClusterError(f"local:{count}: the processes did not start: {reason}")
+
+
+def _missing(what: str) -> str:
+    return f"--on needs {what}; install what is missing by: {install_command('cluster')}"
 
 
 def share_work(cluster: Cluster, job: Job) -> Sharing:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import hmac
 import ipaddress
+import os
 import secrets
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.common.private import NotPrivateError, is_own_alone, runtime_folder
+from ergon.common.regular import read_bounded
 from ergon.common.report import Report
 from ergon.live.pages import Pages
 
@@ -18,6 +23,7 @@ if TYPE_CHECKING:
     from ergon import _core
 
 ANYWHERE = "127.0.0.1:0"  # any free port of this machine
+_SECRET_BYTES = 32
 
 
 def pages_of(options: PerformanceOptions, report: Report) -> Pages | None:
@@ -49,23 +55,52 @@ def serve(
     motion: Path | None = None,
     sound: Path | None = None,
 ) -> _core.ViewServer:
-    """A server of pages at HOST:PORT; its address has a key if other machines can reach it.
+    """A server of pages at HOST:PORT; its address has a key, for others can reach every port.
 
     `option` is the option that gave the address. Raises OptionError.
     """
     from ergon import _core
 
-    key = None if _is_loopback(at) else secrets.token_hex(16)
+    is_local = _is_loopback(at)
+    key = _local_key(at) if is_local else secrets.token_hex(16)
     try:
         server = _core.ViewServer(motion, sound=sound, at=at, key=key)
     except _core.EngineError as error:
         raise OptionError(option, str(error)) from None
-    if key is not None:
+    if not is_local:
         report.say(
             "from another machine, replace 127.0.0.1 in the address by the address of this "
             "machine; anyone who has the address with its key can watch the piece"
         )
     return server
+
+
+def _local_key(at: str) -> str:
+    """The key of pages for this machine. On a port that was chosen it is the same each time, so
+    that an open page finds a server that is begun again.
+    """
+    if at.endswith(":0"):
+        return secrets.token_hex(16)
+    try:
+        secret = _secret_of_user()
+    except (OSError, NotPrivateError):
+        return secrets.token_hex(16)
+    return hmac.new(secret, at.encode(), "sha256").hexdigest()[:32]
+
+
+def _secret_of_user() -> bytes:
+    """Random bytes in a file of the run-time folder, which is made. Raises OSError and
+    NotPrivateError.
+    """
+    path = runtime_folder() / "view.key"
+    with contextlib.suppress(FileExistsError):
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(handle, "wb") as file:
+            file.write(secrets.token_bytes(_SECRET_BYTES))
+    secret = read_bounded(path, _SECRET_BYTES)
+    if len(secret) != _SECRET_BYTES or not is_own_alone(path.stat()):
+        raise NotPrivateError(f"{path} was not made by ergon")
+    return secret
 
 
 def _is_loopback(at: str) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from ergon.common.errors import ErgonError
+from ergon.common.private import set_umask
 from ergon.common.terminal import clean
 
 from .console import Console
@@ -145,6 +146,7 @@ def group() -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run a command line and exit with the code of its outcome."""
+    set_umask()
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 

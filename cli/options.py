@@ -155,7 +155,7 @@ osc = several(
     click.option(
         "--osc",
         metavar="[HOST:]PORT",
-        help="Accept OSC requests at this port; without HOST from this machine alone.",
+        help="Accept OSC requests at this port; without HOST from your programs here alone.",
     ),
     click.option(
         "--osc-to", metavar="HOST:PORT", help="Send by OSC what is played, and when it is heard."
@@ -165,8 +165,7 @@ osc = several(
 view_at = click.option(
     "--view-at",
     metavar="HOST:PORT",
-    help="Show it here. Default: any free port of this machine. Where others can reach it, the "
-    "address has a key.",
+    help="Show it here. Default: any free port of this machine. The address has a key.",
 )
 
 # Pages that show a performance.

@@ -63,7 +63,7 @@ _FLAGS = {"rate": "fps", "start": "from", "end": "to"}  # flags that are named d
     metavar="HOST:PORT",
     default="127.0.0.1:0",
     show_default=True,
-    help="Serve here; port 0 is any free one. Where others can reach it, the address has a key.",
+    help="Serve here; port 0 is any free one. The address has a key.",
 )
 @click.option(
     "--stage",

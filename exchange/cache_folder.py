@@ -17,6 +17,7 @@ from functools import cache
 from pathlib import Path
 
 from ergon import _core
+from ergon.common.private import is_own_alone, make_private_folder
 from ergon.common.regular import read_bounded
 
 from .safe import FileRefusedError, open_for_writing
@@ -41,6 +42,9 @@ class CacheFolder:
         """The content that was kept under a key (64 hex digits)."""
         path = self._path(key)
         try:
+            # What others may change, or have left there, is not ours.
+            if not (is_own_alone(self.path.stat()) and is_own_alone(path.stat())):
+                return None
             data = read_bounded(path, self.n_bytes_one)
         except OSError:
             return None
@@ -55,7 +59,10 @@ class CacheFolder:
         if len(content) > self.n_bytes_one:
             return False
         try:
-            self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
+            for folder in (self.path.parent, self.path):
+                make_private_folder(folder)
+            if not is_own_alone(self.path.stat()):
+                return False
             with open_for_writing(
                 self._path(key), binary=False, force=True, sync=False, replaceable=False
             ) as file:

@@ -14,6 +14,7 @@ import platform
 from collections.abc import Mapping
 from pathlib import Path
 
+from ergon.common.private import make_private_folder
 from ergon.common.regular import read_bounded
 from ergon.common.structured import MalformedTextError, parse_json
 
@@ -47,7 +48,7 @@ def store_correction(correction: float, environment: Mapping[str, str] = os.envi
         return False
     content = {"made by ergon": "doctor", "processor": processor_name(), "correction": correction}
     with contextlib.suppress(OSError, FileRefusedError):
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_private_folder(path.parent)
         with open_for_writing(
             path, binary=False, force=True, sync=False, replaceable=False
         ) as file:

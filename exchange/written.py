@@ -19,6 +19,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
+from ergon.common.private import make_private_folder
 from ergon.common.regular import open_regular, read_bounded
 from ergon.common.state_folder import state_folder
 
@@ -51,7 +52,7 @@ def remember(hashed: str) -> None:
     if folder is None:
         return
     with contextlib.suppress(OSError):
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_private_folder(folder)
         _make_room(folder)
         handle = os.open(folder / _NAME, _APPEND, 0o600)
         try:

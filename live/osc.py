@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import hmac
+import re
 import select
 import socket
 import threading
@@ -23,8 +25,9 @@ from .datagrams import (
     parse_messages,
     require_python_osc,
 )
-from .osc_in import OscRequestError, refuse_command, request_handlers
+from .osc_in import OscRequestError, is_harmless, refuse_command, request_handlers
 from .osc_out import OscSender
+from .osc_senders import SenderCheck, Verdict
 from .osc_values import InputValues
 
 if TYPE_CHECKING:
@@ -39,6 +42,9 @@ LOOPBACK = "127.0.0.1"
 _CHECK_PERIOD = 0.005  # [s] between two looks at the performance
 _DATAGRAMS_AT_ONCE = 64  # datagrams read before the next look at the performance
 _ANSWERS_PER_SECOND = 10  # a second: a flood of mistakes gets no flood of answers
+_REFUSALS_PER_SECOND = 2  # to strangers, who use up no answers of others
+KEY = re.compile(r"[A-Za-z0-9_-]{16,64}")
+KEY_VARIABLE = "ERGON_OSC_KEY"
 _UNKNOWN_MAX = 1000  # unknown addresses that are remembered, each reported once
 _ADDRESS_SHOWN_MAX = 80  # characters of an unknown address in a report
 
@@ -59,10 +65,22 @@ class OscServer:
     """Receives requests at the address `here` and sends events to `there`; either may be None."""
 
     def __init__(
-        self, here: Place | None, there: Place | None, command: Command = refuse_command
+        self,
+        here: Place | None,
+        there: Place | None,
+        command: Command = refuse_command,
+        key: str = "",
     ) -> None:
-        """Open the sockets. Raises OscError, or PythonOscMissingError without python-osc."""
+        """Open the sockets; whoever writes the `key` before an address is the user.
+
+        Raises OscError, or PythonOscMissingError without python-osc.
+        """
         require_python_osc()
+        if key and not KEY.fullmatch(key):
+            raise OscError(f"{KEY_VARIABLE} must be 16 to 64 letters, digits, _ or -")
+        self._key = key
+        self._senders = SenderCheck()
+        self._has_hands: Callable[[], bool] = lambda: False
         self._command = command
         self._here = None if here is None else _open_socket(here, bound=True)
         self._there = None if there is None else _open_socket(there, bound=False)
@@ -72,7 +90,9 @@ class OscServer:
         self.unsent = 0  # datagrams that did not leave
         self._remarks: deque[str] = deque(maxlen=100)
         self._unknown: set[str] = set()
-        self._answers: deque[float] = deque(maxlen=_ANSWERS_PER_SECOND)
+        self._refused: set[str] = set()
+        self._answers = _Budget(_ANSWERS_PER_SECOND)
+        self._refusals = _Budget(_REFUSALS_PER_SECOND)
         self._sender: tuple[object, ...] = ()
         self._handlers: HandlerTable = {}
         self._teller: OscSender | None = None
@@ -94,15 +114,24 @@ class OscServer:
 
         told = InputValues(tell)
         handlers = request_handlers(performance, stage, gain, stop, told.handler_of, self._command)
-        self.serve(handlers, lambda send: OscSender(performance, stage, start, send), told)
+        self.serve(
+            handlers,
+            lambda send: OscSender(performance, stage, start, send),
+            told,
+            lambda: bool(performance.status().hands),
+        )
 
     def serve(
-        self, handlers: HandlerTable, teller: Callable[[Send], OscSender], told: InputValues
+        self,
+        handlers: HandlerTable,
+        teller: Callable[[Send], OscSender],
+        told: InputValues,
+        has_hands: Callable[[], bool],
     ) -> None:
         """Serve requests by a table of addresses, pass values to inputs, and send a teller's
-        messages.
+        messages. `has_hands`: whether forces act on live hands.
         """
-        self._handlers, self._told = handlers, told
+        self._handlers, self._told, self._has_hands = handlers, told, has_hands
         self._teller = teller(self._send) if self._there else None
         self._over.clear()
         self._thread = threading.Thread(target=self._run, name="ergon osc", daemon=True)
@@ -174,15 +203,21 @@ class OscServer:
         own = self._here[0]
         if not select.select([own], [], [], max(0.0, patience))[0]:
             return
+        received = []
+        is_empty = False
         for _ in range(_DATAGRAMS_AT_ONCE):
             try:
-                datagram, sender = own.recvfrom(DATAGRAM_BYTES_MAX + 1)
+                received.append(own.recvfrom(DATAGRAM_BYTES_MAX + 1))
             except BlockingIOError:
-                return
+                is_empty = True
+                break
             except OSError:
                 self.malformed += 1  # too long, where the system says so
-                continue
+        self._senders.look(sender for _, sender in received)
+        for datagram, sender in received:
             self._handle(datagram, sender)
+        if is_empty:
+            self._senders.queue_is_empty()
 
     def _handle(self, datagram: bytes, sender: tuple[object, ...]) -> None:
         try:
@@ -193,7 +228,14 @@ class OscServer:
             self.malformed += 1
             return
         self._sender = sender
-        for address, arguments in asked:
+        verdict = self._senders.verdict(sender)
+        for written_address, arguments in asked:
+            address = self._without_key(written_address)
+            if address is None:
+                address = written_address
+                if refusal := self._refusal(verdict, address):
+                    self._refuse(sender, refusal)
+                    continue
             ask = self._handlers.get(address)
             try:
                 if ask is None:
@@ -205,22 +247,61 @@ class OscServer:
             except _core.EngineError:
                 return  # it is over
 
+    def _without_key(self, address: str) -> str | None:
+        """An address without the key before it; None if it has no key, or another one."""
+        key, slash, rest = address.removeprefix("/").partition("/")
+        is_right = self._key and hmac.compare_digest(key.encode(), self._key.encode())
+        return slash + rest if is_right else None
+
+    def _refusal(self, verdict: Verdict, address: str) -> str:
+        """Why a request without the key is refused; empty if it is heard."""
+        if verdict.is_own:
+            return ""
+        hint = f"write the key before the address, /KEY/ergon/… ({KEY_VARIABLE})"
+        if verdict.is_told:
+            return f"the sender is not heard: {verdict.reason}; {hint}"
+        if self._key:
+            return f"the sender is not heard without the key; {hint}"
+        if self._has_hands() and not is_harmless(address):
+            return f"this needs the key, for it can change a force on a hand; {hint}"
+        return ""
+
+    def _refuse(self, sender: tuple[object, ...], refusal: str) -> None:
+        """Answer a stranger, and report each kind of refusal once."""
+        if refusal not in self._refused:
+            self._refused.add(refusal)
+            self._remarks.append(f"osc: {refusal}")
+        if self._here is not None and self._refusals.take():
+            self._send_datagram(self._here[0], sender, encode_message("/ergon/error", [refusal]))
+
     def _report_unknown(self, address: str) -> None:
         """Report an unknown address, each only once, and only so many a second."""
-        if address in self._unknown or len(self._unknown) >= _UNKNOWN_MAX or not self._may_answer():
+        if (
+            address in self._unknown
+            or len(self._unknown) >= _UNKNOWN_MAX
+            or not self._answers.take()
+        ):
             return
         self._unknown.add(address)
         self._remarks.append(f"osc: no address {_printable(address)}")
 
     def _answer(self, sender: tuple[object, ...], address: str, sentence: str) -> None:
-        if self._here is not None and self._may_answer():
+        if self._here is not None and self._answers.take():
             self._send_datagram(self._here[0], sender, encode_message(address, [sentence]))
 
-    def _may_answer(self) -> bool:
+
+class _Budget:
+    """At most so many datagrams a second."""
+
+    def __init__(self, n_per_second: int) -> None:
+        self._sent: deque[float] = deque(maxlen=n_per_second)
+
+    def take(self) -> bool:
+        """Whether another one may be sent now."""
         now = time.monotonic()
-        if len(self._answers) == _ANSWERS_PER_SECOND and now - self._answers[0] < 1.0:
+        if len(self._sent) == self._sent.maxlen and now - self._sent[0] < 1.0:
             return False
-        self._answers.append(now)
+        self._sent.append(now)
         return True
 
 

@@ -36,6 +36,11 @@ class OscRequestError(ErgonError):
     """An OSC request that is refused; the message goes back to the sender."""
 
 
+def is_harmless(address: str) -> bool:
+    """Whether a request cannot raise a force: it silences, stops or sets a level."""
+    return address in ("/ergon/panic", "/ergon/stop") or address.endswith("/gain")
+
+
 def refuse_command(_line: str) -> None:
     """Refuse a command, for a performance without a prompt. Raises OscRequestError."""
     raise OscRequestError("commands need a session: ergon repl takes them, ergon play does not")

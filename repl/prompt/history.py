@@ -9,6 +9,8 @@ from pathlib import Path
 
 from prompt_toolkit.history import FileHistory
 
+from ergon.common.private import make_private_folder
+
 LINE_MAX = 10_000  # characters; a longer one is a paste that nobody looks for again
 
 
@@ -32,7 +34,7 @@ class LineHistory(FileHistory):
         if len(string) > LINE_MAX:
             return
         with contextlib.suppress(OSError):
-            self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            make_private_folder(self._path.parent)
             # Create it for its owner alone before anything is written.
             os.close(os.open(self._path, os.O_CREAT | os.O_APPEND | os.O_WRONLY, 0o600))
             super().store_string(string)

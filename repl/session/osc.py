@@ -63,7 +63,12 @@ class SessionOsc:
         self._worker.start()
         stage = session.commits.running.stage
         events = SessionEvents(session.commits, session.journal)
-        osc.serve(self, lambda send: OscSender(performance, stage, 0, send, events), self._told)
+        osc.serve(
+            self,
+            lambda send: OscSender(performance, stage, 0, send, events),
+            self._told,
+            lambda: bool(performance.status().hands),
+        )
 
     def get(self, address: str, /) -> Handler | None:
         """The handler of an address; None if the address is unknown."""

@@ -8,11 +8,11 @@ import os
 import socket
 import stat
 import struct
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from ergon.common.errors import ErgonError
+from ergon.common.private import NotPrivateError, runtime_folder
 
 _NAME = "session.sock"
 _BACKLOG = 16
@@ -27,30 +27,13 @@ class NoSessionError(SocketError):
 
 
 def default_path(environment: Mapping[str, str] = os.environ) -> Path:
-    """$XDG_RUNTIME_DIR/ergon/session.sock, or else in a folder of the user's own under /tmp.
-
-    Raises SocketError if the folder does not belong to the user alone.
-    """
-    runtime = environment.get("XDG_RUNTIME_DIR", "")
-    # The XDG specification says to ignore relative paths.
-    is_there = Path(runtime).is_absolute() and Path(runtime).is_dir()
-    folder = Path(runtime) / "ergon" if is_there else _temporary()
+    """session.sock in the user's run-time folder (`runtime_folder`). Raises SocketError."""
     try:
-        folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
+        return runtime_folder(environment) / _NAME
+    except NotPrivateError as error:
+        raise SocketError(f"{error}; --socket PATH names another place") from None
     except OSError as error:
-        raise SocketError(f"{folder}: {error.strerror}") from None
-    # Another user could have made a folder of that name under /tmp.
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
-        raise SocketError(
-            f"{folder} must be a folder that you alone may open (chmod 700); "
-            "--socket PATH names another place"
-        )
-    return folder / _NAME
-
-
-def _temporary() -> Path:
-    return Path(tempfile.gettempdir()) / f"ergon-{os.geteuid()}"
+        raise SocketError(f"{error.filename}: {error.strerror}") from None
 
 
 class ServerSocket:

@@ -343,14 +343,14 @@ def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
 
     osc = OscServer(("127.0.0.1", 0), None)
     performance = perform(staged, PlaybackConfig(audio=f"file:{path}", gain=0.1, ahead=256))
-    if address is not None:
-        osc.begin(performance, staged, 0.1)
-        assert osc.place is not None
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:  # open until it is heard
+        if address is not None:
+            osc.begin(performance, staged, 0.1)
+            assert osc.place is not None
             asking.sendto(encode_message(address, [float("-inf")]), osc.place)
-    while not performance.wait(1.0):
-        pass
-    osc.close()
+        while not performance.wait(1.0):
+            pass
+        osc.close()
     performance.close(PATIENCE)
     return np.asarray(soundfile.read(path)[0])
 

@@ -71,7 +71,9 @@ def test_what_is_heard_is_the_same_to_the_bit(own_folder: Path) -> None:
     }.items():
         seen = forked([*common, f"file:{name}.wav", *options], own_folder)
         assert seen.returncode == 0, seen.stderr
-        assert re.search(r"^seen at http://127\.0\.0\.1:\d+/$", seen.stderr, re.MULTILINE)
+        assert re.search(
+            r"^seen at http://127\.0\.0\.1:\d+/[0-9a-f]{32}/$", seen.stderr, re.MULTILINE
+        )
         heard = Path("plain.wav").read_bytes()
         assert len(heard) > 100_000
         assert Path(f"{name}.wav").read_bytes() == heard

@@ -1,6 +1,7 @@
 """Captured takes: what is read, and what hostile files are told."""
 
 import io
+import os
 import struct
 import zipfile
 from pathlib import Path
@@ -216,10 +217,17 @@ def test_hostile_npz_files(tmp_path, data, words):
 
 
 def test_a_pickle_is_not_opened(tmp_path):
+    """Opened, it would make a folder."""
+
+    class Opened:
+        def __reduce__(self):
+            return os.mkdir, (str(tmp_path / "opened"),)
+
     path = tmp_path / "hand.npz"
-    np.savez(path, x=np.array([{"a": 1}], dtype=object))
+    np.savez(path, x=np.array([Opened()], dtype=object))
     with pytest.raises(TakeError, match="not a row of numbers"):
         read(path, rate=100.0)
+    assert not (tmp_path / "opened").exists()
 
 
 def test_npz_arrays_must_belong_together(tmp_path):

@@ -10,7 +10,9 @@ from needed import program
 from ergon.movies import chromium
 from ergon.movies.chromium import Browser, Page
 
-__all__ = ["Browser", "Page", "running"]
+__all__ = ["KEY", "Browser", "Page", "running"]
+
+KEY = "0123456789abcdef0123456789abcdef"  # of the addresses of pages
 
 
 @contextlib.contextmanager

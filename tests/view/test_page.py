@@ -43,7 +43,7 @@ def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def url(motion: Path) -> Iterator[str]:
-    server = _core.ViewServer(motion)
+    server = _core.ViewServer(motion, key=browser.KEY)
     yield server.url
     server.close()
 
@@ -228,7 +228,7 @@ def test_the_picture_is_shifted_on_all_ports_of_a_machine(
     chromium: browser.Browser, motion: Path
 ) -> None:
     def opened(page: browser.Page) -> str:
-        server = _core.ViewServer(motion)
+        server = _core.ViewServer(motion, key=browser.KEY)
         try:
             page.open(f"{server.url}?t=1")
         finally:
@@ -303,7 +303,7 @@ def test_damage_is_told_and_what_came_before_is_drawn(
     none.write_bytes(b"RIFF1234WAVEfmt ")
     told = {spoilt: "check sum", cut: "", newer: "version 2", none: "no .motion file"}
     for path, words in told.items():
-        server = _core.ViewServer(path)
+        server = _core.ViewServer(path, key=browser.KEY)
         with chromium.page(WIDTH, HEIGHT) as page:
             page.call("Page.navigate", url=f"{server.url}?t=0.5")
             until(lambda: page.run("!!(window.ergon && ergon.ready)"), "the page")
@@ -366,7 +366,7 @@ def test_flashes_cover_less_than_what_counts_as_one(
     """WCAG 2.3.1: a quarter of 341 × 256 px in 1024 × 768. What `--strobe` allows is more."""
     path = tmp_path / "storm.motion"
     path.write_bytes(storm())
-    server = _core.ViewServer(path)
+    server = _core.ViewServer(path, key=browser.KEY)
     shares = {}
     for how in ("t=0", "t=0&strobe"):
         with chromium.page(WIDTH, HEIGHT) as page:
@@ -433,8 +433,8 @@ def test_who_wants_less_motion_gets_a_still_page(chromium: browser.Browser, url:
 def test_a_stage_shows_the_picture_alone_and_is_black_when_the_line_is_lost(
     chromium: browser.Browser, motion: Path
 ) -> None:
-    server = _core.ViewServer(motion)
-    place = server.url.removeprefix("http://").rstrip("/")
+    server = _core.ViewServer(motion, key=browser.KEY)
+    place = server.url.removeprefix("http://").split("/")[0]
     with chromium.page(WIDTH, HEIGHT) as page:
         page.open(f"{server.url}?t=1.5&stage")
         shown = "(id) => getComputedStyle(document.getElementById(id)).display"
@@ -446,32 +446,31 @@ def test_a_stage_shows_the_picture_alone_and_is_black_when_the_line_is_lost(
         server.close()
         until(lambda: page.run("ergon.page.isLost") is True, "its loss")
         until(lambda: page.run(LIT) == 0, "black")
-        again = _core.ViewServer(motion, at=place)
+        again = _core.ViewServer(motion, at=place, key=browser.KEY)
         until(lambda: page.run("!!window.ergon?.page && ergon.page.isLost === false"), "it is back")
         until(lambda: page.run(LIT) > 500, "the picture")
         again.close()
 
 
 def test_a_key_in_the_address_opens_the_page(chromium: browser.Browser, motion: Path) -> None:
-    key = "0123456789abcdef0123456789abcdef"
-    server = _core.ViewServer(motion, at="0.0.0.0:0", key=key)
-    assert server.url.endswith(f"/{key}/")
+    server = _core.ViewServer(motion, at="0.0.0.0:0", key=browser.KEY)
+    assert server.url.endswith(f"/{browser.KEY}/")
     with chromium.page(WIDTH, HEIGHT) as page:
         page.open(f"{server.url}?t=1.5")
         assert page.run(LIT) > 500
         until(lambda: server.tally["viewers"] == 1, "a viewer")
         assert page.errors == []
     server.close()
-    with pytest.raises(_core.EngineError, match="a key is needed"):
-        _core.ViewServer(motion, at="0.0.0.0:0")
+    with pytest.raises(_core.EngineError, match="32 hexadecimal digits"):
+        _core.ViewServer(motion, at="0.0.0.0:0", key="0")
 
 
 def test_a_page_shows_what_its_server_has_file_or_live(
     chromium: browser.Browser, motion: Path
 ) -> None:
     """Another server on the port of the last: the page that is open shows what is there."""
-    server = _core.ViewServer(motion)
-    at = server.url.removeprefix("http://").rstrip("/")
+    server = _core.ViewServer(motion, key=browser.KEY)
+    at = server.url.removeprefix("http://").split("/")[0]
     kind = """window.ergon && ergon.page.connection.offset !== null
       && [ergon.page.live !== null, window.before === true]"""
     try:
@@ -483,7 +482,7 @@ def test_a_page_shows_what_its_server_has_file_or_live(
                 # The clock of a server begins with it, and a page tells servers apart by a second.
                 page.run("new Promise((go) => setTimeout(go, 1200))")
                 server.close()
-                server = _core.ViewServer(other, at=at)
+                server = _core.ViewServer(other, at=at, key=browser.KEY)
                 until(lambda is_live=other is None: page.run(kind) == [is_live, False], "the other")
             until(lambda: page.run("ergon.page.story.model !== null"), "the file is read")
             assert page.run("ergon.page.story.duration") == pytest.approx(SECONDS)

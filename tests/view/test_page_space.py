@@ -27,7 +27,7 @@ def test_a_thrown_ball_is_where_it_flies(
     monkeypatch.chdir(tmp_path)
     Path("throw.yaml").write_text(THROWN[axes])
     assert app.run(["render", "throw.yaml", "-o", "throw.wav", "--motion"]) == 0
-    server = _core.ViewServer(tmp_path / "throw.motion")
+    server = _core.ViewServer(tmp_path / "throw.motion", key=browser.KEY)
     try:
         with chromium.page(640, 360) as page:
             page.open(f"{server.url}?t=0.1")
@@ -94,7 +94,7 @@ def test_a_spring_that_broke_is_not_drawn(
     for name, breaks in (("whole", ""), ("torn", ", breaks: 8mm")):
         Path(f"{name}.yaml").write_text(TORN % breaks)
         assert app.run(["render", "-q", f"{name}.yaml", "-o", f"{name}.wav", "--motion"]) == 0
-        server = _core.ViewServer(tmp_path / f"{name}.motion")
+        server = _core.ViewServer(tmp_path / f"{name}.motion", key=browser.KEY)
         try:
             with chromium.page(640, 360) as page:
                 page.open(f"{server.url}?t=0.01")
@@ -136,7 +136,7 @@ def test_a_plate_lies_where_its_surface_is(
     monkeypatch.chdir(tmp_path)
     Path("drum.yaml").write_text(SURFACE)
     assert app.run(["render", "-q", "drum.yaml", "-o", "drum.wav", "--motion"]) == 0
-    server = _core.ViewServer(tmp_path / "drum.motion")
+    server = _core.ViewServer(tmp_path / "drum.motion", key=browser.KEY)
     try:
         with chromium.page(640, 360) as page:
             page.open(f"{server.url}?t=0.03")

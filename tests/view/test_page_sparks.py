@@ -53,7 +53,7 @@ def test_each_spark_meets_the_key_from_below_or_above_by_its_sign(film: Path) ->
         if e["point"] == key
     ]
     greatest = max(abs(impulse) for _, impulse in told)
-    server = _core.ViewServer(film)
+    server = _core.ViewServer(film, key=browser.KEY)
     checked = set()
     try:
         with browser.running() as chromium, chromium.page(WIDTH, HEIGHT) as page:

@@ -41,7 +41,7 @@ def chromium() -> Iterator[browser.Browser]:
 
 @pytest.fixture
 def page(chromium: browser.Browser, motion: Path, tmp_path: Path) -> Iterator[browser.Page]:
-    server = _core.ViewServer(motion, sound=tone(tmp_path / "a.wav", SECONDS + 20))
+    server = _core.ViewServer(motion, sound=tone(tmp_path / "a.wav", SECONDS + 20), key=browser.KEY)
     try:
         with chromium.page() as page:
             page.open(f"{server.url}?sound&t=0.5")
@@ -107,7 +107,7 @@ def test_without_a_key_or_click_a_browser_may_refuse_and_is_asked_again(
     motion: Path, tmp_path: Path
 ) -> None:
     flag = "--autoplay-policy=document-user-activation-required"
-    server = _core.ViewServer(motion, sound=tone(tmp_path / "a.wav", SECONDS))
+    server = _core.ViewServer(motion, sound=tone(tmp_path / "a.wav", SECONDS), key=browser.KEY)
     try:
         with (
             browser.running(flag) as strict,
@@ -130,7 +130,7 @@ def test_what_is_no_sound_is_told_and_the_picture_goes_on(
 ) -> None:
     (tmp_path / "a.wav").write_bytes(b"no sound at all")
     for sound, words in ((tmp_path / "a.wav", "cannot be played"), (None, "(404)")):
-        server = _core.ViewServer(motion, sound=sound)
+        server = _core.ViewServer(motion, sound=sound, key=browser.KEY)
         try:
             with chromium.page() as page:
                 page.open(f"{server.url}?sound&t=0.1")

@@ -41,13 +41,13 @@ impl ViewServer {
 #[pymethods]
 impl ViewServer {
     #[new]
-    #[pyo3(signature = (path=None, *, sound=None, at="127.0.0.1:0", key=None))]
+    #[pyo3(signature = (path=None, *, sound=None, at="127.0.0.1:0", key))]
     fn new(
         py: Python<'_>,
         path: Option<PathBuf>,
         sound: Option<PathBuf>,
         at: &str,
-        key: Option<&str>,
+        key: &str,
     ) -> PyResult<Self> {
         let no_place = || {
             plain_error(format!(
@@ -56,12 +56,10 @@ impl ViewServer {
         };
         let place = py.detach(|| at.to_socket_addrs());
         let at = place.ok().and_then(|mut all| all.next());
-        let key = key.map(|digits| {
-            Key::new(digits).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))
-        });
+        let key = Key::new(key).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))?;
         let options = Options {
             at: at.ok_or_else(no_place)?,
-            key: key.transpose()?,
+            key,
             file: path,
             sound,
             limits: Limits::default(),

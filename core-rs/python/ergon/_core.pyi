@@ -1725,14 +1725,13 @@ class ViewServer:
         *,
         sound: Path | str | None = None,
         at: str = "127.0.0.1:0",
-        key: str | None = None,
+        key: str,
     ) -> Self:
-        """Listen at HOST:PORT; port 0 is any free one. A `key`, 32 hexadecimal digits, becomes part
-        of every address.
+        """Listen at HOST:PORT; port 0 is any free one. The `key`, 32 hexadecimal digits, is part of
+        every address: other users of this machine can reach the port too.
 
         `sound` is a WAV file of one or two channels, which pages that ask for it play with the
-        picture. Raises EngineError if the address does not belong to this machine, or if others
-        can reach it and no key is given.
+        picture. Raises EngineError if the address does not belong to this machine.
         """
     @property
     def url(self) -> str:

@@ -20,18 +20,23 @@ mod connection;
 mod hub;
 mod pace;
 mod request;
+mod strangers;
 mod viewer;
 
 pub use access::Key;
 pub use hub::{Cursor, Hub, Keep, Next};
+
+use strangers::Strangers;
 
 /// Limits of connections; the defaults suit people, tests use shorter times.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Largest number of live viewers.
     pub viewers: usize,
-    /// Largest number of connections, including viewers.
+    /// Largest number of connections that have given the key, including viewers.
     pub connections: usize,
+    /// Largest number of connections that have not given it yet; a new one takes the place of an older one.
+    pub strangers: usize,
     /// Time within which a request must be complete \[s\].
     pub head: Duration,
     /// Time without progress after which a connection is dropped \[s\].
@@ -45,6 +50,7 @@ impl Default for Limits {
         Self {
             viewers: 16,
             connections: 64,
+            strangers: 32,
             head: Duration::from_secs(5),
             stall: Duration::from_secs(5),
             floor: 64 << 10,
@@ -57,8 +63,8 @@ impl Default for Limits {
 pub struct Options {
     /// Address and port; port 0 is any free one.
     pub at: SocketAddr,
-    /// Secret that is part of every address; required if other machines can reach the port.
-    pub key: Option<Key>,
+    /// Secret that is part of every address: other users of this machine can reach the port too.
+    pub key: Key,
     /// The `.motion` file that pages play.
     pub file: Option<PathBuf>,
     /// The WAV or FLAC file that is played with it.
@@ -69,10 +75,10 @@ pub struct Options {
 
 impl Options {
     /// Serves a file to pages on this machine only.
-    pub fn local(file: PathBuf) -> Self {
+    pub fn local(file: PathBuf, key: Key) -> Self {
         Self {
             at: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0),
-            key: None,
+            key,
             file: Some(file),
             sound: None,
             limits: Limits::default(),
@@ -83,9 +89,6 @@ impl Options {
 /// Why the server cannot start.
 #[derive(Debug, Error)]
 pub enum ServeError {
-    /// The address is open to other machines, but there is no key.
-    #[error("{0} can be reached from other machines: a key is needed")]
-    Open(SocketAddr),
     /// The port is taken, or is not this machine's.
     #[error("{0}: {1}")]
     Bind(SocketAddr, io::Error),
@@ -102,6 +105,7 @@ pub struct Tally {
     pub dropped: AtomicU64,
     /// Number of connected live viewers.
     pub viewers: AtomicUsize,
+    /// Connections that have given the key.
     connections: AtomicUsize,
 }
 
@@ -111,6 +115,7 @@ struct Shared {
     at: SocketAddr,
     hub: Hub,
     tally: Tally,
+    strangers: Arc<Strangers>,
     over: AtomicBool,
     begin: Instant,
 }
@@ -126,11 +131,8 @@ impl Server {
     ///
     /// # Errors
     ///
-    /// [`ServeError`] if the address requires a key and none is given, or the port cannot be opened.
+    /// [`ServeError`] if the port cannot be opened.
     pub fn start(options: Options) -> Result<Self, ServeError> {
-        if !options.at.ip().is_loopback() && options.key.is_none() {
-            return Err(ServeError::Open(options.at));
-        }
         let bind = |error| ServeError::Bind(options.at, error);
         let listener = TcpListener::bind(options.at).map_err(bind)?;
         let at = listener.local_addr().map_err(bind)?;
@@ -139,6 +141,7 @@ impl Server {
             at,
             hub: Hub::default(),
             tally: Tally::default(),
+            strangers: Arc::default(),
             over: AtomicBool::new(false),
             begin: Instant::now(),
         });
@@ -160,11 +163,10 @@ impl Server {
 
     /// The URL to open in a browser, with the key.
     pub fn url(&self) -> String {
-        let key = self.shared.options.key.as_ref();
         format!(
-            "http://{}/{}",
+            "http://{}/{}/",
             self.shared.local_address(),
-            key.map_or(String::new(), |key| format!("{key}/"))
+            self.shared.options.key
         )
     }
 
@@ -243,28 +245,25 @@ impl Drop for Slot<'_> {
 const STACK: usize = 512 << 10;
 
 fn listen(listener: &TcpListener, shared: &Arc<Shared>) {
-    for stream in listener.incoming() {
+    loop {
+        let accepted = listener.accept();
         if shared.is_over() {
             return;
         }
-        let Ok(stream) = stream else {
+        let Ok((stream, peer)) = accepted else {
             // No file descriptors are left; other connections may free some.
             thread::sleep(Duration::from_millis(10));
             continue;
         };
+        let stream = Arc::new(stream);
+        let limit = shared.options.limits.strangers;
+        let place = shared.strangers.admit(&stream, peer.ip(), limit);
         let shared = shared.clone();
         let refuse = shared.clone();
         let born = thread::Builder::new()
             .name("view client".into())
             .stack_size(STACK)
-            .spawn(move || {
-                let tally = &shared.tally;
-                let limit = shared.options.limits.connections;
-                match Slot::take(&tally.connections, limit) {
-                    Some(_slot) => connection::serve(stream, &shared),
-                    None => drop(tally.refused.fetch_add(1, Ordering::Relaxed)),
-                }
-            });
+            .spawn(move || connection::serve(&stream, place, &shared));
         if born.is_err() {
             refuse.tally.refused.fetch_add(1, Ordering::Relaxed);
         }

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use ergon_view::serve::{Keep, Key, Limits, Options, ServeError, Server};
+use ergon_view::serve::{Keep, Key, Limits, Options, Server};
 use tungstenite::protocol::Role;
 use tungstenite::{Message, WebSocket};
 
@@ -71,6 +71,13 @@ impl Drop for Lent {
     }
 }
 
+const KEY: &str = "00112233445566778899aabbccddeeff";
+
+/// A server of a file to pages of this machine.
+fn local(lent: &Lent) -> Options {
+    Options::local(lent.0.clone(), Key::new(KEY).expect("a key"))
+}
+
 fn connect(server: &Server) -> TcpStream {
     let stream = TcpStream::connect(("127.0.0.1", server.at().port())).expect("a connection");
     stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
@@ -86,7 +93,12 @@ fn say(server: &Server, bytes: &[u8]) -> String {
     String::from_utf8_lossy(&all).into_owned()
 }
 
+/// The answer to a request with the key.
 fn get(server: &Server, path: &str, more: &str) -> String {
+    get_bare(server, &format!("/{KEY}{path}"), more)
+}
+
+fn get_bare(server: &Server, path: &str, more: &str) -> String {
     let at = server.at();
     let port = at.port();
     say(
@@ -111,7 +123,7 @@ fn watch(server: &Server, path: &str) -> Option<WebSocket<TcpStream>> {
     let mut stream = connect(server);
     let port = server.at().port();
     let head = format!(
-        "GET {path} HTTP/1.1\r\nHost: localhost:{port}\r\nOrigin: http://localhost:{port}\r\n{UPGRADE}\r\n"
+        "GET /{KEY}{path} HTTP/1.1\r\nHost: localhost:{port}\r\nOrigin: http://localhost:{port}\r\n{UPGRADE}\r\n"
     );
     stream.write_all(head.as_bytes()).expect("a head");
     let mut answer = Vec::new();
@@ -142,7 +154,7 @@ fn a_page_and_its_file_are_served_with_what_keeps_others_out() {
     let _alone = alone();
     let bytes: Vec<u8> = (b'a'..=b'z').collect();
     let lent = Lent::new("served.motion", &bytes, 26);
-    let server = Server::start(Options::local(lent.0.clone())).expect("a server");
+    let server = Server::start(local(&lent)).expect("a server");
     let page = get(&server, "/?t=3", "");
     assert_eq!(status(&page), "200");
     for header in [
@@ -171,14 +183,14 @@ fn where_there_is_no_file_a_page_learns_that_without_an_error() {
     let lent = Lent::new("gone.motion", b"abc", 3);
     let live = Options {
         file: None,
-        ..Options::local(lent.0.clone())
+        ..local(&lent)
     };
     let server = Server::start(live).expect("a server");
     let none = get(&server, "/motion", "");
     assert_eq!((status(&none), body(&none)), ("204", ""));
     assert!(none.contains("default-src 'self'"));
     // A file that existed at the start and is gone gives an error.
-    let server = Server::start(Options::local(lent.0.clone())).expect("a server");
+    let server = Server::start(local(&lent)).expect("a server");
     drop(lent);
     assert_eq!(status(&get(&server, "/motion", "")), "404");
 }
@@ -187,7 +199,7 @@ fn where_there_is_no_file_a_page_learns_that_without_an_error() {
 fn what_no_page_asks_is_refused() {
     let _alone = alone();
     let lent = Lent::new("refused.motion", b"abc", 3);
-    let server = Server::start(Options::local(lent.0.clone())).expect("a server");
+    let server = Server::start(local(&lent)).expect("a server");
     let port = server.at().port();
     let whole = |text: &str| status(&say(&server, text.as_bytes())).to_owned();
     for (host, wanted) in [
@@ -200,7 +212,7 @@ fn what_no_page_asks_is_refused() {
         ("127.0.0.1".into(), "421"),
         (format!("127.0.0.1:{}", port ^ 1), "421"),
     ] {
-        let found = whole(&format!("GET / HTTP/1.1\r\nHost: {host}\r\n\r\n"));
+        let found = whole(&format!("GET /{KEY}/ HTTP/1.1\r\nHost: {host}\r\n\r\n"));
         assert_eq!(found, wanted, "{host}");
     }
     assert_eq!(whole("GET / HTTP/1.1\r\n\r\n"), "400");
@@ -222,7 +234,7 @@ fn what_no_page_asks_is_refused() {
     ] {
         assert_eq!(status(&get(&server, path, more)), wanted, "{path} {more}");
     }
-    let post = format!("POST / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
+    let post = format!("POST /{KEY}/ HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
     assert_eq!(whole(&post), "405");
     let origin = format!("Origin: http://127.0.0.1:{port}\r\n");
     for wrong in [
@@ -240,56 +252,107 @@ fn what_no_page_asks_is_refused() {
 }
 
 #[test]
-fn elsewhere_the_key_is_needed_and_in_the_address() {
+fn everywhere_the_key_is_needed_and_in_the_address() {
     let _alone = alone();
     let lent = Lent::new("key.motion", b"abc", 3);
-    let at = SocketAddr::new(Ipv4Addr::UNSPECIFIED.into(), 0);
-    let open = Options {
-        at,
-        ..Options::local(lent.0.clone())
-    };
-    assert!(matches!(
-        Server::start(open.clone()),
-        Err(ServeError::Open(_))
-    ));
     assert_eq!(Key::new("0123"), None);
     assert_eq!(Key::new(&"g".repeat(32)), None);
-    let key = Key::new("00112233445566778899aabbccddeeff").expect("a key");
-    let server = Server::start(Options {
-        key: Some(key.clone()),
-        ..open
-    })
-    .expect("a server");
-    assert!(server.url().ends_with(&format!("/{key}/")));
-    assert_eq!(status(&get(&server, &format!("/{key}/"), "")), "200");
-    let file = get(&server, &format!("/{key}/motion"), "");
-    assert_eq!(body(&file), "abc");
-    for path in [
-        "/",
-        "/motion",
-        "/00112233445566778899aabbccddeefe/",
-        "/00112233445566778899aabbccddeeff",
-        "//",
-    ] {
-        assert_eq!(status(&get(&server, path, "")), "404", "{path}");
+    for ip in [Ipv4Addr::LOCALHOST, Ipv4Addr::UNSPECIFIED] {
+        let at = SocketAddr::new(ip.into(), 0);
+        let server = Server::start(Options { at, ..local(&lent) }).expect("a server");
+        assert!(server.url().ends_with(&format!("/{KEY}/")));
+        assert_eq!(status(&get(&server, "/", "")), "200");
+        assert_eq!(body(&get(&server, "/motion", "")), "abc");
+        let port = server.at().port();
+        let origin = format!("Origin: http://127.0.0.1:{port}\r\n{UPGRADE}");
+        for (path, more) in [
+            ("/", ""),
+            ("/motion", ""),
+            ("/sound.wav", ""),
+            ("/main.js", ""),
+            ("/live", &*origin),
+            ("/00112233445566778899aabbccddeefe/", ""),
+            ("/00112233445566778899aabbccddeeff", ""),
+            ("//", ""),
+        ] {
+            assert_eq!(status(&get_bare(&server, path, more)), "404", "{path}");
+        }
+        assert!(watch(&server, "/live").is_some());
+        // In a network any address of the machine is accepted, but no name in another's domain.
+        let named = |host: &str| format!("GET /{KEY}/ HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n");
+        let found = say(&server, named("192.168.1.7").as_bytes());
+        assert_eq!(status(&found), if ip.is_loopback() { "421" } else { "200" });
+        assert_eq!(status(&say(&server, named("a.example").as_bytes())), "421");
     }
-    assert!(watch(&server, "/live").is_none());
-    assert!(watch(&server, &format!("/{key}/live")).is_some());
-    // Any address of the machine is accepted, but no name in another's domain.
+}
+
+#[test]
+fn strangers_who_come_again_and_again_shut_nobody_out() {
+    let _alone = alone();
+    let lent = Lent::new("strangers.motion", b"abc", 3);
+    let server = Server::start(local(&lent)).expect("a server");
+    let mut page = watch(&server, "/live").expect("a page");
+    let mut crowd = Vec::new();
+    for _ in 0..20 {
+        // Each connection of the crowd is opened anew: silent, or with half a head, or with a whole one without the
+        // key whose answer nobody reads.
+        crowd = (0..96)
+            .map(|i| {
+                let mut stream = connect(&server);
+                let head = [
+                    "",
+                    "GET / HTTP/1.1\r\nHost: ",
+                    "GET / HTTP/1.1\r\nHost: x\r\n\r\n",
+                ];
+                let _ = stream.write_all(head[i % 3].as_bytes());
+                stream
+            })
+            .collect();
+        assert_eq!(status(&get(&server, "/motion", "")), "200");
+        page.send(Message::text("ping 0")).expect("a ping");
+        page.read().expect("a pong");
+    }
+    drop(crowd);
+}
+
+#[test]
+fn where_no_place_is_left_a_page_is_told_so() {
+    let _alone = alone();
+    let lent = Lent::new("full.motion", b"", 64 << 20);
+    let mut options = local(&lent);
+    options.limits.connections = 3;
+    options.limits.strangers = 2;
+    let server = Server::start(options).expect("a server");
+    // Pages that ask for much and take nothing have all places, until they are dropped.
     let port = server.at().port();
-    let named = |host: &str| format!("GET /{key}/ HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n");
-    assert_eq!(
-        status(&say(&server, named("192.168.1.7").as_bytes())),
-        "200"
-    );
-    assert_eq!(status(&say(&server, named("a.example").as_bytes())), "421");
+    let ask = format!("GET /{KEY}/motion HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
+    let slow: Vec<_> = (0..3)
+        .map(|_| {
+            let mut stream = connect(&server);
+            stream.write_all(ask.as_bytes()).expect("a head");
+            let mut byte = [0];
+            stream.read_exact(&mut byte).expect("an answer");
+            stream
+        })
+        .collect();
+    assert_eq!(status(&get(&server, "/", "")), "503");
+    drop(slow);
+    until(|| status(&get(&server, "/", "")) == "200", "places again");
+    // The oldest stranger is told too, though its request is not whole.
+    let mut halves: Vec<_> = (0..3).map(|_| connect(&server)).collect();
+    for stream in &mut halves {
+        stream.write_all(b"GET / HTT").expect("half a head");
+    }
+    let mut all = String::new();
+    let ended = halves[0].read_to_string(&mut all);
+    assert_eq!((ended.is_ok(), status(&all)), (true, "503"));
 }
 
 #[test]
 fn sixteen_pages_are_told_and_a_seventeenth_is_not() {
     let _alone = alone();
     let lent = Lent::new("many.motion", b"", 0);
-    let server = Server::start(Options::local(lent.0.clone())).expect("a server");
+    let server = Server::start(local(&lent)).expect("a server");
     server.hub().greet(b"manifest");
     let mut pages: Vec<_> = (0..16)
         .map(|_| watch(&server, "/live").expect("a page"))
@@ -326,7 +389,7 @@ fn sixteen_pages_are_told_and_a_seventeenth_is_not() {
 fn a_page_that_takes_nothing_is_dropped() {
     let _alone = alone();
     let lent = Lent::new("stall.motion", b"", 0);
-    let mut options = Options::local(lent.0.clone());
+    let mut options = local(&lent);
     options.limits.stall = Duration::from_millis(100);
     let server = Server::start(options).expect("a server");
     let _page = watch(&server, "/live").expect("a page");
@@ -349,7 +412,7 @@ fn hostile(server: &Server, i: u64) {
     let port = server.at().port();
     let host = format!("Host: 127.0.0.1:{port}\r\n");
     let origin = format!("Origin: http://127.0.0.1:{port}\r\n");
-    let upgrade = format!("GET /live HTTP/1.1\r\n{host}{origin}{UPGRADE}\r\n");
+    let upgrade = format!("GET /{KEY}/live HTTP/1.1\r\n{host}{origin}{UPGRADE}\r\n");
     // SplitMix64, so that every request differs.
     let mut seed = i.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let mut random = move || {
@@ -359,19 +422,21 @@ fn hostile(server: &Server, i: u64) {
     };
     let mut then = Vec::new();
     let head = match i % 10 {
-        0 => format!("GET / HTTP/1.1\r\nHost: {i}.example:{port}\r\n\r\n"),
-        1 => format!("GET /live HTTP/1.1\r\n{host}Origin: http://{i}.example\r\n{UPGRADE}\r\n"),
+        0 => format!("GET /{KEY}/ HTTP/1.1\r\nHost: {i}.example:{port}\r\n\r\n"),
+        1 => {
+            format!("GET /{KEY}/live HTTP/1.1\r\n{host}Origin: http://{i}.example\r\n{UPGRADE}\r\n")
+        }
         2 => format!(
-            "GET /live HTTP/1.1\r\n{host}{origin}{}\r\n",
+            "GET /{KEY}/live HTTP/1.1\r\n{host}{origin}{}\r\n",
             UPGRADE.replace("13", "99")
         ),
         3 => {
             then.extend((0..2000).map(|_| random() as u8));
             String::new()
         }
-        4 => format!("GET / HTTP/1.1\r\n{host}X: {}", "y".repeat(200_000)),
+        4 => format!("GET /{KEY}/ HTTP/1.1\r\n{host}X: {}", "y".repeat(200_000)),
         // Half of a head, and then nothing.
-        5 => format!("GET / HTTP/1.1\r\n{host}X-"),
+        5 => format!("GET /{KEY}/ HTTP/1.1\r\n{host}X-"),
         // A frame whose declared length is 2⁶² bytes.
         6 => {
             then.extend([0x82, 0xff, 0x40, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 4, 5]);
@@ -390,7 +455,7 @@ fn hostile(server: &Server, i: u64) {
             upgrade
         }
         // A reader that requests everything and takes nothing.
-        _ => format!("GET /motion HTTP/1.1\r\n{host}\r\n"),
+        _ => format!("GET /{KEY}/motion HTTP/1.1\r\n{host}\r\n"),
     };
     let mut stream = connect(server);
     let _ = stream.write_all(head.as_bytes());
@@ -420,7 +485,7 @@ fn a_thousand_hostile_requests_are_refused_and_a_page_misses_nothing() {
     const N: u64 = 1000;
     let _alone = alone();
     let lent = Lent::new("hostile.motion", b"", 64 << 20);
-    let mut options = Options::local(lent.0.clone());
+    let mut options = local(&lent);
     options.limits = Limits {
         head: Duration::from_millis(300),
         stall: Duration::from_millis(300),
@@ -472,15 +537,12 @@ fn a_thousand_hostile_requests_are_refused_and_a_page_misses_nothing() {
 fn a_server_that_is_dropped_says_so_to_its_pages() {
     let _alone = alone();
     let lent = Lent::new("over.motion", b"", 0);
-    let server = Server::start(Options::local(lent.0.clone())).expect("a server");
+    let server = Server::start(local(&lent)).expect("a server");
     let mut page = watch(&server, "/live").expect("a page");
     let at = server.at();
     drop(server);
     assert!(matches!(page.read(), Ok(Message::Close(_))));
     // The port is free again.
-    let options = Options {
-        at,
-        ..Options::local(lent.0.clone())
-    };
+    let options = Options { at, ..local(&lent) };
     drop(Server::start(options).expect("the same port"));
 }

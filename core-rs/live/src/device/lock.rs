@@ -3,10 +3,10 @@
 //! Serial ports have such a lock themselves. Any program may send datagrams, so a board on UDP has a lock file in the
 //! user's run-time folder. The system releases the lock when the program ends, however it ends.
 
-use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
+use std::fs::{DirBuilder, File, OpenOptions, Permissions, TryLockError};
 use std::io::{ErrorKind, Read, Write};
 use std::net::SocketAddr;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 /// A device that this program has locked, until this is dropped.
@@ -82,14 +82,19 @@ fn folder() -> Option<PathBuf> {
         _ => std::env::temp_dir().join(format!("ergon-{user}")),
     };
     match DirBuilder::new().mode(0o700).create(&folder) {
-        Err(error) if error.kind() != ErrorKind::AlreadyExists => None,
-        _ => is_own_folder(&folder, user).then_some(folder),
+        // A umask can take the owner's rights too.
+        Ok(()) => std::fs::set_permissions(&folder, Permissions::from_mode(0o700)).ok()?,
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+        Err(_) => return None,
     }
+    is_own_folder(&folder, user).then_some(folder)
 }
 
-/// Whether a path is a folder of this user, and not a link: any user can create a file of that name in /tmp.
+/// Whether a path is a folder that this user alone may open, and not a link: any user can create a file of that name
+/// in /tmp.
 fn is_own_folder(path: &Path, user: u32) -> bool {
-    std::fs::symlink_metadata(path).is_ok_and(|found| found.is_dir() && found.uid() == user)
+    std::fs::symlink_metadata(path)
+        .is_ok_and(|found| found.is_dir() && found.uid() == user && found.mode() & 0o077 == 0)
 }
 
 #[cfg(test)]
@@ -121,7 +126,12 @@ mod tests {
         std::fs::write(&file, "").unwrap();
         std::os::unix::fs::symlink(&base, &link).unwrap();
         let user = std::fs::metadata(&base).unwrap().uid();
+        let close = |mode| std::fs::set_permissions(&base, Permissions::from_mode(mode)).unwrap();
+        close(0o700);
         assert!(is_own_folder(&base, user));
+        close(0o720);
+        assert!(!is_own_folder(&base, user));
+        close(0o700);
         assert!(!is_own_folder(&base, user + 1));
         assert!(!is_own_folder(&file, user));
         assert!(!is_own_folder(&link, user));

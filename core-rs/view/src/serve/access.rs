@@ -46,7 +46,7 @@ impl fmt::Debug for Key {
 /// `localhost`. A page of another origin may send any request, but the browser then sends its origin.
 pub(super) fn check<'a>(
     request: &'a Request,
-    key: Option<&Key>,
+    key: &Key,
     at: SocketAddr,
 ) -> Result<&'a str, Status> {
     let host = request.host.as_deref().ok_or(Status::Malformed)?;
@@ -61,9 +61,6 @@ pub(super) fn check<'a>(
         _ => {}
     }
     let path = request.path.strip_prefix('/').ok_or(Status::Malformed)?;
-    let Some(key) = key else {
-        return Ok(path);
-    };
     match path.split_once('/') {
         Some((given, path)) if key.is(given) => Ok(path),
         _ => Err(Status::NotFound),

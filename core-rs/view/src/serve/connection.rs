@@ -9,40 +9,70 @@ use std::time::Duration;
 use super::answer::{self, Status};
 use super::pace::Paced;
 use super::request::{self, Request, RequestError};
+use super::strangers::StrangerPlace;
 use super::{Shared, Slot, access, assets, viewer};
 
 /// Bytes of a refused request that are read after the answer: if a socket is closed with unread bytes, it is reset and
 /// the answer is lost.
 const DRAIN: usize = 64 << 10;
 
-pub(super) fn serve(mut stream: TcpStream, shared: &Shared) {
-    let limits = shared.options.limits;
-    let status = match request::read(&mut stream, limits.head) {
-        Ok(request) => match reply(&mut stream, request, shared) {
-            Ok(()) => {
-                shared.tally.served.fetch_add(1, Ordering::Relaxed);
-                return;
-            }
-            Err(ReplyError::Refused(status)) => Some(status),
-            Err(ReplyError::Slow) => {
-                shared.tally.dropped.fetch_add(1, Ordering::Relaxed);
-                return;
-            }
-        },
-        Err(RequestError::Refused(status)) => Some(status),
-        Err(RequestError::Gone) => None,
+/// Serves a connection. It keeps the `place` of a stranger until it is admitted, also while a refusal is sent.
+pub(super) fn serve(stream: &TcpStream, place: StrangerPlace, shared: &Shared) {
+    let asked = match request::read(stream, shared.options.limits.head) {
+        Ok(request) => admit(request, shared),
+        Err(RequestError::Refused(status)) => Err(status.into()),
+        Err(RequestError::Gone) if place.is_sent_away() => Err(Status::Full.into()),
+        Err(RequestError::Gone) => Err(ReplyError::Gone),
     };
-    shared.tally.refused.fetch_add(1, Ordering::Relaxed);
-    if let Some(status) = status
-        && let Ok(mut out) = Paced::new(&stream, limits)
+    match asked {
+        Ok(admitted) => {
+            drop(place);
+            end(reply(stream, &admitted, shared), stream, shared);
+        }
+        Err(error) => end(Err(error), stream, shared),
+    }
+}
+
+/// A request with the key, which has a place among the connections.
+struct Admitted<'a> {
+    request: Request,
+    /// The path below the key.
+    name: String,
+    _slot: Slot<'a>,
+}
+
+fn admit(request: Request, shared: &Shared) -> Result<Admitted<'_>, ReplyError> {
+    let options = &shared.options;
+    let name = access::check(&request, &options.key, shared.at)?.to_owned();
+    let slot = Slot::take(&shared.tally.connections, options.limits.connections);
+    Ok(Admitted {
+        request,
+        name,
+        _slot: slot.ok_or(Status::Full)?,
+    })
+}
+
+/// Counts how a connection ended, and sends the refusal if it was refused.
+fn end(outcome: Result<(), ReplyError>, stream: &TcpStream, shared: &Shared) {
+    let (tally, limits) = (&shared.tally, shared.options.limits);
+    let counted = match &outcome {
+        Ok(()) => &tally.served,
+        Err(ReplyError::Slow) => &tally.dropped,
+        Err(ReplyError::Gone | ReplyError::Refused(_)) => &tally.refused,
+    };
+    counted.fetch_add(1, Ordering::Relaxed);
+    if let Err(ReplyError::Refused(status)) = outcome
+        && let Ok(mut out) = Paced::new(stream, limits)
         && answer::refuse(&mut out, status).is_ok()
     {
-        drain(&mut stream, limits.head);
+        drain(stream, limits.head);
     }
 }
 
 /// Why a request did not get what it asked for.
 enum ReplyError {
+    /// The connection is closed: nobody can be answered.
+    Gone,
     Refused(Status),
     Slow,
 }
@@ -59,9 +89,9 @@ impl From<io::Error> for ReplyError {
     }
 }
 
-fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<(), ReplyError> {
+fn reply(stream: &TcpStream, admitted: &Admitted, shared: &Shared) -> Result<(), ReplyError> {
     let options = &shared.options;
-    let name = access::check(&request, options.key.as_ref(), shared.at)?.to_owned();
+    let Admitted { request, name, .. } = admitted;
     if let Some(key) = &request.upgrade {
         if name != "live" {
             return Err(Status::NotFound.into());
@@ -69,7 +99,8 @@ fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<()
         let slot = Slot::take(&shared.tally.viewers, options.limits.viewers);
         let slot = slot.ok_or(Status::Full)?;
         answer::switch_protocols(&mut Paced::new(stream, options.limits)?, key)?;
-        viewer::send_to_page(stream.try_clone()?, request.rest, shared, slot);
+        let rest = request.rest.clone();
+        viewer::send_to_page(stream.try_clone()?, rest, shared, slot);
         return Ok(());
     }
     let mut out = Paced::new(stream, options.limits)?;
@@ -96,14 +127,14 @@ fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<()
             request.range.is_some(),
         )?;
     } else {
-        let (kind, text) = assets::find(&name).ok_or(Status::NotFound)?;
+        let (kind, text) = assets::find(name).ok_or(Status::NotFound)?;
         answer::send_bytes(&mut out, kind, text.as_bytes())?;
     }
     Ok(())
 }
 
 /// Reads remaining bytes, for a limited time and up to a limit.
-fn drain(stream: &mut TcpStream, within: Duration) {
+fn drain(mut stream: &TcpStream, within: Duration) {
     let _ = stream.shutdown(Shutdown::Write);
     let _ = stream.set_read_timeout(Some(within.min(Duration::from_millis(500))));
     let mut bytes = [0; 4 << 10];

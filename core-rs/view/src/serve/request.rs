@@ -33,7 +33,7 @@ pub(super) enum RequestError {
 }
 
 /// Reads the head of a request within a time.
-pub(super) fn read(stream: &mut TcpStream, within: Duration) -> Result<Request, RequestError> {
+pub(super) fn read(mut stream: &TcpStream, within: Duration) -> Result<Request, RequestError> {
     let until = Instant::now() + within;
     let mut bytes = [0; HEAD];
     let mut n = 0;

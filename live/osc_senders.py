@@ -1,0 +1,179 @@
+"""Whose program sent a datagram: the user's own, by the system's tables of sockets, or anybody's.
+
+A datagram does not say whose it is, but Linux lists each socket with its port and its owner. That
+tells the sender of a datagram from this machine as long as its socket is open, and as long as no
+other program can have its port. So nobody can be told where
+
+* the socket is closed already;
+* the socket lets others share its port (SO_REUSEADDR): another user may have sent from it, and have
+  closed it at once;
+* the socket is new, and within the last second somebody sent who could not be told: that one may
+  have had the same port before. The socket is heard when all that waited before it is read.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import socket
+import struct
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+_TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
+_CAUTION = 1.0  # [s] after a datagram of a stranger, in which a new socket has to wait
+_NOTED_MAX = 1000  # sockets that are remembered
+_ROOT = 0
+
+Address = ipaddress.IPv4Address | ipaddress.IPv6Address
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether a sender is the user (or root), and whether the system can tell it; if it can and the
+    sender is not, `reason` says what was found.
+    """
+
+    is_own: bool
+    is_told: bool
+    reason: str = ""
+
+
+FROM_USER = Verdict(is_own=True, is_told=True)
+UNTOLD = Verdict(is_own=False, is_told=False)
+
+
+def _stranger(reason: str) -> Verdict:
+    return Verdict(is_own=False, is_told=True, reason=reason)
+
+
+class _Socket(NamedTuple):
+    """A row of the system's tables."""
+
+    address: Address
+    port: int
+    user: int
+    inode: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Noted:
+    """A sender that was seen: its sockets, whether others can share their port, and the number of
+    times that the queue has to be empty before they are heard.
+    """
+
+    inodes: frozenset[int]
+    is_shared: bool
+    trusted_from: int
+
+
+class SenderCheck:
+    """Tells the senders of datagrams, batch by batch."""
+
+    def __init__(
+        self, tables: Sequence[Path] = _TABLES, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Read the sockets of the system from these tables."""
+        self._tables, self._clock = tables, clock
+        self._sockets: list[_Socket] | None = None
+        self._noted: dict[tuple[Address, int], _Noted] = {}
+        self._emptied = 0  # how often all datagrams were read
+        self._stranger_at = -_CAUTION
+
+    def look(self, senders: Iterable[tuple[object, ...]]) -> None:
+        """Look the sockets of a batch of senders up, after its datagrams were read."""
+        ports = {port for address, port in map(_place, senders) if address.is_loopback}
+        self._sockets = _sockets(self._tables, ports) if ports else []
+
+    def queue_is_empty(self) -> None:
+        """After the verdicts on a batch: at its end no datagram waited any more."""
+        self._emptied += 1
+
+    def verdict(self, sender: tuple[object, ...]) -> Verdict:
+        """Who a sender of the batch is."""
+        address, port = _place(sender)
+        if not address.is_loopback or self._sockets is None:
+            return UNTOLD
+        verdict = self._verdict(address, port)
+        if not verdict.is_own:
+            self._stranger_at = self._clock()
+        return verdict
+
+    def _verdict(self, address: Address, port: int) -> Verdict:
+        assert self._sockets is not None
+        senders = [
+            row
+            for row in self._sockets
+            if row.port == port and (row.address == address or row.address.is_unspecified)
+        ]
+        if not senders:
+            return _stranger("its socket is closed already, so that its user cannot be told")
+        if any(row.user not in (_ROOT, os.geteuid()) for row in senders):
+            return _stranger("it belongs to another user")
+        inodes = frozenset(row.inode for row in senders)
+        noted = self._noted.get((address, port))
+        if noted is None or noted.inodes != inodes:
+            # A socket that is noted now is older than what comes after the queue was empty twice:
+            # the first time may have been before it was noted.
+            is_calm = self._clock() - self._stranger_at >= _CAUTION
+            trusted_from = 0 if is_calm else self._emptied + 2
+            noted = _Noted(inodes, _can_be_shared(address, port), trusted_from)
+            if len(self._noted) >= _NOTED_MAX:
+                self._noted.clear()
+            self._noted[address, port] = noted
+        if noted.is_shared:
+            return _stranger("its port can be shared, so that its user cannot be told")
+        if self._emptied < noted.trusted_from:
+            return _stranger("it is new while strangers send; what it sends from now on is heard")
+        return FROM_USER
+
+
+def _place(sender: tuple[object, ...]) -> tuple[Address, int]:
+    """Address and port of a sender; an IPv4 address as such, in whatever way it came."""
+    address = ipaddress.ip_address(str(sender[0]).partition("%")[0])
+    return _plain(address), int(str(sender[1]))
+
+
+def _plain(address: Address) -> Address:
+    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
+    return address if mapped is None else mapped
+
+
+def _sockets(tables: Sequence[Path], ports: set[int]) -> list[_Socket] | None:
+    """The sockets that have one of the ports; None where the system has no such tables."""
+    ends = tuple(f":{port:04X}" for port in ports)
+    sockets, is_told = [], False
+    for table in tables:
+        try:
+            rows = table.read_text(encoding="ascii").splitlines()[1:]
+        except OSError:
+            continue
+        is_told = True
+        for row in rows:
+            words = row.split()
+            if words[1].endswith(ends):
+                number, _, port = words[1].partition(":")
+                address = _address(number)
+                sockets.append(_Socket(address, int(port, 16), int(words[7]), int(words[9])))
+    return sockets if is_told else None
+
+
+def _address(digits: str) -> Address:
+    """An address of the tables, which are words of 32 bits in the machine's order of bytes."""
+    words = [int(digits[at : at + 8], 16) for at in range(0, len(digits), 8)]
+    return _plain(ipaddress.ip_address(struct.pack(f"={len(words)}I", *words)))
+
+
+def _can_be_shared(address: Address, port: int) -> bool:
+    """Whether a second socket can have an address, which the first one has to allow."""
+    family = socket.AF_INET if address.version == 4 else socket.AF_INET6
+    with socket.socket(family, socket.SOCK_DGRAM) as second:
+        second.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            second.bind((str(address), port))
+        except OSError:
+            return False
+    return True

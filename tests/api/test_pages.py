@@ -1,0 +1,44 @@
+"""Keys in the addresses of pages."""
+
+import re
+import stat
+from pathlib import Path
+
+import pytest
+
+from ergon.api import pages
+from ergon.api.pages import serve
+from ergon.common.report import Report
+
+KEY = re.compile(r"http://127\.0\.0\.1:\d+/([0-9a-f]{32})/")
+
+
+@pytest.fixture(autouse=True)
+def runtime(short_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(short_folder))
+    return short_folder
+
+
+def key(at: str) -> str:
+    """The key of a server that is begun and ended."""
+    server = serve(at, "at", Report())
+    match = KEY.fullmatch(server.url)
+    server.close()
+    assert match is not None
+    return match[1]
+
+
+def test_a_port_that_was_chosen_keeps_its_key_for_this_user(runtime: Path) -> None:
+    first = pages._local_key("127.0.0.1:8080")
+    assert first == pages._local_key("127.0.0.1:8080")
+    assert first != pages._local_key("127.0.0.1:8081")
+    secret = runtime / "ergon" / "view.key"
+    assert stat.S_IMODE(secret.stat().st_mode) == 0o600
+    assert stat.S_IMODE(secret.parent.stat().st_mode) == 0o700
+    secret.chmod(0o622)  # somebody else may know what is in it
+    assert first != pages._local_key("127.0.0.1:8080") != pages._local_key("127.0.0.1:8080")
+
+
+@pytest.mark.parametrize("at", [pages.ANYWHERE, "localhost:0", "0.0.0.0:0"])
+def test_other_keys_are_new_each_time(at: str) -> None:
+    assert key(at) != key(at)
