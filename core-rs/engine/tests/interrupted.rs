@@ -45,9 +45,7 @@ fn strings() -> (Network, Timeline) {
     let mut heard = Vec::new();
     for name in ["first", "second"] {
         network.part(name, None);
-        let first = network
-            .mesh("", &topology, 1.0, 2.0, Some(9.0), 0.0)
-            .unwrap();
+        let first = network.mesh("", &topology, 1.0, 0.05, None, 0.0).unwrap();
         heard.push(first);
     }
     let terms = heard.iter().map(|&first| Term::Position {
@@ -72,7 +70,7 @@ fn a_large_body_is_planned_and_computed_with_many_looks() {
     assert!(planning >= 5 * 2 * MASSES / MASSES_A_LOOK, "{planning}");
     let plan = Arc::new(plan);
     let (simulation, building) = looks(|| Simulation::planned(plan.clone(), options(1)));
-    assert!(building >= 2 * 2 * MASSES / MASSES_A_LOOK, "{building}");
+    assert!(building >= 2 * MASSES / MASSES_A_LOOK, "{building}");
     let mut simulation = simulation.unwrap();
     let ((), computing) = looks(|| simulation.process(&mut [0.0; 20]).unwrap());
     assert!(computing >= 2 * 20, "{computing}: not at every frame");
