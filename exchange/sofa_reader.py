@@ -33,7 +33,7 @@ _WORD_MAX = 200  # characters of a text of the file
 _FILTERS = {1: "deflate", 2: "shuffle", 3: "fletcher32", 5: "nbit", 6: "scaleoffset"}
 
 
-class RefusedError(Exception):
+class _RefusedError(Exception):
     """The file holds something that is not read; the message says what."""
 
 
@@ -72,7 +72,7 @@ def answer(source: BinaryIO, target: BinaryIO) -> None:
     """Read a file and write the answer."""
     try:
         arrays, head = _read(source)
-    except RefusedError as error:
+    except _RefusedError as error:
         arrays, head = [], {"error": str(error)}
     except MemoryError:
         arrays, head = [], {"error": "reading it takes more memory than is allowed"}
@@ -104,26 +104,26 @@ def _checked(file: h5py.File, name: str) -> h5py.Dataset:
 
     links, word = file.id.links, name.encode()
     if not links.exists(word):
-        raise RefusedError(f"it has no {name}")
+        raise _RefusedError(f"it has no {name}")
     if links.get_info(word).type != h5py.h5l.TYPE_HARD:
-        raise RefusedError(f"its {name} is a link to another place, which is not followed")
+        raise _RefusedError(f"its {name} is a link to another place, which is not followed")
     found = file[name]
     if not isinstance(found, h5py.Dataset):
-        raise RefusedError(f"its {name} is not an array")
+        raise _RefusedError(f"its {name} is not an array")
     made = found.id.get_create_plist()
     if made.get_layout() == h5py.h5d.VIRTUAL:
-        raise RefusedError(f"its {name} is virtual: the numbers are in other files, not read here")
+        raise _RefusedError(f"its {name} is virtual: the numbers are in other files, not read here")
     if made.get_external_count():
-        raise RefusedError(f"its {name} is external: the numbers are in other files, not read here")
+        raise _RefusedError(f"its {name} is external: the numbers are in other files, not read here")
     for number in range(made.get_nfilters()):
         code = made.get_filter(number)[0]
         if code not in _FILTERS:
             message = f"its {name} is packed by the filter {code}, which HDF5 has not built in; "
-            raise RefusedError(message + "`h5repack -f GZIP=4 IN OUT` packs it anew")
+            raise _RefusedError(message + "`h5repack -f GZIP=4 IN OUT` packs it anew")
     if found.dtype.kind not in "fiu":
-        raise RefusedError(f"its {name} does not hold numbers")
+        raise _RefusedError(f"its {name} does not hold numbers")
     if found.size is None or found.size > VALUES_MAX:
-        raise RefusedError(f"its {name} has {found.size or 0:,} values; {VALUES_MAX:,} are read")
+        raise _RefusedError(f"its {name} has {found.size or 0:,} values; {VALUES_MAX:,} are read")
     return found
 
 

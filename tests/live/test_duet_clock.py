@@ -204,7 +204,7 @@ def test_who_ends_it_leaves_no_force_behind(score: Path, tmp_path: Path, number:
         (["--guide", "remi"], 2, "remi has no device; --live remi=DEVICE gives one"),
         (["--live", "remi=emul:", "--guide", "remi=200kg"], 2, "--guide remi=200kg"),
         (["--standin", "remi=nothing"], 2, "no take or gesture is called 'nothing'"),
-        (["--audio", "file:/nowhere/x.wav"], 3, "/nowhere/x.wav"),
+        (["--audio", "file:/nowhere/x.wav"], 2, "/nowhere/x.wav"),
         (["--from", "99|1"], 2, "the piece ends at"),
     ],
 )

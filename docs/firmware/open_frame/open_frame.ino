@@ -98,7 +98,7 @@ static void say_where(uint16_t number, uint8_t status) {
 
 static void say_who(uint16_t number) {
   const float step = TRAVEL / (float)((1 << ADC_BITS) - 1);
-  const float numbers[8] = {FORCE_HOURS, FORCE_MAX, step, -TRAVEL / 2, TRAVEL / 2, EXCHANGES, NAN, NAN};
+  const float numbers[8] = {FORCE_HOURS, FORCE_MAX, step, -TRAVEL / 2, TRAVEL / 2, EXCHANGES, 0, 0};
   out[0] = 0xA5;
   out[1] = 0x5D;
   memcpy(out + 2, &number, 2);

@@ -13,7 +13,14 @@
 /// Number of positions before the pulses that are weighted.
 const BEFORE: usize = 16;
 /// The pulse: half a sine.
-const PULSE: [f64; 6] = [0.258819, 0.707107, 0.965926, 0.965926, 0.707107, 0.258819];
+const PULSE: [f64; 6] = [
+    0.258819,
+    std::f64::consts::FRAC_1_SQRT_2,
+    0.965926,
+    0.965926,
+    std::f64::consts::FRAC_1_SQRT_2,
+    0.258819,
+];
 /// Steps from the beginning of the first pulse to that of the second, which has the opposite sign.
 const SECOND: usize = 18;
 /// The weights, for the oldest position first.
