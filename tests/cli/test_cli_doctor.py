@@ -258,7 +258,7 @@ def test_doctor_safety_tells_every_fault_on_every_device(capsys: Capture):
     found = records(capsys)
     assert {r["event"] for r in found} == {"fault"}
     assert {r["device"] for r in found} == {"emul", "frame", "firefader", "haply"}
-    assert len(found) == 4 * len({r["fault"] for r in found}) == 60
+    assert len(found) == 4 * len({r["fault"] for r in found}) == 80
     assert not any(r["exceeds"] for r in found)
     (nan,) = (r for r in found if r["device"] == "frame" and "NaN" in r["fault"])
     assert nan["seconds"] == nan["bound"] == 1e-3

@@ -238,7 +238,7 @@ impl Plausibility {
             Mode::Doubting(steps) => {
                 *steps += 1;
                 if *steps >= seconds(DOUBT) {
-                    return self.trip_with(Trip::WrongWay);
+                    self.trip_with(Trip::WrongWay);
                 }
             }
             Mode::Probing(probe) => {
