@@ -181,8 +181,8 @@ impl Fault {
             }
             // 0.2 s for which an answer counts, and 1.25 s without one.
             Self::WrongWay | Self::MotorStuck => 1.45,
-            // 90 ms without a change, and two questions of 56 ms after one under way.
-            Self::Frozen => 0.26,
+            // A right answer may be 0.2 s old, then two questions of 56 ms after one under way.
+            Self::Frozen => 0.4,
             // The travel with its margins, at a speed that the hand and the piece may halve.
             Self::SensorDrifts => 0.45,
             Self::SensorScaled => 0.1,

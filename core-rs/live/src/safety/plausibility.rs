@@ -40,7 +40,7 @@ const PAUSE_RESET: f64 = 5.0;
 /// Number of wrong answers to probes, without a right one between them, that end the force.
 const WRONG_ANSWERS: u32 = 4;
 /// Longest time without the piece's force until an answer decides [s].
-const DOUBT: f64 = 1.0;
+const DOUBT: f64 = 2.0;
 
 /// The properties of an axis, for [`Plausibility`].
 #[derive(Clone, Copy, Debug)]
@@ -281,7 +281,9 @@ impl Plausibility {
             self.trip_with(trip);
         } else if self.may_probe
             && !self.confirmation.comes_first(self.signs.is_at_stop())
-            && let Some((kind, direction)) = self.signs.suspicion(sent, self.confirmed, &self.built)
+            && let Some((kind, direction)) =
+                self.signs
+                    .suspicion(sent, self.confirmed, asks, &self.built)
             && self.pauses[kind as usize].0 <= 0
         {
             self.probes += 1;
@@ -296,8 +298,11 @@ impl Plausibility {
             Answer::Wrong if self.wrong + 1 >= WRONG_ANSWERS => {
                 return self.doubt();
             }
-            Answer::Wrong if probe.kind == Suspicion::Stop && self.wrong > 0 => {
-                return self.trip_with(Trip::WrongWay);
+            // A hand may leave the stop by chance: questions decide, where they are asked.
+            Answer::Wrong
+                if probe.kind == Suspicion::Stop && self.wrong > 0 && self.confirmation.asks =>
+            {
+                return self.doubt();
             }
             Answer::Wrong => {
                 self.wrong += 1;

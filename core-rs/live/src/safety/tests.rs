@@ -288,7 +288,7 @@ fn the_third_trip_within_a_minute_stays() {
                     Some(force) => drop(play(&mut guarded, still(force, 1))),
                     // To and fro by 1.5 m/s.
                     None => {
-                        let path = (0_i32..20).map(|i| 1.5e-3 * f64::from(10 - (10 - i).abs()));
+                        let path = (0..20).map(|i| 1.5e-3 * f64::from(10 - (10_i32 - i).abs()));
                         play(&mut guarded, path.map(|x| (0.5, Some(x))));
                     }
                 }

@@ -184,6 +184,9 @@ impl Confirmation {
         self.since_right += self.step;
         self.taken_out = (self.taken_out - now.sent * now.moved).max(0.0);
         if let Some(reply) = reply {
+            // Pulses do not move a key that is held at its stop.
+            let is_stopped = reply == Reply::Unmoved && now.is_at_stop;
+            let reply = if is_stopped { Reply::Hidden } else { reply };
             let verdict = self.note_reply(reply, now.phase);
             if verdict != Verdict::Continue {
                 return verdict;

@@ -26,7 +26,9 @@ fn strokes(t: f64, every: f64, deepest: f64) -> f64 {
     let n = libm::floor(t / every);
     let (in_it, length) = (t - n * every, 0.06 + 0.14 * chance(n, 1.0));
     let depth = -5e-3 + (deepest + 5e-3) * chance(n, 2.0);
-    let held = length + 0.5 * every * chance(n, 3.0);
+    // The hand is back before the next stroke begins.
+    let rest = (every - 2.0 * length).max(0.0);
+    let held = length + rest.min(0.5 * every * chance(n, 3.0));
     depth * (smooth(in_it / length) - smooth((in_it - held) / length)) + tremor(t)
 }
 

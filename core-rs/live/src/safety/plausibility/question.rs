@@ -13,14 +13,8 @@
 /// Number of positions before the pulses that are weighted.
 const BEFORE: usize = 16;
 /// The pulse: half a sine.
-const PULSE: [f64; 6] = [
-    0.258819,
-    std::f64::consts::FRAC_1_SQRT_2,
-    0.965926,
-    0.965926,
-    std::f64::consts::FRAC_1_SQRT_2,
-    0.258819,
-];
+#[allow(clippy::approx_constant)] // rounded like the others
+const PULSE: [f64; 6] = [0.2588, 0.7071, 0.9659, 0.9659, 0.7071, 0.2588];
 /// Steps from the beginning of the first pulse to that of the second, which has the opposite sign.
 const SECOND: usize = 18;
 /// The weights, for the oldest position first.

@@ -271,6 +271,7 @@ impl Signs {
         &self,
         sent: f64,
         confirmed: bool,
+        asks: bool,
         axis: &AxisParameters,
     ) -> Option<(Suspicion, f64)> {
         if self
@@ -279,7 +280,9 @@ impl Signs {
         {
             return Some((Suspicion::Run, -sent.signum()));
         }
-        if self.dwell >= axis.steps(DWELL[0]) && -sent * self.side >= PULLED_AWAY {
+        // Without questions a chance answer would decide, so only what may hurt is probed.
+        let pulled_away = if asks { PULLED_AWAY } else { PUSHED_IN };
+        if self.dwell >= axis.steps(DWELL[0]) && -sent * self.side >= pulled_away {
             return Some((Suspicion::Stop, self.side));
         }
         None
