@@ -114,7 +114,9 @@ def _checked(file: h5py.File, name: str) -> h5py.Dataset:
     if made.get_layout() == h5py.h5d.VIRTUAL:
         raise _RefusedError(f"its {name} is virtual: the numbers are in other files, not read here")
     if made.get_external_count():
-        raise _RefusedError(f"its {name} is external: the numbers are in other files, not read here")
+        raise _RefusedError(
+            f"its {name} is external: the numbers are in other files, not read here"
+        )
     for number in range(made.get_nfilters()):
         code = made.get_filter(number)[0]
         if code not in _FILTERS:
