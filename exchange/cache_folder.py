@@ -19,6 +19,7 @@ from pathlib import Path
 from ergon import _core
 from ergon.common.private import is_own_alone, make_private_folder
 from ergon.common.regular import read_bounded
+from ergon.common.user_folders import cache_folder
 
 from .safe import FileRefusedError, open_for_writing
 
@@ -97,13 +98,8 @@ def of_user(name: str, environment: Mapping[str, str] = os.environ) -> Path | No
     kept = environment.get("ERGON_CACHE", "").lower()
     if kept in ("off", "0", "no") or (kept == PLANS and name != PLANS):
         return None
-    base = environment.get("XDG_CACHE_HOME", "")
-    if Path(base).is_absolute():  # the specification says to ignore relative paths
-        return Path(base) / "ergon" / name
-    try:
-        return Path.home() / ".cache" / "ergon" / name
-    except RuntimeError:  # this user has no home folder
-        return None
+    folder = cache_folder(environment)
+    return None if folder is None else folder / name
 
 
 def of_this_version(key: str) -> str:

@@ -21,7 +21,7 @@ from typing import BinaryIO
 
 from ergon.common.private import make_private_folder
 from ergon.common.regular import open_regular, read_bounded
-from ergon.common.state_folder import state_folder
+from ergon.common.user_folders import state_folder
 
 from .temporary import is_at, try_lock
 

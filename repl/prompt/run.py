@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.common.state_folder import state_folder
 from ergon.common.terminal import clean
+from ergon.common.user_folders import state_folder
 from ergon.repl.session_protocol import SessionProtocol
 
 from .error_boundary import ErrorBoundary

@@ -63,11 +63,10 @@ impl Gains {
     ) -> Option<Box<Self>> {
         let may_gain = |run: &&Run| {
             let may = match &run.kind {
-                Kind::Ref | Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } => {
-                    false
-                }
+                Kind::Ref | Kind::Followed { .. } | Kind::Dry { .. } => false,
                 Kind::Pairwise { .. } => false, // all contacts of pairs share one account
                 Kind::Hardening(_) => run.len == 1,
+                Kind::Bristle { .. } => run.bristle().is_some_and(|(by, _)| by.is_passive()),
                 Kind::But(_) => true,
                 Kind::Space(space) => match &space.law {
                     law if law.is_contact() => true,
@@ -92,7 +91,7 @@ impl Gains {
                 ..run.clone()
             })
         };
-        let runs = scheme.runs.iter().chain(fused);
+        let runs = scheme.runs.iter().chain(&scheme.exact).chain(fused);
         let runs = runs.filter(may_gain).flat_map(alone);
         let links: Vec<Watched> = runs.map(Watched::new).collect();
         let link_work = links.iter().map(|Watched { run, .. }| {
@@ -278,10 +277,15 @@ impl Island {
                 faults.push((self.network.link_name(pairs.first_link()), part, gain));
             }
         }
-        // These accounts name what was created, but end or mute nothing: they do not yet tell all that contacts of several
-        // stepped masses give to each other from what is created.
-        if let Some(fine) = &mut state.fine {
-            fine.sprung_mut().check((around, put_in), n);
+        if let Some(fine) = &mut state.fine
+            && let Some((link, mat, gain)) = fine.sprung_mut().check((around, put_in), n)
+            && gain.is_fault()
+        {
+            faults.push((
+                self.network.link_name(link),
+                scheme.part[mat] as usize,
+                gain,
+            ));
         }
         for body in &mut self.state.bodies {
             if let Some(gain) = body.check_gain(n).filter(Gain::is_fault)
@@ -290,7 +294,12 @@ impl Island {
                 faults.push((module, part, gain));
             }
         }
-        self.check_rise();
+        if let Some((link, mat, gain)) = self.check_rise()
+            && gain.is_fault()
+        {
+            let part = self.script.scheme.part[mat] as usize;
+            faults.push((self.network.link_name(link), part, gain));
+        }
         let parts = self.network.parts();
         // Under `units: ca` the time step is part of the instrument: the energy that it creates is intended.
         faults.retain(|(_, part, _)| parts[*part].ca_rate.is_none());
