@@ -105,16 +105,16 @@ def _check(head: dict[str, Any], path: Path) -> None:
     """Raise SofaError unless the arrays are those of responses at two ears."""
     convention, (places, shape, rates) = head["convention"], head["shapes"]
     if convention != _CONVENTION:
-        told = printable(convention) or "no"
-        raise SofaError(f"{path} is of {told} convention; a head is {_CONVENTION}")
+        named = printable(convention) or "no"
+        raise SofaError(f"{path} is of {named} convention; a head is {_CONVENTION}")
     if head["type"] != "spherical":
         raise SofaError(f"{path}: directions are read as angles, here they are cartesian")
     if len(shape) != 3 or shape[1] != 2 or shape[0] < 4 or shape[2] < 8:
-        told = " by ".join(map(str, shape))
-        raise SofaError(f"{path}: responses are {told}; expected (directions, 2 ears, samples)")
+        sizes = " by ".join(map(str, shape))
+        raise SofaError(f"{path}: responses are {sizes}; expected (directions, 2 ears, samples)")
     if places != [shape[0], 3]:
-        told = " by ".join(map(str, places))
-        raise SofaError(f"{path}: {told} directions for {shape[0]} responses")
+        sizes = " by ".join(map(str, places))
+        raise SofaError(f"{path}: {sizes} directions for {shape[0]} responses")
     if not 1 <= math.prod(rates) <= _VALUES_MAX or math.prod(shape) > _VALUES_MAX:
         raise SofaError(f"{path}: it has no rate, or more responses than are read")
 

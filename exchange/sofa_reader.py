@@ -41,12 +41,12 @@ def rehearse() -> None:
     """Read a small file from memory, so that every module that reading needs is loaded."""
     import h5py
 
-    whole = io.BytesIO()
-    with h5py.File(whole, "w") as file:
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
         file.attrs["SOFAConventions"] = np.bytes_("none")
         for name in ARRAYS:
             file.create_dataset(name, data=[[1.0]], compression="gzip", shuffle=True)
-    _read(whole)
+    _read(buffer)
 
 
 def limit() -> None:
@@ -54,14 +54,14 @@ def limit() -> None:
     with contextlib.suppress(ImportError):  # Windows has no such limits
         import resource
 
-        most = {
+        limits = {
             resource.RLIMIT_AS: _MEMORY,
             resource.RLIMIT_CPU: _SECONDS,
             resource.RLIMIT_CORE: 0,
             resource.RLIMIT_FSIZE: 0,
             resource.RLIMIT_NOFILE: 0,
         }
-        for what, value in most.items():
+        for what, value in limits.items():
             hard = resource.getrlimit(what)[1]
             soft = value if hard == resource.RLIM_INFINITY else min(value, hard)
             with contextlib.suppress(OSError, ValueError):
@@ -77,8 +77,8 @@ def answer(source: BinaryIO, target: BinaryIO) -> None:
     except MemoryError:
         arrays, head = [], {"error": "reading it takes more memory than is allowed"}
     except Exception as error:  # h5py turns errors of libhdf5 into exceptions of many types
-        told = " ".join(str(error).split())[:_WORD_MAX]
-        arrays, head = [], {"error": f"this is not a SOFA file that can be read: {told}"}
+        reason = " ".join(str(error).split())[:_WORD_MAX]
+        arrays, head = [], {"error": f"this is not a SOFA file that can be read: {reason}"}
     target.write(json.dumps(head).encode() + b"\n")
     for array in arrays:
         target.write(array.reshape(-1).view(np.uint8).data)
@@ -89,12 +89,12 @@ def _read(source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, Any]]
     import h5py
 
     with h5py.File(source, "r") as file, np.errstate(all="ignore"):
-        found = [_checked(file, name) for name in ARRAYS]
+        datasets = [_checked(file, name) for name in ARRAYS]
         head = {
             "convention": _text(file.attrs.get("SOFAConventions")),
-            "type": _text(found[0].attrs.get("Type", b"spherical")),
+            "type": _text(datasets[0].attrs.get("Type", b"spherical")),
         }
-        arrays = [np.ascontiguousarray(one[...], "<f8") for one in found]
+        arrays = [np.ascontiguousarray(dataset[...], "<f8") for dataset in datasets]
         return arrays, {**head, "shapes": [array.shape for array in arrays]}
 
 
@@ -107,26 +107,26 @@ def _checked(file: h5py.File, name: str) -> h5py.Dataset:
         raise _RefusedError(f"it has no {name}")
     if links.get_info(word).type != h5py.h5l.TYPE_HARD:
         raise _RefusedError(f"its {name} is a link to another place, which is not followed")
-    found = file[name]
-    if not isinstance(found, h5py.Dataset):
+    dataset = file[name]
+    if not isinstance(dataset, h5py.Dataset):
         raise _RefusedError(f"its {name} is not an array")
-    made = found.id.get_create_plist()
-    if made.get_layout() == h5py.h5d.VIRTUAL:
+    creation = dataset.id.get_create_plist()
+    if creation.get_layout() == h5py.h5d.VIRTUAL:
         raise _RefusedError(f"its {name} is virtual: the numbers are in other files, not read here")
-    if made.get_external_count():
+    if creation.get_external_count():
         raise _RefusedError(
             f"its {name} is external: the numbers are in other files, not read here"
         )
-    for number in range(made.get_nfilters()):
-        code = made.get_filter(number)[0]
+    for number in range(creation.get_nfilters()):
+        code = creation.get_filter(number)[0]
         if code not in _FILTERS:
             message = f"its {name} is packed by the filter {code}, which HDF5 has not built in; "
             raise _RefusedError(message + "`h5repack -f GZIP=4 IN OUT` packs it anew")
-    if found.dtype.kind not in "fiu":
+    if dataset.dtype.kind not in "fiu":
         raise _RefusedError(f"its {name} does not hold numbers")
-    if found.size is None or found.size > VALUES_MAX:
-        raise _RefusedError(f"its {name} has {found.size or 0:,} values; {VALUES_MAX:,} are read")
-    return found
+    if dataset.size is None or dataset.size > VALUES_MAX:
+        raise _RefusedError(f"its {name} has {dataset.size or 0:,} values; {VALUES_MAX:,} are read")
+    return dataset
 
 
 def _text(value: Any) -> str:

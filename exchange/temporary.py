@@ -146,13 +146,13 @@ def _new_names(folder: Path, name: str) -> Iterator[Path]:
 
 
 def _check_digits(name: str, drawn: str) -> str:
-    said = f"temporary file of ergon\0{platform.node()}\0{drawn}\0{name}"
-    return hashlib.sha256(said.encode(errors="surrogateescape")).hexdigest()[:_DIGITS]
+    identity = f"temporary file of ergon\0{platform.node()}\0{drawn}\0{name}"
+    return hashlib.sha256(identity.encode(errors="surrogateescape")).hexdigest()[:_DIGITS]
 
 
 def _is_ours(name: str) -> bool:
-    found = _OURS.fullmatch(name)
-    return found is not None and found[3] == _check_digits(found[1], found[2])
+    parts = _OURS.fullmatch(name)
+    return parts is not None and parts[3] == _check_digits(parts[1], parts[2])
 
 
 def _holds(handle: int, path: Path) -> bool:

@@ -118,14 +118,14 @@ class GuardedInput:
         except MalformedTextError as error:
             raise _RefusedError(t.ErrorCodes.ParseError, str(error)) from None
         except (UnicodeEncodeError, RecursionError):
-            told = "a text has half of a character"
-            raise _RefusedError(t.ErrorCodes.ParseError, told) from None
+            reason = "a text has half of a character"
+            raise _RefusedError(t.ErrorCodes.ParseError, reason) from None
         if not isinstance(message, dict) or message.get("jsonrpc") != "2.0":
-            told = 'a message must be a JSON object with "jsonrpc": "2.0"'
-            raise _RefusedError(t.ErrorCodes.InvalidRequest, told)
+            reason = 'a message must be a JSON object with "jsonrpc": "2.0"'
+            raise _RefusedError(t.ErrorCodes.InvalidRequest, reason)
         if any(depth > _DEPTH_MAX for depth in _depths(message)):
-            told = f"the message is nested more than {_DEPTH_MAX} deep"
-            raise _RefusedError(t.ErrorCodes.InvalidRequest, told)
+            reason = f"the message is nested more than {_DEPTH_MAX} deep"
+            raise _RefusedError(t.ErrorCodes.InvalidRequest, reason)
         return message
 
     def _is_handled(self, message: dict[str, Any]) -> bool:
@@ -146,12 +146,12 @@ class GuardedInput:
 
     def _check(self, method: Any, message: dict[str, Any]) -> None:
         if not isinstance(method, str) or method not in self._methods:
-            told = f"{printable(str(method)[:80])} is not done by this server"
-            raise _RefusedError(t.ErrorCodes.MethodNotFound, told)
+            reason = f"{printable(str(method)[:80])} is not done by this server"
+            raise _RefusedError(t.ErrorCodes.MethodNotFound, reason)
         kind = t.METHOD_TO_TYPES[method][0]
         if hasattr(kind, "id") != ("id" in message):
-            told = f"{method} has an id if, and only if, it is a request"
-            raise _RefusedError(t.ErrorCodes.InvalidRequest, told)
+            reason = f"{method} has an id if, and only if, it is a request"
+            raise _RefusedError(t.ErrorCodes.InvalidRequest, reason)
         if self._is_over and method != t.EXIT:
             raise _RefusedError(t.ErrorCodes.InvalidRequest, "the server was shut down")
         if not self._is_begun and method not in (t.INITIALIZE, t.EXIT):
@@ -162,8 +162,8 @@ class GuardedInput:
             made: Any = self._converter.structure(message, kind)
         except Exception as error:  # cattrs and the validators raise errors of many types
             why = printable("; ".join(transform_error(error)))[:_WORDS_MAX]
-            told = f"the fields of {method} are not those of the protocol: {why}"
-            raise _RefusedError(t.ErrorCodes.InvalidParams, told) from error
+            reason = f"the fields of {method} are not those of the protocol: {why}"
+            raise _RefusedError(t.ErrorCodes.InvalidParams, reason) from error
         self._is_begun = True
         self._is_over = method == t.SHUTDOWN
         document = getattr(made.params, "text_document", None)
@@ -174,14 +174,14 @@ class GuardedInput:
         if method == t.TEXT_DOCUMENT_DID_OPEN:
             self._open.add(uri)
         elif uri not in self._open:
-            told = f"{printable(uri[:200])} is not open"
-            raise _RefusedError(t.ErrorCodes.InvalidParams, told)
+            reason = f"{printable(uri[:200])} is not open"
+            raise _RefusedError(t.ErrorCodes.InvalidParams, reason)
         elif method == t.TEXT_DOCUMENT_DID_CLOSE:
             self._open.remove(uri)
 
     def _answer(self, error: _RefusedError) -> None:
-        said = {"code": int(error.code), "message": error.message}
-        body = json.dumps({"jsonrpc": "2.0", "id": error.id, "error": said}).encode()
+        fields = {"code": int(error.code), "message": error.message}
+        body = json.dumps({"jsonrpc": "2.0", "id": error.id, "error": fields}).encode()
         # One write, so that it is never within an answer of the server.
         self._target.write(f"Content-Length: {len(body)}\r\n\r\n".encode() + body)
         self._target.flush()
@@ -197,9 +197,9 @@ def _depths(value: object) -> Iterator[int]:
     """How deep each part of a value lies, without recursion."""
     left = [(value, 1)]
     while left:
-        one, depth = left.pop()
+        value, depth = left.pop()
         yield depth
-        if isinstance(one, dict):
-            left += ((inner, depth + 1) for inner in one.values())
-        elif isinstance(one, list):
-            left += ((inner, depth + 1) for inner in one)
+        if isinstance(value, dict):
+            left += ((inner, depth + 1) for inner in value.values())
+        elif isinstance(value, list):
+            left += ((inner, depth + 1) for inner in value)

@@ -220,7 +220,7 @@ struct Key {
     /// Since the fault: work of the motor and its greatest value [J], time with a force that is felt [s], greatest force.
     work: f64,
     work_max: f64,
-    felt: f64,
+    force_time: f64,
     greatest: f64,
 }
 
@@ -254,7 +254,7 @@ impl Key {
             reported: 0.0,
             work: 0.0,
             work_max: 0.0,
-            felt: 0.0,
+            force_time: 0.0,
             greatest: 0.0,
             case,
         }
@@ -300,7 +300,7 @@ impl Device for Key {
             self.t += h;
         }
         if since.is_some() {
-            self.felt += if motor.abs() >= FELT { TICK } else { 0.0 };
+            self.force_time += if motor.abs() >= FELT { TICK } else { 0.0 };
             self.greatest = self.greatest.max(motor.abs());
         }
         let since = self.since();
@@ -331,7 +331,7 @@ impl Device for Key {
 /// What came of a case.
 #[derive(Debug)]
 struct Outcome {
-    felt: f64,
+    force_time: f64,
     work: f64,
     greatest: f64,
     /// Trips, each with its time from the fault [s].
@@ -360,7 +360,7 @@ fn play(case: Case, until: f64) -> Outcome {
     }
     let key = guarded.device();
     Outcome {
-        felt: key.felt,
+        force_time: key.force_time,
         work: key.work_max,
         greatest: key.greatest,
         trips,
@@ -370,7 +370,7 @@ fn play(case: Case, until: f64) -> Outcome {
 /// What is promised of a fault: longest time for which a force is felt [s], and greatest work on the hand [J].
 struct Promise {
     name: &'static str,
-    felt: f64,
+    force_time: f64,
     work: f64,
     /// The time is not bounded while less work than this is done [J].
     harmless: f64,
@@ -382,9 +382,9 @@ const ALLOWED: f64 = 1.0 + 0.5 * WATCHED;
 /// A kind of fault, drawn at random, and what is promised of it.
 fn faulty(kind: usize, mut case: Case, draw: &mut Draw) -> (Case, Promise) {
     let sign = draw.choice(&[1.0, -1.0]);
-    let promise = |name, felt| Promise {
+    let promise = |name, force_time| Promise {
         name,
-        felt,
+        force_time,
         work: ALLOWED,
         harmless: 0.0,
     };
@@ -471,7 +471,7 @@ const KINDS: usize = 15;
 /// Figures of a kind of fault: felt times [s], works [J], and number of cases that were found.
 #[derive(Default)]
 struct Figures {
-    felt: Vec<f64>,
+    force_time: Vec<f64>,
     work: Vec<f64>,
     tripped: usize,
 }
@@ -488,27 +488,27 @@ fn sweep(n: usize, seed: u64, kinds: &[usize]) {
         let came = play(case, case.onset + WATCHED);
         let early = came.trips.iter().any(|trip| trip.0 < 0.0);
         if early
-            || (came.felt > promise.felt + 1e-9 && came.work > promise.harmless)
+            || (came.force_time > promise.force_time + 1e-9 && came.work > promise.harmless)
             || came.work > promise.work
             || came.greatest > FORCE_MAX
         {
             broken.push(format!("{}: {case:?} {came:?}", promise.name));
         }
         let figures = all.entry(promise.name).or_default();
-        figures.felt.push(came.felt);
+        figures.force_time.push(came.force_time);
         figures.work.push(came.work);
         figures.tripped += usize::from(!came.trips.is_empty());
     }
     for (name, mut figures) in all {
-        figures.felt.sort_by(f64::total_cmp);
+        figures.force_time.sort_by(f64::total_cmp);
         figures.work.sort_by(f64::total_cmp);
-        let (middle, last) = (figures.felt.len() / 2, figures.felt.len() - 1);
+        let (middle, last) = (figures.force_time.len() / 2, figures.force_time.len() - 1);
         println!(
             "{name:30} {:4} cases, {:4} tripped; force felt {:6.3} s (median), {:6.3} s at most; work {:6.3} J at most",
             last + 1,
             figures.tripped,
-            figures.felt[middle],
-            figures.felt[last],
+            figures.force_time[middle],
+            figures.force_time[last],
             figures.work[last],
         );
     }
