@@ -133,7 +133,9 @@ impl Island {
             springs.retain(|run| scheme.runs.iter().all(|own| own.first != run.first));
             Gains::new(&scheme, &springs, is_led)
         };
-        let is_watched = !options.unchecked && timeline.glides.is_empty();
+        // A force does work all the time, a constant one too, although no event falls on the island then.
+        let is_pushed = timeline.drives.iter().any(Drive::pushes);
+        let is_watched = !options.unchecked && timeline.glides.is_empty() && !is_pushed;
         let rise = is_watched
             .then(|| Rise::new(&network, &scheme, &bodies, fine.as_ref(), timeline.rate))
             .flatten();

@@ -48,6 +48,11 @@ pub enum Source {
 }
 
 impl Drive {
+    /// Whether it is a force that may act at any time; strikes are events.
+    pub(crate) fn pushes(&self) -> bool {
+        self.kind == DriveKind::Force && !matches!(self.source, Source::Strikes(_))
+    }
+
     /// Value at frame `n` [m or N].
     pub(crate) fn value(&self, n: u64, rate: f64) -> f64 {
         match &self.source {

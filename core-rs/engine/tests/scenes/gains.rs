@@ -219,21 +219,29 @@ fn a_small_body_that_meets_a_contact_keeps_its_energy() {
     for n_heard in [0, 2] {
         let (simulation, out) = rattled(n_heard, 0.0, OnFault::Stop);
         let out: Vec<f64> = out.unwrap().into_iter().step_by(1 + n_heard).collect();
-        let peak = |part: &[f64]| part.iter().fold(0.0_f64, |most, x| most.max(*x));
-        // Where it turns away from the stop, all its energy is in the springs.
-        let rise = peak(&out[66_150..]) / peak(&out[..22_050]);
+        let rise = rise(&out);
         assert!((rise - 1.0).abs() < 1e-3, "{n_heard}: {rise}");
         assert_eq!(simulation.gains(), []);
     }
 }
 
-/// By one spring that is stepped at a port of a body, or by two at a stepped mass.
+/// Ratio of the last to the first peak of the mass: where it turns away from the stop, all its energy is in the springs.
+fn rise(out: &[f64]) -> f64 {
+    let peak = |part: &[f64]| part.iter().fold(0.0_f64, |most, x| most.max(*x));
+    peak(&out[66_150..]) / peak(&out[..22_050])
+}
+
+/// By one spring that is stepped at a port of a body, or by two at a stepped mass: none is created, or it is told.
 #[test]
 fn energy_of_a_stepped_spring_beside_a_contact_between_frames_is_told() {
     for n_heard in [1, 2] {
         let (simulation, out) = rattled(n_heard, Z, OnFault::Stop);
         match out {
-            Ok(_) => assert!(!simulation.gains().is_empty(), "{n_heard}"),
+            Ok(out) if simulation.gains().is_empty() => {
+                let out: Vec<f64> = out.into_iter().step_by(1 + n_heard).collect();
+                assert!(rise(&out) < 1.005, "{n_heard}: {}", rise(&out));
+            }
+            Ok(_) => {}
             Err(fault) => assert!(fault.contains("rattle.c created energy"), "{fault}"),
         }
     }

@@ -46,20 +46,11 @@ mod unix {
     /// Greatest number of open devices that are zeroed.
     const SLOTS: usize = 16;
     /// Signals that end a program, but that it may handle and survive.
-    const TERMINATION_SIGNALS: [i32; 4 + OTHERS.len()] = {
-        let mut all = [0; 4 + OTHERS.len()];
-        [all[0], all[1], all[2], all[3]] =
-            [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
-        let mut i = 0;
-        while i < OTHERS.len() {
-            all[4 + i] = OTHERS[i];
-            i += 1;
-        }
-        all
-    };
-    /// Signals that mean something else where a program handles them, and end it where it does not: only then they are
-    /// watched.
-    const OTHERS: [i32; 7] = [
+    const TERMINATION_SIGNALS: [i32; 11] = [
+        libc::SIGINT,
+        libc::SIGTERM,
+        libc::SIGHUP,
+        libc::SIGQUIT,
         libc::SIGUSR1,
         libc::SIGUSR2,
         libc::SIGALRM,
@@ -68,6 +59,9 @@ mod unix {
         libc::SIGXCPU,
         libc::SIGXFSZ,
     ];
+    /// Those from SIGUSR1 on mean something else where a program handles them, and end it where it does not: only then
+    /// they are watched.
+    const OTHERS: &[i32] = TERMINATION_SIGNALS.split_at(4).1;
     /// Signals that a program does not survive; the former handler of each runs after ours.
     const FAULTS: [i32; 7] = [
         libc::SIGABRT,
