@@ -9,14 +9,16 @@ import pytest
 from accuracy import reference
 from accuracy.equations import read
 from energy_kept import WAYS, Looked, look, of_text
-from random_networks import RandomNetwork, network
+from random_networks import RATE, RandomNetwork, network
 
 SCENES = Path(__file__).parents[1] / "data" / "energy"
 NAMES = ("one-mass-50", "two-masses", "energy-gain-d0", "energy-gain-min")
 MOST = 1.01  # of the energy that was there
-# A law that acts once a step keeps another energy than that of the motion: the two differ by a part
-# of κ/4 of it, and do not drift apart (docs/numerics.md).
-ONCE = 1.05
+# What is computed once a step keeps another energy than that of the motion: the two differ by a part
+# of κ/4, where √κ is the highest frequency in radians a step, and do not drift apart
+# (docs/numerics.md).
+ONCE = 0.25
+EXACT = {"modes", "complex modes", "oscillators", "still", "unheard"}
 HALF = 0.5  # [s]
 LONG = 20.0  # [s]
 
@@ -25,15 +27,15 @@ def text_of(name: str) -> str:
     return (SCENES / f"{name}.yaml").read_text(encoding="utf-8")
 
 
-def kept(own: RandomNetwork, looked: Looked, most: float) -> None:
-    assert looked.said or own.gain(looked.x) <= most, (looked.computed, own.gain(looked.x))
-
-
-def most_of(own: RandomNetwork, way: str) -> float:
-    """What is followed between frames keeps the energy of the motion itself."""
-    has_laws = any(set(link.written) - {"REF", "BUT"} for link in own.links)
-    is_between = way.endswith("dB") or (way in ("by ear", "draft", "session") and not has_laws)
-    return MOST if is_between else ONCE
+def check(network: RandomNetwork, way: str, looked: Looked) -> None:
+    """A scene makes no energy, or that is reported."""
+    if looked.said:
+        return
+    has_laws = any(set(link.written) - {"REF", "BUT"} for link in network.links)
+    # A render that is asked for an accuracy has what is stepped tried against finer steps.
+    is_once = not way.endswith("dB") and (has_laws or not set(looked.computed) <= EXACT)
+    bound = MOST + (ONCE * network.kappa(looked.x) if is_once else 0.0)
+    assert network.gain(looked.x) <= bound, (looked.computed, bound)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -77,7 +79,52 @@ def test_a_spring_that_is_heard_makes_no_energy_untold(damping: float, way: str)
         assert np.abs(force - force[0] / x[0] * x).max() < 1e-9 * np.abs(force).max()
 
 
-def drawn(seed: int) -> str:
+def struck_wall(x0: float, v0: float, link: str) -> str:
+    """A gram on a soft spring that meets a stiff link to the ground; its position is heard."""
+    mass = f"{{MAS: {{M: 1g, X0: {x0!r}m, V0: {v0!r}m/s}}}}"
+    spring = "{REF: {between: [e, m], K: 4kN/m}}"
+    modules = f"{{e: {{SOL: {{}}}}, m: {mass}, s: {spring}, w: {link}}}"
+    return f"""ergon: 1
+rates: {{audio: {RATE:.0f}Hz}}
+instruments: {{a: {{modules: {modules}, out: {{x: {{SOX: m}}}}}}}}
+mix: {{channels: 1, route: [{{from: a.x, to: [1]}}]}}
+render: {{bits: float, tail: 500ms}}
+"""
+
+
+# By bm4 and ieq, a contact with a mass inside the mesh foresees the next frame less exactly: above
+# κ = 1,000 the first bounces may give energy, and later ones take all of it.
+CASES = [
+    (kappa, way)
+    for kappa in (0.5, 2.0, 5.0, 1e3, 1e6)
+    for way in WAYS
+    if kappa < 1e3 or way not in ("bm4", "ieq")
+]
+
+
+@pytest.mark.parametrize(("kappa", "way"), CASES)
+def test_a_start_inside_a_stiff_exact_contact_makes_no_energy(kappa: float, way: str) -> None:
+    """The step before frame 0 was made by the whole force at frame 0: × 17 of the energy."""
+    k = kappa * 1e-3 * RATE**2
+    wall = f"{{BUT: {{between: [e, m], K: {k!r}, gap: 0m, side: below, contact: exact}}}}"
+    for x0, v0 in ((-1e-3, 0.0), (-1e-3, 2.0), (2e-4, -30.0)):
+        looked = look(struck_wall(x0, v0, wall), way, 0.5)
+        given = 0.5e-3 * v0**2 + 0.5 * 4e3 * x0**2 + 0.5 * k * min(x0, 0.0) ** 2
+        outside = looked.x[np.abs(looked.x[:, 0]).argmax()]
+        assert looked.said == ""
+        assert 0.5 * 4e3 * float(outside[0]) ** 2 <= MOST * given
+
+
+def test_bm4_reports_energy_of_a_law_that_is_too_stiff_for_it() -> None:
+    """A rope that goes taut at 31 kHz gave × 2e5 of its energy, and no account was kept of it: it has no
+    energy in closed form.
+    """
+    rope = f"{{LNL: {{between: [e, m], law: rope, k: {20e-3 * RATE**2!r}, rest: -1mm}}}}"
+    looked = look(struck_wall(-1e-3, 0.0, rope), "bm4", 0.5)
+    assert "created energy" in looked.said
+
+
+def way_of(seed: int) -> str:
     """The way of a seed: those without trials, and now and then those with."""
     if seed % 10 == 0:
         return ("by ear", "-60 dB")[seed // 10 % 2]
@@ -87,9 +134,9 @@ def drawn(seed: int) -> str:
 @pytest.mark.parametrize("first", range(0, 100, 5))
 def test_random_networks_make_no_energy(first: int) -> None:
     for seed in range(first, first + 5):
-        own = network(seed)
-        looked = look(own.text(HALF), drawn(seed), HALF)
-        kept(own, looked, most_of(own, drawn(seed)))
+        drawn = network(seed)
+        way = way_of(seed)
+        check(drawn, way, look(drawn.text(HALF), way, HALF))
 
 
 @pytest.mark.slow
@@ -97,6 +144,6 @@ def test_random_networks_make_no_energy(first: int) -> None:
 def test_random_networks_make_no_energy_for_long(first: int) -> None:
     ways = list(WAYS)
     for seed in range(first, first + 10):
-        own = network(seed)
+        drawn = network(seed)
         way = ways[seed % len(ways)]
-        kept(own, look(own.text(LONG), way, LONG), most_of(own, way))
+        check(drawn, way, look(drawn.text(LONG), way, LONG))

@@ -113,6 +113,20 @@ class RandomNetwork:
         own = (stored + lost).reshape(n_windows, WINDOW)
         return float(np.median(own, axis=1).max() / self.given)
 
+    def kappa(self, x: Floats, rate: float = RATE) -> float:
+        """The highest squared frequency of springs and laws in radians a step, at the steepest slopes
+        of laws that the positions (n_frames, n) come to; contacts do not count.
+        """
+        springs = []
+        for link, d in zip(self.links, self.stretches(x), strict=True):
+            if "BUT" in link.written:
+                continue
+            spread = np.linspace(d.min(), d.max(), 401)
+            spacing = max(spread[1] - spread[0], 1e-12)
+            slopes = np.diff(link.potential(spread), 2) / spacing**2
+            springs.append((link.a, link.b, float(max(slopes.max(), 0.0))))
+        return _highest(self.mass, [tie[0] for tie in self.ground], springs) / rate**2
+
 
 def network(seed: int) -> RandomNetwork:
     """The network of a seed."""
@@ -159,17 +173,24 @@ def network(seed: int) -> RandomNetwork:
 
 def _soften(found: RandomNetwork, springs: list[tuple[int, int, float, float]]) -> float:
     """The factor on all springs that keeps their modes below HIGHEST."""
-    n = len(found.mass)
-    stiffness = np.diag([tie[0] for tie in found.ground]).astype(float)
-    for a, b, k, _ in springs:
-        e = np.zeros(n)
+    between = [(a, b, k) for a, b, k, _ in springs]
+    highest = _highest(found.mass, [tie[0] for tie in found.ground], between)
+    return float(min(1.0, (2.0 * np.pi * HIGHEST) ** 2 / max(highest, 1e-300)))
+
+
+def _highest(
+    mass: list[float], ground: list[float], springs: list[tuple[int, int, float]]
+) -> float:
+    """The highest squared frequency [rad²/s²] of masses on springs (end, end, N/m)."""
+    stiffness = np.diag(ground).astype(float)
+    for a, b, k in springs:
+        e = np.zeros(len(mass))
         e[b] = 1.0
         if a >= 0:
             e[a] = -1.0
         stiffness += k * np.outer(e, e)
-    root = 1.0 / np.sqrt(found.mass)
-    most = np.linalg.eigvalsh(root[:, None] * stiffness * root).max()
-    return float(min(1.0, (2.0 * np.pi * HIGHEST) ** 2 / max(most, 1e-300)))
+    root = 1.0 / np.sqrt(mass)
+    return float(np.linalg.eigvalsh(root[:, None] * stiffness * root).max())
 
 
 def _spring(a: int, b: int, k: float, z: float) -> Link:

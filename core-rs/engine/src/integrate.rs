@@ -137,6 +137,9 @@ crate::archive::state!(Integrator { motion });
 /// Largest elongation [m] and rate [m/s] up to which a law's damping is tested for giving energy.
 const ACTIVE: (f64, f64) = (1e-2, 10.0);
 
+/// Most links whose energy is integrated: each takes a few hundred values of its law.
+const INTEGRATED_MAX: usize = 32;
+
 impl Integrator {
     /// A network at its X0 and V0, stepped `substeps` times a frame of `rate`. Imposed points do not move.
     ///
@@ -274,12 +277,19 @@ impl Integrator {
     /// Whether steps may create energy that can be measured: never for a linear network.
     pub(crate) fn may_gain(&self) -> bool {
         let mesh = self.motion.stepper().mesh();
-        // The balance of an active law cannot be judged, and an energy without a closed form takes too long to compute.
-        let is_known = |run: &Run| match &run.kind {
-            Kind::Lnl { law, .. } => law.has_closed_energy() && !law.is_active(ACTIVE.0, ACTIVE.1),
-            _ => true,
-        };
-        !mesh.scheme.linear && mesh.others.iter().all(is_known)
+        // The balance of an active law cannot be judged.
+        let is_known = |run: &Run| !matches!(&run.kind, Kind::Lnl { law, .. } if law.is_active(ACTIVE.0, ACTIVE.1));
+        !mesh.scheme.linear
+            && mesh.others.iter().all(is_known)
+            && self.n_integrated() <= INTEGRATED_MAX
+    }
+
+    /// Links whose energy has no closed form: it is integrated each time that it is asked for.
+    pub(crate) fn n_integrated(&self) -> usize {
+        let others = self.motion.stepper().mesh().others.iter();
+        let integrated = others
+            .filter(|run| matches!(&run.kind, Kind::Lnl { law, .. } if !law.has_closed_energy()));
+        integrated.map(|run| run.len).sum()
     }
 
     /// The energy of masses and links by their laws [J].

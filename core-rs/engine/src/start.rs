@@ -3,7 +3,7 @@
 use crate::cell::Cell;
 use crate::interrupt;
 use crate::kernel::{self, Neighbours};
-use crate::network::{AXES_MAX, Dry, LinkKind, MatKind, Network, Run};
+use crate::network::{AXES_MAX, Contact, Dry, LinkKind, MatKind, Network, Run};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 use crate::units::Rate;
@@ -38,11 +38,7 @@ pub(crate) fn backward_steps(
             match mats.kind[i] {
                 MatKind::Sol | MatKind::Imposed | MatKind::Proxy => 0.0,
                 _ if ca.is_some() => v0 * t,
-                MatKind::Mas => v0 * t - half,
-                MatKind::Cel => {
-                    let cell = Cell::new(mats.m[i], mats.k[i], mats.z[i]);
-                    cell.last_step(x0, v0, mats.rest[i], rate) - half
-                }
+                MatKind::Mas | MatKind::Cel => free_step(network, rate, i, x0) - half,
             }
         })
         .collect();
@@ -50,6 +46,20 @@ pub(crate) fn backward_steps(
         steps[proxy.mat] = proxy.sum(|mat| x[mat], |mat| steps[mat]);
     }
     steps
+}
+
+/// d[0] of a MAS or CEL at `x` [m] that no link acts on [m]; zero for all others.
+fn free_step(network: &Network, rate: Rate, mat: usize, x: f64) -> f64 {
+    let mats = network.mats();
+    let v = mats.v0[mat];
+    match mats.kind[mat] {
+        MatKind::Sol | MatKind::Imposed | MatKind::Proxy => 0.0,
+        MatKind::Mas => v * rate.step(),
+        MatKind::Cel => {
+            let cell = Cell::new(mats.m[mat], mats.k[mat], mats.z[mat]);
+            cell.last_step(x, v, mats.rest[mat], rate)
+        }
+    }
 }
 
 /// Forces at t = 0 on the MATs by all links that are computed at frames, from positions `x` and V0, with SI damping
@@ -122,8 +132,9 @@ pub(crate) fn forces(
                 LinkKind::Lnl(law) => law.force(e, v),
                 LinkKind::Followed(followed) => followed.at(|mat| x[mat]).force(e, v),
                 LinkKind::Bristle(bristle) => bristle.with(run.k, run.z).force(0.0, v),
-                // Dry friction is added last; the others were added above.
+                // Dry friction; the others were added above.
                 LinkKind::Dry(_) | LinkKind::Space(_) | LinkKind::Pairwise(_) => continue,
+                LinkKind::But(but) if but.contact == Contact::Exact => continue,
                 LinkKind::But(but) => {
                     let s = kernel::side(but);
                     kernel::push(but, run.k, run.z, s * e, s * v) * s
@@ -133,6 +144,19 @@ pub(crate) fn forces(
             force[b] -= f;
         }
     }
+    let is_exact =
+        |run: &&Run| matches!(&run.kind, LinkKind::But(but) if but.contact == Contact::Exact);
+    let runs = network
+        .runs()
+        .iter()
+        .filter(|run| !closed(run.first) && acts(run.first));
+    add_exact_contacts(
+        network,
+        timeline.rate,
+        &runs.filter(is_exact).collect::<Vec<_>>(),
+        x,
+        &mut force,
+    );
     for proxy in network.proxies() {
         let pull = force[proxy.mat];
         proxy.for_each_share(|mat| x[mat], |mat, share| force[mat] += share * pull);
@@ -144,6 +168,65 @@ pub(crate) fn forces(
         }
     }
     force
+}
+
+/// Add the forces of contacts with `contact: exact` over half a step backward, by the same discrete gradient as in steps:
+/// ½T²·F/m then takes a MAT to x[−1], and never from a contact into more energy than it began with, however stiff the
+/// contact is. For a mass with δ = T·v₀ − ½T²G/m and the gradient G from x[0] to x[−1], the energy of the step is that of
+/// the start less T²G²/8m.
+fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], force: &mut [f64]) {
+    /// Contacts that share a MAT are solved in turn; each round halves what they disagree by, or better.
+    const ROUNDS: usize = 50;
+    let mats = network.mats();
+    let t = rate.step();
+    // Change of a position by a newton over half a step [m/N].
+    let compliance = |i: usize| {
+        if mats.kind[i].moves() {
+            0.5 * t * t / mats.m[i]
+        } else {
+            0.0
+        }
+    };
+    let before = |i: usize, force: &[f64]| {
+        x[i] - free_step(network, rate, i, x[i]) + compliance(i) * force[i]
+    };
+    let mut pushes: Vec<f64> = vec![0.0; runs.iter().map(|run| run.len).sum()];
+    for _ in 0..ROUNDS {
+        let mut is_settled = true;
+        let links = runs
+            .iter()
+            .flat_map(|run| (0..run.len).map(move |i| (*run, i)));
+        for ((run, i), push) in links.zip(&mut pushes) {
+            let LinkKind::But(but) = &run.kind else {
+                continue;
+            };
+            let (a, b) = (run.a + i, run.b + i);
+            let s = kernel::side(but);
+            force[a] -= *push;
+            force[b] += *push;
+            let contact = kernel::Contact {
+                k: run.k,
+                z: 0.0,
+                exponent: but.exponent,
+                beta: compliance(a) + compliance(b),
+                clamp: false,
+            };
+            let now = s * (x[b] - x[a] - run.rest);
+            let v = s * (mats.v0[b] - mats.v0[a]);
+            let free = s * (before(b, force) - before(a, force) - run.rest);
+            let elastic = contact.push(free, now, now);
+            let drag = if now > 0.0 { run.z * v } else { 0.0 };
+            let total = elastic + drag;
+            let f = s * if but.clamp { total.max(0.0) } else { total };
+            is_settled &= (f - *push).abs() <= f64::EPSILON * f.abs();
+            *push = f;
+            force[a] += f;
+            force[b] -= f;
+        }
+        if is_settled {
+            break;
+        }
+    }
 }
 
 /// Add the force of dry friction just before t = 0: against the velocity, or at rest against all other forces. If these

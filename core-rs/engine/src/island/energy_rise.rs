@@ -16,7 +16,7 @@ use crate::state::Body;
 use crate::units::Rate;
 
 /// Steps between two looks: what is computed ahead of bodies has to be gone through again for each.
-const STEPS: u64 = 16 * energy_gain::BLOCK;
+pub(super) const STEPS: u64 = 16 * energy_gain::BLOCK;
 /// Error of an elongation in units of the last digit of a position.
 const DIGITS: f64 = 1e4;
 /// Contacts and laws between frames are computed finer from each rise by this share of the energy on, so that what is

@@ -45,7 +45,7 @@ impl BodyPlan {
             Self::Modal(modal) => {
                 RunningBody::Modal(Box::new(modal::RunningModal::new(&modal.pushed(force))))
             }
-            Self::Mesh(mesh) => RunningBody::Mesh(Box::new(mesh::RunningMesh::new(mesh)?)),
+            Self::Mesh(mesh) => RunningBody::Mesh(Box::new(mesh::RunningMesh::new(mesh, force)?)),
             Self::Slow(slow) => RunningBody::Slow(Box::new(slow::RunningSlow::new(slow, body))),
         })
     }
