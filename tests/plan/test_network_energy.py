@@ -14,10 +14,11 @@ from random_networks import RATE, RandomNetwork, network
 SCENES = Path(__file__).parents[1] / "data" / "energy"
 NAMES = ("one-mass-50", "two-masses", "energy-gain-d0", "energy-gain-min")
 MOST = 1.01  # of the energy that was there
-# What is computed once a step keeps another energy than that of the motion: the two differ by a part
-# of κ/4, where √κ is the highest frequency in radians a step, and do not drift apart
-# (docs/numerics.md).
-ONCE = 0.25
+# What is computed once a step keeps another energy than that of the motion: the two differ by a
+# part of κ/4, where √κ is the highest frequency in radians a step, and do not drift apart
+# (docs/numerics.md). Contacts, whose κ is not counted, come to 4 %.
+STEPPED = 1.05
+PER_KAPPA = 0.25
 EXACT = {"modes", "complex modes", "oscillators", "still", "unheard"}
 HALF = 0.5  # [s]
 LONG = 20.0  # [s]
@@ -34,7 +35,7 @@ def check(network: RandomNetwork, way: str, looked: Looked) -> None:
     has_laws = any(set(link.written) - {"REF", "BUT"} for link in network.links)
     # A render that is asked for an accuracy has what is stepped tried against finer steps.
     is_once = not way.endswith("dB") and (has_laws or not set(looked.computed) <= EXACT)
-    bound = MOST + (ONCE * network.kappa(looked.x) if is_once else 0.0)
+    bound = max(STEPPED, MOST + PER_KAPPA * network.kappa(looked.x)) if is_once else MOST
     assert network.gain(looked.x) <= bound, (looked.computed, bound)
 
 
@@ -116,8 +117,8 @@ def test_a_start_inside_a_stiff_exact_contact_makes_no_energy(kappa: float, way:
 
 
 def test_bm4_reports_energy_of_a_law_that_is_too_stiff_for_it() -> None:
-    """A rope that goes taut at 31 kHz gave × 2e5 of its energy, and no account was kept of it: it has no
-    energy in closed form.
+    """A rope that goes taut at 31 kHz gave × 2e5 of its energy, and no account was kept of it: it
+    has no energy in closed form.
     """
     rope = f"{{LNL: {{between: [e, m], law: rope, k: {20e-3 * RATE**2!r}, rest: -1mm}}}}"
     looked = look(struck_wall(-1e-3, 0.0, rope), "bm4", 0.5)

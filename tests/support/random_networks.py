@@ -114,8 +114,8 @@ class RandomNetwork:
         return float(np.median(own, axis=1).max() / self.given)
 
     def kappa(self, x: Floats, rate: float = RATE) -> float:
-        """The highest squared frequency of springs and laws in radians a step, at the steepest slopes
-        of laws that the positions (n_frames, n) come to; contacts do not count.
+        """The highest squared frequency of springs and laws in radians a step, at the steepest
+        slopes of laws that the positions (n_frames, n) come to; contacts do not count.
         """
         springs = []
         for link, d in zip(self.links, self.stretches(x), strict=True):

@@ -24,15 +24,15 @@ os.chdir("/")
 """
 
 
-def as_second_user(code: str, *words: object, imports: str = "json") -> Any:
-    """What code of a second user prints, as JSON; `sys.argv[1:]` are the words, and `imports` the
-    modules that it needs.
+def as_second_user(code: str, *words: object, imports: str = "json", before: str = "") -> Any:
+    """What code of a second user prints, as JSON; `sys.argv[1:]` are the words, `imports` the
+    modules that it needs, and `before` what runs before it becomes the second user.
     """
     done = subprocess.run(
         [
             sys.executable,
             "-c",
-            f"import encodings.idna, os, sys, {imports}\n{_BECOME}\n{code}",
+            f"import encodings.idna, os, sys, {imports}\n{before}\n{_BECOME}\n{code}",
             *map(str, words),
         ],
         stdout=subprocess.PIPE,
