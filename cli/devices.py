@@ -65,10 +65,10 @@ def _named(console: Console) -> None:
                 axes = ", ".join(map(str, tested))
                 ready = f"axis {axes} tested" if tested else "not tested yet"
                 console.data(f"device  {name:12} {text} ({ready})\n")
+        if not table and not console.json:
+            console.data(f"device  none has a name yet; write names into {config_path()}\n")
     except BoardError as error:
         raise Refused(str(error)) from None
-    if not table and not console.json:
-        console.data(f"device  none has a name yet; write names into {config_path()}\n")
 
 
 def _ports(console: Console, probe: bool) -> None:

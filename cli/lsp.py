@@ -21,4 +21,4 @@ def lsp() -> None:
         raise Refused(f"`ergon lsp` needs pygls: {install_command('lsp')}") from None
     from ergon.lsp.server import serve
 
-    serve()
+    raise click.exceptions.Exit(serve())

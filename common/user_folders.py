@@ -7,6 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 
+def config_folder(environment: Mapping[str, str] = os.environ) -> Path | None:
+    """What a user has written down: the list of devices. $XDG_CONFIG_HOME/ergon, or
+    ~/.config/ergon; None for a user without a home folder.
+    """
+    return _user_folder("XDG_CONFIG_HOME", ".config", environment)
+
+
 def state_folder(environment: Mapping[str, str] = os.environ) -> Path | None:
     """What a user would miss, but not much: typed lines, a register. $XDG_STATE_HOME/ergon, or
     ~/.local/state/ergon; None for a user without a home folder.

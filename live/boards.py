@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
 from ergon.common.structured import MalformedTextError, parse_toml
+from ergon.common.user_folders import config_folder
 
 if TYPE_CHECKING:
     from .calibration import Axis
@@ -63,9 +63,11 @@ class Board:
 
 
 def config_path() -> Path:
-    """The user's list of devices."""
-    base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    return Path(base) / "ergon" / "devices.toml"
+    """The user's list of devices. Raises BoardError for a user without a home folder."""
+    folder = config_folder()
+    if folder is None:
+        raise BoardError("no list of devices: there is no home folder; set HOME or XDG_CONFIG_HOME")
+    return folder / "devices.toml"
 
 
 def read_config() -> dict[str, Any]:
@@ -78,6 +80,8 @@ def read_config() -> dict[str, Any]:
 
 def config_bytes() -> bytes:
     """The user's list as it stands in its file; empty where there is none. Raises BoardError."""
+    if config_folder() is None:
+        return b""
     path = config_path()
     try:
         data = read_bounded(path, _MAX_BYTES)
@@ -132,7 +136,7 @@ def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:
         raise BoardError(f"{text}: a device is a URL, such as firefader:/dev/ttyACM0, or a name")
     device, axis = named["name"], named["axis"]
     if device not in known:
-        which = ", ".join(known) or f"none yet; {config_path()} may hold them"
+        which = ", ".join(known) or "none yet (`ergon devices` says where to write one)"
         raise BoardError(f"no device is called {device}; known: {which}")
     own, first = resolve(known[device], {})
     return own, first if axis is None else int(axis)

@@ -45,11 +45,15 @@ class _RefusedError(Exception):
 
 
 class GuardedInput:
-    """The input of a server: the messages that may be handled. `failure` says why it ended."""
+    """The input of a server: the messages that may be handled.
+
+    `failure` says why it ended; `exits_early`: by `exit` without `shutdown` before it.
+    """
 
     def __init__(self, source: BinaryIO, target: BinaryIO, methods: Set[str]) -> None:
         """Read from an editor's `source` and answer to `target`; `methods` have handlers."""
         self.failure: ProtocolError | None = None
+        self.exits_early = False
         self._source, self._target = source, target
         self._methods = methods | {*_LIFE}
         self._converter = converters.get_converter()
@@ -164,8 +168,9 @@ class GuardedInput:
             why = printable("; ".join(transform_error(error)))[:_WORDS_MAX]
             reason = f"the fields of {method} are not those of the protocol: {why}"
             raise _RefusedError(t.ErrorCodes.InvalidParams, reason) from error
+        self.exits_early = method == t.EXIT and not self._is_over
         self._is_begun = True
-        self._is_over = method == t.SHUTDOWN
+        self._is_over |= method == t.SHUTDOWN
         document = getattr(made.params, "text_document", None)
         if document is not None:
             self._check_open(method, unquote(document.uri))

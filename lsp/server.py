@@ -178,8 +178,10 @@ class Server(LanguageServer):
         return text, text.offset_at_position(position), file, known
 
 
-def serve() -> None:
-    """Serve an editor on stdin and stdout until it disconnects. Raises ProtocolError."""
+def serve() -> int:
+    """Serve an editor on stdin and stdout until it disconnects, and return the exit code: 1 after
+    `exit` without `shutdown` (LSP 3.17, `exit`). Raises ProtocolError.
+    """
     logging.getLogger("pygls").setLevel(logging.ERROR)  # its warnings are about the editor
     # pygls closes its output at `exit`, and this process has to flush its own after that.
     with open(os.dup(sys.stdout.fileno()), "wb") as output:
@@ -187,6 +189,7 @@ def serve() -> None:
         server().start_io(guarded, output)  # type: ignore[arg-type]  # it has what pygls calls
     if guarded.failure is not None:
         raise guarded.failure
+    return int(guarded.exits_early)
 
 
 def server() -> Server:

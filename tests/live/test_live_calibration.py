@@ -11,7 +11,7 @@ from boards import Board, emulated
 from ergon import _core
 from ergon.cli import app
 from ergon.live import boards
-from ergon.live.boards import BoardError, config_path
+from ergon.live.boards import BoardError, config_path, device_urls
 from ergon.live.calibration import Axis, axis_key, known_axes, own_axes, store_axis
 from ergon.live.display import event_sentence
 
@@ -288,3 +288,20 @@ def test_messages_call_a_device_by_its_name_and_leave_options_out() -> None:
     assert shown == ["tgr0", "emul:"]
     said = event_sentence((0, "gone", 0.0), ["remi"], shown)
     assert said == "tgr0 is disconnected; its stand-in plays on"
+
+
+def test_a_relative_folder_of_settings_is_ignored(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setenv("XDG_CONFIG_HOME", "here")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert config_path() == tmp_path / ".config/ergon/devices.toml"
+
+
+def test_a_user_without_a_home_folder_has_no_devices(monkeypatch: pytest.MonkeyPatch):
+    def no_home() -> Path:
+        raise RuntimeError("no home")
+
+    monkeypatch.delenv("XDG_CONFIG_HOME")
+    monkeypatch.setattr(Path, "home", no_home)
+    assert device_urls() == {}
+    with pytest.raises(BoardError, match="set HOME or XDG_CONFIG_HOME"):
+        store_axis("frame:/dev/ttyACM0", 0, AXIS)

@@ -142,3 +142,9 @@ def test_the_process_ends_without_a_traceback(tmp_path: Path, message: object, c
     assert done.stderr == ""
     assert '"result": null' in done.stdout
     assert URI in done.stdout
+
+
+@pytest.mark.parametrize(("end", "code"), [(END, 0), (END[1:], 1)])
+def test_exit_without_shutdown_has_code_one(tmp_path: Path, end: tuple[object, ...], code: int):
+    done = forked(["lsp"], tmp_path, lines=b"".join(map(framed, [INITIALIZE, *end])).decode())
+    assert (done.returncode, done.stderr) == (code, "")
