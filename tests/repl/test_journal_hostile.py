@@ -300,6 +300,44 @@ def test_a_thousand_hostile_journals(sandbox: Sandbox) -> None:
     assert saves > 100
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("../outside/keys.yaml", "outside the folder"),
+        ("sub/../../outside/keys.yaml", "outside the folder"),
+        ("out/keys.yaml", "outside the folder"),  # through a symbolic link
+        ("{out}/keys.yaml", "not relative"),
+        ("C:keys.yaml", "not relative"),
+        ("ergon:instruments/../../keys.yaml", "outside the folder"),
+        ("ergon:instruments/evil.py", "not a file of the library"),
+        ("keys.yaml\x00", "not a valid file name"),
+    ],
+)
+def test_a_journal_names_no_file_outside_its_folder(
+    sandbox: Sandbox, name: str, words: str
+) -> None:
+    events = copy.deepcopy(sandbox.events)
+    events[0]["overlay"][name.replace("{out}", str(sandbox.outside))] = KEYS
+    path = sandbox.inside / "session.jsonl"
+    path.write_bytes(written(events))
+    with pytest.raises(JournalError, match=words):
+        read_journal(path, resumes=True)
+
+
+def test_python_in_a_journal_is_never_run(sandbox: Sandbox) -> None:
+    """Neither where a line has it, nor where a line that was typed earlier is played again."""
+    target = sandbox.outside / "owned"
+    events = copy.deepcopy(sandbox.events)
+    typed = [event for event in events if event["event"] == "line"]
+    assert len(typed) > 5
+    for event in typed:
+        event["line"] = f"py open({str(target)!r}, 'w').write('x')"
+    path = sandbox.inside / "session.jsonl"
+    path.write_bytes(written(events))
+    played(path)
+    assert not target.exists()
+
+
 @pytest.mark.parametrize("name", ["/", ".", "..", "a/.."])
 def test_the_score_of_a_journal_is_a_file(tmp_path: Path, name: str) -> None:
     """Otherwise its folder would be the one above the journal's, and takes there were read."""
