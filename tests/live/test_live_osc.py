@@ -91,8 +91,8 @@ class Listener:
         self.heard.append((now, tag, message.address, list(message.params)))
         return self.heard[-1]
 
-    def until(self, address: str) -> tuple[float, float | None, str, list[Any]]:
-        while (found := self.next())[2] != address:
+    def until(self, *addresses: str) -> tuple[float, float | None, str, list[Any]]:
+        while (found := self.next())[2] not in addresses:
             pass
         return found
 

@@ -71,9 +71,9 @@ def test_requests_are_lines_of_the_journal(tmp_path: Path, listener: Listener): 
 def test_what_needs_a_password_is_not_done(tmp_path: Path, listener: Listener, line: str):  # noqa: F811
     with served(tmp_path) as (_, port):
         listener.say(port, "/ergon/cmd", line)
-        assert listener.until("/ergon/error")[3] == [
-            "this line has to be typed at a prompt: OSC has no passwords"
-        ]
+        answer = listener.until("/ergon/error", "/ergon/reply")[2:]
+        words = "this line has to be typed at a prompt: OSC has no passwords"
+        assert answer == ("/ergon/error", [words])
     assert _lines(tmp_path) == []
 
 
