@@ -112,12 +112,14 @@ class SessionProtocol(Protocol):
         """Whether Enter ends the text; not if it ends in a backslash or within a block."""
 
 
-# The first word, or its short form, decides. `panic = …` defines a gesture; anything else after the
-# word is still a stop, because zero force is the safe reading.
-_STOP = re.compile(r"[ \t]*(?:(?P<panic>pa|pan|pani|panic)|(?P<quit>qui|quit))(?![^\s#])(?!\s*=)")
+# Alone on a line, or with `now` or a comment: a line that the language refuses must not act.
+_STOP = re.compile(
+    r"[ \t]*(?:(?P<panic>pa|pani|panic)|(?P<quit>qui|quit))(?:[ \t]+now)?[ \t\r]*"
+    r"(?:(?<=[ \t])#.*)?"
+)
 
 
 def stop_of(text: str) -> str | None:
     """The stop that a line, or any line of a block, asks for: "panic", "quit" or None."""
-    found = {match.lastgroup for line in text.split("\n") if (match := _STOP.match(line))}
+    found = {match.lastgroup for line in text.split("\n") if (match := _STOP.fullmatch(line))}
     return "panic" if "panic" in found else "quit" if found else None

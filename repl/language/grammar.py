@@ -97,7 +97,8 @@ def _find_verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     about_player = verbs.verbs_matching(second, verbs.SUBJECT_VERBS) if second else ()
     is_player = first in scope.players
     is_played = first in scope.gestures or first in scope.takes
-    sure = second in verbs.SUBJECT_VERBS and first not in verbs.VERBS
+    is_name = first not in verbs.VERBS or first in scope.instruments  # an instrument may be `pan`
+    sure = second in verbs.SUBJECT_VERBS and is_name
     sure = sure and not (second == "every" and is_played)
     if about_player and (is_player or sure):
         return about_player[0], [words[0], *words[2:]]

@@ -271,24 +271,57 @@ def test_a_panic_is_one_version_however_often_it_is_asked(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    "line",
-    ["pa", "panic", "  panic now", "panic# no", "pan", "quit", "qui", "play", "tempo 90\npanic"],
+    ("line", "stop"),
+    [
+        *(
+            (line, "panic")
+            for line in ("pa", "panic", "  panic now", "pani", "panic\t# no", "pa\r")
+        ),
+        *((line, "quit") for line in ("quit", "qui", "quit # bye")),
+        ("tempo 90\npanic", "panic"),
+        *((line, None) for line in ("play", "pan", "p", "panics", "panic = 0@0 smooth 1@1")),
+    ],
 )
-def test_stops_are_the_words_of_the_language(tmp_path: Path, line: str):
+def test_stops_are_the_words_of_the_language(tmp_path: Path, line: str, stop: str | None):
     """What the prompt takes for a stop, the language does."""
     played = Stepped(SCORE, tmp_path)
     scope = scope_of(played.session.commits.head.piece)
     played.close()
-    try:
-        commands = {type(one).__name__.lower() for one in parse(line, scope)}
-    except Exception:
-        commands = set()
-    if commands & {"panic", "quit"}:
-        assert stop_of(line) in commands
-    elif stop_of(line) is not None:
-        assert line == "panic# no"  # a doubt is answered by zero
-    assert stop_of("panic = 0@0 smooth 1@1") is None
-    assert stop_of("panics") is stop_of("p") is None
+    assert stop_of(line) == stop
+    if stop:
+        assert stop in {type(one).__name__.lower() for one in parse(line, scope)}
+
+
+@pytest.mark.parametrize(
+    "line", ["pan bell x", "pan 0.5", "pa x", "pan", "panic button", "panic# no", "quit it"]
+)
+def test_a_line_that_is_refused_stops_nothing(tmp_path: Path, line: str):
+    played = Stepped(SCORE, tmp_path)
+    played.ok("play")
+    played.ok("gain bell -3dB at 4|1")
+    queue = LineQueue[None](played.session)
+    queue.enter(line, None)
+    assert not played.session.submit(line).taken
+    assert not played.session.state().panicked
+    played.run(7.0)
+    assert played.session.commits.head.faders.gains["bell"] == pytest.approx(10 ** (-3 / 20))
+    played.close()
+
+
+def test_pan_pans_an_instrument_also_one_of_that_name(tmp_path: Path):
+    text = SCORE.replace(
+        "  bell:",
+        "  pan:\n    modules: {m: {CEL: {M: 20g, f: 90Hz}}}\n    out: {SOX: m}\n  bell:",
+        1,
+    )
+    played = Stepped(text, tmp_path)
+    for line in ("route pan 1 2", "pan pan 0.2"):
+        played.ok(line)
+    played.ok("pan strikes pan.m every 1 impulse 1mNs")
+    text = played.session.commits.head.texts.text
+    assert "pan: 0.2" in text
+    assert not played.session.state().panicked
+    played.close()
 
 
 def test_every_face_has_every_stop():
