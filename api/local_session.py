@@ -154,6 +154,8 @@ def _beginning(path: str | None, options: SessionOptions, report: Report) -> _Be
             )
         try:
             replay = read_journal(resume, path, resumes=True, trust=options.trust)
+            if gap := replay.gaps.sentence(str(resume)):
+                report.warn(gap)
             opening = replay.start
             heard = opening.gain, opening.reference
             return _Beginning(*resumed_state(replay), heard, replay.disk, opening.frozen)

@@ -236,6 +236,9 @@ class SessionCore:
         The journal keeps texts that were read from files. Raises StoppedError if a line that
         `is_limited` takes too long.
         """
+        is_stop = resets or sets_running is False
+        if self.journal is not None and self.journal.is_full and not is_stop:
+            raise NotTakenError("the journal keeps no further line: make room on the disk")
         place, start = self.commits.beat_and_frame(when, self.quant)
         self.number += 1
         number = self.number

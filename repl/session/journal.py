@@ -2,7 +2,9 @@
 
 Each event is passed to the operating system at once, so that it survives the end of the program.
 A thread then syncs it to the disk, which takes some milliseconds, or on a busy disk some
-hundred; a power failure loses the events of that time.
+hundred; a power failure loses the events of that time. What a full disk does not take waits in
+memory and is written when there is room again. Events are numbered, so that a reader sees what is
+missing.
 """
 
 from __future__ import annotations
@@ -28,14 +30,12 @@ MAX_LINE = 1 << 25  # bytes; a score and all files that it uses are one line
 FRAME_MAX = 1 << 40
 BEAT_MAX = 1e7
 _LATEST = 1e12  # no number of a journal is larger
+_WAITING_MAX = 1 << 26  # bytes that wait for room on the disk: more lines than a long evening has
+_RETRY = 1.0  # [s] between attempts to write what waits
 
 
 class JournalError(ErgonError):
     """A journal cannot be written or read: one sentence says why."""
-
-
-def _reason(error: Exception) -> str:
-    return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
 class Journal:
@@ -44,17 +44,29 @@ class Journal:
     def __init__(self, path: Path) -> None:
         """Begin a journal in a new file. Raises JournalError."""
         try:
-            self._file: IO[str] = path.open("x", encoding="utf-8")
+            self._file = path.open("xb", buffering=0)
         except OSError as error:
             raise JournalError(f"{path}: {error.strerror}") from error
         self.path = path
-        self._trouble = ""
-        self.has_failed = False  # something of it was not written
+        self._n_events = 0
+        self._waiting = bytearray()  # what is not written yet
+        self._trouble = self._reason = ""  # not told yet; why writing fails now
+        self._has_lost = False  # an event is in no file, or the disk may lack it
         self._told = threading.Event()
         self._writing = threading.Lock()  # lines of two threads do not mix
         self._over = False
         self._thread = threading.Thread(target=self._sync, name="ergon journal", daemon=True)
         self._thread.start()
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether something of it is not written."""
+        return self._has_lost or bool(self._waiting)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether so much waits for room on the disk that no further event is kept."""
+        return len(self._waiting) >= _WAITING_MAX
 
     @classmethod
     def begin(cls, path: Path) -> Journal:
@@ -71,23 +83,39 @@ class Journal:
         raise AssertionError  # the sequence of names is endless
 
     def append(self, event: str, **fields: Any) -> None:
-        """Append an event. A failure is reported once by `pop_failure`, and the session goes on."""
-        line = json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=True)
-        if len(line) >= MAX_LINE:
-            self._trouble = (
-                "the journal lacks an event that is too long for it: "
-                f"'{event}', {len(line):,} bytes"
-            )
-            self.has_failed = True
-            return
-        try:
-            with self._writing:
-                self._file.write(line + "\n")
-                self._file.flush()
-        except (OSError, ValueError) as error:
-            self._trouble = f"the journal cannot be written: {_reason(error)}"
-            self.has_failed = True
+        """Append an event, or keep it until it can be written; `pop_failure` reports a failure."""
+        with self._writing:
+            self._n_events += 1
+            head = {"v": VERSION, "n": self._n_events, "event": event}
+            line = json.dumps({**head, **fields}, ensure_ascii=True).encode() + b"\n"
+            if len(line) > MAX_LINE or self.is_full:
+                why = "is too long for it" if len(line) > MAX_LINE else "found no room in memory"
+                self._trouble = (
+                    f"the journal lacks an event that {why}: '{event}', {len(line):,} bytes"
+                )
+                self._has_lost = True
+                return
+            self._waiting += line
+            self._write()
         self._told.set()
+
+    def _write(self) -> None:
+        """Pass to the operating system what it takes of what waits."""
+        try:
+            while self._waiting:
+                del self._waiting[: self._file.write(self._waiting)]
+        except OSError as error:
+            reason = error.strerror or str(error)
+            if reason != self._reason:
+                self._trouble = (
+                    f"the journal cannot be written: {reason}; what is typed is kept in memory "
+                    "until it can be"
+                )
+            self._reason = reason
+            return
+        if self._reason:
+            self._trouble = "the journal is written again, and lacks nothing"
+            self._reason = ""
 
     def pop_failure(self) -> str:
         """Why writing has failed since the last call; empty where it has not."""
@@ -99,6 +127,11 @@ class Journal:
         self._over = True
         self._told.set()
         self._thread.join()
+        if self._waiting:
+            self._trouble = (
+                f"the journal ends before its time: {self._reason}; the last "
+                f"{self._waiting.count(10):,} events are lost"
+            )
         with contextlib.suppress(OSError):  # `pop_failure` has reported it
             self._file.close()
 
@@ -106,14 +139,16 @@ class Journal:
         """Sync events to the disk, all that have come meanwhile in one go."""
         is_over = False
         while not is_over:
-            self._told.wait()
+            self._told.wait(_RETRY if self._waiting else None)
             self._told.clear()
             is_over = self._over  # events before `close` are synced below
+            with self._writing:
+                self._write()
             try:
                 os.fsync(self._file.fileno())
             except OSError as error:
-                self._trouble = f"the journal cannot be written: {_reason(error)}"
-                self.has_failed = True
+                self._trouble = f"the journal cannot be written: {error.strerror or error}"
+                self._has_lost = True
 
 
 @dataclass(frozen=True, slots=True)

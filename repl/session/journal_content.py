@@ -136,6 +136,35 @@ class FileVersion(NamedTuple):
 
 
 @dataclass(slots=True)
+class JournalGaps:
+    """Events that a journal lacks, by the numbers of those that it has."""
+
+    last: int = 0
+    n_missing: int = 0
+    first: int = 0  # the line of the file before which the first is missing
+
+    def see(self, event: JournalEvent) -> None:
+        """Note the next event. Journals of earlier versions have no numbers."""
+        if "n" not in event.fields:
+            return
+        number = event.number_of("n", int, 1, _NUMBER_MAX)
+        if number > self.last + 1:
+            self.n_missing += number - self.last - 1
+            self.first = self.first or event.number
+        self.last = number
+
+    def sentence(self, file: str) -> str:
+        """What is missing; empty where nothing is."""
+        if not self.n_missing:
+            return ""
+        events = "event is" if self.n_missing == 1 else "events are"
+        return (
+            f"{file}: {self.n_missing:,} {events} missing, the first before line {self.first}; "
+            "what was heard is not all in it"
+        )
+
+
+@dataclass(slots=True)
 class JournalContent:
     """How a session began, and which line took effect at which frame.
 
@@ -162,6 +191,7 @@ class JournalContent:
     events: list[JournalEvent] = field(default_factory=list)
     # Strikes by MIDI notes and values of inputs by OSC, in the order in which they were done.
     acts: list[JournalAct] = field(default_factory=list)
+    gaps: JournalGaps = field(default_factory=JournalGaps)
 
     def order(self) -> dict[int, float]:
         """The place of every line in the order of effect, by number."""
@@ -249,7 +279,9 @@ def read_journal(
     if "base" in first.fields:
         fields = first.get("base", dict)
         replay.base = where.texts(JournalEvent(first.file, first.number, "base", fields))
+    replay.gaps.see(first)
     for event in events:
+        replay.gaps.see(event)
         _add_event(replay, event, where)
     replay.commits.sort(key=lambda commit: commit[0])
     replay.acts.sort(key=lambda act: act.frame)

@@ -106,7 +106,7 @@ class ReplayedSession:
         self.n_frames = replay.n_frames
         if not replay.ended:
             self.n_frames = max(self.n_frames, hands.n_frames)
-        self.warnings = (*hands.warnings, *_missing_at_end(replay, hands, self.rate))
+        self.warnings = (*hands.warnings, *_missing(replay, hands, self.rate))
         if replay.n_frames > MAX_SECONDS * self.rate:
             raise NotTakenError("the journal claims that the session lasted longer than a day")
         self.n_channels = self.n_out = running.stage.n_channels
@@ -309,8 +309,10 @@ def edit_of_line(
     )
 
 
-def _missing_at_end(replay: JournalContent, hands: RecordedHands, rate: float) -> Iterator[str]:
-    """Sentences about what is missing at the end of a journal and of its recording."""
+def _missing(replay: JournalContent, hands: RecordedHands, rate: float) -> Iterator[str]:
+    """Sentences about what is missing in a journal, and at the end of it and of its recording."""
+    if gap := replay.gaps.sentence(replay.first.file):
+        yield gap
     seconds = replay.n_frames / rate
     if not replay.ended:
         yield (

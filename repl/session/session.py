@@ -202,6 +202,8 @@ class Session(SessionCore):
             self._journal_event("end", frame=self.commits.engine.frame)
             if self.journal is not None:
                 self.journal.close()
+                if trouble := self.journal.pop_failure():
+                    self.say(trouble)
 
 
 def _not_taken(message: str, try_: str | None = None, help: str | None = None) -> Reply:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import threading
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import IO, Any
 
 import pytest
 from one_bell import SCORE as BELL
@@ -17,6 +19,7 @@ from tests.repl.test_journal_hostile import KEYS, SCORE
 from ergon.repl.session.commits import Commits, WaitingLine
 from ergon.repl.session.journal import Journal, JournalError, read_events
 from ergon.repl.session.journal_content import read_journal
+from ergon.repl.session.replay import ReplayedSession
 
 
 def test_journals_that_begin_at_once_get_a_name_each(tmp_path: Path) -> None:
@@ -90,6 +93,100 @@ def test_a_disk_that_fails_is_told_and_the_music_goes_on(
     journal.close()
     assert "Input/output error" in journal.pop_failure()
     assert journal.pop_failure() == ""
+
+
+class FullDisk:
+    """A file on a disk that takes so many more bytes."""
+
+    def __init__(self, file: IO[bytes], room: int) -> None:
+        self.file, self.room = file, room
+
+    def write(self, data: bytes) -> int:
+        taken = min(self.room, len(data))
+        if not taken:
+            raise OSError(28, "No space left on device")
+        self.room -= taken
+        return self.file.write(data[:taken])
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.file, name)
+
+
+@pytest.fixture
+def disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Journal, FullDisk]]:
+    """A journal whose disk has room for its first event, and for half of the second."""
+    real, disks = Path.open, []
+
+    def opened(path: Path, mode: str = "r", *words: Any, **fields: Any) -> Any:
+        file = real(path, mode, *words, **fields)
+        disks.append(FullDisk(file, 60) if mode == "xb" else file)
+        return disks[-1]
+
+    monkeypatch.setattr(Path, "open", opened)
+    journal = Journal(tmp_path / "a.jsonl")
+    monkeypatch.undo()
+    yield journal, disks[0]
+    journal.close()
+
+
+def test_what_a_full_disk_does_not_take_is_written_later(disk: tuple[Journal, FullDisk]) -> None:
+    journal, full = disk
+    for number in range(1, 5):
+        journal.append("line", number=number)
+    assert journal.has_failed
+    assert "No space left on device; what is typed is kept" in journal.pop_failure()
+    assert len(list(read_events(journal.path))) == 1  # the second line is written by half
+    full.room = 1 << 20
+    until(lambda: not journal.has_failed, "room for what waits")
+    assert journal.pop_failure() == "the journal is written again, and lacks nothing"
+    assert [event.get("number", int) for event in read_events(journal.path)] == [1, 2, 3, 4]
+
+
+def test_a_journal_that_ends_on_a_full_disk_says_how_much_is_lost(
+    disk: tuple[Journal, FullDisk],
+) -> None:
+    journal, _ = disk
+    for number in range(1, 5):
+        journal.append("line", number=number)
+    journal.pop_failure()
+    journal.close()
+    assert journal.pop_failure() == (
+        "the journal ends before its time: No space left on device; the last 3 events are lost"
+    )
+
+
+def test_a_line_that_no_memory_keeps_is_not_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ergon.repl.session.journal._WAITING_MAX", 0)
+    (tmp_path / "keys.yaml").write_text(KEYS)
+    with closing(Stepped(SCORE, tmp_path)) as stepped:
+        reply = stepped.session.submit("ada plays knock every 1")
+        assert (reply.taken, "make room on the disk" in reply.text) == (False, True)
+        stepped.ok("panic")
+
+
+def test_a_journal_with_a_gap_is_named(tmp_path: Path) -> None:
+    (tmp_path / "keys.yaml").write_text(KEYS)
+    with closing(Stepped(SCORE, tmp_path)) as stepped:
+        for line in ("play", "set ring.m.M x1.5", "set k1.M 500g"):
+            stepped.ok(line)
+            stepped.run(2.5)
+    path = tmp_path / "session.jsonl"
+    lines = path.read_text().splitlines(keepends=True)
+    assert ReplayedSession(read_journal(path)).warnings == ()
+    events = [json.loads(line) for line in lines]
+    last = max(event["number"] for event in events if event["event"] == "line")
+    kept = [
+        line
+        for line, event in zip(lines, events, strict=True)
+        if event.get("number") != last and event.get("event") != "end"
+    ]
+    path.write_text("".join([*kept, lines[-1]]))
+    (warning,) = ReplayedSession(read_journal(path)).warnings
+    n_missing = len(lines) - len(kept) - 1
+    assert f"{n_missing} events are missing" in warning
+    assert "not all in it" in warning
 
 
 def test_a_journal_is_a_file_of_a_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,8 +18,6 @@ use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 use link_work::{LinkWork, Watched};
 
-/// Steps between two looks at the accounts.
-pub(super) const BLOCK: u64 = 256;
 /// Longest run of laws with accounts: a longer one would take more time for its accounts than for its steps.
 pub(super) const LONGEST: usize = 32;
 /// Elongations [m] and rates [m/s] at which a law's damping is tested for giving energy.

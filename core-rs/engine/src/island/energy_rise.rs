@@ -4,7 +4,7 @@
 //! and laws do between frames and to bodies by their modes, but only where nothing drives the island: the energy of all
 //! masses, bodies and links is added up now and then, and if no event fell between two looks, a rise is created energy.
 
-use super::energy_account::Gain;
+use super::energy_account::{self, Gain};
 use super::fine::Fine;
 use super::inside::RunningBody;
 use super::{Island, energy_gain};
@@ -16,7 +16,7 @@ use crate::state::Body;
 use crate::units::Rate;
 
 /// Steps between two looks: what is computed ahead of bodies has to be gone through again for each.
-pub(super) const STEPS: u64 = 16 * energy_gain::BLOCK;
+const STEPS: u64 = energy_account::RARELY;
 /// Error of an elongation in units of the last digit of a position.
 const DIGITS: f64 = 1e4;
 /// Contacts and laws between frames are computed finer from each rise by this share of the energy on, so that what is

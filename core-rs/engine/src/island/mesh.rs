@@ -4,8 +4,7 @@
 use crate::archive::{Archive, Damaged, State, state_of};
 use std::sync::Arc;
 
-use super::energy_account::{Account, Gain};
-use super::energy_rise;
+use super::energy_account::{self, Account, Gain};
 use crate::guard::FinerFrames;
 use crate::integrate::{Integrator, MeshMethod};
 use crate::interrupt;
@@ -287,7 +286,7 @@ impl RunningMesh {
 
     /// Check whether it created energy by frame `n`; now and then only, where that takes long to compute.
     pub(super) fn check_gain(&mut self, n: u64) -> Option<Gain> {
-        if !(n - 1).is_multiple_of(energy_rise::STEPS) && self.integrator.n_integrated() > 0 {
+        if !(n - 1).is_multiple_of(energy_account::RARELY) && self.integrator.n_integrated() > 0 {
             return None;
         }
         let gain = self

@@ -6,7 +6,7 @@
 //! The state is therefore at every frame what it would be if all steps were computed, and an island wakes by computing
 //! its next step.
 
-use super::{Fault, Island, energy_gain, inside};
+use super::{Fault, Island, energy_account, inside};
 use crate::archive::{Archive, State as _};
 use crate::island::written_hand::voice::Voice;
 use crate::kernel::thread_team::ThreadTeam;
@@ -22,7 +22,7 @@ const FIRST_GAP: u64 = 64;
 const GAP_MAX: u64 = 1 << 15;
 /// Steps before an event from which on steps are computed, because bodies are computed ahead and strikes may fall
 /// between frames.
-const MARGIN: u64 = 4 * energy_gain::BLOCK;
+const MARGIN: u64 = 4 * energy_account::BLOCK;
 /// States larger than this are not compared [bytes].
 const STATE_MAX: usize = 1 << 26;
 

@@ -3,7 +3,8 @@
 //! A step does not allocate (but for a recorded stream of ergons), lock or panic.
 
 use super::{
-    Fault, Island, Record, Script, State, energy_gain, glide, live_strikes, real_hands, sounds_in,
+    Fault, Island, Record, Script, State, energy_account, glide, live_strikes, real_hands,
+    sounds_in,
 };
 use crate::guard;
 use crate::interrupt;
@@ -233,7 +234,7 @@ impl Island {
         state.scheme = gliding;
         state.frame += 1;
         if sound && bodies_sound {
-            if n.is_multiple_of(energy_gain::BLOCK) {
+            if n.is_multiple_of(energy_account::BLOCK) {
                 return self.check_gains();
             }
             Ok(())
