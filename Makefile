@@ -2,7 +2,7 @@
 #   make demo       build, render a bundled score to a WAV, say where and how fast, play it if it can
 #   make test       everything that must hold (random cases by a fixed seed: no luck in a landing); installs the programs that tests
 #                   start, or skips these tests and names them. SKIPS=fail: a skipped test is a failed one, as in CI
-#   make test-terminal  what is printed, in the plainest locale and a terminal of 80 columns
+#   make test-terminal  the quick half of what is printed, in the plainest locale and a terminal of 80 columns
 #   make check      format, lint, types, Rust documentation; warnings are errors
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, faults, licences
@@ -20,8 +20,9 @@ BIN := $(VENV)/bin
 SUDO := $(shell test "$$(id -u)" = 0 || echo sudo)
 PYTEST := $(BIN)/python -m pytest -q --numprocesses auto
 SKIPS ?= say
-# Rooms whose tests read what is printed.
-PRINTING := tests/cli tests/notation tests/lsp tests/exchange tests/house/test_docs.py
+# The quick half of the tests that read what is printed.
+PRINTING := tests/notation tests/lsp $(patsubst %,tests/cli/test_%.py,cli_app cli_fold cli_layout cli_modes cli_names cli_plan cli_render cli_score \
+  cli_stats cli_streams cli_take every_command tables terminal_text)
 NO_SKIPS := $(if $(filter fail,$(SKIPS)),--no-skips)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 

@@ -89,7 +89,7 @@ def test_by_ear_nothing_is_looked_for_below_what_is_heard():
     assert asked.how == "ca2p ×2"
 
 
-@pytest.mark.parametrize("seed", [304, 308])
+@pytest.mark.parametrize("seed", [304, pytest.param(308, marks=pytest.mark.slow)])
 def test_by_ear_dear_contacts_are_no_more_exact_than_is_heard(seed: int):
     text = random_scenes.text("bridge", seed)
     by_ear, asked = audit.look("bridge", text, (audit.BY_EAR, -80.0), plain=False).plans

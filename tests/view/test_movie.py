@@ -74,7 +74,7 @@ def test_pictures_are_what_the_page_draws_at_their_instants(
         assert file.read_bytes() == page.picture()
 
 
-@pytest.mark.parametrize("suffix", [".webm", ".mp4"])
+@pytest.mark.parametrize("suffix", [".webm", pytest.param(".mp4", marks=pytest.mark.slow)])
 def test_a_film_has_its_pictures_and_its_sound(shown: Shown, tmp_path: Path, suffix: str) -> None:
     asked = replace(SMALL, start="1s", end="3s")
     target = tmp_path / f"film{suffix}"
