@@ -227,6 +227,8 @@ def event_sentence(
         f"does; the force returns when the key has moved for 3 s, {_THIRD}",
         "tripped: unanswered": f"{player}'s key tripped: it does not answer its motor; no force "
         "until `release`; check the motor, its supply and the sensor",
+        "tripped: late": f"{player}'s key tripped: its force or its position comes too late; no "
+        "force until `release`; check its cable, and close other programs on this machine",
         "tripped: outside travel": f"{player}'s key tripped: its position is outside its travel; "
         "no force until `release`; check the sensor, or find the ends by `ergon devices calibrate`",
         "tripped: jump": f"{player}'s key tripped: its position jumped as no force could move it; "

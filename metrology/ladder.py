@@ -69,6 +69,7 @@ _ENDS = {
     "tripped: at stop": "the key was pushed into an end of its travel, so its force is zero",
     "tripped: frozen": "the sensor shows one position whatever the force is, so the force is zero",
     "tripped: unanswered": "the key does not answer its motor, so the force is zero",
+    "tripped: late": "the force or the position comes too late, so the force is zero",
     "tripped: outside travel": "the position is outside the travel of the key, so the force is "
     "zero; find its ends by `ergon devices calibrate`",
     "tripped: jump": "the position jumped as no force could move the key, so the force is zero",
@@ -164,6 +165,7 @@ class Ladder:
 DOUBTS = (
     "tripped: wrong way",
     "tripped: unanswered",
+    "tripped: late",
     "tripped: frozen",
     "tripped: at stop",
     "tripped: speed",

@@ -216,6 +216,7 @@ def test_what_tripped_is_told_by_its_reason():
         "at stop",
         "frozen",
         "unanswered",
+        "late",
         "outside travel",
         "jump",
     )

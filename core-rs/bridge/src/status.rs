@@ -14,6 +14,7 @@ pub(crate) fn tripped(why: Trip) -> &'static str {
         Trip::AtStop => "tripped: at stop",
         Trip::Frozen => "tripped: frozen",
         Trip::Unanswered => "tripped: unanswered",
+        Trip::Late => "tripped: late",
         Trip::OutsideTravel => "tripped: outside travel",
         Trip::Jump => "tripped: jump",
     }

@@ -119,6 +119,8 @@ impl<D: Device> Guarded<D> {
                 inertia: spec.inertia,
                 force: self.pipeline.force_max(),
                 delay: spec.loop_delay_s.unwrap_or(0.0),
+                energy: self.pipeline.limits().energy,
+                power: self.pipeline.limits().power,
             })
             .collect();
         self.watched = Some(PlausibilityChecks::new(&built, self.pipeline.period()));

@@ -17,6 +17,8 @@ pub enum Trip {
     Frozen,
     /// The key does not answer its motor.
     Unanswered,
+    /// The force or the position comes late.
+    Late,
     /// The position is outside the travel of the key.
     OutsideTravel,
     /// The position jumped as no force could move the key.
@@ -26,14 +28,17 @@ pub enum Trip {
 impl Trip {
     /// Whether the motor may not do what it is commanded.
     pub(super) fn is_of_motor(self) -> bool {
-        matches!(self, Self::WrongWay | Self::Unanswered | Self::Frozen)
+        matches!(
+            self,
+            Self::WrongWay | Self::Unanswered | Self::Late | Self::Frozen
+        )
     }
 
     /// Whether only the player can let the axis push again, after the first trip already.
     pub(super) fn latches(self) -> bool {
         matches!(
             self,
-            Self::WrongWay | Self::Unanswered | Self::OutsideTravel | Self::Jump
+            Self::WrongWay | Self::Unanswered | Self::Late | Self::OutsideTravel | Self::Jump
         )
     }
 }

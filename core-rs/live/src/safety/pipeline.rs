@@ -250,6 +250,11 @@ impl Pipeline {
         self.max_force
     }
 
+    /// The limits of force, power and work.
+    pub(super) fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
     /// Period of the ticks [s].
     pub(super) fn period(&self) -> f64 {
         self.period

@@ -1,9 +1,10 @@
 //! Checks that force and motion agree. Finds a motor that pushes the wrong way or not at all, a key pushed into its stop,
-//! and a sensor that freezes.
+//! a sensor that freezes, and a force or a position that comes late.
 //!
 //! A hand may push against a force at any time, and a hand that holds still looks like a frozen sensor. So watching
 //! alone proves nothing: the force is changed for some milliseconds, and the answer of the key decides. There are two
-//! ways. [`confirmation`] asks faint questions all the time, which hold for every hand but take 56 ms. [`signs`] watches
+//! ways. [`confirmation`] asks faint questions all the time, which hold for every hand but take 56 ms; [`lateness`] says
+//! how much depends on their being in time. [`signs`] watches
 //! for a key that runs away, or rests at a stop that the force pulls it away from, and a [`probe`] decides within 8 ms or
 //! 40 ms; only `WRONG_ANSWERS` wrong answers without a right one between them end the force, and questions without any
 //! other force then decide. Two observations count without an answer: a force of newtons that pushes a resting key
@@ -14,6 +15,7 @@
 //! the last bit.
 
 mod confirmation;
+mod lateness;
 mod probe;
 mod question;
 mod signs;
@@ -55,6 +57,9 @@ pub(super) struct AxisSpec {
     pub(super) force: f64,
     /// Delay that the device tells [s].
     pub(super) delay: f64,
+    /// Work that its motor may do on a hand at once [J], and for long [W].
+    pub(super) energy: f64,
+    pub(super) power: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -185,7 +190,7 @@ impl Plausibility {
         if self.trip().is_none() {
             self.mode = Mode::Watching;
             self.signs = Signs::default();
-            self.confirmation.interrupt();
+            self.confirmation.restart();
         }
     }
 
@@ -209,7 +214,7 @@ impl Plausibility {
                 *passed = 0;
             }
         }
-        let moved = x - self.signs.past[0];
+        let moved = self.signs.moved_to(x);
         self.signs.add(x, sent, &self.built);
         let verdict = self.confirmation.advance(Step {
             x,
@@ -238,7 +243,7 @@ impl Plausibility {
             Mode::Doubting(steps) => {
                 *steps += 1;
                 if *steps >= seconds(DOUBT) {
-                    self.trip_with(Trip::WrongWay);
+                    self.trip_with(self.confirmation.fault_of_doubt());
                 }
             }
             Mode::Probing(probe) => {
@@ -353,6 +358,8 @@ impl PlausibilityChecks {
             inertia: None,
             force: 0.0,
             delay: 0.0,
+            energy: 0.0,
+            power: 0.0,
         };
         let of = |axis| Plausibility::new(built.get(axis).copied().unwrap_or(nothing), period);
         Self {

@@ -1,6 +1,7 @@
 //! Whether the motor still pushes the way it is commanded: questions are asked again and again, and answers counted.
 
 use super::AxisSpec;
+use super::lateness::{Lateness, PASSED};
 use super::question::{Questions, Reply};
 use super::signs::AxisParameters;
 use crate::safety::Trip;
@@ -16,6 +17,9 @@ const TAKEN_OUT_MAX: f64 = 0.75;
 const JUDGED_FORCE: f64 = 0.3;
 /// Longest time with a greater force and without a right answer, from the end of a confirmation on [s].
 const PATIENCE: f64 = 1.25;
+/// Time without a right answer after which questions no longer wait until the motion of a swing is known [s]: a healthy
+/// hand that makes hard strokes needs more frequent ones, to be answered before `PATIENCE` is over.
+const CALM_FOR: f64 = 0.5;
 /// A sensor of greater steps is too coarse for questions [m].
 const COARSEST: f64 = 3e-5;
 /// Number of wrong answers more than right ones that end the force.
@@ -89,6 +93,10 @@ pub(super) struct Confirmation {
     since_right: f64,
     unanswered: f64,
     taken_out: f64,
+    lateness: Lateness,
+    /// Whether questions in doubt wait until nothing late comes any more; time since a force or a pulse there [s].
+    waits: bool,
+    since_pulse: f64,
     /// Wrong answers less right ones, and answers without any change in a row.
     wrong: u32,
     unmoved: u32,
@@ -119,6 +127,9 @@ impl Confirmation {
             since_right: f64::INFINITY,
             unanswered: 0.0,
             taken_out: 0.0,
+            lateness: Lateness::new(step, axis.delay, axis.energy, axis.power),
+            waits: false,
+            since_pulse: 0.0,
             wrong: 0,
             unmoved: 0,
             interrupted: false,
@@ -130,9 +141,16 @@ impl Confirmation {
         self.questions.restart();
         (self.wrong, self.unmoved, self.interrupted) = (0, 0, false);
         (self.since_right, self.unanswered, self.taken_out) = (f64::INFINITY, 0.0, 0.0);
+        self.lateness.forget();
     }
 
-    /// Forget earlier positions: motion was missed, or a probe moves the key.
+    /// Forget earlier positions and forces: both were missed.
+    pub(super) fn restart(&mut self) {
+        self.interrupt();
+        self.lateness.restart();
+    }
+
+    /// Forget earlier positions: a probe moves the key.
     pub(super) fn interrupt(&mut self) {
         self.questions.restart();
         self.interrupted = true;
@@ -142,6 +160,17 @@ impl Confirmation {
     pub(super) fn begin_doubt(&mut self) {
         self.questions.restart();
         self.wrong = 0;
+        (self.waits, self.since_pulse) = (self.lateness.is_marked(), 0.0);
+        self.lateness.forget();
+    }
+
+    /// What a doubt means that no answer has ended.
+    pub(super) fn fault_of_doubt(&self) -> Trip {
+        if self.waits {
+            Trip::Late
+        } else {
+            Trip::WrongWay
+        }
     }
 
     /// The part of a force that passes the later stages, by the last force `sent` [N].
@@ -180,10 +209,14 @@ impl Confirmation {
 
     /// Advance by a step.
     pub(super) fn advance(&mut self, now: Step) -> Verdict {
-        let reply = self.questions.take(now.x, now.sent);
+        let reply = self
+            .questions
+            .take(now.x, now.sent, self.lateness.is_asked());
         self.since_right += self.step;
         self.taken_out = (self.taken_out - now.sent * now.moved).max(0.0);
+        self.lateness.take(now.sent, now.moved);
         if let Some(reply) = reply {
+            self.since_pulse = 0.0;
             // Pulses do not move a key that is held at its stop.
             let is_stopped = reply == Reply::Unmoved && now.is_at_stop;
             let reply = if is_stopped { Reply::Hidden } else { reply };
@@ -196,10 +229,19 @@ impl Confirmation {
             return Verdict::Continue;
         }
         if now.phase == Phase::Doubting {
-            if self.questions.is_calm() {
-                self.questions.begin(self.room, self.passes);
+            self.since_pulse += self.step;
+            let has_passed = !self.waits || self.since_pulse > PASSED;
+            if self.questions.is_calm() && has_passed {
+                self.questions.begin(self.room, self.passes, self.waits);
             }
             return Verdict::Continue;
+        }
+        if self.lateness.is_too_great() {
+            return if self.lateness.note_end() {
+                Verdict::Fault(Trip::Late)
+            } else {
+                Verdict::Doubt
+            };
         }
         if now.sent.abs() < JUDGED_FORCE || now.is_at_stop {
             return Verdict::Continue;
@@ -214,9 +256,18 @@ impl Confirmation {
                 return Verdict::Fault(Trip::Unanswered);
             }
         }
-        let is_due = is_overdue || self.taken_out > TAKEN_OUT || now.may_be_frozen;
-        if is_due && now.phase == Phase::Playing && self.questions.may_begin() {
-            self.questions.begin(self.room, self.passes);
+        let is_due = is_overdue
+            || self.taken_out > TAKEN_OUT
+            || self.lateness.is_asked()
+            || now.may_be_frozen;
+        let may_begin = if self.lateness.is_marked() && self.unanswered < CALM_FOR {
+            self.questions.is_very_calm()
+        } else {
+            self.questions.may_begin()
+        };
+        if is_due && now.phase == Phase::Playing && may_begin {
+            self.questions
+                .begin(self.room, self.passes, self.lateness.is_asked());
         }
         Verdict::Continue
     }
@@ -233,7 +284,7 @@ impl Confirmation {
             Reply::Right if in_doubt => return Verdict::Right,
             // A right answer after a wrong one is not enough.
             Reply::Right if self.wrong > 0 => self.wrong -= 1,
-            Reply::Right => (self.since_right, self.unanswered, self.taken_out) = (0.0, 0.0, 0.0),
+            Reply::Right => self.confirm(),
             Reply::Wrong => {
                 self.wrong += 1;
                 if self.wrong >= WRONG_REPLIES {
@@ -252,8 +303,9 @@ impl Confirmation {
         Verdict::Continue
     }
 
-    /// A right answer ends a doubt.
+    /// An answer was right and in time.
     pub(super) fn confirm(&mut self) {
+        self.lateness.forget();
         (self.since_right, self.unanswered, self.taken_out) = (0.0, 0.0, 0.0);
     }
 }

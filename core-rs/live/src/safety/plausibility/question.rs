@@ -7,6 +7,9 @@
 //! (by the algorithm of M. Frank and P. Wolfe, Naval Research Logistics Quarterly 3, 1956), and a test computes the
 //! answers of more hands. A motor that pushes the other way gives a negative sum.
 //!
+//! Where force or position may be late, the sign of the first pulse is drawn for each question, so that a motion that repeats, such as the answer to an
+//! earlier question that comes late, is right as often as wrong.
+//!
 //! Only the sum under the known pulses counts, never force and motion as such: with a spring they agree in sign whichever
 //! way the motor pushes, since the piece computes the force from the position.
 
@@ -49,12 +52,21 @@ const FIRMEST_PATH: f64 = 2e-5;
 const FAINTEST: f64 = 2e-6;
 const SENSOR_STEPS: f64 = 1.5;
 const NOISES: f64 = 3.0;
+/// Steps without a question in which that sum is taken, where the key swings: a part of a swing.
+const CALM: usize = 12;
+/// An answer that is late by 22 to 34 steps has the sign of one in time, but the sum is this many times greater when the
+/// window has moved by the same number of steps. For an answer in time, by three steps at most, the factor is below 1.9.
+const LATER: [usize; 2] = [22, 34];
+const LATER_FACTOR: f64 = 2.0;
 /// Time in which the greatest sum without pulses is forgotten [s].
 const FORGOTTEN: f64 = 0.25;
 /// The force of a pulse is chosen for an answer this many times the least.
 const CLEAR: f64 = 2.0;
 /// Least and greatest force of a pulse [N].
 const PULSE_FORCES: [f64; 2] = [0.05, 3.0];
+
+/// The first state of the draw of signs: any number but zero.
+const DRAW: u32 = 0x9e37_79b9;
 
 /// The answer to a question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,6 +84,8 @@ pub(super) enum Reply {
 /// A question under way.
 #[derive(Clone, Copy, Debug)]
 struct Asked {
+    /// Sign of the first pulse.
+    sign: f64,
     /// Force of its pulses at the key [N], and the part of a force that reaches the key.
     force: f64,
     passes: f64,
@@ -79,6 +93,17 @@ struct Asked {
     steps: usize,
     /// Least and greatest force that was sent since then [N].
     sent: [f64; 2],
+}
+
+/// A right answer that has to be greater than what comes later.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    /// Its sum, the sign of the question, and the greatest sum since then, as if the pulses had been later [m].
+    sum: f64,
+    sign: f64,
+    later: f64,
+    /// Steps since the answer.
+    steps: usize,
 }
 
 /// The questions to an axis.
@@ -99,6 +124,9 @@ pub(super) struct Questions {
     /// Answer to a newton that is expected [m].
     response: f64,
     asked: Option<Asked>,
+    waiting: Option<Waiting>,
+    /// State of the draw of signs.
+    draw: u32,
 }
 
 impl Questions {
@@ -115,29 +143,44 @@ impl Questions {
             noise: 0.0,
             response: FIRM_RESPONSE,
             asked: None,
+            waiting: None,
+            draw: DRAW,
         }
     }
 
     /// Forget earlier positions.
     pub(super) fn restart(&mut self) {
-        (self.asked, self.quiet, self.noise) = (None, 0, 0.0);
+        (self.asked, self.waiting) = (None, None);
+        (self.quiet, self.noise) = (0, 0.0);
+    }
+
+    fn is_idle(&self) -> bool {
+        self.asked.is_none() && self.waiting.is_none()
     }
 
     /// Whether a question may begin.
     pub(super) fn may_begin(&self) -> bool {
-        self.asked.is_none() && self.quiet >= BEFORE
+        self.is_idle() && self.quiet >= BEFORE
     }
 
     /// Whether one may begin, and the noise since the last one is known.
     pub(super) fn is_calm(&self) -> bool {
-        self.asked.is_none() && self.quiet > SPAN
+        self.is_idle() && self.quiet > SPAN
     }
 
-    /// Begin a question with at most `force` [N], if the part `passes` of a force reaches the key.
-    pub(super) fn begin(&mut self, force: f64, passes: f64) {
+    /// Whether one may begin, and the noise of a swing since the last one is known.
+    pub(super) fn is_very_calm(&self) -> bool {
+        self.is_idle() && self.quiet > SPAN + CALM
+    }
+
+    /// Begin a question with at most `force` [N], if the part `passes` of a force reaches the key. Where `is_doubtful`, its
+    /// sign is drawn.
+    pub(super) fn begin(&mut self, force: f64, passes: f64, is_doubtful: bool) {
         let [low, high] = PULSE_FORCES;
         let clear = (CLEAR * self.least_answer() / self.response).clamp(low, high);
+        let sign = if is_doubtful { self.drawn_sign() } else { 1.0 };
         self.asked = Some(Asked {
+            sign,
             force: clear.min(force),
             passes,
             steps: 0,
@@ -145,12 +188,20 @@ impl Questions {
         });
     }
 
+    /// A sign by xorshift32 (Marsaglia, 2003).
+    fn drawn_sign(&mut self) -> f64 {
+        self.draw ^= self.draw << 13;
+        self.draw ^= self.draw >> 17;
+        self.draw ^= self.draw << 5;
+        if self.draw >> 31 == 0 { 1.0 } else { -1.0 }
+    }
+
     /// The force of the pulses now [N].
     pub(super) fn offset(&self) -> f64 {
         let Some(asked) = self.asked else { return 0.0 };
         let pulse = |step: usize| PULSE.get(step).copied().unwrap_or(0.0);
         let second = asked.steps.checked_sub(SECOND).map_or(0.0, pulse);
-        asked.force / asked.passes * (pulse(asked.steps) - second)
+        asked.sign * asked.force / asked.passes * (pulse(asked.steps) - second)
     }
 
     fn least_answer(&self) -> f64 {
@@ -160,7 +211,8 @@ impl Questions {
     }
 
     /// Take the position of a step [m], and the force `sent` before it [N]; returns the answer when a question is over.
-    pub(super) fn take(&mut self, x: f64, sent: f64) -> Option<Reply> {
+    /// Where `is_doubtful`, a right answer has to be greater than what comes later.
+    pub(super) fn take(&mut self, x: f64, sent: f64, is_doubtful: bool) -> Option<Reply> {
         if self.quiet == 0 && self.asked.is_none() {
             self.past = [x; SPAN];
         }
@@ -172,7 +224,7 @@ impl Questions {
             if self.quiet > SPAN {
                 self.noise = self.noise.max(self.sum().abs());
             }
-            return None;
+            return self.wait();
         };
         asked.steps += 1;
         asked.sent = [asked.sent[0].min(sent), asked.sent[1].max(sent)];
@@ -181,10 +233,41 @@ impl Questions {
         }
         let asked = *asked;
         (self.asked, self.quiet) = (None, 0);
-        Some(self.judge(asked))
+        let reply = self.judge(asked);
+        if reply == Reply::Right && is_doubtful {
+            self.waiting = Some(Waiting {
+                sum: self.sum().abs(),
+                sign: asked.sign,
+                later: 0.0,
+                steps: 0,
+            });
+            return None;
+        }
+        Some(reply)
     }
 
-    fn judge(&mut self, Asked { force, sent, .. }: Asked) -> Reply {
+    /// Wait until a right answer is known to be in time.
+    fn wait(&mut self) -> Option<Reply> {
+        let mut waiting = self.waiting?;
+        let [first, last] = LATER;
+        waiting.steps += 1;
+        if waiting.steps >= first {
+            waiting.later = waiting.later.max(waiting.sign * self.sum());
+        }
+        self.waiting = (waiting.steps < last).then_some(waiting);
+        if self.waiting.is_some() {
+            return None;
+        }
+        let is_late = waiting.later > LATER_FACTOR * waiting.sum;
+        Some(if is_late { Reply::Hidden } else { Reply::Right })
+    }
+
+    fn judge(
+        &mut self,
+        Asked {
+            sign, force, sent, ..
+        }: Asked,
+    ) -> Reply {
         let still = |x: &f64| x.to_bits() == self.past[SPAN - 1].to_bits();
         let changed = 0.5 * (sent[1] - sent[0]);
         if changed.min(force) * FIRMEST_PATH >= 2.0 * self.resolution
@@ -193,7 +276,7 @@ impl Questions {
             self.response = FIRMEST_RESPONSE;
             return Reply::Unmoved;
         }
-        let sum = self.sum();
+        let sum = sign * self.sum();
         if sum.abs() < self.least_answer() || sum.abs() > self.greatest_response * force {
             self.response = (0.5 * self.response).max(FIRMEST_RESPONSE);
             return Reply::Hidden;
@@ -224,6 +307,7 @@ mod tests {
         let h = 1e-3 / SUBSTEPS as f64;
         let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
         questions.asked = Some(Asked {
+            sign: 1.0,
             force: 1.0,
             passes: 1.0,
             steps: 0,
@@ -285,5 +369,54 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// The reply of a body whose answer is `delay` steps late, to a question that is doubtful.
+    fn doubtful_reply([damping, stiffness]: [f64; 2], mass: f64, delay: usize) -> Reply {
+        const SUBSTEPS: usize = 16;
+        let h = 1e-3 / SUBSTEPS as f64;
+        let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
+        while !questions.is_calm() {
+            questions.take(0.0, 0.0, true);
+        }
+        questions.begin(3.0, 1.0, true);
+        let (mut x, mut v) = (0.0, 0.0);
+        let mut forces = std::collections::VecDeque::from(vec![0.0; delay]);
+        loop {
+            forces.push_back(questions.offset());
+            let force = forces.pop_front().unwrap();
+            for _ in 0..SUBSTEPS {
+                v += (force - damping * v - stiffness * x) / mass * h;
+                x += v * h;
+            }
+            if let Some(reply) = questions.take(x, force, true) {
+                return reply;
+            }
+        }
+    }
+
+    #[test]
+    fn an_answer_that_is_greater_later_is_not_right() {
+        let hands = [
+            [0.1, 0.0],
+            [1.0, 0.0],
+            [2.0, 100.0],
+            [5.0, 400.0],
+            [9.0, 800.0],
+            [11.0, 1500.0],
+            [21.0, 3000.0],
+        ];
+        for hand in hands {
+            for mass in [0.05, 0.1, 0.2] {
+                for delay in 0..=2 {
+                    let reply = doubtful_reply(hand, mass, delay);
+                    assert_eq!(reply, Reply::Right, "{hand:?} {mass} kg, {delay} steps");
+                }
+            }
+        }
+        // Without the comparison all of these are right.
+        let late = hands.map(|hand| doubtful_reply(hand, 0.1, 26));
+        let right = late.iter().filter(|reply| **reply == Reply::Right).count();
+        assert!(right <= 2, "{late:?}");
     }
 }

@@ -174,6 +174,11 @@ impl Signs {
         self.follow_run(x, sent, axis);
     }
 
+    /// The movement to a new position [m]; none if no position is known before it.
+    pub(super) fn moved_to(&self, x: f64) -> f64 {
+        if self.n == 0 { 0.0 } else { x - self.past[0] }
+    }
+
     /// The velocity over the last steps [m/s].
     pub(super) fn velocity(&self, axis: &AxisParameters) -> f64 {
         (self.past[0] - self.past[VELOCITY_STEPS]) / (VELOCITY_STEPS as f64 * axis.step)

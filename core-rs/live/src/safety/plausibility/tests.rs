@@ -243,6 +243,8 @@ fn a_stall_ends_a_question_and_every_suspicion() {
         inertia: Some(0.05),
         force: 20.0,
         delay: 0.0,
+        energy: 1.0,
+        power: 0.5,
     };
     let mut axis = Plausibility::new(built, 1e-3);
     let asked = |x: f64| 500.0 * x;

@@ -1,0 +1,144 @@
+//! The work that the motor does on the hand if force or position come later than the device reports.
+//!
+//! A spring that acts late drives the key to and fro, and the work by the positions that are reported is about zero
+//! meanwhile. So the work is summed for forces that are late by each of some lags. Under a force of angular frequency ω
+//! the sum is greatest for a lag of a quarter of the period, whatever the real delay is, so a few lags show any swing. A
+//! hand that moves a key on a spring shows the same work, and only an answer in time tells that nothing is late.
+
+/// The lags [s], besides the delay that the device reports. Any swing with a period from 36 ms to 1.2 s shows at least
+/// four fifths of its work at one of them.
+const LAGS: [f64; 9] = [0.009, 0.014, 0.021, 0.032, 0.048, 0.075, 0.12, 0.19, 0.3];
+/// Number of forces that are kept: more than the longest lag and delay in steps of a millisecond.
+const PAST: usize = 512;
+
+/// Parts of the work that may be done at once. From the first on a question is asked early; from the second on it waits
+/// until the motion of the key is known, because a swing hides answers or imitates them; at the last the force ends.
+const ASKED: f64 = 0.03;
+const MARKED: f64 = 0.1;
+const GREATEST: f64 = 0.5;
+/// The second time within this time is no chance [s]: with a late channel the force ends again after 2 to 4 s, and under
+/// the hardest strokes of a healthy hand after more than a minute.
+const AGAIN: f64 = 10.0;
+
+/// Time after which nothing that is late by up to 300 ms comes any more [s].
+pub(super) const PASSED: f64 = 0.31;
+
+/// The work of late forces on an axis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lateness {
+    /// Forces that were sent [N], in a ring, and the place of the newest.
+    sent: [f32; PAST],
+    newest: usize,
+    lags: [usize; LAGS.len()],
+    /// Work for each lag since the latest answer in time [J].
+    work: [f64; LAGS.len()],
+    /// Work that may be done at once [J], and in each step for long [J].
+    energy: f64,
+    refill: f64,
+    /// Length of a step, and time since the force ended because of this work [s].
+    step: f64,
+    since_ended: f64,
+}
+
+impl Lateness {
+    /// For steps of `step` [s] of a device that reports a `delay` [s], and the `energy` [J] and `power` [W] that its motor
+    /// may give to a hand at once and for long.
+    pub(super) fn new(step: f64, delay: f64, energy: f64, power: f64) -> Self {
+        let steps = |lag: f64| (((lag + delay) / step).round() as usize).min(PAST - 1);
+        Self {
+            sent: [0.0; PAST],
+            newest: 0,
+            lags: LAGS.map(steps),
+            work: [0.0; LAGS.len()],
+            energy,
+            refill: power * step,
+            step,
+            since_ended: f64::INFINITY,
+        }
+    }
+
+    /// Take the force `sent` before a step [N], and the movement in it [m].
+    pub(super) fn take(&mut self, sent: f64, moved: f64) {
+        self.newest = (self.newest + 1) % PAST;
+        self.sent[self.newest] = sent as f32;
+        self.since_ended += self.step;
+        for (work, lag) in self.work.iter_mut().zip(self.lags) {
+            let force = f64::from(self.sent[(self.newest + PAST - lag) % PAST]);
+            *work = (*work + force * moved - self.refill).max(0.0);
+        }
+    }
+
+    /// An answer came in time.
+    pub(super) fn forget(&mut self) {
+        self.work = [0.0; LAGS.len()];
+    }
+
+    /// Forget the forces too: motion and forces were missed.
+    pub(super) fn restart(&mut self) {
+        self.forget();
+        self.sent = [0.0; PAST];
+    }
+
+    /// Whether a question is due.
+    pub(super) fn is_asked(&self) -> bool {
+        self.exceeds(ASKED)
+    }
+
+    /// Whether the key swings so much that an answer may be chance.
+    pub(super) fn is_marked(&self) -> bool {
+        self.exceeds(MARKED)
+    }
+
+    /// Whether the force has to end.
+    pub(super) fn is_too_great(&self) -> bool {
+        self.exceeds(GREATEST)
+    }
+
+    /// Note that the force ends because of this work. Returns whether it did so a short time before.
+    pub(super) fn note_end(&mut self) -> bool {
+        let is_again = self.since_ended <= AGAIN;
+        self.since_ended = 0.0;
+        is_again
+    }
+
+    fn exceeds(&self, part: f64) -> bool {
+        self.work.iter().any(|work| *work > part * self.energy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A swing of 1 N and 10 mm whose force leads by a quarter of a period would do π·F·A in each period.
+    #[test]
+    fn a_swing_of_any_period_shows_most_of_its_work() {
+        for hertz in [0.85, 1.5, 3.0, 5.0, 8.0, 13.0, 20.0, 27.0] {
+            let mut lateness = Lateness::new(1e-3, 0.0, 1.0, 0.0);
+            let place = |t: f64| 0.01 * libm::sin(std::f64::consts::TAU * hertz * t);
+            let periods = 12.0;
+            let n = (periods / hertz * 1e3) as usize;
+            for i in 0..n {
+                let t = i as f64 * 1e-3;
+                // The force of a spring in time: no work by the positions.
+                lateness.take(-100.0 * place(t), place(t + 1e-3) - place(t));
+            }
+            let found = lateness.work.iter().copied().fold(0.0, f64::max);
+            let full = std::f64::consts::PI * 0.01 * periods;
+            assert!(found > 0.75 * full, "{hertz} Hz: {found} of {full}");
+        }
+    }
+
+    #[test]
+    fn an_answer_in_time_ends_the_work() {
+        let mut lateness = Lateness::new(1e-3, 0.0, 1.0, 0.5);
+        for i in 0..3_000 {
+            let x = |i: i32| 0.02 * libm::sin(0.03 * f64::from(i));
+            lateness.take(-500.0 * x(i), x(i + 1) - x(i));
+        }
+        assert!(lateness.is_asked() && lateness.is_marked() && lateness.is_too_great());
+        assert!(!lateness.note_end() && lateness.note_end());
+        lateness.forget();
+        assert!(!lateness.is_asked());
+    }
+}
