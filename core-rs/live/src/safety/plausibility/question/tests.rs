@@ -1,0 +1,121 @@
+//! Answers of bodies and hands to a question.
+
+use super::*;
+
+/// The weighted sum of the answer of a body to pulses of one newton [m].
+fn answer(mass: f64, damping: f64, stiffness: f64, delay: usize) -> f64 {
+    const SUBSTEPS: usize = 16;
+    let h = 1e-3 / SUBSTEPS as f64;
+    let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
+    questions.asked = Some(Asked {
+        sign: 1.0,
+        force: 1.0,
+        passes: 1.0,
+        steps: 0,
+        sent: [0.0; 2],
+    });
+    let (mut x, mut v) = (0.0, 0.0);
+    let mut forces = vec![0.0; delay];
+    for step in 0..STEPS {
+        forces.push(questions.offset());
+        for _ in 0..SUBSTEPS {
+            v += (forces[step] - damping * v - stiffness * x) / mass * h;
+            x += v * h;
+        }
+        questions.past.copy_within(1.., 0);
+        questions.past[SPAN - 1] = x;
+        questions.asked.as_mut().unwrap().steps += 1;
+    }
+    questions.sum()
+}
+
+#[test]
+fn a_path_of_degree_six_adds_nothing() {
+    for degree in 0..=6 {
+        let mut questions = Questions::new(1e-3, 0.05, 0.0, 0.0);
+        for (i, x) in questions.past.iter_mut().enumerate() {
+            *x = libm::pow(i as f64 / 55.0 - 0.4, f64::from(degree));
+        }
+        assert!(
+            questions.sum().abs() < 1e-5,
+            "{degree}: {}",
+            questions.sum()
+        );
+    }
+}
+
+#[test]
+fn every_hand_answers_the_way_it_is_pushed() {
+    let hands = [
+        [0.1, 0.0],
+        [1.0, 0.0],
+        [2.0, 100.0],
+        [5.0, 400.0],
+        [5.0, 1000.0],
+        [9.0, 800.0],
+        [11.0, 1500.0],
+        [16.0, 2000.0],
+        [21.0, 3000.0],
+        [31.0, 5000.0],
+        [41.0, 10_000.0],
+    ];
+    for mass in [0.03, 0.05, 0.1, 0.2, 0.4] {
+        for [damping, stiffness] in hands {
+            for delay in 0..=5 {
+                let sum = answer(mass, damping, stiffness, delay);
+                let text = format!("{mass} kg, {damping} N·s/m, {stiffness} N/m, {delay} steps");
+                assert!(sum > 4e-6, "{text}: {sum}");
+                assert!(sum < TOO_GREAT * FREE_RESPONSE / mass, "{text}: {sum}");
+            }
+        }
+    }
+}
+
+/// The reply of a body whose answer is `delay` steps late, to a question that is doubtful.
+fn doubtful_reply([damping, stiffness]: [f64; 2], mass: f64, delay: usize) -> Reply {
+    const SUBSTEPS: usize = 16;
+    let h = 1e-3 / SUBSTEPS as f64;
+    let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
+    while !questions.is_calm() {
+        questions.take(0.0, 0.0, true);
+    }
+    questions.begin(3.0, 1.0, true);
+    let (mut x, mut v) = (0.0, 0.0);
+    let mut forces = std::collections::VecDeque::from(vec![0.0; delay]);
+    loop {
+        forces.push_back(questions.offset());
+        let force = forces.pop_front().unwrap();
+        for _ in 0..SUBSTEPS {
+            v += (force - damping * v - stiffness * x) / mass * h;
+            x += v * h;
+        }
+        if let Some(reply) = questions.take(x, force, true) {
+            return reply;
+        }
+    }
+}
+
+#[test]
+fn an_answer_that_is_greater_later_is_not_right() {
+    let hands = [
+        [0.1, 0.0],
+        [1.0, 0.0],
+        [2.0, 100.0],
+        [5.0, 400.0],
+        [9.0, 800.0],
+        [11.0, 1500.0],
+        [21.0, 3000.0],
+    ];
+    for hand in hands {
+        for mass in [0.05, 0.1, 0.2] {
+            for delay in 0..=2 {
+                let reply = doubtful_reply(hand, mass, delay);
+                assert_eq!(reply, Reply::Right, "{hand:?} {mass} kg, {delay} steps");
+            }
+        }
+    }
+    // Without the comparison all of these are right.
+    let late = hands.map(|hand| doubtful_reply(hand, 0.1, 26));
+    let right = late.iter().filter(|reply| **reply == Reply::Right).count();
+    assert!(right <= 2, "{late:?}");
+}
