@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import signal
 import sys
 import time
@@ -36,6 +37,7 @@ class _Looks:
             self.where = "".join(traceback.format_stack(frame, limit=2))
         self.last = now
         if now > self.limit:
+            self.limit = math.inf  # Ctrl-C is pressed once
             raise KeyboardInterrupt
 
 
