@@ -8,6 +8,7 @@ mod space;
 
 pub(crate) use reachable::ReachableNetwork;
 
+use ergon_engine::interrupt;
 use ergon_engine::network::{self, ElementKind, ModeRange, Term};
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
@@ -182,8 +183,18 @@ impl Network {
                 return Err(module_error(part, why));
             }
         };
-        let found = computing(py, || self.0.part_modes(index, range))?;
-        let found = found.map_err(|error| module_error(part, error))?;
+        let found = computing(py, || {
+            let mut found = self.0.part_modes(index, range)?;
+            // Shapes of a large body are hundreds of megabytes: each is copied, and given back, between two polls.
+            let mut shapes = Vec::with_capacity(found.poles.len() * found.mats.len());
+            for shape in std::mem::take(&mut found.shapes) {
+                interrupt::poll();
+                shapes.extend(shape);
+            }
+            Ok((found, shapes))
+        })?;
+        let (found, shapes) =
+            found.map_err(|error: network::TooManyModes| module_error(part, error))?;
         let (n_modes, n_masses) = (found.poles.len(), found.mats.len());
         Ok(PartModes {
             poles: Complexes {
@@ -191,7 +202,7 @@ impl Network {
                 shape: vec![n_modes],
             },
             shapes: Complexes {
-                values: found.shapes.concat(),
+                values: shapes,
                 shape: vec![n_modes, n_masses],
             },
             mats: found.mats,

@@ -6,6 +6,7 @@
 use nalgebra::Complex;
 
 use super::part_body::Body;
+use crate::interrupt;
 use crate::maths::sqrt;
 use crate::spectrum::sparse::{Factor, Pattern, Values};
 use crate::spectrum::springs::{self, Spring};
@@ -54,6 +55,7 @@ pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
     // its size.
     let least = ROUNDING * sqrt(dot(&image, &image) / n as f64);
     modes.iter().any(|mode| {
+        interrupt::poll_for(n);
         let image = times(&body.dampers, &mode.vector);
         let own = dot(&mode.vector, &image);
         let rest = image.iter().zip(&mode.vector).map(|(z, v)| z - own * v);
@@ -70,13 +72,19 @@ pub(super) fn damped_modes(
     count: usize,
 ) -> Vec<DampedMode> {
     if !is_coupled {
-        let solve = |mode: &Mode| uncoupled_mode(mode, &times(&body.dampers, &mode.vector));
+        let solve = |mode: &Mode| {
+            interrupt::poll_for(mode.vector.len());
+            uncoupled_mode(mode, &times(&body.dampers, &mode.vector))
+        };
         return modes.iter().take(count).map(solve).collect();
     }
     let modes = with_responses(body, modes);
     let images: Vec<Vec<f64>> = modes
         .iter()
-        .map(|mode| times(&body.dampers, &mode.vector))
+        .map(|mode| {
+            interrupt::poll_for(mode.vector.len());
+            times(&body.dampers, &mode.vector)
+        })
         .collect();
     let Some(mut found) = coupled(&modes, &images) else {
         return Vec::new();
@@ -92,7 +100,7 @@ pub(super) fn damped_modes(
         matrices.correct(mode, gap);
     }
     for i in 0..found.len() {
-        crate::interrupt::poll();
+        interrupt::poll();
         for j in 0..i {
             let (before, now) = (poles[i] - poles[j], found[i].pole - found[j].pole);
             if now.norm() < MERGED * before.norm() {
@@ -192,7 +200,7 @@ fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<DampedMode>> {
     let size = 2 * n;
     let mut matrix = vec![0.0; size * size];
     for (i, mode) in modes.iter().enumerate() {
-        crate::interrupt::poll();
+        interrupt::poll();
         let omega = sqrt(mode.lambda.abs());
         matrix[i * size + n + i] = omega;
         matrix[(n + i) * size + i] = if mode.lambda < 0.0 { omega } else { -omega };

@@ -4,6 +4,7 @@ use nalgebra::Complex;
 
 use super::Network;
 use super::damped::{self, DampedMode};
+use crate::interrupt;
 use crate::spectrum::{self, Found};
 use crate::units::LN_1000;
 
@@ -145,6 +146,7 @@ impl Network {
         poles.sort_by(|a, b| a.pole.norm_sqr().total_cmp(&b.pole.norm_sqr()));
         // The sign of a shape is such that its largest motion is positive.
         let shape = |mode: &DampedMode| -> Vec<Complex<f64>> {
+            interrupt::poll_for(n);
             let large = |x: &Complex<f64>, y: &Complex<f64>| x.re.abs().total_cmp(&y.re.abs());
             let most = mode.shape.iter().copied().max_by(large);
             let sign = if most.is_some_and(|x| x.re < 0.0) {
