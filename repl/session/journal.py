@@ -85,6 +85,8 @@ class Journal:
     def append(self, event: str, **fields: Any) -> None:
         """Append an event, or keep it until it can be written; `pop_failure` reports a failure."""
         with self._writing:
+            if self._file.closed:  # the second half of a panic may come after the end
+                return
             self._n_events += 1
             head = {"v": VERSION, "n": self._n_events, "event": event}
             line = json.dumps({**head, **fields}, ensure_ascii=True).encode() + b"\n"

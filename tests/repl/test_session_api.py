@@ -64,6 +64,7 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "route bell 3 4 gain -6dB pan -0.3": lambda s: s.route("bell", "3 4", gain="-6dB", pan=-0.3),
     "route bell gain -6dB": lambda s: s.route("bell", gain="-6dB"),
     "route bell pan -0.3": lambda s: s.route("bell", pan=-0.3),
+    "pan bell -0.3": lambda s: s.pan("bell", pan=-0.3),
     "route bell send hall -12dB": lambda s: s.route("bell", send="hall -12dB"),
     "room hall t60=2s size=12m": lambda s: s.room("hall", "t60=2s size=12m"),
     "fade bell out over 8bar": lambda s: s.fade("bell", "out", over="8bar"),

@@ -8,8 +8,8 @@
 /// The lags [s], besides the delay that the device reports. Any swing with a period from 36 ms to 1.2 s shows at least
 /// four fifths of its work at one of them.
 const LAGS: [f64; 9] = [0.009, 0.014, 0.021, 0.032, 0.048, 0.075, 0.12, 0.19, 0.3];
-/// Number of forces that are kept: more than the longest lag and delay in steps of a millisecond.
-const PAST: usize = 512;
+/// Number of forces that are kept: the longest lag, and a delay of some milliseconds, at 6,000 steps a second.
+const PAST: usize = 2_048;
 
 /// Parts of the work that may be done at once. From the first on a question is asked early; from the second on it waits
 /// until the motion of the key is known, because a swing hides answers or imitates them; at the last the force ends.
