@@ -116,7 +116,8 @@ class Journal:
             self._reason = reason
             return
         if self._reason:
-            self._trouble = "the journal is written again, and lacks nothing"
+            rest = "" if self._has_lost else ", and lacks nothing"
+            self._trouble = f"the journal is written again{rest}"
             self._reason = ""
 
     def pop_failure(self) -> str:
