@@ -290,13 +290,13 @@ def test_messages_call_a_device_by_its_name_and_leave_options_out() -> None:
     assert said == "tgr0 is disconnected; its stand-in plays on"
 
 
-def test_a_relative_folder_of_settings_is_ignored(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+def test_config_path_with_relative_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setenv("XDG_CONFIG_HOME", "here")
     monkeypatch.setenv("HOME", str(tmp_path))
     assert config_path() == tmp_path / ".config/ergon/devices.toml"
 
 
-def test_a_user_without_a_home_folder_has_no_devices(monkeypatch: pytest.MonkeyPatch):
+def test_devices_without_home_folder(monkeypatch: pytest.MonkeyPatch):
     def no_home() -> Path:
         raise RuntimeError("no home")
 

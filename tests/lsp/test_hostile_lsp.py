@@ -145,6 +145,6 @@ def test_the_process_ends_without_a_traceback(tmp_path: Path, message: object, c
 
 
 @pytest.mark.parametrize(("end", "code"), [(END, 0), (END[1:], 1)])
-def test_exit_without_shutdown_has_code_one(tmp_path: Path, end: tuple[object, ...], code: int):
+def test_lsp_exit_code_by_shutdown(tmp_path: Path, end: tuple[object, ...], code: int):
     done = forked(["lsp"], tmp_path, lines=b"".join(map(framed, [INITIALIZE, *end])).decode())
     assert (done.returncode, done.stderr) == (code, "")

@@ -129,7 +129,7 @@ def disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Jour
     journal.close()
 
 
-def test_what_a_full_disk_does_not_take_is_written_later(disk: tuple[Journal, FullDisk]) -> None:
+def test_journal_append_on_full_disk(disk: tuple[Journal, FullDisk]) -> None:
     journal, full = disk
     for number in range(1, 5):
         journal.append("line", number=number)
@@ -142,7 +142,7 @@ def test_what_a_full_disk_does_not_take_is_written_later(disk: tuple[Journal, Fu
     assert [event.get("number", int) for event in read_events(journal.path)] == [1, 2, 3, 4]
 
 
-def test_a_journal_that_ends_on_a_full_disk_says_how_much_is_lost(
+def test_journal_close_on_full_disk(
     disk: tuple[Journal, FullDisk],
 ) -> None:
     journal, _ = disk
@@ -155,9 +155,7 @@ def test_a_journal_that_ends_on_a_full_disk_says_how_much_is_lost(
     )
 
 
-def test_a_line_that_no_memory_keeps_is_not_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_submit_with_full_journal_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ergon.repl.session.journal._WAITING_MAX", 0)
     (tmp_path / "keys.yaml").write_text(KEYS)
     with closing(Stepped(SCORE, tmp_path)) as stepped:
@@ -166,7 +164,7 @@ def test_a_line_that_no_memory_keeps_is_not_taken(
         stepped.ok("panic")
 
 
-def test_a_journal_with_a_gap_is_named(tmp_path: Path) -> None:
+def test_replay_warning_for_journal_gap(tmp_path: Path) -> None:
     (tmp_path / "keys.yaml").write_text(KEYS)
     with closing(Stepped(SCORE, tmp_path)) as stepped:
         for line in ("play", "set ring.m.M x1.5", "set k1.M 500g"):
@@ -177,14 +175,14 @@ def test_a_journal_with_a_gap_is_named(tmp_path: Path) -> None:
     assert ReplayedSession(read_journal(path)).warnings == ()
     events = [json.loads(line) for line in lines]
     last = max(event["number"] for event in events if event["event"] == "line")
-    kept = [
+    remaining = [
         line
         for line, event in zip(lines, events, strict=True)
         if event.get("number") != last and event.get("event") != "end"
     ]
-    path.write_text("".join([*kept, lines[-1]]))
+    path.write_text("".join([*remaining, lines[-1]]))
     (warning,) = ReplayedSession(read_journal(path)).warnings
-    n_missing = len(lines) - len(kept) - 1
+    n_missing = len(lines) - len(remaining) - 1
     assert f"{n_missing} events are missing" in warning
     assert "not all in it" in warning
 

@@ -313,9 +313,7 @@ def test_a_thousand_hostile_journals(sandbox: Sandbox) -> None:
         ("keys.yaml\x00", "not a valid file name"),
     ],
 )
-def test_a_journal_names_no_file_outside_its_folder(
-    sandbox: Sandbox, name: str, words: str
-) -> None:
+def test_journal_file_name_outside_folder(sandbox: Sandbox, name: str, words: str) -> None:
     events = copy.deepcopy(sandbox.events)
     events[0]["overlay"][name.replace("{out}", str(sandbox.outside))] = KEYS
     path = sandbox.inside / "session.jsonl"
@@ -324,7 +322,7 @@ def test_a_journal_names_no_file_outside_its_folder(
         read_journal(path, resumes=True)
 
 
-def test_python_in_a_journal_is_never_run(sandbox: Sandbox) -> None:
+def test_replay_of_python_lines(sandbox: Sandbox) -> None:
     """Neither where a line has it, nor where a line that was typed earlier is played again."""
     target = sandbox.outside / "owned"
     events = copy.deepcopy(sandbox.events)

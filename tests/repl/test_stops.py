@@ -295,7 +295,7 @@ def test_stops_are_the_words_of_the_language(tmp_path: Path, line: str, stop: st
 @pytest.mark.parametrize(
     "line", ["pan bell x", "pan 0.5", "pa x", "pan", "panic button", "panic# no", "quit it"]
 )
-def test_a_line_that_is_refused_stops_nothing(tmp_path: Path, line: str):
+def test_queue_with_refused_line(tmp_path: Path, line: str):
     played = Stepped(SCORE, tmp_path)
     played.ok("play")
     played.ok("gain bell -3dB at 4|1")
@@ -308,7 +308,7 @@ def test_a_line_that_is_refused_stops_nothing(tmp_path: Path, line: str):
     played.close()
 
 
-def test_pan_pans_an_instrument_also_one_of_that_name(tmp_path: Path):
+def test_pan_with_instrument_of_that_name(tmp_path: Path):
     text = SCORE.replace(
         "  bell:",
         "  pan:\n    modules: {m: {CEL: {M: 20g, f: 90Hz}}}\n    out: {SOX: m}\n  bell:",

@@ -42,16 +42,16 @@ BREAKS = {
         "    path = folder / _check_relative(name)\n    if not is_below(path, folder):\n",
         "    path = folder / name\n    if False:\n",
     ),
-    "repl/test_journal_hostile.py::test_a_journal_names_no_file_outside_its_folder": (
+    "repl/test_journal_hostile.py::test_journal_file_name_outside_folder": (
         "repl/session/journal_names.py",
         "    if not is_below(path, folder):\n",
         "    if False:\n",
     ),
-    "repl/test_journal_hostile.py::test_python_in_a_journal_is_never_run": (
+    "repl/test_journal_hostile.py::test_replay_of_python_lines": (
         "repl/session/replay.py",
         '    commands = reparse(event.get("line", str), on)\n',
         '    commands = reparse(event.get("line", str), on)\n'
-        '    [exec(getattr(one, "expression", "")) for one in commands]\n',
+        '    [exec(getattr(command, "expression", "")) for command in commands]\n',
     ),
     "scores/test_take_files.py::test_a_pickle_is_not_opened": (
         "scores/gesture/npz.py",

@@ -183,32 +183,32 @@ impl Network {
                 return Err(module_error(part, why));
             }
         };
-        let found = computing(py, || {
-            let mut found = self.0.part_modes(index, range)?;
+        let modes = computing(py, || {
+            let mut modes = self.0.part_modes(index, range)?;
             // Shapes of a large body are hundreds of megabytes: each is copied, and given back, between two polls.
-            let mut shapes = Vec::with_capacity(found.poles.len() * found.mats.len());
-            for shape in std::mem::take(&mut found.shapes) {
+            let mut shapes = Vec::with_capacity(modes.poles.len() * modes.mats.len());
+            for shape in std::mem::take(&mut modes.shapes) {
                 interrupt::poll();
                 shapes.extend(shape);
             }
-            Ok((found, shapes))
+            Ok((modes, shapes))
         })?;
-        let (found, shapes) =
-            found.map_err(|error: network::TooManyModes| module_error(part, error))?;
-        let (n_modes, n_masses) = (found.poles.len(), found.mats.len());
+        let (modes, shapes) =
+            modes.map_err(|error: network::TooManyModes| module_error(part, error))?;
+        let (n_modes, n_masses) = (modes.poles.len(), modes.mats.len());
         Ok(PartModes {
             poles: Complexes {
-                values: found.poles,
+                values: modes.poles,
                 shape: vec![n_modes],
             },
             shapes: Complexes {
                 values: shapes,
                 shape: vec![n_modes, n_masses],
             },
-            mats: found.mats,
-            is_certified: found.is_certified,
-            n_laws: found.n_laws,
-            n_contacts: found.n_contacts,
+            mats: modes.mats,
+            is_certified: modes.is_certified,
+            n_laws: modes.n_laws,
+            n_contacts: modes.n_contacts,
         })
     }
 

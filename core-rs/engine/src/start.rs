@@ -187,20 +187,22 @@ fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], f
             0.0
         }
     };
-    let before = |i: usize, force: &[f64]| {
-        x[i] - free_step(network, rate, i, x[i]) + compliance(i) * force[i]
-    };
-    let mut pushes: Vec<f64> = vec![0.0; runs.iter().map(|run| run.len).sum()];
+    // Where a MAT would have been without links [m]: the same in all rounds.
+    let free = |i: usize| x[i] - free_step(network, rate, i, x[i]);
+    let links = runs
+        .iter()
+        .flat_map(|run| (0..run.len).map(move |i| (*run, run.a + i, run.b + i)));
+    let mut links: Vec<_> = links
+        .map(|(run, a, b)| (run, [(a, free(a)), (b, free(b))], 0.0))
+        .collect();
     for _ in 0..ROUNDS {
         let mut is_settled = true;
-        let links = runs
-            .iter()
-            .flat_map(|run| (0..run.len).map(move |i| (*run, i)));
-        for ((run, i), push) in links.zip(&mut pushes) {
+        for (run, [(a, free_a), (b, free_b)], push) in &mut links {
             let LinkKind::But(but) = &run.kind else {
                 continue;
             };
-            let (a, b) = (run.a + i, run.b + i);
+            let (a, b) = (*a, *b);
+            interrupt::poll();
             let s = kernel::side(but);
             force[a] -= *push;
             force[b] += *push;
@@ -213,8 +215,9 @@ fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], f
             };
             let now = s * (x[b] - x[a] - run.rest);
             let v = s * (mats.v0[b] - mats.v0[a]);
-            let free = s * (before(b, force) - before(a, force) - run.rest);
-            let elastic = contact.push(free, now, now);
+            let before_a = *free_a + compliance(a) * force[a];
+            let before_b = *free_b + compliance(b) * force[b];
+            let elastic = contact.push(s * (before_b - before_a - run.rest), now, now);
             let drag = if now > 0.0 { run.z * v } else { 0.0 };
             let total = elastic + drag;
             let f = s * if but.clamp { total.max(0.0) } else { total };

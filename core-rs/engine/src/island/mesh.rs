@@ -83,9 +83,7 @@ impl Mesh {
             && led(self) == led(other)
             && self.network.is_same(&other.network)
     }
-}
 
-impl Mesh {
     /// Take from the motion of the ports half the impulse that each gets in the first frame: as for any MAT, the step
     /// before frame 0 has felt only half of it.
     fn pull_back(&self, integrator: &mut Integrator, force: &[f64]) {

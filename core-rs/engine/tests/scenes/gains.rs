@@ -248,7 +248,7 @@ fn energy_of_a_stepped_spring_beside_a_contact_between_frames_is_told() {
 }
 
 #[test]
-fn a_part_that_creates_energy_between_frames_is_muted() {
+fn mute_with_energy_created_between_frames() {
     let (simulation, out) = rattled(2, Z, OnFault::Mute);
     let out = out.unwrap();
     let muted = simulation.muted();

@@ -112,7 +112,7 @@ mod tests {
 
     /// A swing of 1 N and 10 mm whose force leads by a quarter of a period would do π·F·A in each period.
     #[test]
-    fn a_swing_of_any_period_shows_most_of_its_work() {
+    fn late_work_of_swings_by_period() {
         for hertz in [0.85, 1.5, 3.0, 5.0, 8.0, 13.0, 20.0, 27.0] {
             let mut lateness = Lateness::new(1e-3, 0.0, 1.0, 0.0);
             let place = |t: f64| 0.01 * libm::sin(std::f64::consts::TAU * hertz * t);
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_in_time_ends_the_work() {
+    fn forget_late_work_after_an_answer() {
         let mut lateness = Lateness::new(1e-3, 0.0, 1.0, 0.5);
         for i in 0..3_000 {
             let x = |i: i32| 0.02 * libm::sin(0.03 * f64::from(i));

@@ -542,7 +542,7 @@ fn a_motor_that_reverses_at_a_thousand_random_ticks_is_found_under_six_hands() {
 
 #[test]
 #[ignore = "half a minute: make test-long"]
-fn channels_that_are_late_by_random_times_do_bounded_work() {
+fn work_of_randomly_late_channels() {
     sweep(2_400, 6, &[13, 14]);
 }
 

@@ -2,10 +2,41 @@
 
 use super::*;
 
+/// A body in a hand, moved step by step.
+struct Body {
+    mass: f64,
+    damping: f64,
+    stiffness: f64,
+    x: f64,
+    v: f64,
+}
+
+impl Body {
+    fn new(mass: f64, damping: f64, stiffness: f64) -> Self {
+        let (x, v) = (0.0, 0.0);
+        Self {
+            mass,
+            damping,
+            stiffness,
+            x,
+            v,
+        }
+    }
+
+    /// Its position after a step under `force` [N].
+    fn step(&mut self, force: f64) -> f64 {
+        const SUBSTEPS: usize = 16;
+        let h = 1e-3 / SUBSTEPS as f64;
+        for _ in 0..SUBSTEPS {
+            self.v += (force - self.damping * self.v - self.stiffness * self.x) / self.mass * h;
+            self.x += self.v * h;
+        }
+        self.x
+    }
+}
+
 /// The weighted sum of the answer of a body to pulses of one newton [m].
 fn answer(mass: f64, damping: f64, stiffness: f64, delay: usize) -> f64 {
-    const SUBSTEPS: usize = 16;
-    let h = 1e-3 / SUBSTEPS as f64;
     let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
     questions.asked = Some(Asked {
         sign: 1.0,
@@ -14,23 +45,19 @@ fn answer(mass: f64, damping: f64, stiffness: f64, delay: usize) -> f64 {
         steps: 0,
         sent: [0.0; 2],
     });
-    let (mut x, mut v) = (0.0, 0.0);
+    let mut body = Body::new(mass, damping, stiffness);
     let mut forces = vec![0.0; delay];
     for step in 0..STEPS {
         forces.push(questions.offset());
-        for _ in 0..SUBSTEPS {
-            v += (forces[step] - damping * v - stiffness * x) / mass * h;
-            x += v * h;
-        }
         questions.past.copy_within(1.., 0);
-        questions.past[SPAN - 1] = x;
+        questions.past[SPAN - 1] = body.step(forces[step]);
         questions.asked.as_mut().unwrap().steps += 1;
     }
     questions.sum()
 }
 
 #[test]
-fn a_path_of_degree_six_adds_nothing() {
+fn answer_sum_of_polynomial_paths() {
     for degree in 0..=6 {
         let mut questions = Questions::new(1e-3, 0.05, 0.0, 0.0);
         for (i, x) in questions.past.iter_mut().enumerate() {
@@ -73,30 +100,24 @@ fn every_hand_answers_the_way_it_is_pushed() {
 
 /// The reply of a body whose answer is `delay` steps late, to a question that is doubtful.
 fn doubtful_reply([damping, stiffness]: [f64; 2], mass: f64, delay: usize) -> Reply {
-    const SUBSTEPS: usize = 16;
-    let h = 1e-3 / SUBSTEPS as f64;
     let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
     while !questions.is_calm() {
         questions.take(0.0, 0.0, true);
     }
     questions.begin(3.0, 1.0, true);
-    let (mut x, mut v) = (0.0, 0.0);
+    let mut body = Body::new(mass, damping, stiffness);
     let mut forces = std::collections::VecDeque::from(vec![0.0; delay]);
     loop {
         forces.push_back(questions.offset());
         let force = forces.pop_front().unwrap();
-        for _ in 0..SUBSTEPS {
-            v += (force - damping * v - stiffness * x) / mass * h;
-            x += v * h;
-        }
-        if let Some(reply) = questions.take(x, force, true) {
+        if let Some(reply) = questions.take(body.step(force), force, true) {
             return reply;
         }
     }
 }
 
 #[test]
-fn an_answer_that_is_greater_later_is_not_right() {
+fn doubtful_reply_of_late_bodies() {
     let hands = [
         [0.1, 0.0],
         [1.0, 0.0],
