@@ -15,7 +15,12 @@ from ergon.notation.text.errors import Collector
 from ergon.notation.text.values import Place
 from ergon.notation.text.without_gc import without_gc
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.automating import automation_points, complete_until, takeover_points
+from ergon.scores.staging.automating import (
+    Automated,
+    automation_points,
+    complete_until,
+    takeover_points,
+)
 from ergon.scores.staging.built_network import COUPLING_ENDED, BuiltNetwork, acting, build_network
 from ergon.scores.staging.drives import drive, sounds_in
 from ergon.scores.staging.hands import ALL, Hands, Window
@@ -111,10 +116,10 @@ def prepare(
         check_travel(piece, timeline, hands.gestures, collector)
         check_rooms(piece, collector)
         n_frames = _frames(piece, end, collector) if spans is None else 0
-        paths, paths_until = _automate(piece, spans, n_frames, collector)
+        begin = -math.inf if like is None else start / piece.rate
+        (paths, moved), paths_until = _automate(piece, spans, n_frames, collector, begin)
         if like is not None:
-            begin = start / piece.rate
-            paths = takeover_points(like.paths, paths, piece, begin, like.paths_until)
+            paths = takeover_points(like.paths, paths, piece, begin, like.paths_until, moved)
         for where, points in paths.items():
             if led := Led.of(piece, where):
                 try:
@@ -131,14 +136,19 @@ def prepare(
 
 
 def _automate(
-    piece: Piece, spans: Sequence[Span] | None, n_frames: int, collector: Collector
-) -> tuple[dict[Where, Points], float]:
+    piece: Piece,
+    spans: Sequence[Span] | None,
+    n_frames: int,
+    collector: Collector,
+    begins: float,
+) -> tuple[Automated, float]:
     """The points of automated modules, up to the end of the piece or of its last stretch, and the
-    instant up to which they are complete [s].
+    instant up to which they are complete [s]. A stretch needs them from the instant `begins` [s]
+    on.
     """
     tempo = piece.tempo_map
     if not piece.automation and not any(strikes.notes for strikes in piece.strikes):
-        return {}, math.inf
+        return Automated({}), math.inf
     if spans is None:
         end = tempo.beats(n_frames / piece.rate)
         return automation_points(piece, -math.inf, end, collector), math.inf
@@ -146,7 +156,7 @@ def _automate(
         here = tempo.beats(0.0)
         return automation_points(piece, here, here, collector), math.inf
     since, until, _ = spans[-1].window
-    points = automation_points(piece, since, until, collector)
+    points = automation_points(piece, since, until, collector, begins)
     return points, complete_until(piece, until)
 
 

@@ -48,7 +48,7 @@ def points(of: Piece, module: str = "m", since: float = -math.inf, until: float 
     collector = Collector()
     found = automation_points(of, since, until, collector)
     assert not collector.has_errors()
-    return found["bell", module]
+    return found.points["bell", module]
 
 
 def frequency(k: float, z: float, m: float) -> float:

@@ -1,0 +1,293 @@
+"""The curve of one parameter over time, to which automation entries are added one by one."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+from ergon import _core
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.shifted import NEVER, ShiftedTempoMap, StoppedTempoMap
+from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.text.errors import TextError
+from ergon.scores.gesture.points import Way
+from ergon.scores.pattern.search import first_from, n_before
+from ergon.scores.pattern.steps import Steps
+from ergon.scores.reading.automation import Automation, Shape, Swing
+from ergon.scores.reading.piece import Piece
+
+# Time in which a value set by a pattern is reached [s]: a jump would click.
+GLIDE = 0.02
+GRID = _core.GRID  # frames between the instants of the engine's points
+# How many places of its pattern are searched backward for the value that holds at a beat.
+_BACK = 256
+_MOST = 200_000  # points of a swing
+_FARTHEST = 1 << 24  # segments of a swing that are searched
+# A swing is approximated by straight segments, sixteen in each quarter: sin(j π / 32).
+_QUARTER = (
+    *(0.0, 0.0980171403295606, 0.19509032201612825, 0.29028467725446233, 0.3826834323650898),
+    *(0.47139673682599764, 0.5555702330196022, 0.6343932841636455, 0.7071067811865475),
+    *(0.773010453362737, 0.8314696123025452, 0.8819212643483549, 0.9238795325112867),
+    *(0.9569403357322089, 0.9807852804032304, 0.9951847266721968, 1.0),
+)
+_HALF = (*_QUARTER[:-1], *reversed(_QUARTER))
+_SINE = (*_HALF[:-1], *(0.0 - x for x in _HALF))
+PIECES = len(_SINE) - 1  # segments of a period
+# The largest number of positions on the engine's grid at which a glide has points of its own.
+PLACES = 1_024
+
+
+@dataclass(slots=True)
+class Curve:
+    """A parameter over time: rising instants [s] and values; constant before the first and after
+    the last.
+    """
+
+    own: float
+    t: list[float] = field(default_factory=list)
+    x: list[float] = field(default_factory=list)
+    within: set[float] = field(default_factory=set)  # instants inside glides
+
+    def to(self, instant: float, value: float) -> None:
+        """Add a value, reached linearly from the last point."""
+        self.t.append(max(instant, self.t[-1]) if self.t else instant)
+        self.x.append(value)
+
+    def set(self, instant: float, value: float, stop: float = math.inf) -> None:
+        """Set a value from an instant on; it is reached within GLIDE, or by `stop`."""
+        self.to(instant, self.x[-1] if self.x else self.own)
+        self.to(min(instant + GLIDE, stop), value)
+
+    def at(self, instant: float) -> float:
+        """The value at an instant."""
+        after = bisect_right(self.t, instant)
+        if after in (0, len(self.t)):
+            return self.x[0 if after == 0 else -1] if self.x else self.own
+        begin, end = self.t[after - 1], self.t[after]
+        share = (instant - begin) / (end - begin)
+        return self.x[after - 1] + (self.x[after] - self.x[after - 1]) * share
+
+
+class Entry(NamedTuple):
+    """An automation entry that controls its parameter from beat `begin` to beat `stop`."""
+
+    one: Automation
+    begin: float
+    stop: float
+
+
+class Extent(NamedTuple):
+    """What of a curve is needed: the beats from `since` to `until`, of them the points from the
+    last one at or before the instant `begins` [s] on.
+    """
+
+    since: float
+    until: float
+    begins: float = -math.inf
+
+
+def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> float:
+    """Add the values of a pattern to a curve; returns the beat on which the pattern ends."""
+    tempo, one = piece.tempo_map, entry.one
+    places = one.steps(tempo, piece.seed)
+    course = places.course
+    first, last = held_places(places, extent.since, min(entry.stop, extent.until))
+    for place in range(first, last):
+        if not place % 1024:
+            _core.poll()
+        name, instant = course.played(place), tempo.seconds(places[place])
+        if instant >= NEVER:
+            break
+        if name is not None and one.struck:
+            # The pitch of a note is reached one step of the grid before its strike.
+            early = GRID / piece.rate
+            curve.set(instant - 2 * early, one.amounts[name].value, instant - early)
+        elif name is not None:
+            following = tempo.seconds(places.beat(place + 1))
+            curve.set(instant, one.amounts[name].of(curve.own), max(following, instant))
+    return places.beat(len(places))
+
+
+def held_places(places: Steps, since: float, stop: float) -> tuple[int, int]:
+    """The places before beat `stop` from the value on that holds at `since` and the one that it
+    comes from: the first, and the one behind the last.
+    """
+    last = n_before(places, stop - SAME)
+    first, wanted = min(last, n_before(places, since - SAME)), 2
+    for _ in range(_BACK):
+        if first == 0 or wanted == 0:
+            break
+        first -= 1
+        wanted -= places.course.played(first) is not None
+    return first, last
+
+
+class GlidePath(NamedTuple):
+    """The points of a glide or a written curve, on the scale on which it is linear.
+
+    It ends at the instant `last` [s], which is earlier than that of its last point if the entry
+    ends before.
+    """
+
+    instants: list[float]
+    values: list[float]
+    ways: list[Way]
+    last: float
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the last point is reached: its value depends on nothing before."""
+        return self.last == self.instants[-1]
+
+
+def glide_path(piece: Piece, entry: Entry, own: float) -> GlidePath:
+    """The path of an entry, for a glide without the value from which it starts. Raises TextError.
+
+    `own` is the value of the parameter as written.
+    """
+    tempo, one = piece.tempo_map, entry.one
+    to_path, _ = _SCALES.get(one.parameter, (_same, _same))
+    values = [to_path(point.amount.of(own)) for point in one.points]
+    ways: list[Way] = [point.way for point in one.points]
+    if one.over is not None:
+        here = tempo.seconds(entry.begin)
+        instants = [here, tempo.seconds(tempo.after(entry.begin, one.over))]
+        ways.insert(0, "line")
+    else:
+        instants = [tempo.instant(entry.begin, point.at) for point in one.points]
+    if any(after <= before for before, after in pairwise(instants)):
+        raise TextError("the points of the curve do not rise in time at this tempo")
+    return GlidePath(instants, values, ways, min(instants[-1], tempo.seconds(entry.stop)))
+
+
+def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.inf) -> None:
+    """Add a glide or a written curve up to the end of its entry; afterwards the value stays.
+
+    Points before the last one at or before the instant `begins` [s] may be left out.
+    """
+    tempo, one = piece.tempo_map, entry.one
+    here = tempo.seconds(entry.begin)
+    if isinstance(tempo, StoppedTempoMap):
+        if here < NEVER:  # the value on the beat at which the piece stands
+            goes = ShiftedTempoMap(tempo, 0.0)
+            moving = Curve(curve.own, [goes.seconds(entry.begin)], [curve.at(here)])
+            add_glide(replace(piece, tempo_map=goes), entry, moving)
+            curve.to(here, moving.at(goes.seconds(tempo.at)))
+        return
+    to_path, of_path = _SCALES.get(one.parameter, (_same, _same))
+    instants, values, ways, last = glide_path(piece, entry, curve.own)
+    before = curve.at(here)
+    is_over = last <= begins and last > here + GLIDE  # only its end is heard
+    if one.over is not None:
+        values.insert(0, to_path(before))
+        if not is_over:  # it starts from the value on the grid before it
+            step = GRID / piece.rate
+            curve.to(math.floor(here / step) * step, before)
+    elif values[0] != to_path(before) and not is_over:
+        curve.set(here, of_path(values[0]), instants[1] if len(instants) > 1 else math.inf)
+    path = list(zip(instants, values, ways, strict=True))
+    if len(path) > 1 and not is_over:
+        times, spacing = _places(piece, curve, here, last)
+        times = times[max(0, bisect_right(times, begins) - 1) :]
+        # Points near a corner are not corrected for curvature.
+        near = spacing * (1.0 + SAME)
+        curve.within.update(t for t in times if all(abs(t - at) > near for at in instants))
+        for t, value in zip(times, _core.path_values(path, times), strict=True):
+            curve.to(t, of_path(value))
+    (end,) = _core.path_values(path, [last])
+    curve.to(last, of_path(end))
+
+
+def _places(piece: Piece, curve: Curve, here: float, last: float) -> tuple[list[float], float]:
+    """The instants on the grid within a glide that have points, and the time between them [s]."""
+    step = GRID / piece.rate
+    first = max(curve.t[-1], here) if curve.t else here
+    places = range(math.floor(first / step) + 1, math.ceil(last / step))
+    stride = max(1, -(-len(places) // PLACES))
+    return [place * step for place in places[::stride]], stride * step
+
+
+def _same(value: float) -> float:
+    return value
+
+
+def _inverse(value: float) -> float:
+    return 1.0 / value
+
+
+# Scales on which glides are linear: ln f for pitch, 1/t60 for damping.
+_SCALES: Mapping[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
+    "f": (_core.ln, _core.exp),
+    "t60": (_inverse, _inverse),
+}
+
+
+def swing_beats(tempo: TempoMap, entry: Entry, swing: Swing) -> Callable[[int], float]:
+    """The beat of each point of a swing, by number: `tempo.after` the beginning, with what does not
+    depend on the number computed once.
+    """
+    begin, period = entry.begin, swing.period
+    if period.seconds:
+        return lambda number: tempo.after(begin, period.times(number / PIECES))
+    beats = period.beats
+    if not period.bars:
+        return lambda number: begin + beats * (number / PIECES)
+    (bar, beat), n_bars, start = tempo.bar_beat(begin), period.bars, tempo.bars.start
+    into = beat - 1.0
+
+    def beat_of(number: int) -> float:
+        share = number / PIECES
+        # Nothing is added in number 0, as `after` adds no bars then.
+        base = start(bar + n_bars * share) + into if number else begin
+        return base + beats * share
+
+    return beat_of
+
+
+def swing_points_before(beat_of: Callable[[int], float], beat: float) -> int:
+    """The number of points of a swing before a beat; bisection, for the tempo may have changed."""
+    return first_from(beat_of, _FARTHEST, beat)
+
+
+def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
+    """Add a swing to a curve, from one period before the extent to its first point behind it."""
+    swing = entry.one.swing
+    assert swing is not None
+    tempo, own = piece.tempo_map, curve.own
+    low, high = swing.low.of(own), swing.high.of(own)
+    beat_of = swing_beats(tempo, entry, swing)
+    first = 0
+    if extent.since > entry.begin:
+        first = max(0, swing_points_before(beat_of, extent.since) - PIECES)
+    offset = round(swing.phase * PIECES)
+    edges = {"square": (0, PIECES // 2), "ramp": (0,)}.get(swing.shape, ())
+    for number in range(first, first + _MOST):
+        beat, place = beat_of(number), (number + offset) % PIECES
+        if beat > entry.stop or (instant := tempo.seconds(beat)) >= NEVER:
+            break
+        value = low + (high - low) * _share(swing.shape, place)
+        if number == 0 or place in edges:
+            curve.set(instant, value, tempo.seconds(beat_of(number + 1)))
+        elif swing.shape != "square" or not curve.t:
+            curve.to(instant, value)
+        if beat > extent.until:
+            break
+
+
+def _share(shape: Shape, place: int) -> float:
+    """The position of a swing between its low end (0) and its high end (1), at a segment of its
+    period.
+    """
+    if shape == "sine":
+        return 0.5 + 0.5 * _SINE[place]
+    if shape == "square":
+        return 1.0 if place < PIECES // 2 else 0.0
+    if shape == "ramp":
+        return place / PIECES
+    quarter = PIECES // 4
+    level = place if place <= quarter else 2 * quarter - place
+    return 0.5 + 0.5 * (max(level, place - 4 * quarter) / quarter)

@@ -1,0 +1,146 @@
+"""Which automation entries can still be heard at an instant: all others are not expanded.
+
+Most entries of a long session have ended. What is expanded from the first entry that is needed has
+the same points from the instant on, bit by bit, as what is expanded from the beginning.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.text.errors import TextError
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.parameter_curves import (
+    GLIDE,
+    GRID,
+    PIECES,
+    PLACES,
+    Curve,
+    Entry,
+    Extent,
+    glide_path,
+    held_places,
+    swing_beats,
+    swing_points_before,
+)
+
+
+class Needed(NamedTuple):
+    """The first entry that is needed, and the curve that the ones before it leave."""
+
+    first: int
+    curve: Curve
+
+
+def slack(piece: Piece, orders: Iterable[Sequence[Entry]], begins: float) -> float:
+    """How long before the instant `begins` [s] points of modules are needed [s].
+
+    Within a glide a point is corrected by its neighbours, so that of the last point at or before
+    the instant must be there too.
+    """
+    step = GRID / piece.rate
+    longest = 0.0
+    for order in orders:
+        place = _begun(piece.tempo_map, order, begins) - 1
+        if place >= 0 and order[place].one.points:
+            try:
+                path = glide_path(piece, order[place], 1.0)
+            except TextError:
+                continue  # it is reported when it is expanded
+            if path.last >= begins:
+                span = path.last - min(begins, piece.tempo_map.seconds(order[place].begin))
+                longest = max(longest, span / PLACES + 2.0 * step)
+    return 2.0 * longest + step
+
+
+def needed(piece: Piece, order: Sequence[Entry], own: float, extent: Extent) -> Needed:
+    """The entries of one parameter, in order, that its curve needs within an extent."""
+    tempo, begins = piece.tempo_map, extent.begins
+    if begins == -math.inf:
+        return Needed(0, Curve(own))
+    place = _begun(tempo, order, begins) - 1
+    while place >= 0:
+        entry = order[place]
+        following = order[place + 1] if place + 1 < len(order) else None
+        try:
+            back = _back(piece, entry, following, extent.until)
+            if back <= begins:  # the parameter has its own value again
+                return Needed(place + 1, Curve(own, [back], [own]))
+            if _stands_alone(piece, entry, own, extent.since, begins):
+                break
+        except TextError:
+            pass  # it is reported when it is expanded
+        begins = tempo.seconds(entry.begin)
+        place -= 1
+    return Needed(max(0, place), Curve(own))
+
+
+def _begun(tempo: TempoMap, order: Sequence[Entry], instant: float) -> int:
+    """How many entries have begun at an instant [s]."""
+    return bisect_right(order, instant, key=lambda entry: tempo.seconds(entry.begin))
+
+
+def _back(piece: Piece, entry: Entry, following: Entry | None, until: float) -> float:
+    """The instant from which a parameter has its own value after an entry [s]; infinite if the next
+    entry begins before. Raises TextError.
+    """
+    tempo, one, ended = piece.tempo_map, entry.one, entry.stop
+    if one.pattern is not None:
+        places = one.steps(tempo, piece.seed)
+        ended = min(ended, places.beat(len(places)))
+        if one.struck and following is None:
+            return math.inf  # the pitch of the last note stays
+    if ended > until or (following is not None and following.begin <= ended + SAME):
+        return math.inf
+    back = tempo.seconds(ended) + GLIDE
+    return math.inf if following is not None and tempo.seconds(following.begin) < back else back
+
+
+def _stands_alone(piece: Piece, entry: Entry, own: float, since: float, begins: float) -> bool:
+    """Whether the points of an entry, from the last one at or before an instant [s] on, depend on
+    no entry before it.
+
+    What entries before it have left lasts until GLIDE after its beginning at most.
+    """
+    tempo, one = piece.tempo_map, entry.one
+    clear = tempo.seconds(entry.begin) + GLIDE
+    if one.points:
+        path = glide_path(piece, entry, own)
+        is_over = clear < path.last <= begins
+        return is_over and (path.is_complete or one.over is None)
+    if one.swing is not None:
+        beat_of = swing_beats(tempo, entry, one.swing)
+        number = swing_points_before(beat_of, tempo.beats(clear)) + 1
+        if one.swing.shape == "square":  # it has points where it changes
+            number += PIECES // 2
+        beat = beat_of(number)
+        return beat <= entry.stop and tempo.seconds(beat) <= begins
+    return _has_values_of_its_own(piece, entry, since, begins)
+
+
+def _has_values_of_its_own(piece: Piece, entry: Entry, since: float, begins: float) -> bool:
+    """Whether a pattern has set a value before an instant [s], so that no earlier one holds."""
+    tempo, one = piece.tempo_map, entry.one
+    clear = tempo.seconds(entry.begin) + GLIDE
+    places = one.steps(tempo, piece.seed)
+    early = GRID / piece.rate
+    for place in range(*held_places(places, since, entry.stop)):
+        if places.course.played(place) is None:
+            continue
+        instant = tempo.seconds(places[place])
+        if instant > begins:
+            break
+        if one.struck:
+            if instant - 2 * early > clear:
+                return True
+        else:
+            following = tempo.seconds(places.beat(place + 1))
+            is_first_over = instant + GLIDE <= min(begins, following)
+            if is_first_over or (instant > clear and following <= begins):
+                return True
+    return False
