@@ -24,6 +24,9 @@ class ShiftedTempoMap(OffsetTempoMap):
         self.__dict__.update(of.__dict__)
         self.by = by
 
+    def _state(self) -> tuple[object, ...]:
+        return (*super()._state(), self.by)
+
     def seconds(self, beats: float) -> float:
         """Seconds of the engine at a beat of the piece."""
         return super().seconds(beats) + self.by
@@ -44,6 +47,9 @@ class StoppedTempoMap(OffsetTempoMap):
         """Share the state of `of`, a complete tempo map; `now` is an instant of the engine [s]."""
         self.__dict__.update(of.__dict__)
         self.at, self.now = at, now
+
+    def _state(self) -> tuple[object, ...]:
+        return (*super()._state(), self.at, self.now)
 
     def seconds(self, beats: float) -> float:
         """`now` up to the beat where the piece is stopped, NEVER after it."""

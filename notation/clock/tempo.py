@@ -122,6 +122,13 @@ class TempoMap:
             latest = max(at, latest)
             self._place(i, entry, latest)
 
+    def is_same(self, other: "TempoMap") -> bool:
+        """Whether another map has every beat and bar at the same instant."""
+        return type(self) is type(other) and self._state() == other._state()
+
+    def _state(self) -> tuple[object, ...]:
+        return self._stretches, self.bars.changes(), self._marks
+
     def resolve(self, position: Position) -> float:
         """Beats from the start. Raises TextError (offsets in the position's text)."""
         beats = self._resolve(position, ())

@@ -59,14 +59,21 @@ class _Run(NamedTuple):
 
 
 def compose_by_lines(
-    text: str, file: str, folder: Path, row: int, known: Mapping[str, Line]
+    text: str,
+    file: str,
+    folder: Path,
+    row: int,
+    known: Mapping[str, Line],
+    *,
+    is_movable: bool = False,
 ) -> tuple[Document, dict[str, Line]] | None:
     """The nodes of a text, and the lines of its lists and mappings; lines that are `known` are not
     composed.
 
     `row` is the first line of the text in its file. A known item keeps the line number at which
-    it was composed; an entry at another line number is composed again. None if there are no such
-    lines, or if they cannot be read alone (an alias, a text of several lines, a mistake).
+    it was composed; an entry at another line number is composed again, unless the section
+    `is_movable`. None if there are no such lines, or if they cannot be read alone (an alias, a
+    text of several lines, a mistake).
     """
     short, runs = _shortened(text)
     collector = Collector()
@@ -81,7 +88,8 @@ def compose_by_lines(
         for number, word in enumerate(run.words):
             here = first if run.gap else first + number
             line = lines.get(word) or known.get(word)
-            if line is None or (is_mapping and line.node.document.first_row != here):
+            is_moved = is_mapping and line is not None and line.node.document.first_row != here
+            if line is None or (is_moved and not is_movable):
                 line = _line(f"{{{word}}}" if run.gap else word, file, here, is_mapping)
                 if line is None:
                     return None

@@ -17,12 +17,14 @@ class Memory:
 
     A kept value may report later through the collector with which it was read, so all readings
     share one collector. If `is_loose`, items of long lists are read once and keep the places
-    that they had then, so that a list can grow without end.
+    that they had then, so that a list can grow without end; so do the entries of the sections
+    `movable`.
     """
 
-    def __init__(self, *, is_loose: bool = False) -> None:
+    def __init__(self, *, is_loose: bool = False, movable: frozenset[str] = frozenset()) -> None:
         """Start with nothing read."""
         self.is_loose = is_loose
+        self.movable = movable
         self._collector = Collector()
         self._now: dict[Hashable, Any] = {}
         self._before: dict[Hashable, Any] = {}

@@ -101,7 +101,10 @@ def _section(text: str, file: str, folder: Path, row: int, memory: Memory) -> Se
     collector = Collector()
     name = file, text.partition(":")[0]
     known = memory.lines.get(name, {})
-    found = compose_by_lines(text, file, folder, row, known) if memory.is_loose else None
+    found = None
+    if memory.is_loose:
+        is_movable = name[1] in memory.movable
+        found = compose_by_lines(text, file, folder, row, known, is_movable=is_movable)
     if found is None:
         section = compose(text, file, collector, row)
     else:

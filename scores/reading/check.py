@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import accumulate, chain
 from typing import Any
 
 from ergon.instruments import rules, spread
@@ -15,10 +15,12 @@ from ergon.instruments.names import PartNames
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
+from ergon.notation.text.memory import Memory
 from ergon.scores.reading import automatable, automation, build, melodies
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
+from ergon.scores.reading.known_entries import KnownEntries
 from ergon.scores.reading.matter import PartsReader
 from ergon.scores.reading.melody import NoteTargets
 from ergon.scores.reading.piece import (
@@ -54,18 +56,31 @@ class Checker:
         if not score.written("ergon"):
             message = "the format version is missing; write `ergon: 1` in the first line"
             score.error("W101", message)
-        times = Times(score, self.collector, self.uses.files.memory)
+        memory, file = self.uses.files.memory, score.node.document.file
+        times = Times(score, self.collector, memory)
         self.gestures_and_takes.own(score.place)
         self.matter.read()
-        strikes = [s for v in self._own("strikes") if (s := self._strikes(v)) is not None]
+        strikes = KnownEntries(memory, "strikes", file).read(
+            self._own("strikes"),
+            self._strikes,
+            self._struck_modules,
+            self.part_names,
+            self.matter.by_name.get,
+        )
         players = {v.context.name: self._player(v) for v in self._own("players")}
         mix = routed(build.mix(score["mix"], self.uses.files), self.matter.by_name, self.part_names)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
-        self._reach_led()
+        self._reach_led(memory, file)
         included = self._included(times, len(duet))
         self.matter.look_up()
         plays = self._plays(times.known.names())
-        changes = [a for v in self.score["automation"] or () if (a := self._automation(v))]
+        changes = KnownEntries(memory, "automation", file).read(
+            self.score["automation"] or (),
+            self._automation,
+            lambda made, _: ((made.target.part, made.target.module),),
+            self.part_names,
+            self.matter.by_name.get,
+        )
         for _, one in included:
             plays += one.parts
             strikes += one.strikes
@@ -285,13 +300,28 @@ class Checker:
             message += "have; choose a sweep that needs no pitch: outward or rightward"
             self.collector.error("E304", message, target.place)
 
-    def _reach_led(self) -> None:
+    def _reach_led(self, memory: Memory | None, file: str) -> None:
         """Mark the parts that automation changes as reached: they belong to the piece."""
-        for values in self.score["automation"] or ():
-            if isinstance(values, Values):
-                words = str(values["set"] or values["lfo"] or "").split(".")
-                heads = (".".join(words[:count]) for count in range(len(words) - 1, 0, -1))
-                self.part_names.reached |= {head for head in heads if head in self.matter.by_name}
+        section = self.score["automation"] or ()
+        known = None if memory is None else memory.held(f"led {file}", None)
+        if known is None or known[0] is not section:
+            names = {
+                str(values["set"] or values["lfo"] or "")
+                for values in section
+                if isinstance(values, Values)
+            }
+            heads = {part for name in names for part in accumulate(name.split("."), _joined)}
+            known = section, heads
+            if memory is not None:
+                memory.hold(f"led {file}", None, known)
+        self.part_names.reached |= known[1] & self.matter.by_name.keys()
+
+    def _struck_modules(self, made: Strikes, values: Values) -> tuple[tuple[str, str], ...] | None:
+        """The modules on which strikes depend; None for those that depend on more."""
+        names = values["to"] or ()
+        if melodies.kind_of(values) or any(self.part_names.family(name) for name in names):
+            return None
+        return tuple({(target.part, target.module) for target in made.to})
 
     def _automation(self, values: Any) -> Automation | None:
         if not isinstance(values, Values) or not automation.check(values):
@@ -357,6 +387,10 @@ class Checker:
             gap = spread.gaps(link, 1, who, self.collector)
             link = replace(link, fields={**link.fields, "gap": gap})
         return replace(made, link=link, a=a, b=b)
+
+
+def _joined(head: str, word: str) -> str:
+    return f"{head}.{word}"
 
 
 def _of_level(name: str) -> str | None:

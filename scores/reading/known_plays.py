@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ergon.notation.text.memory import Memory
-from ergon.scores.reading.piece import Gesture, Piece, Play
+from ergon.scores.reading.piece import Gesture, Piece, Play, Strikes
 
 # By the id of a line: the line itself (which keeps the id from being reused), and its beat.
 Begins = dict[int, tuple[Play, float]]
 Starts = dict[int, tuple[Play, Sequence[float] | None, int]]  # with the number of beats
 Played = dict[int, tuple[Play, tuple[str, ...]]]  # the gestures and takes that a line names
 
-_KEPT = "begins", "starts", "names"
+_KEPT = "begins", "starts", "names", "checked", "counts"
 
 
 class KnownPlays:
@@ -22,7 +22,8 @@ class KnownPlays:
     def __init__(self, memory: Memory | None, file: str, times: Any) -> None:
         """Take the score's file. Without a memory nothing is known."""
         self._memory = memory
-        self._begins, self._starts, self._names = (f"{of} {file}" for of in _KEPT)
+        named = [f"{of} {file}" for of in _KEPT]
+        self._begins, self._starts, self._names, self._checked, self._counts = named
         self._times = times
         self._played: Played = {}
 
@@ -31,6 +32,28 @@ class KnownPlays:
         if self._memory is not None:
             self._played = self._memory.held(self._names, None) or {}
         return self._played
+
+    def checked(self) -> dict[int, Any]:
+        """Entries of other sections, by id, whose positions exist."""
+        if self._memory is None:
+            return {}
+        return self._memory.held(self._checked, self._times) or {}
+
+    def keep_checked(self, found: dict[int, Any]) -> None:
+        """Keep entries whose positions exist."""
+        if self._memory is not None:
+            self._memory.hold(self._checked, self._times, found)
+
+    def counts(self, piece: Piece) -> dict[int, tuple[Strikes, float]]:
+        """The numbers of strikes, by the id of what strikes."""
+        if self._memory is None:
+            return {}
+        return self._memory.held(self._counts, (self._times, piece.seed)) or {}
+
+    def keep_counts(self, piece: Piece, found: dict[int, tuple[Strikes, float]]) -> None:
+        """Keep the numbers of strikes."""
+        if self._memory is not None:
+            self._memory.hold(self._counts, (self._times, piece.seed), found)
 
     def begins(self) -> Begins:
         """The beats on which lines begin."""

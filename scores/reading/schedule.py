@@ -49,9 +49,18 @@ def schedule(
         room -= count
         result.append(beats)
     known.keep_starts(piece, starts)
-    room_for_strikes = float(MAX_STRIKES)
+    room_for_strikes, counts, kept = float(MAX_STRIKES), known.counts(piece), {}
     for strikes in piece.strikes:
-        room_for_strikes -= _count(strikes, piece, room_for_strikes, collector)
+        counted = counts.get(id(strikes))
+        if counted is None or counted[1] > room_for_strikes:
+            told = collector.told
+            counted = strikes, _count(strikes, piece, room_for_strikes, collector)
+            if collector.told > told:
+                room_for_strikes -= counted[1]
+                continue
+        kept[id(strikes)] = counted
+        room_for_strikes -= counted[1]
+    known.keep_counts(piece, kept)
     return tuple(result)
 
 

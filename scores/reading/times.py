@@ -136,12 +136,19 @@ class Times:
         self.known.keep_begins(piece.parts, known)
         entries: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
         entries += score["automation"] or ()
+        checked, kept = self.known.checked(), {}
         for values in entries:
-            if isinstance(values, Values):
+            if id(values) in checked:
+                kept[id(values)] = values
+            elif isinstance(values, Values):
+                told = self.collector.told
                 at, until = values["at"], values["until"]
                 start = self._beats(at, lambda v=values: v.place_of("at"))  # type: ignore[misc]
                 stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
                 self._order(start, stop, values.place_of("until"))
+                if self.collector.told == told:
+                    kept[id(values)] = values
+        self.known.keep_checked(kept)
         for strikes in piece.strikes:
             for hit in strikes.hits:
                 if isinstance(hit.at, Position):

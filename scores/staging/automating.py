@@ -7,18 +7,18 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple
 
 from ergon.notation.clock.meter import SAME
-from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.shifted import NEVER
 from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.values import Place
 from ergon.scores.reading.automatable import moved
-from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.known_automation import KnownAutomation, Tracks
 from ergon.scores.staging.parameter_curves import (
     GLIDE,
     GRID,
@@ -45,39 +45,54 @@ class Automated(NamedTuple):
 
 
 def automation_points(
-    piece: Piece, since: float, until: float, collector: Collector, begins: float = -math.inf
+    piece: Piece,
+    since: float,
+    until: float,
+    collector: Collector,
+    begins: float = -math.inf,
+    known: KnownAutomation | None = None,
 ) -> Automated:
     """The points of each automated module, for the beats from `since` to `until`; only those from
     the last one at or before the instant `begins` [s] on are needed.
+
+    `known` is what the stage before knew.
     """
-    tempo = piece.tempo_map
-    places: dict[str, Place] = {}  # where the first automation of each part is written
-    lines = _entries(piece, places)
-    moving = frozenset(where for where, own in lines.items() if _has_moved(piece, own, begins))
+    tempo, known = piece.tempo_map, known or KnownAutomation()
+    lines = known.tracks(piece)
+    here = tempo.beats(begins) if begins > -math.inf else -math.inf
+    leds: dict[Where, Led] = {}
+    found: dict[Where, Points] = {}
+    left: dict[Where, Tracks] = {}
+    for where, own in lines.items():
+        led = known.led(piece, where)
+        if led is None:
+            continue  # a gesture is rehearsed without instruments
+        leds[where] = led
+        points = known.settled(where, own, led, here)
+        if points is None:
+            left[where] = own
+        else:
+            found[where] = points
     if begins > -math.inf:
-        orders = (order for own in lines.values() for order in own.values())
-        begins -= slack(piece, orders, begins)
+        begins -= slack(piece, (o for own in left.values() for o in own.entries.values()), begins)
         since = min(since, tempo.beats(begins))
     extent = Extent(since, until, begins)
+    moving = {where for where in leds if lines[where].moves_from < here}
     wholes: dict[str, Curve] = {}
-    for where in [*lines]:
-        led = Led.of(piece, where)
-        if led is None:
-            del lines[where]  # a gesture is rehearsed without instruments
-        elif led.module.kind == "INSTRUMENT":
-            order = lines.pop(where)["f"]
-            wholes[where[0]] = _curve(piece, order, led.own["f"], extent, collector)
-            for module in moved(piece.instruments[where[0]]):
-                lines.setdefault((where[0], module.name), {})
-                if where in moving:
-                    moving |= {(where[0], module.name)}
-    found: dict[Where, Points] = {}
-    for where, parameters in lines.items():
-        led = Led.of(piece, where)
+    for where in [where for where in left if leds[where].module.kind == "INSTRUMENT"]:
+        order, own_value = left.pop(where).entries["f"], leds[where].own["f"]
+        wholes[where[0]] = _curve(piece, order, own_value, extent, collector)
+        for module in moved(piece.instruments[where[0]]):
+            member = where[0], module.name
+            left.setdefault(member, lines.get(member) or Tracks({}, math.inf))
+            if where in moving:
+                moving.add(member)
+    for where, own in left.items():
+        led = leds.get(where) or known.led(piece, where)
         assert led is not None
         curves = {
             name: _curve(piece, order, led.own[name], extent, collector)
-            for name, order in parameters.items()
+            for name, order in own.entries.items()
         }
         whole = wholes.get(where[0])
         if whole is not None and led.module not in moved(piece.instruments[where[0]]):
@@ -85,51 +100,32 @@ def automation_points(
         made = _points(led, curves, whole)
         if led.cost * len(made) > MAX_POINTS:
             message = f"automation: a {led.module.kind} changes more than {MAX_POINTS:,} times"
-            collector.error("E105", message, places[where[0]])
+            collector.error("E105", message, _place(piece, where[0]))
         elif made:
             found[where] = made
-    return Automated(found, moving)
+            if whole is None and _is_settled(own, curves, here, begins):
+                found[where] = made[-1:]
+                known.settle(where, own, led, here, made[-1:])
+    return Automated(found, frozenset(moving))
 
 
-# The entries of each parameter of a module, in order.
-_Tracks = dict[str, list[Entry]]
+def _is_settled(tracks: Tracks, curves: Mapping[str, Curve], beat: float, instant: float) -> bool:
+    """Whether nothing moves a module after a beat, which is at an instant [s]: the last entry of
+    each parameter is over, or is a glide whose value stays.
+    """
+    for name, order in tracks.entries.items():
+        entry, times = order[-1], curves[name].t
+        stays = entry.stop <= beat or (entry.stop == math.inf and bool(entry.automation.points))
+        if entry.begin > beat or not stays or not times or times[-1] > instant:
+            return False
+    return beat > -math.inf
 
 
-def _entries(piece: Piece, places: dict[str, Place]) -> dict[Where, _Tracks]:
-    """All automation of a piece by module; `places` gets the first place of each part."""
-    lines: dict[Where, dict[str, list[Automation]]] = {}
-    for one in (*piece.automation, *_notes(piece)):
-        where = one.target.part, one.target.module
-        places.setdefault(one.target.part, one.place)
-        lines.setdefault(where, {}).setdefault(one.parameter, []).append(one)
-    return {
-        where: {name: _in_order(piece, some) for name, some in parameters.items()}
-        for where, parameters in lines.items()
-    }
-
-
-def _in_order(piece: Piece, lines: Sequence[Automation]) -> list[Entry]:
-    """The entries of one parameter: each lasts until the next one begins."""
-    tempo = piece.tempo_map
-    begins = [(tempo.resolve(one.at), one) for one in lines]
-    begins.sort(key=lambda of: of[0])
-    found = []
-    for place, (begin, one) in enumerate(begins):
-        stop = math.inf if one.until is None else tempo.resolve(one.until)
-        if place + 1 < len(begins):
-            stop = min(stop, begins[place + 1][0])
-        found.append(Entry(one, begin, stop))
-    return found
-
-
-def _has_moved(piece: Piece, tracks: _Tracks, begins: float) -> bool:
-    """Whether anything but swings has begun before an instant [s]."""
-    seconds = piece.tempo_map.seconds
-    return any(
-        entry.one.swing is None and seconds(entry.begin) < begins
-        for order in tracks.values()
-        for entry in order
-    )
+def _place(piece: Piece, part: str) -> Place:
+    """Where the first automation of a part is written."""
+    lines = (one.place for one in piece.automation if one.target.part == part)
+    notes = (s.place for s in piece.strikes for one in s.to if s.notes and one.part == part)
+    return next(chain(lines, notes))
 
 
 def _points(led: Led, curves: Mapping[str, Curve], whole: Curve | None) -> Points:
@@ -178,23 +174,10 @@ def value_on(piece: Piece, where: Where, parameter: str, beat: float) -> float:
     ]
     instant = piece.tempo_map.seconds(beat)
     extent = Extent(beat, beat, instant)
-    curve = _curve(piece, _in_order(piece, lines), led.own[parameter], extent, Collector())
+    tracks = KnownAutomation().tracks(replace(piece, automation=tuple(lines), strikes=()))
+    order = tracks[where].entries[parameter] if lines else []
+    curve = _curve(piece, order, led.own[parameter], extent, Collector())
     return curve.at(instant)
-
-
-def _notes(piece: Piece) -> Iterator[Automation]:
-    """Automation of the pitches of strikes that have notes."""
-    tempo = piece.tempo_map
-    for one in piece.strikes:
-        if not one.notes or one.pattern is None:
-            continue
-        until = one.until
-        if one.span is not None:
-            until = Position(plus=Length(beats=tempo.after(tempo.resolve(one.at), one.span)))
-        pattern = replace(one.pattern, chance=None)
-        for target in one.to:
-            said = (target, "f", one.at, until, one.every, one.times, pattern, one.notes)
-            yield Automation(*said, None, one.place, one.place, one.who)
 
 
 def complete_until(piece: Piece, until: float) -> float:
@@ -211,6 +194,7 @@ def takeover_points(
     start: float,
     known: float,
     moved: Container[Where] = (),
+    memory: KnownAutomation | None = None,
 ) -> dict[Where, Points]:
     """The points of a stage that takes over at `start` [s] from one with the points `before`.
 
@@ -219,8 +203,9 @@ def takeover_points(
     their own values alone have no points, except those that have `moved`.
     """
     found: dict[Where, Points] = {}
+    memory = memory or KnownAutomation()
     for where in {**before, **after}:
-        led = Led.of(piece, where)
+        led = memory.led(piece, where)
         if led is None:
             continue  # the module is gone
         own = (0.0, *led.numbers_alone)

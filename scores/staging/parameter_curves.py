@@ -1,4 +1,4 @@
-"""The curve of one parameter over time, to which automation entries are added one by one."""
+"""The curve of one parameter over time, to which automation entries are added one by line."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Curve:
 class Entry(NamedTuple):
     """An automation entry that controls its parameter from beat `begin` to beat `stop`."""
 
-    one: Automation
+    automation: Automation
     begin: float
     stop: float
 
@@ -92,8 +92,8 @@ class Extent(NamedTuple):
 
 def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> float:
     """Add the values of a pattern to a curve; returns the beat on which the pattern ends."""
-    tempo, one = piece.tempo_map, entry.one
-    places = one.steps(tempo, piece.seed)
+    tempo, line = piece.tempo_map, entry.automation
+    places = line.steps(tempo, piece.seed)
     course = places.course
     first, last = held_places(places, extent.since, min(entry.stop, extent.until))
     for place in range(first, last):
@@ -102,13 +102,13 @@ def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> flo
         name, instant = course.played(place), tempo.seconds(places[place])
         if instant >= NEVER:
             break
-        if name is not None and one.struck:
+        if name is not None and line.struck:
             # The pitch of a note is reached one step of the grid before its strike.
             early = GRID / piece.rate
-            curve.set(instant - 2 * early, one.amounts[name].value, instant - early)
+            curve.set(instant - 2 * early, line.amounts[name].value, instant - early)
         elif name is not None:
             following = tempo.seconds(places.beat(place + 1))
-            curve.set(instant, one.amounts[name].of(curve.own), max(following, instant))
+            curve.set(instant, line.amounts[name].of(curve.own), max(following, instant))
     return places.beat(len(places))
 
 
@@ -144,21 +144,21 @@ class GlidePath(NamedTuple):
         return self.last == self.instants[-1]
 
 
-def glide_path(piece: Piece, entry: Entry, own: float) -> GlidePath:
+def glide_path(piece: Piece, entry: Entry, value: float) -> GlidePath:
     """The path of an entry, for a glide without the value from which it starts. Raises TextError.
 
-    `own` is the value of the parameter as written.
+    `value` is that of the parameter as written.
     """
-    tempo, one = piece.tempo_map, entry.one
-    to_path, _ = _SCALES.get(one.parameter, (_same, _same))
-    values = [to_path(point.amount.of(own)) for point in one.points]
-    ways: list[Way] = [point.way for point in one.points]
-    if one.over is not None:
+    tempo, line = piece.tempo_map, entry.automation
+    to_path, _ = _SCALES.get(line.parameter, (_same, _same))
+    values = [to_path(point.amount.of(value)) for point in line.points]
+    ways: list[Way] = [point.way for point in line.points]
+    if line.over is not None:
         here = tempo.seconds(entry.begin)
-        instants = [here, tempo.seconds(tempo.after(entry.begin, one.over))]
+        instants = [here, tempo.seconds(tempo.after(entry.begin, line.over))]
         ways.insert(0, "line")
     else:
-        instants = [tempo.instant(entry.begin, point.at) for point in one.points]
+        instants = [tempo.instant(entry.begin, point.at) for point in line.points]
     if any(after <= before for before, after in pairwise(instants)):
         raise TextError("the points of the curve do not rise in time at this tempo")
     return GlidePath(instants, values, ways, min(instants[-1], tempo.seconds(entry.stop)))
@@ -169,7 +169,7 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
 
     Points before the last one at or before the instant `begins` [s] may be left out.
     """
-    tempo, one = piece.tempo_map, entry.one
+    tempo, line = piece.tempo_map, entry.automation
     here = tempo.seconds(entry.begin)
     if isinstance(tempo, StoppedTempoMap):
         if here < NEVER:  # the value on the beat at which the piece stands
@@ -178,11 +178,11 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
             add_glide(replace(piece, tempo_map=goes), entry, moving)
             curve.to(here, moving.at(goes.seconds(tempo.at)))
         return
-    to_path, of_path = _SCALES.get(one.parameter, (_same, _same))
+    to_path, of_path = _SCALES.get(line.parameter, (_same, _same))
     instants, values, ways, last = glide_path(piece, entry, curve.own)
     before = curve.at(here)
     is_over = last <= begins and last > here + GLIDE  # only its end is heard
-    if one.over is not None:
+    if line.over is not None:
         values.insert(0, to_path(before))
         if not is_over:  # it starts from the value on the grid before it
             step = GRID / piece.rate
@@ -255,7 +255,7 @@ def swing_points_before(beat_of: Callable[[int], float], beat: float) -> int:
 
 def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
     """Add a swing to a curve, from one period before the extent to its first point behind it."""
-    swing = entry.one.swing
+    swing = entry.automation.swing
     assert swing is not None
     tempo, own = piece.tempo_map, curve.own
     low, high = swing.low.of(own), swing.high.of(own)

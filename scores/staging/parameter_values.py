@@ -55,6 +55,10 @@ class Led:
             return None
         return cls(module, 1.0 if key is None else 1.0 / (key.reach * key.reach))
 
+    def is_same(self, other: Led) -> bool:
+        """Whether another module has the same numbers for all values."""
+        return self.scale == other.scale and self.module == other.module
+
     @property
     def cost(self) -> int:
         """How many entries a point takes in the engine."""

@@ -47,7 +47,7 @@ def slack(piece: Piece, orders: Iterable[Sequence[Entry]], begins: float) -> flo
     longest = 0.0
     for order in orders:
         place = _begun(piece.tempo_map, order, begins) - 1
-        if place >= 0 and order[place].one.points:
+        if place >= 0 and order[place].automation.points:
             try:
                 path = glide_path(piece, order[place], 1.0)
             except TextError:
@@ -58,11 +58,11 @@ def slack(piece: Piece, orders: Iterable[Sequence[Entry]], begins: float) -> flo
     return 2.0 * longest + step
 
 
-def needed(piece: Piece, order: Sequence[Entry], own: float, extent: Extent) -> Needed:
+def needed(piece: Piece, order: Sequence[Entry], value: float, extent: Extent) -> Needed:
     """The entries of one parameter, in order, that its curve needs within an extent."""
     tempo, begins = piece.tempo_map, extent.begins
     if begins == -math.inf:
-        return Needed(0, Curve(own))
+        return Needed(0, Curve(value))
     place = _begun(tempo, order, begins) - 1
     while place >= 0:
         entry = order[place]
@@ -70,14 +70,14 @@ def needed(piece: Piece, order: Sequence[Entry], own: float, extent: Extent) -> 
         try:
             back = _back(piece, entry, following, extent.until)
             if back <= begins:  # the parameter has its own value again
-                return Needed(place + 1, Curve(own, [back], [own]))
-            if _stands_alone(piece, entry, own, extent.since, begins):
+                return Needed(place + 1, Curve(value, [back], [value]))
+            if _stands_alone(piece, entry, value, extent.since, begins):
                 break
         except TextError:
             pass  # it is reported when it is expanded
         begins = tempo.seconds(entry.begin)
         place -= 1
-    return Needed(max(0, place), Curve(own))
+    return Needed(max(0, place), Curve(value))
 
 
 def _begun(tempo: TempoMap, order: Sequence[Entry], instant: float) -> int:
@@ -89,11 +89,11 @@ def _back(piece: Piece, entry: Entry, following: Entry | None, until: float) -> 
     """The instant from which a parameter has its own value after an entry [s]; infinite if the next
     entry begins before. Raises TextError.
     """
-    tempo, one, ended = piece.tempo_map, entry.one, entry.stop
-    if one.pattern is not None:
-        places = one.steps(tempo, piece.seed)
+    tempo, line, ended = piece.tempo_map, entry.automation, entry.stop
+    if line.pattern is not None:
+        places = line.steps(tempo, piece.seed)
         ended = min(ended, places.beat(len(places)))
-        if one.struck and following is None:
+        if line.struck and following is None:
             return math.inf  # the pitch of the last note stays
     if ended > until or (following is not None and following.begin <= ended + SAME):
         return math.inf
@@ -101,22 +101,22 @@ def _back(piece: Piece, entry: Entry, following: Entry | None, until: float) -> 
     return math.inf if following is not None and tempo.seconds(following.begin) < back else back
 
 
-def _stands_alone(piece: Piece, entry: Entry, own: float, since: float, begins: float) -> bool:
+def _stands_alone(piece: Piece, entry: Entry, value: float, since: float, begins: float) -> bool:
     """Whether the points of an entry, from the last one at or before an instant [s] on, depend on
     no entry before it.
 
     What entries before it have left lasts until GLIDE after its beginning at most.
     """
-    tempo, one = piece.tempo_map, entry.one
+    tempo, line = piece.tempo_map, entry.automation
     clear = tempo.seconds(entry.begin) + GLIDE
-    if one.points:
-        path = glide_path(piece, entry, own)
+    if line.points:
+        path = glide_path(piece, entry, value)
         is_over = clear < path.last <= begins
-        return is_over and (path.is_complete or one.over is None)
-    if one.swing is not None:
-        beat_of = swing_beats(tempo, entry, one.swing)
+        return is_over and (path.is_complete or line.over is None)
+    if line.swing is not None:
+        beat_of = swing_beats(tempo, entry, line.swing)
         number = swing_points_before(beat_of, tempo.beats(clear)) + 1
-        if one.swing.shape == "square":  # it has points where it changes
+        if line.swing.shape == "square":  # it has points where it changes
             number += PIECES // 2
         beat = beat_of(number)
         return beat <= entry.stop and tempo.seconds(beat) <= begins
@@ -125,9 +125,9 @@ def _stands_alone(piece: Piece, entry: Entry, own: float, since: float, begins: 
 
 def _has_values_of_its_own(piece: Piece, entry: Entry, since: float, begins: float) -> bool:
     """Whether a pattern has set a value before an instant [s], so that no earlier one holds."""
-    tempo, one = piece.tempo_map, entry.one
+    tempo, line = piece.tempo_map, entry.automation
     clear = tempo.seconds(entry.begin) + GLIDE
-    places = one.steps(tempo, piece.seed)
+    places = line.steps(tempo, piece.seed)
     early = GRID / piece.rate
     for place in range(*held_places(places, since, entry.stop)):
         if places.course.played(place) is None:
@@ -135,7 +135,7 @@ def _has_values_of_its_own(piece: Piece, entry: Entry, since: float, begins: flo
         instant = tempo.seconds(places[place])
         if instant > begins:
             break
-        if one.struck:
+        if line.struck:
             if instant - 2 * early > clear:
                 return True
         else:

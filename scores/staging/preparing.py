@@ -24,11 +24,13 @@ from ergon.scores.staging.automating import (
 from ergon.scores.staging.built_network import COUPLING_ENDED, BuiltNetwork, acting, build_network
 from ergon.scores.staging.drives import drive, sounds_in
 from ergon.scores.staging.hands import ALL, Hands, Window
+from ergon.scores.staging.known_automation import KnownAutomation
 from ergon.scores.staging.listening import check_rooms
 from ergon.scores.staging.live import LiveHand, check_players, held, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
-from ergon.scores.staging.parameter_values import Led, Points, Where
+from ergon.scores.staging.parameter_values import Points, Where
 from ergon.scores.staging.refusals import StageError, refuse, refused
+from ergon.scores.staging.stage_memory import KnownStrikes, StageMemory
 from ergon.scores.staging.striking import ALL_TIME, Striking
 from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
@@ -47,6 +49,7 @@ class EarlierStage(Protocol):
     takes: Mapping[Hashable, _core.Take]
     paths: Mapping[Where, Points]
     paths_until: float
+    memory: StageMemory
 
 
 class Span(NamedTuple):
@@ -69,6 +72,7 @@ class PreparedPiece:
     paths: Mapping[Where, Points]
     paths_until: float
     fades_from: int | None
+    memory: StageMemory
 
     @property
     def network(self) -> _core.Network:
@@ -95,6 +99,8 @@ def prepare(
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
     check_players(piece, real, collector)
+    memory = StageMemory() if like is None else like.memory
+    known = memory.automation
     try:
         computed = held(piece, real)
         built = (like and like.built.of(computed, silent)) or build_network(computed, silent)
@@ -110,18 +116,20 @@ def prepare(
         played = [Span(piece, ALL)] if spans is None else spans
         sounds = sounds_in(piece, timeline, takes)
         drive(piece, assembly, hands, {name: index for name, (index, _) in sounds.items()})
-        end = max(_play(piece, assembly, hands, couplings, real, played), _length(piece, live))
+        plays_until = _play(piece, assembly, hands, couplings, real, played, memory.strikes)
+        end = max(plays_until, _length(piece, live))
         end = max([end, *(seconds for _, seconds in sounds.values())])
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
         check_rooms(piece, collector)
         n_frames = _frames(piece, end, collector) if spans is None else 0
         begin = -math.inf if like is None else start / piece.rate
-        (paths, moved), paths_until = _automate(piece, spans, n_frames, collector, begin)
+        (paths, moved), paths_until = _automate(piece, spans, n_frames, collector, begin, known)
         if like is not None:
-            paths = takeover_points(like.paths, paths, piece, begin, like.paths_until, moved)
+            of_before = like.paths, paths, piece, begin, like.paths_until
+            paths = takeover_points(*of_before, moved, known)
         for where, points in paths.items():
-            if led := Led.of(piece, where):
+            if led := known.led(piece, where):
                 try:
                     led.put(timeline, assembly, where, points)
                 except _core.EngineError as error:
@@ -132,7 +140,8 @@ def prepare(
         raise StageError(collector.finish())
     fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
     of_paths = paths, paths_until
-    return PreparedPiece(built, timeline, n_frames, hands, collector, live, *of_paths, fades_from)
+    of_piece = built, timeline, n_frames, hands, collector, live
+    return PreparedPiece(*of_piece, *of_paths, fades_from, memory)
 
 
 def _automate(
@@ -141,6 +150,7 @@ def _automate(
     n_frames: int,
     collector: Collector,
     begins: float,
+    known: KnownAutomation,
 ) -> tuple[Automated, float]:
     """The points of automated modules, up to the end of the piece or of its last stretch, and the
     instant up to which they are complete [s]. A stretch needs them from the instant `begins` [s]
@@ -156,7 +166,7 @@ def _automate(
         here = tempo.beats(0.0)
         return automation_points(piece, here, here, collector), math.inf
     since, until, _ = spans[-1].window
-    points = automation_points(piece, since, until, collector, begins)
+    points = automation_points(piece, since, until, collector, begins, known)
     return points, complete_until(piece, until)
 
 
@@ -172,6 +182,7 @@ def _play(
     couplings: Sequence[int],
     real: Real,
     spans: Sequence[Span],
+    known: KnownStrikes,
 ) -> float:
     """Put all virtual events on the timeline; returns when the last one ends [s]."""
     timeline = hands.timeline
@@ -188,8 +199,11 @@ def _play(
             hands.standin(player)
     ends = [gesture.stop for gesture in hands.gestures]
     for played, window in spans:
-        within = _within(played, window)
+        within, tempo = _within(played, window), played.tempo_map
+        known.begin(tempo)
         for strikes in played.strikes:
+            if known.are_over(strikes, tempo, window.since):
+                continue
             targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
             mats = [mat for target in targets for mat in assembly.members(target)]
             source = hands.sources.add(partial(_same_place, strikes.place))

@@ -20,6 +20,7 @@ from ergon.scores.staging.parameter_values import Points, Where
 from ergon.scores.staging.planning import Store, Watched, make
 from ergon.scores.staging.preparing import PreparedPiece, Span, prepare
 from ergon.scores.staging.refusals import place_of, refused
+from ergon.scores.staging.stage_memory import StageMemory
 from ergon.scores.staging.version_glides import Glide
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ class Stage:
     planned_for: Accuracy | None = None
     # From this frame on a render may end when the sound has faded; None: it ends at `n_frames`.
     fades_from: int | None = None
+    memory: StageMemory = field(default_factory=StageMemory)
     placed: Sequence[Placed] = ()  # frozen outputs, mixed with the computed ones
     timeline: _core.Timeline | None = None  # all events
 
@@ -269,6 +271,7 @@ def stage(
         ready.paths_until,
         planned_for,
         ready.fades_from,
+        ready.memory,
         timeline=ready.timeline,
     )
 

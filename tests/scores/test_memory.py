@@ -12,7 +12,7 @@ from sweep import few
 from ergon.notation.text import document
 from ergon.notation.text.memory import Memory
 from ergon.scores.edits.texts import Texts
-from ergon.scores.reading import matter
+from ergon.scores.reading import automation, build, matter
 from ergon.scores.reading.load import Loaded, load
 
 _LIBRARY = Path(__file__).parents[2] / "scores" / "library"
@@ -171,3 +171,56 @@ def test_a_reading_of_names_forgets_no_instrument(tmp_path: Path, monkeypatch: p
     changed = texts.changed(_BELL.replace("440Hz", "450Hz")).load().piece
     assert changed is not None
     assert read == ["one"]
+
+
+def _played(count: int) -> str:
+    """Two CELs that automation leads, and strikes, `count` times each."""
+    cells = "\n".join(f"      {n}: {{CEL: {{M: 2g, f: 440Hz, t60: 0.5s}}}}" for n in "mn")
+    lines = "\n".join(
+        f"  - {{set: bell.{'mn'[i % 2]}.K, to: x1.1, over: 1, at: {2 * i}}}" for i in range(count)
+    )
+    strikes = "\n".join(
+        f"  s{i}: {{to: bell.m, at: {i}, every: 1, until: {i + 2}, impulse: 1mNs}}"
+        for i in range(count)
+    )
+    head = "ergon: 1\ninstruments:\n  bell:\n    modules:\n"
+    return f"{head}{cells}\n    out: {{SOX: m}}\nstrikes:\n{strikes}\nautomation:\n{lines}\n"
+
+
+def test_entries_are_read_again_only_if_they_or_their_modules_change(monkeypatch) -> None:
+    counts = {"automation": 0, "strikes": 0}
+    for name, (owner, call) in {
+        "automation": (automation, "made"),
+        "strikes": (build, "strikes"),
+    }.items():
+        before = getattr(owner, call)
+
+        def counted(*args, name=name, before=before):
+            counts[name] += 1
+            return before(*args)
+
+        monkeypatch.setattr(owner, call, counted)
+
+    def read(text: str) -> tuple[int, int]:
+        counts.update(automation=0, strikes=0)
+        loaded = Texts("a.yaml", text, memory=memory).load()
+        assert loaded.piece is not None, loaded.diagnostics
+        fresh = load("a.yaml", text=text).piece
+        assert fresh is not None
+        assert loaded.piece.digest() == fresh.digest()
+        return counts["automation"] - len(fresh.automation), counts["strikes"] - len(fresh.strikes)
+
+    memory, text = Texts("a.yaml", "").memory, _played(20)
+    assert read(text) == (20, 20)
+    text += "  - {set: bell.m.K, to: x1.2, over: 1, at: 99}\n"
+    assert read(text) == (1, 0)
+    assert read(text.replace("ergon: 1\n", "ergon: 1\ntempo: [{at: 1|1, bpm: 90}]\n")) == (0, 0)
+    assert read(text.replace("n: {CEL: {M: 2g", "n: {CEL: {M: 3g")) == (10, 0)
+    assert read(text) == (10, 0)
+
+
+def test_part_that_is_named_no_more_is_not_reached() -> None:
+    memory, base = Memory(is_loose=True), _played(9)
+    texts = Texts("a.yaml", base.replace("bell.n.K", "bell.x.K"), memory=memory)
+    assert "bell.x" in texts.load().diagnostics[0].message
+    assert Texts("a.yaml", base, memory=memory).load().piece is not None
