@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 from ergon.notation.text import document
@@ -47,22 +46,32 @@ def alone(text: str, file: str, folder: Path, name: str, memory: Memory) -> Sect
     own = lines(text, name)
     if own is None:
         return None
-    section = _made(Document(file, text), file, folder, own, memory)
+    section = _made(text, file, folder, own, memory)
     return section if section is not None and section.name.text == name else None
 
 
 def _made(
-    whole: Document, file: str, folder: Path, lines: tuple[int, int], memory: Memory
+    whole: str, file: str, folder: Path, lines: tuple[int, int], memory: Memory
 ) -> Section | None:
-    row, text = whole.row(lines[0]), whole.text[slice(*lines)]
+    row, text = _row(whole, lines[0]), whole[slice(*lines)]
     return memory.made((file, row, text), partial(_section, text, file, folder, row, memory))
 
 
-def _cut(text: str) -> Iterator[tuple[str, int, int]]:
+def _row(text: str, index: int) -> int:
+    """Line of a character at which a line begins, from 0, as a document counts them."""
+    n_pairs = text.count("\r\n", 0, index)
+    return text.count("\n", 0, index) + text.count("\r", 0, index) - n_pairs
+
+
+# An edit asks for the sections of the same text again and again.
+@lru_cache(maxsize=4)
+def _cut(text: str) -> tuple[tuple[str, int, int], ...]:
     matches = list(_SECTION.finditer(text))
     ends = [*(match.start() for match in matches[1:]), *([len(text)] if matches else [])]
-    for match, end in zip(matches, ends, strict=True):
-        yield match.group()[:-1].rstrip(), match.start(), end
+    return tuple(
+        (match.group()[:-1].rstrip(), match.start(), end)
+        for match, end in zip(matches, ends, strict=True)
+    )
 
 
 def compose_with_memory(
@@ -81,7 +90,7 @@ def compose_with_memory(
             begin = first
             if not _HEAD.fullmatch(text, 0, first):
                 break
-        section = _made(whole, file, folder, (first, end), memory)
+        section = _made(text, file, folder, (first, end), memory)
         if section is None or section.name.text != name or name in entries:
             break
         entries[name] = section.name, section.value

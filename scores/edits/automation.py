@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.tables import quantities as q
@@ -53,7 +53,7 @@ def glide(
     """
     head, _, parameter = target.rpartition(".")
     check(piece, target)
-    if value.startswith("x") and any(one.name == target for one in piece.automation):
+    if value.startswith("x") and any(True for _ in _of(piece, target)):
         known = automatable.found(head, piece.keys, piece.instruments)
         assert known is not None
         part, module, _ = known
@@ -127,12 +127,20 @@ def ending(piece: Piece, one: Automation) -> float:
 
 def _ended(texts: Texts, piece: Piece, at: float, target: str) -> tuple[Texts, int]:
     tempo, count = piece.tempo_map, 0
-    for number in reversed(range(len(piece.automation))):
+    for number in reversed([*_of(piece, target)]):
         one = piece.automation[number]
         is_over = one.until is not None and tempo.resolve(one.until) <= at + SAME
-        if one.name == target and not (is_over and tempo.resolve(one.at) < at - SAME):
+        if not (is_over and tempo.resolve(one.at) < at - SAME):
             texts, count = _ended_one(texts, piece, at, number), count + 1
     return texts, count
+
+
+def _of(piece: Piece, target: str) -> Iterator[int]:
+    """The numbers of the automation entries of a parameter."""
+    head, _, parameter = target.rpartition(".")
+    for number, one in enumerate(piece.automation):
+        if one.parameter == parameter and one.target.text == head:
+            yield number
 
 
 def _ended_one(texts: Texts, piece: Piece, at: float, number: int) -> Texts:

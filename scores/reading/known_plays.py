@@ -61,6 +61,36 @@ class KnownPlays:
             return {}
         return self._memory.held(self._begins, self._times) or {}
 
+    def all_begins(self, parts: Sequence[Play]) -> list[float] | None:
+        """The beats on which all lines begin, if these are the lines of the reading before."""
+        if self._memory is None:
+            return None
+        known = self._memory.held(f"all {self._begins}", self._times)
+        return [*known[1]] if known is not None and known[0] == parts else None
+
+    def keep_all_begins(self, parts: Sequence[Play], begins: Sequence[float]) -> None:
+        """Keep the beats on which all lines begin; none of them has a mistake."""
+        if self._memory is not None:
+            self._memory.hold(f"all {self._begins}", self._times, (parts, [*begins]))
+
+    def all_starts(self, piece: Piece) -> tuple[Sequence[float] | None, ...] | None:
+        """The beats of all occurrences, if the lines are those of the reading before."""
+        if self._memory is None:
+            return None
+        known = self._memory.held(f"all {self._starts}", (self._times, piece.seed))
+        if known is None or known[0] != piece.parts:
+            return None
+        pairs = ((gesture, piece.gestures.get(name)) for name, gesture in known[1].items())
+        return known[2] if all(_is_same(*pair) for pair in pairs) else None
+
+    def keep_all_starts(self, piece: Piece, starts: tuple[Sequence[float] | None, ...]) -> None:
+        """Keep the beats of all occurrences; no line has a mistake."""
+        if self._memory is not None:
+            gestures = self._memory.held(self._starts, (self._times, piece.seed))[0]
+            named = f"all {self._starts}"
+            what = piece.parts, gestures, starts
+            self._memory.hold(named, (self._times, piece.seed), what)
+
     def keep_begins(self, parts: Sequence[Play], found: Begins) -> None:
         """Keep what was found for the lines of these parts."""
         if self._memory is not None:

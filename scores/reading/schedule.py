@@ -32,6 +32,29 @@ def schedule(
     Reports occurrences without end, bar checks that are not on a bar (W311), and points that
     transformations lose (W315).
     """
+    result = known.all_starts(piece)
+    if result is None:
+        result = _starts(piece, begins, known, collector)
+    room_for_strikes, counts, next_counts = float(MAX_STRIKES), known.counts(piece), {}
+    for strikes in piece.strikes:
+        counted = counts.get(id(strikes))
+        if counted is None or counted[1] > room_for_strikes:
+            n_reports = collector.told
+            counted = strikes, _count(strikes, piece, room_for_strikes, collector)
+            if collector.told > n_reports:
+                room_for_strikes -= counted[1]
+                continue
+        next_counts[id(strikes)] = counted
+        room_for_strikes -= counted[1]
+    known.keep_counts(piece, next_counts)
+    return result
+
+
+def _starts(
+    piece: Piece, begins: Sequence[float], known: KnownPlays, collector: Collector
+) -> tuple[Sequence[float] | None, ...]:
+    """Beats on which each line of the parts is played; lines in `known` are not computed again."""
+    n_reports = collector.told
     room = MAX_OCCURRENCES
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
     result: list[Sequence[float] | None] = []
@@ -49,18 +72,8 @@ def schedule(
         room -= count
         result.append(beats)
     known.keep_starts(piece, starts)
-    room_for_strikes, counts, kept = float(MAX_STRIKES), known.counts(piece), {}
-    for strikes in piece.strikes:
-        counted = counts.get(id(strikes))
-        if counted is None or counted[1] > room_for_strikes:
-            told = collector.told
-            counted = strikes, _count(strikes, piece, room_for_strikes, collector)
-            if collector.told > told:
-                room_for_strikes -= counted[1]
-                continue
-        kept[id(strikes)] = counted
-        room_for_strikes -= counted[1]
-    known.keep_counts(piece, kept)
+    if collector.told == n_reports:
+        known.keep_all_starts(piece, tuple(result))
     return tuple(result)
 
 

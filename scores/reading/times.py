@@ -117,9 +117,43 @@ class Times:
 
         Returns the beats on which the lines of the parts begin; 0 if an error was reported.
         """
-        begins = []
         for mark in self.marks:
             self._beats(mark.at, lambda mark=mark: mark.place)  # type: ignore[misc]
+        begins = self.known.all_begins(piece.parts)
+        if begins is None:
+            begins = self._begins(piece)
+        entries: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
+        entries += score["automation"] or ()
+        checked, next_checked = self.known.checked(), {}
+        for values in entries:
+            if id(values) in checked:
+                next_checked[id(values)] = values
+            elif isinstance(values, Values):
+                n_reports = self.collector.told
+                at, until = values["at"], values["until"]
+                start = self._beats(at, lambda v=values: v.place_of("at"))  # type: ignore[misc]
+                stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
+                self._order(start, stop, values.place_of("until"))
+                if self.collector.told == n_reports:
+                    next_checked[id(values)] = values
+        self.known.keep_checked(next_checked)
+        for strikes in piece.strikes:
+            for hit in strikes.hits:
+                if isinstance(hit.at, Position):
+                    self._beats(hit.at, lambda h=hit: h.place)  # type: ignore[misc]
+        fades = [route.fade for route in piece.mix.routes]
+        fades += [piece.mix.master.fade] if piece.mix.master else []
+        for point in (point for fade in fades for point in fade):
+            self._beats(point.at, lambda point=point: point.place)  # type: ignore[misc]
+        for part in piece.instruments.values():
+            for module in part.modules:
+                if isinstance(at := module.fields.get("at"), Position):
+                    self._beats(at, lambda m=module: m.places["at"])  # type: ignore[misc]
+        return begins
+
+    def _begins(self, piece: Piece) -> list[float]:
+        """The beats on which the lines of the parts begin; 0 if an error was reported."""
+        begins, n_reports = [], self.collector.told
         known = self.known.begins()
         for play in piece.parts:
             if (one := known.get(id(play))) is not None:
@@ -134,33 +168,8 @@ class Times:
             if self.collector.told == told:
                 known[id(play)] = play, begins[-1]
         self.known.keep_begins(piece.parts, known)
-        entries: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
-        entries += score["automation"] or ()
-        checked, kept = self.known.checked(), {}
-        for values in entries:
-            if id(values) in checked:
-                kept[id(values)] = values
-            elif isinstance(values, Values):
-                told = self.collector.told
-                at, until = values["at"], values["until"]
-                start = self._beats(at, lambda v=values: v.place_of("at"))  # type: ignore[misc]
-                stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
-                self._order(start, stop, values.place_of("until"))
-                if self.collector.told == told:
-                    kept[id(values)] = values
-        self.known.keep_checked(kept)
-        for strikes in piece.strikes:
-            for hit in strikes.hits:
-                if isinstance(hit.at, Position):
-                    self._beats(hit.at, lambda h=hit: h.place)  # type: ignore[misc]
-        fades = [route.fade for route in piece.mix.routes]
-        fades += [piece.mix.master.fade] if piece.mix.master else []
-        for point in (point for fade in fades for point in fade):
-            self._beats(point.at, lambda point=point: point.place)  # type: ignore[misc]
-        for part in piece.instruments.values():
-            for module in part.modules:
-                if isinstance(at := module.fields.get("at"), Position):
-                    self._beats(at, lambda m=module: m.places["at"])  # type: ignore[misc]
+        if self.collector.told == n_reports:
+            self.known.keep_all_begins(piece.parts, begins)
         return begins
 
     def _order(self, start: float | None, stop: float | None, place: Place) -> None:

@@ -30,6 +30,7 @@ from ergon.scores.reading.piece import (
     Player,
     PlayingOptions,
 )
+from ergon.scores.staging.not_over import NotOver
 from ergon.scores.staging.takes import Takes
 
 _DRAWN = ("jitter",)  # transformations that each occurrence draws anew
@@ -126,6 +127,25 @@ class Window(NamedTuple):
 ALL = Window()
 
 
+Played = tuple[Play, Sequence[float] | None]  # a line, and the beats on which it plays
+
+
+def _last(line: Played) -> float:
+    """The last beat on which a line plays; infinite if that is not known."""
+    _, beats = line
+    if isinstance(beats, Steps):
+        return beats.last
+    return beats[-1] if type(beats) is list and beats else math.inf
+
+
+def _plays(line: Played) -> tuple[tuple[str, str], int] | None:
+    """What a line plays, and how often; None for patterns, which draw by place."""
+    play, beats = line
+    if isinstance(beats, Steps):
+        return None
+    return (play.player, play.what), len(beats or ())
+
+
 @dataclass(slots=True)
 class Hands:
     """Puts plays on the timeline of the engine."""
@@ -162,22 +182,25 @@ class Hands:
             _played=self._played,
         )
 
-    def play_parts(self, piece: Piece, still: Container[str] = ()) -> None:
+    def play_parts(
+        self, piece: Piece, still: Container[str] = (), known: NotOver[Played] | None = None
+    ) -> None:
         """Put all occurrences of the lines of a piece on the timeline, except on the keys `still`.
 
-        Lines that end before the window only advance the counts from which chance draws.
+        Lines that end before the window only advance the counts from which chance draws; `known`
+        remembers them where no key is still.
         """
-        since, counts = self.window.since - SAME, self._occurrences
-        for play, beats in zip(piece.parts, piece.starts, strict=True):
-            if piece.players[play.player].key in still:
-                continue
-            if type(beats) is list:
-                if beats and beats[-1] < since:
-                    what = play.player, play.what
-                    counts[what] = counts.get(what, 0) + len(beats)
-                    continue
-            elif isinstance(beats, Steps) and beats.last < since:
-                continue
+        since, key = self.window.since - SAME, (piece.parts, piece.starts)
+        lines = zip(piece.parts, piece.starts, strict=True)
+        left, counts = (known or NotOver()).look(
+            key,
+            (line for line in lines if not still or piece.players[line[0].player].key not in still),
+            since,
+            lambda line: _last(line) < since,
+            _plays,
+        )
+        self._occurrences.update(cast(dict[tuple[str, str], int], counts))
+        for play, beats in left:
             self.play(play, beats)
 
     def play(self, play: Play, starts: Sequence[float] | None) -> None:

@@ -30,7 +30,7 @@ from ergon.scores.staging.live import LiveHand, check_players, held, join, stand
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.parameter_values import Points, Where
 from ergon.scores.staging.refusals import StageError, refuse, refused
-from ergon.scores.staging.stage_memory import KnownStrikes, StageMemory
+from ergon.scores.staging.stage_memory import StageMemory
 from ergon.scores.staging.striking import ALL_TIME, Striking
 from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
@@ -116,7 +116,7 @@ def prepare(
         played = [Span(piece, ALL)] if spans is None else spans
         sounds = sounds_in(piece, timeline, takes)
         drive(piece, assembly, hands, {name: index for name, (index, _) in sounds.items()})
-        plays_until = _play(piece, assembly, hands, couplings, real, played, memory.strikes)
+        plays_until = _play(piece, assembly, hands, couplings, real, played, memory)
         end = max(plays_until, _length(piece, live))
         end = max([end, *(seconds for _, seconds in sounds.values())])
         check_overlaps(piece, hands.gestures, collector)
@@ -182,7 +182,7 @@ def _play(
     couplings: Sequence[int],
     real: Real,
     spans: Sequence[Span],
-    known: KnownStrikes,
+    memory: StageMemory,
 ) -> float:
     """Put all virtual events on the timeline; returns when the last one ends [s]."""
     timeline = hands.timeline
@@ -192,18 +192,15 @@ def _play(
             hands.key(name, assembly.mats[name, key.struck])
     for played, window in spans:
         span_hands = hands if window is ALL else hands.other(played, window)
-        span_hands.play_parts(played, live_keys)
+        span_hands.play_parts(played, live_keys, None if live_keys else memory.plays)
     players_with_part = {*real} | {play.player for play in piece.parts}
     for player in piece.players.values():
         if player.hand == "live" and player.standin and player.name not in players_with_part:
             hands.standin(player)
     ends = [gesture.stop for gesture in hands.gestures]
     for played, window in spans:
-        within, tempo = _within(played, window), played.tempo_map
-        known.begin(tempo)
-        for strikes in played.strikes:
-            if known.are_over(strikes, tempo, window.since):
-                continue
+        within = _within(played, window)
+        for strikes in memory.strikes.left(played, window.since):
             targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
             mats = [mat for target in targets for mat in assembly.members(target)]
             source = hands.sources.add(partial(_same_place, strikes.place))

@@ -3,37 +3,39 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ergon.notation.clock.meter import Meter
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
-from ergon.scores.reading.piece import Strikes
+from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.staging.hands import Played
 from ergon.scores.staging.known_automation import KnownAutomation
+from ergon.scores.staging.not_over import NotOver
 
-_MOST = 100_000  # strikes, with those that were edited since
 _APART = 1e-6  # beats by which strikes end before a beat, for they are over
 
 
 @dataclass(slots=True)
 class KnownStrikes:
-    """The beats before which strikes fall, by the id of the strikes, which are kept with them."""
+    """Remembers which strikes are not over."""
 
     _meters: list[tuple[float, int, Meter]] = field(default_factory=list)
-    _ends: dict[int, tuple[Strikes, float]] = field(default_factory=dict)
+    _not_over: NotOver[Strikes] = field(default_factory=NotOver)
 
-    def begin(self, tempo: TempoMap) -> None:
-        """Begin with the strikes of a piece: in other meters they end on other beats."""
-        meters = tempo.bars.changes()
-        if meters != self._meters or len(self._ends) > _MOST:
-            self._meters, self._ends = meters, {}
-
-    def are_over(self, strikes: Strikes, tempo: TempoMap, beat: float) -> bool:
-        """Whether strikes surely fall before a beat."""
-        known = self._ends.get(id(strikes))
-        if known is None:
-            known = self._ends[id(strikes)] = strikes, _end(strikes, tempo)
-        return known[1] < beat - _APART
+    def left(self, piece: Piece, beat: float) -> Sequence[Strikes]:
+        """The strikes of a piece that may fall on a beat or later."""
+        tempo = piece.tempo_map
+        if beat == -math.inf:
+            return piece.strikes
+        if (meters := tempo.bars.changes()) != self._meters:  # they end on other beats
+            self._meters = meters
+            self._not_over.forget()
+        key, before = piece.strikes, beat - _APART
+        return self._not_over.look(
+            key, key, before, lambda strikes: _end(strikes, tempo) < before, lambda _: None
+        )[0]
 
 
 def _end(strikes: Strikes, tempo: TempoMap) -> float:
@@ -53,3 +55,4 @@ class StageMemory:
 
     automation: KnownAutomation = field(default_factory=KnownAutomation)
     strikes: KnownStrikes = field(default_factory=KnownStrikes)
+    plays: NotOver[Played] = field(default_factory=NotOver)
