@@ -17,7 +17,7 @@ from ergon.notation.text.memory import Memory
 _SECTION = re.compile(r"^[^\s#'\"\-?:,\[\]{}&*!|>%@`][^:\n]*:(?=\s|$)", re.MULTILINE)
 # What may stand before the first section: blank lines and comments.
 _HEAD = re.compile(r"(?:[ \t]*(?:#.*)?\n)*")
-_MARKER = re.compile(r"^(?:---|\.\.\.|%)", re.MULTILINE)  # of documents, of which there is one
+_MARKERS = "---", "...", "%"  # of documents, of which there is one
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +55,11 @@ def _made(
 ) -> Section | None:
     row, text = _row(whole, lines[0]), whole[slice(*lines)]
     return memory.made((file, row, text), partial(_section, text, file, folder, row, memory))
+
+
+def _has_marker(text: str) -> bool:
+    """Whether a line begins with a marker."""
+    return text.startswith(_MARKERS) or any(f"\n{marker}" in text for marker in _MARKERS)
 
 
 def _row(text: str, index: int) -> int:
@@ -96,7 +101,7 @@ def compose_with_memory(
         entries[name] = section.name, section.value
         total += section.size
     else:
-        if entries and total <= MAX_NODES and not _MARKER.search(text):
+        if entries and total <= MAX_NODES and not _has_marker(text):
             whole.root = document.Mapping(whole, begin, len(text), entries)
             named = entries["let"][1] if "let" in entries else None
             for _, value in entries.values():  # a section is a document of its own
