@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from itertools import accumulate, count
+from operator import add
 from pathlib import Path
 from typing import Any
 
@@ -424,6 +426,9 @@ def _end(event: yaml.Event) -> int:
 
 def _line_starts(text: str) -> list[int]:
     """Indices where lines begin: after \\n, \\r\\n or a lone \\r, as editors count."""
+    if "\r" not in text:
+        ends = accumulate(map(len, text.split("\n")[:-1]))
+        return [0, *map(add, ends, count(1))]
     starts = [0]
     index = 0
     for line in text.split("\n"):

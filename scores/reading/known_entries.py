@@ -50,11 +50,15 @@ class KnownEntries:
         `owner` gives the part of a name.
         """
         entries = section if isinstance(section, tuple) else tuple(section)
-        known, modules = {}, {}
-        if self._memory is not None:
-            known, modules = self._memory.held(self._name, None) or ({}, {})
+        before_all: Any = None if self._memory is None else self._memory.held(self._name, None)
+        known: dict[int, _Known] = before_all[0] if before_all else {}
+        modules: dict[_Module, Any] = before_all[1] if before_all else {}
+        last: Any = before_all[2] if before_all else None
         now = {where: _state(where, names, owner) for where in modules}
         changed = {where for where, state in modules.items() if now[where] != state}
+        if last is not None and not changed and last[0] == entries:
+            names.reached |= {part for part, _ in modules if owner(part) is not None}
+            return [*last[1]]
         following: dict[int, _Known] = {}
         result: list[_Entry] = []
         for values in entries:
@@ -76,7 +80,8 @@ class KnownEntries:
         names.reached |= {part for part, _ in used if owner(part) is not None}
         if self._memory is not None:
             states = {where: now[where] for where in used}
-            self._memory.hold(self._name, None, (following, states))
+            all_known = (entries, (*result,)) if len(following) == len(entries) else None
+            self._memory.hold(self._name, None, (following, states, all_known))
         return result
 
 

@@ -125,6 +125,8 @@ class Times:
         entries: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
         entries += score["automation"] or ()
         checked, next_checked = self.known.checked(), {}
+        if checked and [*checked.values()] == entries:  # they are the same objects
+            entries, next_checked = [], checked
         for values in entries:
             if id(values) in checked:
                 next_checked[id(values)] = values
