@@ -63,18 +63,20 @@ def automation_points(
     leds: dict[Where, Led] = {}
     found: dict[Where, Points] = {}
     left: dict[Where, Tracks] = {}
-    for where, own in lines.items():
+    for where, track in lines.items():
         led = known.led(piece, where)
         if led is None:
             continue  # a gesture is rehearsed without instruments
         leds[where] = led
-        points = known.settled(where, own, led, here)
+        points = known.settled(where, track, led, here)
         if points is None:
-            left[where] = own
+            left[where] = track
         else:
             found[where] = points
     if begins > -math.inf:
-        begins -= slack(piece, (o for own in left.values() for o in own.entries.values()), begins)
+        begins -= slack(
+            piece, (o for track in left.values() for o in track.entries.values()), begins
+        )
         since = min(since, tempo.beats(begins))
     extent = Extent(since, until, begins)
     moving = {where for where in leds if lines[where].moves_from < here}
@@ -87,12 +89,12 @@ def automation_points(
             left.setdefault(member, lines.get(member) or Tracks({}, math.inf))
             if where in moving:
                 moving.add(member)
-    for where, own in left.items():
+    for where, track in left.items():
         led = leds.get(where) or known.led(piece, where)
         assert led is not None
         curves = {
             name: _curve(piece, order, led.own[name], extent, collector)
-            for name, order in own.entries.items()
+            for name, order in track.entries.items()
         }
         whole = wholes.get(where[0])
         if whole is not None and led.module not in moved(piece.instruments[where[0]]):
@@ -103,9 +105,9 @@ def automation_points(
             collector.error("E105", message, _place(piece, where[0]))
         elif made:
             found[where] = made
-            if whole is None and _is_settled(own, curves, here, begins):
+            if whole is None and _is_settled(track, curves, here, begins):
                 found[where] = made[-1:]
-                known.settle(where, own, led, here, made[-1:])
+                known.settle(where, track, led, here, made[-1:])
     return Automated(found, frozenset(moving))
 
 
