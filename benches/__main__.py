@@ -16,6 +16,7 @@ from benches.bank import bank
 from benches.cluster import cluster
 from benches.duet import duet
 from benches.edits import edits
+from benches.evening import evening
 from benches.gong import gong
 from benches.grains import grains
 from benches.growth import growth
@@ -66,6 +67,7 @@ def main(arguments: list[str]) -> int:
         "admittance": admittance,
         "start": reading.start,
         "repl": repl,
+        "evening": evening,
         "edits": edits,
         "cluster": cluster,
         "replan": replan,
