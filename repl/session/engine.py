@@ -141,6 +141,13 @@ class Engine(Protocol):
     def change(self, change: Change) -> int:
         """Request a change; returns its ticket."""
 
+    def revoke(self, frame: int) -> None:
+        """Withdraw the changes of the stage that are due at `frame` or later and were not made yet.
+
+        Each is reported as late, by rising tickets; later requests stay. Raises EngineError if too
+        many commands wait.
+        """
+
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
         """Guide players' hands along new paths from frame `at` on; returns the ticket."""
 
@@ -235,6 +242,13 @@ class SteppedEngine:
             self._changes.append((self._tickets, change))
             self._changes.sort(key=lambda one: (one[1].frame, one[0]))
         return self._tickets
+
+    def revoke(self, frame: int) -> None:
+        """Withdraw the changes that are due at `frame` or later; each is reported as late."""
+        revoked = [ticket for ticket, change in self._changes if change.frame >= frame]
+        self._changes = [pair for pair in self._changes if pair[1].frame < frame]
+        for ticket in sorted(revoked):
+            self._events.append(EngineEvent(self.frame, ticket, is_late=True))
 
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
         """Do nothing: no hand is real here."""

@@ -103,6 +103,13 @@ class LiveEngine:
             self._pages.follow(stage, self._performance)
         return ticket
 
+    def revoke(self, frame: int) -> None:
+        """Withdraw the changes of the stage that are due at `frame` or later; each is reported as
+        late. Raises EngineError.
+        """
+        if self._final_status is None:
+            self._performance.revoke(frame)
+
     def _bounds_by_hand(
         self, force_bounds: Sequence[HandForceBounds]
     ) -> list[list[tuple[int, float]]]:

@@ -358,6 +358,12 @@ impl Performance {
         })
     }
 
+    /// Withdraw the changes of the simulation that are due at `frame` or later; an event "late" reports each of them.
+    fn revoke(&self, frame: u64) -> PyResult<()> {
+        self.with(|performance| performance.revoke(frame))?
+            .map_err(plain_error)
+    }
+
     /// Stop: zero force at once, silence within 5 ms.
     fn stop(&self) {
         self.control.stop();

@@ -121,6 +121,8 @@ pub(crate) enum Command {
     Window(Box<Window>),
     /// A change at a later frame.
     Change(Box<ScheduledChange>),
+    /// Withdraw the changes of the simulation that are due at this frame or later.
+    Revoke(u64),
 }
 
 /// An act on the simulation at the first frame of a tick.

@@ -2146,7 +2146,8 @@ class Performance:
         None change nothing.
 
         An event "changed" with the ticket confirms the change; an event "late" says that nothing
-        was changed, because the frame had passed or another simulation than `old` was playing.
+        was changed, because the frame had passed, another simulation than `old` was playing, or
+        it was revoked.
 
         `simulation`, whose `start` is `at`, takes over from `old`, a simulation by the plan that
         plays until then; without `old` it begins anew. `mixer` takes gains and filters over.
@@ -2156,6 +2157,13 @@ class Performance:
         the change, greatest factor of the piece's force); the force falls before a lower bound
         and rises after a higher one. `damp`: as in Simulation.damp; 0 removes it. Raises
         EngineError.
+        """
+    def revoke(self, frame: int) -> None:
+        """Withdraw the changes of the simulation that are due at `frame` or later and were not made
+        yet.
+
+        An event "late" reports each of them, by rising tickets; later changes stay. Raises
+        EngineError if too many commands wait.
         """
     def stop(self) -> None:
         """Stop: zero force at once, silence within 5 ms."""

@@ -269,6 +269,20 @@ impl Performance {
         }
     }
 
+    /// Withdraw every change of the simulation that is due at `frame` or later and was not made yet;
+    /// [`EventKind::Late`](super::EventKind::Late) reports each of them, by rising tickets. Changes that are scheduled
+    /// after this call stay.
+    ///
+    /// # Errors
+    /// [`ChangeError::Busy`]: nothing is withdrawn.
+    pub fn revoke(&self, frame: u64) -> Result<(), ChangeError> {
+        if self.command(Command::Revoke(frame)) {
+            Ok(())
+        } else {
+            Err(ChangeError::Busy)
+        }
+    }
+
     /// Open a window, now or as soon as its simulation plays; false if too many commands wait. A window that still
     /// waits is replaced.
     pub fn open(&mut self, window: Window) -> bool {

@@ -273,6 +273,7 @@ impl Player {
                     self.note(format_args!("{{\"part\":{part},\"gain\":{gain}}}"));
                 }
                 Command::Change(due) => self.schedule(due),
+                Command::Revoke(frame) => self.revoke(frame),
                 Command::Tap(tap) => self.tap = tap,
                 Command::Window(window) => {
                     if let Some(old) = self.next_window.replace(window) {

@@ -122,8 +122,8 @@ pub enum EventKind {
     Gained,
     /// A change was made; its ticket.
     Changed(u64),
-    /// A change was not made, because its frame had passed, too many changes waited, or it does not fit the playing
-    /// simulation; its ticket.
+    /// A change was not made, because its frame had passed, too many changes waited, it was withdrawn, or it does not
+    /// fit the playing simulation; its ticket.
     Late(u64),
     /// A strike, or a value of an input, acted at this frame; its ticket.
     Acted(u64),

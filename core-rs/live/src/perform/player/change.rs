@@ -59,20 +59,39 @@ impl Player {
         self.waiting.insert(at, due);
     }
 
+    /// Withdraw the changes of the simulation that are due at `frame` or later, by rising tickets.
+    pub(super) fn revoke(&mut self, frame: u64) {
+        let is_revoked = |due: &ScheduledChange| due.at >= frame && due.change.simulation.is_some();
+        loop {
+            let waiting = self.waiting.iter().enumerate();
+            let revoked = waiting.filter(|(_, due)| is_revoked(due));
+            let Some((first, _)) = revoked.min_by_key(|(_, due)| due.ticket) else {
+                break;
+            };
+            let due = self.waiting.remove(first);
+            self.report(due.ticket, false);
+            self.give_back(due);
+        }
+    }
+
     /// Make the changes that are due at the first frame of this tick. Changes of earlier frames are late, and not made.
     pub(super) fn make_changes(&mut self) {
         while self.waiting.first().is_some_and(|due| due.at <= self.frame) {
             let mut due = self.waiting.remove(0);
             let done = due.at == self.frame && self.change(&mut due);
-            let ticket = due.ticket;
-            self.send_event(if done {
-                EventKind::Changed(ticket)
-            } else {
-                EventKind::Late(ticket)
-            });
-            self.note(format_args!("{{\"change\":{ticket},\"done\":{done}}}"));
+            self.report(due.ticket, done);
             self.give_back(due);
         }
+    }
+
+    /// Report whether a change was made.
+    fn report(&mut self, ticket: u64, done: bool) {
+        self.send_event(if done {
+            EventKind::Changed(ticket)
+        } else {
+            EventKind::Late(ticket)
+        });
+        self.note(format_args!("{{\"change\":{ticket},\"done\":{done}}}"));
     }
 
     /// Make a change. Return false, with nothing changed, if its simulation cannot take over from the playing one, or

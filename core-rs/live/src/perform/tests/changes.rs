@@ -113,6 +113,65 @@ fn changes_are_done_at_their_frames() {
     assert!(played.iter().any(|x| *x != 0));
 }
 
+/// Versions that are withdrawn before their frames: others play on, and no tick allocates.
+#[test]
+fn changes_are_revoked_until_they_are_made() {
+    let config = config("null:");
+    let every = EVERY as u64;
+    let frames = [10, 30, 20, 40].map(|tick| tick * every);
+    let versions = frames.map(|from| simulation(&[0.1], from));
+    let stage = stage();
+    let first = stage.simulation.fork();
+    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+    player.begin();
+    reset_violation_count();
+    let change = |version: usize, old: &Simulation| Change {
+        simulation: Some((
+            versions[version].fork(),
+            Takeover::new(old, &versions[version]),
+        )),
+        ..Change::default()
+    };
+    let mut tick_by_hand = |ticks: u64| {
+        assert_no_alloc(|| (0..ticks).for_each(|_| assert!(player.tick())));
+    };
+    // Of the tickets at frames 10, 30, 20 and 40 the second and the third are withdrawn, in that order.
+    let kept = this.change(frames[0], change(0, &first)).unwrap();
+    let later = this.change(frames[1], change(1, &versions[2])).unwrap();
+    let sooner = this.change(frames[2], change(2, &versions[0])).unwrap();
+    let quieter = Change {
+        gain: Some(0.5),
+        ..Change::default()
+    };
+    let of_gain = this.change(frames[1], quieter).unwrap();
+    this.revoke(frames[2]).unwrap();
+    let anew = this.change(frames[3], change(3, &versions[0])).unwrap();
+    tick_by_hand(5);
+    this.revoke(frames[0] + 1).unwrap();
+    let again = this.change(frames[3], change(3, &versions[0])).unwrap();
+    tick_by_hand(6);
+    this.revoke(0).unwrap(); // the first one was made already
+    tick_by_hand(35);
+    assert_eq!(violation_count(), 0);
+    let events: Vec<_> = std::iter::from_fn(|| this.event())
+        .map(|event| (event.frame, event.kind))
+        .collect();
+    assert_eq!(
+        events,
+        [
+            (0, EventKind::Late(later)),
+            (0, EventKind::Late(sooner)),
+            (5 * every, EventKind::Late(anew)),
+            (frames[0], EventKind::Changed(kept)),
+            (11 * every, EventKind::Late(again)),
+            (frames[1], EventKind::Changed(of_gain)),
+        ]
+    );
+    player.connections.feed.close();
+    drop(player);
+    this.close(PATIENCE).unwrap();
+}
+
 /// A spring that is struck until it is too stiff for one step per frame: it plays on, and this is reported once.
 #[test]
 fn what_is_computed_finer_is_told_once() {

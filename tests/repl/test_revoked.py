@@ -1,0 +1,101 @@
+"""Changes that are withdrawn before their frame: by the stepped engine, and by the live one."""
+
+from __future__ import annotations
+
+import time
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from patience import until
+
+from ergon.live.perform import PlaybackConfig
+from ergon.repl.session.engine import Change, EngineEvent, SteppedEngine
+from ergon.repl.session.live import LiveEngine
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import Stage, StageTakeover, stage
+
+EVERY = 64
+SCORE = """\
+ergon: 1
+instruments: {bell: {modules: {m: {CEL: {M: 2g, f: 300Hz, t60: 2s}}}, out: {SOX: m}}}
+strikes: {s: {to: bell.m, at: 1|1, impulse: 1mNs}}
+"""
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Stage:
+    (tmp_path / "bell.yaml").write_text(SCORE)
+    piece = load(tmp_path / "bell.yaml").piece
+    assert piece is not None
+    return stage(piece, planned=True, on_fault="mute", going=StageTakeover(spans=()))
+
+
+def damped(like: Stage, frame: int) -> Change:
+    """A change that damps what sounds."""
+    going = StageTakeover(spans=(), like=like, start=frame)
+    new = stage(like.piece, planned=True, on_fault="mute", going=going)
+    return Change(frame, new, like, damp=0.1)
+
+
+def test_revoked_changes_are_late_by_their_tickets(begun: Stage) -> None:
+    engine = SteppedEngine(begun, tick_frames=EVERY, highpass=None)
+    first = damped(begun, 10 * EVERY)
+    tickets = [engine.change(first)]
+    tickets += [engine.change(damped(first.stage, tick * EVERY)) for tick in (30, 20, 20)]
+    engine.revoke(20 * EVERY)
+    assert engine.events() == [EngineEvent(0, ticket, is_late=True) for ticket in tickets[1:]]
+    engine.process(40 * EVERY)
+    assert engine.events() == [EngineEvent(10 * EVERY, tickets[0])]
+    engine.revoke(0)
+    assert not engine.events()
+
+
+def test_a_change_after_a_revocation_is_made(begun: Stage) -> None:
+    sounds = []
+    for revokes in (False, True):
+        engine = SteppedEngine(begun, tick_frames=EVERY, highpass=None)
+        engine._simulation = begun.simulation.fork()
+        if revokes:
+            engine.change(damped(begun, 10 * EVERY))
+            engine.revoke(10 * EVERY)
+        ticket = engine.change(damped(begun, 10 * EVERY))
+        sounds.append(engine.process(50 * EVERY))
+        in_time = [event for event in engine.events() if not event.is_late]
+        assert in_time == [EngineEvent(10 * EVERY, ticket)]
+    np.testing.assert_array_equal(*sounds)
+
+
+def test_a_change_of_the_frame_that_comes_is_revoked(begun: Stage) -> None:
+    engine = SteppedEngine(begun, tick_frames=EVERY, highpass=None)
+    engine.process(10 * EVERY)
+    ticket = engine.change(damped(begun, 10 * EVERY))
+    engine.revoke(10 * EVERY)
+    engine.process(EVERY)
+    assert engine.events() == [EngineEvent(10 * EVERY, ticket, is_late=True)]
+
+
+def test_the_live_engine_revokes(begun: Stage) -> None:
+    with closing(LiveEngine(begun, PlaybackConfig(audio="null"))) as engine:
+        soon = (engine.frame // engine.tick_frames + 1) * engine.tick_frames
+        later = soon + 600 * engine.tick_frames * engine.tick_frames  # minutes on
+        tickets = [engine.change(damped(begun, later)) for _ in range(3)]
+        engine.revoke(later + 1)
+        path = engine.guide(later, {})
+        engine.revoke(later)
+        last = engine.change(damped(begun, later))
+        events: list[EngineEvent] = []
+
+        def read() -> int:
+            events.extend(engine.events())
+            return len(events)
+
+        until(lambda: read() >= len(tickets), "the revoked changes are reported")
+        time.sleep(0.05)
+        read()
+        late = [(event.ticket, event.is_late) for event in events]
+        assert late == [(ticket, True) for ticket in tickets]
+        assert path not in tickets
+        assert last not in tickets
+    engine.revoke(0)  # nothing is left to withdraw
