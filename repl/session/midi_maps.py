@@ -108,7 +108,7 @@ def _check_target(piece: Piece, text: str) -> Target:
 def place_number(place: Place) -> int:
     """The engine's number of a struck place."""
     if place not in _numbers:
-        _numbers[place] = next(_next_number)
+        _numbers.setdefault(place, next(_next_number))  # another thread may number it now
     return _numbers[place]
 
 
