@@ -50,7 +50,10 @@ class _Options(TypedDict):
 
 
 class StagedGesture(NamedTuple):  # there may be a million: a tuple is made four times as fast
-    """One occurrence of a gesture or take on a key; instants in seconds of the piece."""
+    """One occurrence of a gesture or take on a key; instants in seconds of the piece.
+
+    `begins` is the instant of its beat, from which its points are counted.
+    """
 
     name: str
     player: str
@@ -66,6 +69,7 @@ class StagedGesture(NamedTuple):  # there may be a million: a tuple is made four
     curves: tuple[Curve, ...] = ()  # the ways into them
     layer: bool = False
     tracked: bool = False
+    begins: float = 0.0
 
     @property
     def throws(self) -> tuple[int, ...]:
@@ -347,6 +351,7 @@ class Hands:
                 shape.curves,
                 shape.options["layer"],
                 shape.options["touch"] == "tracked",
+                tempo.seconds(start),
             )
         )
 
@@ -446,6 +451,7 @@ class Hands:
                 play.place,
                 layer=options["layer"],
                 tracked=options["touch"] == "tracked",
+                begins=tempo.seconds(start),
             )
         )
 

@@ -193,6 +193,19 @@ def make(
     return Planned(*chosen, notes_with_cost, planner.finish())
 
 
+def plan_again(
+    network: _core.Network,
+    timeline: _core.Timeline,
+    accuracy: Accuracy,
+    like: _core.Plan,
+    watched: Watched,
+) -> _core.Plan:
+    """The plan of an open timeline that takes over from the plan `like` of the same network, made
+    for the same accuracy. Raises EngineError.
+    """
+    return _core.Plan(network, timeline, **_budget(accuracy), **watched, like=like)
+
+
 def needs_trial(row: _core.PlanRow) -> bool:
     """Whether the error of a row is known only from a trial."""
     return row.what not in _EXACT

@@ -348,6 +348,20 @@ impl Timeline {
             .map_err(|error| module_error("strike_point", error))
     }
 
+    /// The timeline without what begins at `frame` or later; it keeps the gestures of these indices.
+    #[pyo3(signature = (frame, gestures, *, stops))]
+    fn cut(&self, frame: u64, gestures: Vec<usize>, stops: bool) -> Self {
+        Self {
+            inner: self.inner.cut(frame, &gestures, stops),
+            network: self.network.clone(),
+        }
+    }
+
+    /// Let nothing move the parameters of MATs and LIAs any more; rows of (first, number).
+    fn release(&mut self, mats: Vec<(usize, usize)>, links: Vec<(usize, usize)>) {
+        self.inner.release(&mats, &links);
+    }
+
     /// A real hand that moves a MAT, in ticks of `tick_frames` frames; `positions` (n_ticks,) [m]: a stand-in or a
     /// recording of the hand. Returns its index.
     #[pyo3(signature = (mat, tick_frames, *, way="line", positions=None))]

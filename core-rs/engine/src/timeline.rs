@@ -1,5 +1,6 @@
 //! Timeline: strikes, ergons, gestures, imposed positions and couplings of a piece, by instant [s].
 
+mod cut;
 mod drive;
 mod gate;
 mod glide;

@@ -1095,6 +1095,17 @@ class Timeline:
         Values change linearly between points, on multiples of GRID frames, and stay before the
         first and after the last. The MAT is stepped.
         """
+    def cut(self, frame: int, gestures: Sequence[int], *, stops: bool) -> Timeline:
+        """The timeline without what begins at `frame` or later; it keeps the `gestures` of these
+        indices, which rise.
+
+        If it `stops`, couplings stay as they are at the frame. Strikes and glides that are over
+        by then are left out; keys, drives, inputs, and what moves parameters stay.
+        """
+    def release(
+        self, mats: Sequence[tuple[int, int]], links: Sequence[tuple[int, int]]
+    ) -> None:
+        """Let nothing move the parameters of MATs and LIAs any more; rows of (first, number)."""
     def strike_point(self, mat: int, point: int) -> None:
         """Let Simulation.strike strike a MAT, which it calls by the number `point`.
 

@@ -36,6 +36,11 @@ impl Lead {
         std::array::from_fn(|i| from[i] + (to[i] - from[i]) * share)
     }
 
+    /// The frames on the grid and the factors there.
+    pub(super) fn points(&self) -> &[(u64, Factors)] {
+        &self.points
+    }
+
     /// The first frame, `n` or later, at which the factors may change.
     pub(crate) fn due(&self, n: u64) -> u64 {
         next_change(&self.points, n)

@@ -1,5 +1,8 @@
 use super::gate::FADE;
 use super::*;
+use crate::gesture::profile::Curve;
+use crate::gesture::script::Manner;
+use crate::gesture::written::{Approach, Written};
 use crate::network::{But, Contact, Tie};
 use crate::units::frame;
 
@@ -362,4 +365,108 @@ fn what_is_due_is_when_it_changes() {
             }
         }
     }
+}
+
+/// A gesture of two points.
+fn gesture(start: f64, stop: f64) -> Gesture {
+    let written = Written {
+        t: &[start, stop],
+        x: &[0.0, 1e-3],
+        approaches: &[Approach::Path(Curve::Smooth); 2],
+        sources: &[],
+    };
+    Gesture::written(0, &written, Manner::OPEN).unwrap()
+}
+
+#[test]
+fn a_cut_leaves_out_what_begins_then_or_later() {
+    let (network, rate) = (network(), 8_000.0);
+    let mut timeline = timeline(rate);
+    timeline.open();
+    let instants = [0.2, 0.999, 1.0 - 1e-12, 1.0, 1.5];
+    for t in instants {
+        timeline.strike(&network, 0, t, 1.0, 7).unwrap();
+        timeline.ergon(&network, 1, t, 1.0, 1.0, 7).unwrap();
+    }
+    let key = timeline.key("p", 2);
+    for start in [0.1, 0.8, 0.5] {
+        timeline.gesture(gesture(start, 3.0)).unwrap();
+    }
+    for stops in [false, true] {
+        let cut = timeline.cut(8_000, &[1, 2, 3], stops);
+        assert_eq!(cut.strikes_on(0), [(0.999, 1.0)]);
+        assert_eq!(cut.strikes_on(1), [(0.2, 1.0), (0.999, 1.0)]); // ergons
+        let starts: Vec<f64> = cut.gestures.iter().map(|gesture| gesture.start).collect();
+        assert_eq!(starts, [0.8, 0.5]);
+        assert!(cut.is_open);
+        assert_eq!(cut.keys[key].struck, 2);
+        assert!(timeline.cut(8_000, &[], stops).gestures.is_empty());
+    }
+}
+
+#[test]
+fn a_cut_that_stops_leaves_couplings_as_they_are() {
+    let network = network();
+    for (start, stop, opens, closes) in [
+        (0.0, None, Some(1.0), 1.0),
+        (0.0, Some(2.0), Some(1.0), 1.0),
+        (0.5, Some(2.0), Some(1.0), 1.0),
+        (0.1, Some(0.5), Some(0.0), 0.0),
+        (2.0, None, Some(0.0), 0.0),
+        (2.0, Some(3.0), Some(0.0), 0.0),
+        (0.992, Some(3.0), None, 1.0), // it fades in at that frame, and goes on
+        (0.1, Some(0.992), None, 0.0),
+    ] {
+        let mut timeline = timeline(8_000.0);
+        timeline.couple(&network, 0, start, stop).unwrap();
+        let cut = timeline.cut(8_000, &[], true);
+        let open = |n| cut.gates.first().map_or(1.0, |gate| gate.open(n));
+        if let Some(opens) = opens {
+            assert_eq!(open(8_000), opens, "{start} {stop:?}");
+        }
+        assert_eq!(
+            open(8_000),
+            timeline.gates[0].open(8_000),
+            "{start} {stop:?}"
+        );
+        assert_eq!(open(80_000), closes, "{start} {stop:?}");
+        let cut = timeline.cut(8_000, &[], false);
+        assert_eq!(cut.gates, timeline.gates);
+    }
+}
+
+#[test]
+fn a_cut_keeps_glides_that_go_on() {
+    let network = network();
+    for (stop, is_kept) in [(0.5, false), (2.0, true)] {
+        let mut timeline = timeline(8_000.0);
+        timeline
+            .fade(&network, (0, 1), (0.5, 1.0), (0.1, stop))
+            .unwrap();
+        timeline
+            .glide(&network, 0, [1.0, 0.0, 1.0], (0.1, stop))
+            .unwrap();
+        let tie = [1.0, 1.0, 1.0];
+        timeline
+            .path(&network, 2, &[(0.1, tie), (stop, tie)])
+            .unwrap();
+        for stops in [false, true] {
+            let mut cut = timeline.cut(8_000, &[], stops);
+            assert_eq!(cut.gates == timeline.gates, is_kept);
+            assert_eq!(cut.gates.is_empty(), !is_kept);
+            // Points that a MAT goes through are automation, whose last values hold.
+            let mats =
+                |cut: &Timeline| cut.glides.iter().map(|glide| glide.mat).collect::<Vec<_>>();
+            assert_eq!(mats(&cut), if is_kept { vec![0, 2] } else { vec![2] });
+            cut.release(&[(1, 2)], &[]);
+            assert_eq!(mats(&cut), if is_kept { vec![0] } else { vec![] });
+        }
+    }
+    let mut timeline = timeline(8_000.0);
+    let points = [(0.1, [2.0, 2.0]), (0.5, [1.0, 1.0])];
+    timeline.lead(&network, (0, 1), &points).unwrap();
+    assert_eq!(timeline.cut(1_000, &[], true).leads, timeline.leads);
+    assert!(timeline.cut(8_000, &[], true).leads.is_empty());
+    timeline.release(&[], &[(0, 1)]);
+    assert!(timeline.leads.is_empty());
 }

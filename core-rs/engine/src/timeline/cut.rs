@@ -1,0 +1,110 @@
+//! A timeline whose events end at a frame: for a piece that is hushed or stopped while it plays.
+
+use super::{GRID, Gate, Glide, Lead, Timeline};
+
+/// Instants that differ by less are one [s]: rounding, not music.
+const SAME: f64 = 1e-9;
+/// The instant at which what never begins would begin [s]: 30 years on, where frames are still counted exactly.
+const NEVER: f64 = 1e9;
+
+impl Timeline {
+    /// The timeline without what begins at `frame` or later; of its gestures it keeps those of these indices, which
+    /// rise. If it `stops`, couplings stay as they are at the frame.
+    ///
+    /// Strikes and ergons at the instant of the frame are left out, and so are strikes and glides that are over by then.
+    /// Glides of typed values go on to their end. Keys, drives, inputs and automation stay: see [`Timeline::release`].
+    ///
+    /// ```
+    /// use ergon_engine::{Network, Rate, Timeline};
+    ///
+    /// let mut network = Network::new();
+    /// let m = network.mas("m", 1e-3, 0.0, 0.0)?;
+    /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// timeline.strike(&network, m, 0.9999, 1e-3, 0)?;
+    /// timeline.strike(&network, m, 1.0, 1e-3, 0)?;
+    /// let cut = timeline.cut(44_100, &[], false); // at 1 s
+    /// assert_eq!(cut.strikes_on(m), [(0.9999, 1e-3)]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn cut(&self, frame: u64, gestures: &[usize], stops: bool) -> Self {
+        let rate = self.rate.hertz();
+        let instant = frame as f64 / rate;
+        let is_before = |t: f64| t < instant - SAME;
+        // A strike acts within its frame and the next one, or within a step of a part that is stepped less often.
+        let since = frame.saturating_sub(GRID) as f64 / rate;
+        let gestures = gestures
+            .iter()
+            .filter_map(|&index| self.gestures.get(index));
+        let gates = self.gates.iter();
+        let glides = self.glides.iter().filter(|glide| !glide.is_over(frame));
+        let leads = self.leads.iter().filter(|lead| !lead.is_over(frame));
+        let strikes = self.strikes.iter();
+        // All ergons before the frame stay: without any, a body would go by its modes, which must be solved first.
+        let ergons = self.ergons.iter().filter(|ergon| is_before(ergon.at));
+        Self {
+            rate: self.rate,
+            keys: self.keys.clone(),
+            gestures: gestures.cloned().collect(),
+            strikes: strikes
+                .filter(|strike| strike.at >= since && is_before(strike.at))
+                .copied()
+                .collect(),
+            ergons: ergons.copied().collect(),
+            gates: gates
+                .filter_map(|gate| self.gate_after(gate, frame, stops))
+                .collect(),
+            drives: self.drives.clone(),
+            sounds_in: self.sounds_in.clone(),
+            glides: glides.cloned().collect(),
+            leads: leads.cloned().collect(),
+            oversampling: self.oversampling,
+            is_open: self.is_open,
+            is_unguarded: self.is_unguarded,
+        }
+    }
+
+    /// Let nothing move the parameters of these MATs and links any more; rows of (first, number).
+    pub fn release(&mut self, mats: &[(usize, usize)], links: &[(usize, usize)]) {
+        let is_in = |rows: &[(usize, usize)], index: usize| {
+            let mut rows = rows.iter();
+            rows.any(|&(first, n)| (first..first.saturating_add(n)).contains(&index))
+        };
+        self.glides.retain(|glide| !is_in(mats, glide.mat));
+        self.leads.retain(|lead| !is_in(links, lead.link));
+    }
+
+    /// A gate from `frame` on; `None` if it was a glide that is over. The gate of a coupling stays, for the plan goes by
+    /// it.
+    fn gate_after(&self, gate: &Gate, frame: u64, stops: bool) -> Option<Gate> {
+        let is_coupling = !gate.is_ramp() || !gate.glides();
+        let mut gate = *gate;
+        if stops {
+            gate.start = gate.start.map(|start| {
+                if start > frame {
+                    self.on_grid(NEVER)
+                } else {
+                    start
+                }
+            });
+            gate.stop = gate.stop.filter(|&stop| stop <= frame);
+        }
+        gate.ramp = gate.ramp.filter(|ramp| ramp.to != 1.0 || ramp.stop > frame);
+        (is_coupling || gate.glides()).then_some(gate)
+    }
+}
+
+impl Glide {
+    /// Whether it has ended by `frame`, at the values of the network.
+    fn is_over(&self, frame: u64) -> bool {
+        let last = self.points.last();
+        last.is_some_and(|(stop, ties)| ties.is_none() && *stop <= frame)
+    }
+}
+
+impl Lead {
+    /// Whether it has ended by `frame`, at the values of the network.
+    fn is_over(&self, frame: u64) -> bool {
+        let last = self.points().last();
+        last.is_some_and(|(stop, factors)| *factors == [1.0; 2] && *stop <= frame)
+    }
+}

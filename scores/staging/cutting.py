@@ -1,0 +1,155 @@
+"""A stage whose events end while it plays, made of the stage alone: for what must act at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from ergon import _core
+from ergon.instruments.assemble import Assembly
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.positions import Length, Position
+from ergon.notation.clock.shifted import StoppedTempoMap
+from ergon.notation.text.errors import Collector
+from ergon.notation.text.without_gc import without_gc
+from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.staging.automating import Automated, automation_points, takeover_points
+from ergon.scores.staging.parameter_curves import GRID
+from ergon.scores.staging.parameter_values import Led, Points, Where
+from ergon.scores.staging.planning import Watched, plan_again
+from ergon.scores.staging.stage import Stage
+
+_SAME_SECONDS = 1e-9  # rounding, not music
+_Paths = Mapping[Where, Points]
+
+
+@without_gc
+def cut_stage(stage: Stage, frame: int, *, ends_gestures: bool, stops: bool) -> Stage:
+    """The stage that takes over from `stage` at `frame`, and begins nothing from there on.
+
+    Gestures in flight go on to their end, or end too if it `ends_gestures`. If it `stops`, the
+    piece stands on the beat of the frame: automation and couplings stay as they are there.
+    Glides of typed values and drives go on in any case; frozen parts end. Raises EngineError and
+    StoppedError.
+    """
+    assert stage.timeline is not None
+    instant = frame / stage.rate
+    kept = [] if ends_gestures else _in_flight(stage, instant)
+    timeline = stage.timeline.cut(frame, kept, stops=stops)
+    piece = _standing(stage.piece, instant) if stops else stage.piece
+    paths, paths_until = _paths_from(stage, piece, instant, stops=stops)
+    _put_paths(piece, stage.built.assembly, timeline, stage.paths, paths)
+    plan = None
+    if stage.plan is not None:
+        accuracy = stage.planned_for or piece.accuracy
+        plan = plan_again(
+            stage.network, timeline, accuracy, stage.plan, _watched(piece, stage.plan)
+        )
+    return replace(
+        stage,
+        piece=piece,
+        simulation=_core.Simulation(
+            stage.network, timeline, plan=plan, start=frame, on_fault="mute"
+        ),
+        n_frames=0,
+        gestures=[stage.gestures[index] for index in kept],
+        diagnostics=[],
+        plan=plan,
+        is_plan_kept=False,
+        paths=paths,
+        paths_until=paths_until,
+        placed=(),
+        timeline=timeline,
+    )
+
+
+def _in_flight(stage: Stage, instant: float) -> list[int]:
+    """The gestures that have begun before an instant [s] and end after it, by their numbers."""
+    return [
+        number
+        for number, gesture in enumerate(stage.gestures)
+        if gesture.begins < instant - _SAME_SECONDS and gesture.stop > instant
+    ]
+
+
+def _standing(piece: Piece, instant: float) -> Piece:
+    """The piece standing on the beat of an instant [s]."""
+    tempo = piece.tempo_map
+    return replace(piece, tempo_map=StoppedTempoMap(tempo, max(0.0, tempo.beats(instant)), instant))
+
+
+def _watched(piece: Piece, plan: _core.Plan) -> Watched:
+    """The parts that are computed to be seen, as in an earlier plan."""
+    everything = (*piece.keys, *piece.instruments) if plan.seen() else ()
+    return Watched(seen=everything, seen_every=piece.motion_every)
+
+
+def _paths_from(stage: Stage, piece: Piece, instant: float, *, stops: bool) -> tuple[_Paths, float]:
+    """The points of automation from an instant [s] on, and the instant up to which they are
+    complete [s].
+    """
+    collector = Collector()  # a piece that plays has no mistakes in its automation
+    if stops:
+        here = piece.tempo_map.beats(0.0)
+        points = automation_points(piece, here, here, collector)
+        return _continued(stage, stage.paths, points, piece, instant), float("inf")
+    parts = {target.part for strikes in piece.strikes if strikes.notes for target in strikes.to}
+    if not parts or isinstance(piece.tempo_map, StoppedTempoMap):
+        return stage.paths, stage.paths_until
+    # The pitches of notes that are not struck any more.
+    tempo = piece.tempo_map
+    beat = tempo.beats(instant)
+    noted = replace(
+        piece,
+        strikes=tuple(_struck_before(piece, beat)),
+        automation=tuple(line for line in piece.automation if line.target.part in parts),
+    )
+    last = stage.paths_until + 2 * GRID / stage.rate
+    until = tempo.beats(last) if last < float("inf") else beat
+    points = automation_points(noted, beat, max(beat, until), collector)
+    noted_paths = {where: old for where, old in stage.paths.items() if where[0] in parts}
+    others = {where: old for where, old in stage.paths.items() if where[0] not in parts}
+    return {**others, **_continued(stage, noted_paths, points, piece, instant)}, stage.paths_until
+
+
+def _continued(
+    stage: Stage, before: _Paths, after: Automated, piece: Piece, instant: float
+) -> _Paths:
+    until = stage.paths_until
+    return takeover_points(before, after.points, piece, instant, until, after.moved)
+
+
+def _struck_before(piece: Piece, beat: float) -> Iterator[Strikes]:
+    """The strikes with notes that have begun by a beat, ended there."""
+    tempo, end = piece.tempo_map, Position(plus=Length(beats=beat))
+    for strikes in piece.strikes:
+        begin, stop = tempo.resolve(strikes.at), None
+        if not strikes.notes or begin >= beat - SAME:
+            continue
+        if strikes.span is not None:
+            stop = tempo.after(begin, strikes.span)
+        elif strikes.until is not None:
+            stop = tempo.resolve(strikes.until)
+        is_over = stop is not None and stop <= beat + SAME
+        yield strikes if is_over else replace(strikes, span=None, until=end)
+
+
+def _put_paths(
+    piece: Piece, assembly: Assembly, timeline: _core.Timeline, before: _Paths, after: _Paths
+) -> None:
+    """Replace the points of automation on a timeline. Raises EngineError."""
+    mats: list[tuple[int, int]] = []
+    links: list[tuple[int, int]] = []
+    for where in before:
+        led = Led.of(piece, where)
+        if led is None:
+            continue
+        if led.module.kind in ("CEL", "BANK"):
+            mats.append((assembly.mats[where], led.cost))
+        else:
+            moved = assembly.links_of(where)
+            links.append((moved.start, len(moved)))
+    timeline.release(mats, links)
+    for where, points in after.items():
+        if led := Led.of(piece, where):
+            led.put(timeline, assembly, where, points)
