@@ -102,9 +102,9 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         journal.close()
         journal.path.unlink(missing_ok=True)  # nothing has begun
         raise
-    began = opening(session.commits.engine.tick_frames, hands).fields()
+    began = opening(session.schedule.engine.tick_frames, hands).fields()
     journal.append("session", **began, disk=session.disk.hashes_by_name(version.texts))
-    engine = session.commits.engine
+    engine = session.schedule.engine
     assert isinstance(engine, LiveEngine)
     attach_midi(session, engine.performance, ports)
     if osc is not None:

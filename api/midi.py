@@ -73,9 +73,9 @@ def attach_midi(session: Session, performance: _core.Performance, ports: MidiPor
         session.attach(port)
         port.listen(session.midi.receive)
     if ports.clock_to is not None:
-        session.attach(ClockOut(session.commits, performance, ports.clock_to))
+        session.attach(ClockOut(session.schedule, performance, ports.clock_to))
     if ports.clock_from is not None:
-        ear = HearingClock(session.commits.rate, 0)
+        ear = HearingClock(session.schedule.rate, 0)
         clock = ClockIn(session, ear.instant_of, ports.clock_from)
         session.attach(clock, partial(_followed, ear, clock, performance))
 

@@ -86,7 +86,7 @@ def _serve(path: str | None, options: SessionOptions, here: Path, report: Report
         raise
     about = {
         "version": __version__,
-        "score": os.path.abspath(session.commits.head.texts.path),
+        "score": os.path.abspath(session.schedule.head.texts.path),
         "journal": "" if session.journal is None else str(session.journal.path.absolute()),
     }
     SessionServer(session, door, about, stop_on_signals).run()

@@ -48,9 +48,9 @@ def _session(folder: Path, name: str) -> tuple[Session, LiveEngine]:
 
 def _heard_beats(session: Session, ear: HearingClock, beats: np.ndarray) -> np.ndarray:
     """The instants at which beats are heard [s]."""
-    running = session.commits.running
+    running = session.schedule.running
     tempo = running.version.piece.tempo_map
-    rate = session.commits.rate
+    rate = session.schedule.rate
     seconds = [running.clock.seconds(tempo, float(beat)) for beat in beats]
     return np.array([ear.instant_of(int(second * rate + 0.5)) for second in seconds])
 
@@ -75,7 +75,7 @@ def midi_clock(minutes: float = 1.0) -> list[Row]:
         attach_midi(own, following.performance, MidiPorts((), wire, None))
         attach_midi(told, telling.performance, MidiPorts((), None, sender))
         threading.Thread(target=_pass_on, args=(sender, wire, sent), daemon=True).start()
-        ears = [HearingClock(told.commits.rate, 0), HearingClock(own.commits.rate, 0)]
+        ears = [HearingClock(told.schedule.rate, 0), HearingClock(own.schedule.rate, 0)]
         try:
             told.submit("play")
             ends = time.monotonic() + 60.0 * minutes + _SETTLES

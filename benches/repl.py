@@ -72,7 +72,7 @@ def _answered_by_work(text: str) -> Row:
         return engines[0]
 
     def passes(seconds: float) -> None:
-        for _ in range(int(seconds * session.commits.rate / (_LOOK * _TICK))):
+        for _ in range(int(seconds * session.schedule.rate / (_LOOK * _TICK))):
             session.pump()
             _ = session.scope  # as the session's own thread does between lines
             engines[0].process(_LOOK * _TICK)

@@ -141,7 +141,7 @@ def _stepped(folder: Path, typed: Sequence[str], seconds: int) -> tuple[list[Hel
             reply = session.submit(line)
             slowest = max(slowest, time.perf_counter() - began)
             refused += not reply.taken
-            left = int(session.commits.rate)
+            left = int(session.schedule.rate)
             while left > 0:
                 n = min(left, _LOOK * _TICK)
                 session.pump()

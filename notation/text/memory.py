@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Hashable
 from typing import Any, TypeVar
 
@@ -24,6 +25,7 @@ class Memory:
     def __init__(self, *, is_loose: bool = False, movable: frozenset[str] = frozenset()) -> None:
         """Start with nothing read."""
         self.is_loose = is_loose
+        self.lock = threading.RLock()  # one reading at a time: all share the collector
         self.movable = movable
         self._collector = Collector()
         self._now: dict[Hashable, Any] = {}

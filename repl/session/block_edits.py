@@ -16,7 +16,7 @@ from ergon.scores.edits import blocks
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import VersionEdit
+    from ergon.repl.session.waiting_lines import VersionEdit
 
 
 @edits_texts(c.DefineBlock)

@@ -2,49 +2,40 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
 from ergon.repl.language.commands import RunBlock
 from ergon.repl.session import version_edits
-from ergon.repl.session.commits import REFUSALS
+from ergon.repl.session.entry import Entry
+from ergon.repl.session.waiting_lines import REFUSALS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
-    from ergon.repl.language.commands import When
     from ergon.repl.session.block_rules import Rule
-    from ergon.repl.session.commits import Commits, VersionEdit, WaitingLine
+    from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.schedule import Schedule
+    from ergon.repl.session.session_log import SessionLog
+    from ergon.repl.session.waiting_lines import WaitingLine
 
 _AHEAD = 1.0  # [s] before its beat a run is queued
 _PAUSE_MIN = 0.25  # [s] at least between two runs of a block
 
 
-class BlockSession(Protocol):
-    """The session in which blocks run."""
-
-    commits: Commits
-    number: int
-
-    def say(self, message: str) -> None:
-        """Add a message."""
-
-    def drop(self, waiting: WaitingLine) -> None:
-        """Remove a line that has not taken effect."""
-
-    def queue(
-        self, line: str, edit: VersionEdit, when: When = None, *, is_typed: bool = True
-    ) -> object:
-        """Queue a line for its boundary."""
-
-
 class BlockRuns:
     """The queued runs by the number of their line, and the last run of each block."""
 
-    def __init__(self, session: BlockSession) -> None:
-        """Begin without queued runs."""
-        self._session = session
+    def __init__(
+        self,
+        schedule: Schedule,
+        log: SessionLog,
+        queue: Callable[[Entry], tuple[str, RunningVersion]],
+        drop: Callable[[WaitingLine], None],
+    ) -> None:
+        """Begin without queued runs; `queue` lets a line wait for its frame, `drop` removes it."""
+        self._schedule, self._log, self._queue, self._drop = schedule, log, queue, drop
         self._waiting: dict[int, tuple[str, Rule]] = {}
         self._last_runs: dict[str, float] = {}
         self._last = 0.0  # the beat of the last turn
@@ -52,43 +43,42 @@ class BlockRuns:
 
     def queue_due(self) -> None:
         """Queue runs that are due, and drop those whose rule no longer holds."""
-        commits = self._session.commits
+        schedule = self._schedule
         rules = {(name, rule) for name, rule in self._rules()}
         if not rules and not self._waiting:
             return
-        goes, now = commits.running.clock.is_running, commits.beat_now()
+        goes, now = schedule.running.clock.is_running, schedule.beat_now()
         has_jumped = now < self._last - SAME
         self._last = now
         if has_jumped or not goes:
             self._last_runs.clear()
-        for one in [one for one in commits.waiting if one.number in self._waiting]:
+        for one in [one for one in schedule.waiting if one.number in self._waiting]:
             name, rule = self._waiting[one.number]
             if has_jumped or not goes or not self._is_in_force(name, rule, one.beat):
-                self._session.drop(one)
-        waits = {one.number for one in commits.waiting}
+                self._drop(one)
+        waits = {one.number for one in schedule.waiting}
         for number in self._waiting.keys() - waits:
             del self._waiting[number]
-            commits.past_versions.pop(number, None)  # `undo` returns to typed lines alone
+            schedule.past_versions.pop(number, None)  # `undo` returns to typed lines alone
         if goes:
             for name, rule in sorted(rules, key=lambda one: one[0]):
                 self._queue_next(name, rule)
 
     def _rules(self) -> Iterator[tuple[str, Rule]]:
         """The rules of the running version and of all waiting ones."""
-        commits = self._session.commits
-        yield from commits.running.version.rules.items()
-        for one in commits.waiting:
-            if one.version is not None:
-                yield from one.version.rules.items()
+        schedule = self._schedule
+        yield from schedule.running.version.rules.items()
+        for one in schedule.waiting:
+            yield from one.made().rules.items()
 
     def _is_in_force(self, name: str, rule: Rule, beat: float) -> bool:
-        return self._session.commits.version_at(beat).rules.get(name) == rule
+        return self._schedule.version_at(beat).rules.get(name) == rule
 
     def _queue_next(self, name: str, rule: Rule) -> None:
         """Queue the next run of a block if it is due and not yet queued."""
-        commits = self._session.commits
-        tempo, clock = commits.head.piece.tempo_map, commits.running.clock
-        soonest = commits.soonest_frame() / commits.rate + commits.lead
+        schedule = self._schedule
+        tempo, clock = schedule.head.piece.tempo_map, schedule.running.clock
+        soonest = schedule.soonest_frame() / schedule.rate + schedule.timing.lead
         first, last = (clock.beat(tempo, seconds) for seconds in (soonest, soonest + _AHEAD))
         after = max(first - 2.0 * SAME, rule.begin)
         if (done := self._last_runs.get(name)) is not None:
@@ -101,11 +91,11 @@ class BlockRuns:
         line = f"run {name}"
         try:
             edit = version_edits.combined([RunBlock(name)])
-            self._session.queue(line, edit, where, is_typed=False)
+            _, made = self._queue(Entry(line, edit, when=where, is_typed=False))
         except REFUSALS as error:
             if name not in self._refused:  # once, and not for each bar
                 self._refused.add(name)
-                self._session.say(f"{name} cannot run: {error}")
+                self._log.say(f"{name} cannot run: {error}")
             return
         self._refused.discard(name)
-        self._waiting[self._session.number] = name, rule
+        self._waiting[made.version.number] = name, rule

@@ -12,7 +12,7 @@ from ergon.notation.text.files import is_below
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import Commits
+    from ergon.repl.session.schedule import Schedule
 
 # The recording is written five times a second; a take is read this long after its end [s].
 _WRITE_DELAY = 0.6
@@ -61,12 +61,12 @@ class Captures:
         self.current.stop = stop
         return self.current
 
-    def pop_ready(self, commits: Commits) -> Capture | None:
+    def pop_ready(self, schedule: Schedule) -> Capture | None:
         """The take that has ended and whose recording is on the disk, once; else None."""
         own = self.current
         if own is None or own.stop is None:
             return None
-        if commits.engine.frame < own.stop + _WRITE_DELAY * commits.rate:
+        if schedule.engine.frame < own.stop + _WRITE_DELAY * schedule.rate:
             return None
         self.current = None
         return own

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.shifted import ShiftedTempoMap, StoppedTempoMap
@@ -12,6 +12,9 @@ from ergon.notation.clock.shifted import ShiftedTempoMap, StoppedTempoMap
 if TYPE_CHECKING:
     from ergon.notation.clock.positions import Length
     from ergon.notation.clock.tempo import TempoMap
+
+# The joining curve before a gesture [s]; a version takes over before it begins.
+JOIN_SECONDS = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +49,76 @@ class Clock:
         """The second of the engine at a beat; the piece must be running."""
         assert self.began_at is not None
         return tempo.seconds(beat) + self.began_at
+
+
+class Timing(NamedTuple):
+    """The frames of an engine: `rate` a second [Hz], and `tick_frames` a tick."""
+
+    rate: float
+    tick_frames: int
+
+    @property
+    def tick(self) -> float:
+        """A tick [s]."""
+        return self.tick_frames / self.rate
+
+    @property
+    def lead(self) -> float:
+        """How long a version takes over before its beat [s]."""
+        return JOIN_SECONDS + self.tick
+
+    def lead_of(self, is_cut: bool) -> float:
+        """How long before its beat a change takes over [s]; a cut needs no time before it."""
+        return 0.0 if is_cut else self.lead
+
+    def takeover_frame(
+        self, clock: Clock, tempo: TempoMap, beat: float, lead: float | None = None
+    ) -> int:
+        """The frame at which a version takes over, for a beat on which it acts: `lead` [s]
+        before it.
+        """
+        lead = self.lead if lead is None else lead
+        frames = (clock.seconds(tempo, beat) - lead) * self.rate
+        return math.floor(frames / self.tick_frames + SAME) * self.tick_frames
+
+
+class Entry(NamedTuple):
+    """A takeover: the clock from there on, the beat on which the version before ends, and that on
+    which the new one goes on.
+    """
+
+    clock: Clock
+    leave: float
+    enter: float
+
+
+def entry_of(
+    clock: Clock,
+    before: TempoMap,
+    after: TempoMap,
+    beat: float,
+    start: int,
+    sets_running: bool | None,
+    enter_beat: float | None,
+    timing: Timing,
+) -> Entry:
+    """The takeover of a line that acts on `beat`, at frame `start`.
+
+    It may start the piece at that beat, stop it (`sets_running`), or let it go on from
+    `enter_beat`.
+    """
+    seconds = start / timing.rate
+    if sets_running is not None:
+        leave = clock.beat(before, seconds)
+        goes = running_clock(after, beat, seconds + timing.lead)
+        return Entry(goes if sets_running else Clock(None, leave), leave, beat)
+    if enter_beat is not None:
+        goes = clock_at_beat(clock, after, enter_beat, seconds + timing.lead)
+        return Entry(goes, beat, enter_beat)
+    goes, here = clock_after_takeover(
+        clock, before, after, beat, seconds + timing.lead, timing.tick
+    )
+    return Entry(goes, here, here)
 
 
 def running_clock(tempo: TempoMap, beat: float, seconds: float) -> Clock:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 from collections.abc import Iterator
 
 from ergon._core import StoppedError, Work
@@ -16,13 +17,13 @@ class Computing:
 
     def __init__(self) -> None:
         """Begin with no computation."""
-        self.seconds: float | None = None  # the limit of the last computation
+        self._limit = threading.local()  # of the last computation of each thread [s]
         self._works: list[Work] = []
 
     @contextlib.contextmanager
     def limited(self, seconds: float | None) -> Iterator[None]:
         """Limit the computation in this block [s]. Raises StoppedError beyond the limit."""
-        self.seconds = seconds
+        self._limit.seconds = seconds
         work = Work(seconds)
         self._works.append(work)
         try:
@@ -42,8 +43,9 @@ class Computing:
         """Why a line is not taken whose computation was stopped."""
         if error.why == "cancelled":
             return "cancelled; nothing has changed"
-        said = f"this line takes more than {self.seconds:g} s to compute; nothing has changed"
-        if self.seconds != LINE_SECONDS:
+        seconds: float = self._limit.seconds
+        said = f"this line takes more than {seconds:g} s to compute; nothing has changed"
+        if seconds != LINE_SECONDS:
             return said
         return (
             f"{said} (make it smaller, or write it into the score and type "

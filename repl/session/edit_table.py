@@ -14,7 +14,7 @@ from ergon.repl.session.version import Faders, NotTakenError, Version, piece_of
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import VersionEdit
+    from ergon.repl.session.waiting_lines import VersionEdit
 
 _Make = TypeVar("_Make", bound=Callable[..., "VersionEdit"])
 _Change = TypeVar("_Change", bound=Callable[..., Texts])

@@ -38,6 +38,11 @@ class Change:
     force_bounds: Sequence[HandForceBounds] = ()
 
     @property
+    def is_gains(self) -> bool:
+        """Whether it changes gains alone: the stage goes on."""
+        return self.stage is self.old_stage and not self.resets and self.damp is None
+
+    @property
     def needs_new_mixer(self) -> bool:
         """Whether the change needs a new mixer."""
         new, old = self.stage, self.old_stage
@@ -245,9 +250,9 @@ class SteppedEngine:
 
     def revoke(self, frame: int) -> None:
         """Withdraw the changes that are due at `frame` or later; each is reported as late."""
-        revoked = [ticket for ticket, change in self._changes if change.frame >= frame]
-        self._changes = [pair for pair in self._changes if pair[1].frame < frame]
-        for ticket in sorted(revoked):
+        revoked = [one for one in self._changes if one[1].frame >= frame and not one[1].is_gains]
+        self._changes = [one for one in self._changes if one not in revoked]
+        for ticket, _ in sorted(revoked, key=lambda one: one[0]):
             self._events.append(EngineEvent(self.frame, ticket, is_late=True))
 
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
@@ -321,10 +326,21 @@ class SteppedEngine:
     def _do_due_changes(self) -> None:
         while self._changes and self._changes[0][1].frame == self.frame:
             ticket, change = self._changes.pop(0)
-            self._do_change(change)
-            self._events.append(EngineEvent(self.frame, ticket))
+            is_done = self._do_change(change)
+            self._events.append(EngineEvent(self.frame, ticket, is_late=not is_done))
 
-    def _do_change(self, change: Change) -> None:
+    def _do_change(self, change: Change) -> bool:
+        """Make a change; False, with nothing changed, if another stage plays than it replaces."""
+        if not change.is_gains:
+            is_other = change.old_stage.simulation is not self._simulation
+            if is_other and not change.resets:
+                return False
+            self._do_takeover(change)
+        for group, gain in change.gains.items():
+            self._mixer.set_gain(group, gain)
+        return True
+
+    def _do_takeover(self, change: Change) -> None:
         new = change.stage.simulation
         outputs = [] if change.resets else new.take_over(self._simulation)
         if change.needs_new_mixer:
@@ -332,8 +348,6 @@ class SteppedEngine:
             mixer.take_over(self._mixer, outputs)
             self._mixer = mixer
         self._simulation = new
-        for group, gain in change.gains.items():
-            self._mixer.set_gain(group, gain)
         new.damp(change.damp)
 
     def silences(self) -> Sequence[tuple[int, bool]]:

@@ -3,50 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from ergon.repl.language.commands import NOW, When
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
+from ergon.repl.language.scope import scope_of
 from ergon.repl.session import version_edits
-from ergon.repl.session.commits import REFUSALS
+from ergon.repl.session.disk import folder_of
+from ergon.repl.session.entry import Entry
+from ergon.repl.session.line_kinds import kind_of
+from ergon.repl.session.waiting_lines import REFUSALS
 
 if TYPE_CHECKING:
-    from ergon.repl.language.scope import Scope
-    from ergon.repl.session.commits import Commits, VersionEdit
     from ergon.repl.session.history import History
+    from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.schedule import Schedule
+    from ergon.repl.session.session_log import SessionLog
     from ergon.repl.session.version import Version
 
 # The line that sets the value in a version; None if that version does not use it.
 LineOf = Callable[["Version"], str | None]
 
 
-class ValueSession(Protocol):
-    """The session whose values move."""
-
-    commits: Commits
-    history: History
-    number: int
-
-    @property
-    def scope(self) -> Scope:
-        """The names that a line may use now."""
-
-    def say(self, message: str) -> None:
-        """Add a message."""
-
-    def queue(
-        self, line: str, edit: VersionEdit, when: When = None, *, replaces: int | None = None
-    ) -> object:
-        """Queue a line for its boundary."""
-
-
 class FastValues:
     """The latest value of each name, set by lines. Any thread may call `set_soon`."""
 
-    def __init__(self, session: ValueSession) -> None:
-        """Begin without values."""
-        self._session = session
+    def __init__(
+        self,
+        schedule: Schedule,
+        history: History,
+        log: SessionLog,
+        queue: Callable[[Entry], tuple[str, RunningVersion]],
+    ) -> None:
+        """Begin without values; `queue` lets a line wait for its frame."""
+        self._schedule, self._history, self._log, self._queue = schedule, history, log, queue
         self._moved: dict[str, LineOf] = {}
         self._number = 0  # of the last line that movements stood for
         self._names: tuple[str, ...] = ()  # and what moved
@@ -63,11 +54,11 @@ class FastValues:
         Successive lines with the same names are one entry of the history, so that `undo` reverts
         the movement as a whole.
         """
-        session = self._session
-        if not self._moved or any(one.number == self._number for one in session.commits.waiting):
+        schedule = self._schedule
+        if not self._moved or any(one.number == self._number for one in schedule.waiting):
             return
         moved, self._moved = self._moved, {}
-        head = session.commits.head
+        head = schedule.head
         lines = {name: text for name, line in moved.items() if (text := line(head)) is not None}
         if not lines:
             return
@@ -79,17 +70,18 @@ class FastValues:
 
     def _set(self, names: tuple[str, ...], text: str, when: When) -> None:
         """Queue a line; if the last line of the history has the same names, it is replaced."""
-        session = self._session
-        is_same = names == self._names and session.history.now == self._number
+        is_same = names == self._names and self._history.now == self._number
+        head = self._schedule.head
         try:
-            commands = parse(text, session.scope)
-            said = next((one.when for one in commands if one.when is not None), when)
+            commands = parse(text, scope_of(head.piece, folder_of(head.texts)))
+            asked = next((one.when for one in commands if one.when is not None), when)
             edit = version_edits.combined(commands)
-            session.queue(text, edit, said, replaces=self._number if is_same else None)
+            replaced = self._number if is_same else None
+            _, made = self._queue(Entry(text, edit, kind_of(commands), asked, replaces=replaced))
         except (Refusal, *REFUSALS) as error:
             if names != self._refused:  # once, and not for each value on the way
                 self._refused = names
-                session.say(f"{', '.join(names)}: {getattr(error, 'message', None) or error}")
+                self._log.say(f"{', '.join(names)}: {getattr(error, 'message', None) or error}")
             return
         self._refused = ()
-        self._number, self._names = session.number, names
+        self._number, self._names = made.version.number, names

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def write_last_bars(session: SessionCore, length: Length, name: str) -> list[str]:
     """Write the last bars as a score beside this one; the names of the written files."""
-    version, now = session.commits.head, session.commits.beat_now()
+    version, now = session.schedule.head, session.schedule.beat_now()
     tempo = version.piece.tempo_map
     bar = tempo.bars.start(tempo.bar_beat(now)[0])
     is_bars = length.bars and not length.beats and not length.seconds
@@ -53,8 +53,8 @@ def save(session: SessionCore, target: Path | None) -> list[str]:
 
     Without a target, the score and the changed files that it uses are overwritten.
     """
-    version = session.commits.head
-    texts = parts.finish(version.texts, version.piece, session.commits.beat_now())
+    version = session.schedule.head
+    texts = parts.finish(version.texts, version.piece, session.schedule.beat_now())
     piece_of(texts)
     return _write(session, texts, None if target is None else _target(texts, target))
 

@@ -15,8 +15,8 @@ from ergon.scores.staging.live import leading
 
 if TYPE_CHECKING:
     from ergon.repl.language.commands import Guide
-    from ergon.repl.session.commits import Commits
     from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.schedule import Schedule
 
 # The length of a path [s]; it is replaced after half of it. Making one takes some hundredths of a
 # second.
@@ -47,20 +47,20 @@ def guide_of(command: Guide) -> HandGuide:
     return HandGuide(command.by, share, viscosity / thickest)
 
 
-def check_guide(command: Guide, commits: Commits) -> None:
+def check_guide(command: Guide, schedule: Schedule) -> None:
     """Refuse a guide unless the hand is real and its guide is a written part. Raises
     NotTakenError.
     """
     player, by = command.player, command.by
-    if player not in commits.real:
+    if player not in schedule.real:
         raise NotTakenError(f"no real hand plays {player}: start ergon with --live {player}=DEVICE")
     if by is None:
         return
-    if by in commits.real:
+    if by in schedule.real:
         raise NotTakenError(
             f"{by} is a real hand and cannot guide: name a player with a written part"
         )
-    if player in commits.engine.status().disconnected:
+    if player in schedule.engine.status().disconnected:
         raise NotTakenError(
             f"the device of {player}'s key is gone: type the line again when it is back"
         )
@@ -70,33 +70,38 @@ def check_guide(command: Guide, commits: Commits) -> None:
 class Guidance:
     """Sends the engine the paths of guided hands, section by section, as the version plays."""
 
-    commits: Commits
+    schedule: Schedule
     _running: RunningVersion | None = None  # the version whose paths were sent
     _remake_at: int = 0  # the frame at which the next paths are made
     _guided: frozenset[str] = frozenset()
     _ticket: int | None = None
-    _making: MakingTime = field(default_factory=lambda: MakingTime(_FIRST_MAKING_TIME))
+    _making: MakingTime = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Expect the first path to take a while."""
+        engine, rate = self.schedule.engine, self.schedule.rate
+        self._making = MakingTime(engine, rate, _FIRST_MAKING_TIME)
 
     def paths_due(self) -> tuple[int, Mapping[str, GuidedPath]] | None:
         """The frame and the new paths by player, if they must be sent now; else None."""
-        running, commits = self.commits.running, self.commits
+        running, schedule = self.schedule.running, self.schedule
         players = running.version.piece.players
         guides = {
             player: guide
             for player, guide in running.version.guides.items()
-            if player in commits.real and {player, guide.by} <= players.keys()
+            if player in schedule.real and {player, guide.by} <= players.keys()
         }
-        is_over = bool(guides) and commits.engine.frame >= self._remake_at
+        is_over = bool(guides) and schedule.engine.frame >= self._remake_at
         if running is self._running and not is_over:
             return None
         self._running = running
         if not guides and not self._guided:
             return None
-        began = MakingTime.began()
+        began = self._making.began()
         at, rate, every = (
-            commits.first_frame(2.0 * self._making.seconds),
-            commits.rate,
-            commits.engine.tick_frames,
+            schedule.first_frame(2.0 * self._making.seconds),
+            schedule.rate,
+            schedule.engine.tick_frames,
         )
         ticks = range(at // every, at // every + int(_PATH_SECONDS * rate) // every)
         made = dict(self._release_paths(guides))
@@ -118,7 +123,7 @@ class Guidance:
     def send(self, at: int, made: Mapping[str, GuidedPath]) -> None:
         """Send paths to the engine; where its queue is full, `paths_due` makes them again."""
         try:
-            self._ticket = self.commits.engine.guide(at, made)
+            self._ticket = self.schedule.engine.guide(at, made)
         except EngineError:
             self._running = None
 

@@ -1,4 +1,4 @@
-"""The history: numbers of versions in the order of effect; `commits.past_versions` has them.
+"""The history: numbers of versions in the order of effect; `Schedule.past_versions` has them.
 
 `undo`, `redo`, `back` and `history` use these numbers; `session_commands` defines what they do.
 """

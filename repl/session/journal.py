@@ -61,7 +61,7 @@ class Journal:
     @property
     def has_failed(self) -> bool:
         """Whether something of it is not written."""
-        return self._has_lost or bool(self._waiting)
+        return self._has_lost or bool(self._reason)
 
     @property
     def is_full(self) -> bool:

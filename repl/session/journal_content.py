@@ -127,6 +127,15 @@ class JournalAct(NamedTuple):
     line: int
 
 
+class JournalCommit(NamedTuple):
+    """A line that took effect at a frame, on a beat; lines of one `change` did so together."""
+
+    frame: int
+    beat: float
+    line: JournalEvent
+    change: int | None
+
+
 class FileVersion(NamedTuple):
     """The texts that a line read from files, and how their version takes over, as in `Version`."""
 
@@ -177,8 +186,9 @@ class JournalContent:
     disk: Disk
     lines: dict[int, JournalEvent] = field(default_factory=dict)
     versions_from_files: dict[int, FileVersion] = field(default_factory=dict)
-    # Frame, beat, line.
-    commits: list[tuple[int, float, JournalEvent]] = field(default_factory=list)
+    commits: list[JournalCommit] = field(default_factory=list)
+    # (frame at which the piece went on, beat from which on nothing had begun)
+    skips: list[tuple[int, float]] = field(default_factory=list)
     dropped: set[int] = field(default_factory=set)
     # The beat, and the frame, that a late line waits for, by its number.
     late: dict[int, float] = field(default_factory=dict)
@@ -195,17 +205,18 @@ class JournalContent:
 
     def order(self) -> dict[int, float]:
         """The place of every line in the order of effect, by number."""
-        done = {event.get("number", int): float(i) for i, (*_, event) in enumerate(self.commits)}
+        done = {one.line.get("number", int): float(i) for i, one in enumerate(self.commits)}
         waits = [number for number in self.lines if number not in done]
         waits.sort(key=self._due)
         return done | {number: len(done) + i for i, number in enumerate(waits)}
 
-    def _due(self, number: int) -> tuple[int, bool, float]:
-        """When a waiting line would take effect: (frame, whether it is `play` or `stop`, beat)."""
+    def _due(self, number: int) -> tuple[int, float]:
+        """When a waiting line would take effect, as `WaitingLine.is_before` orders them."""
         line = self.lines[number]
-        start = self.starts.get(number, line.number_of("start", int, 0, FRAME_MAX, 0))
-        beat = self.late.get(number, line.get("beat", float))
-        return start, line.fields.get("goes") is not None, beat
+        start = self.starts.get(number, line.number_of("start", int, 0, FRAME_MAX, FRAME_MAX))
+        if start == FRAME_MAX:  # the piece must be played up to its beat first
+            return start, self.late.get(number, line.get("beat", float))
+        return start, number
 
     def history(self) -> History:
         """The history at the end of the session."""
@@ -283,7 +294,8 @@ def read_journal(
     for event in events:
         replay.gaps.see(event)
         _add_event(replay, event, where)
-    replay.commits.sort(key=lambda commit: commit[0])
+    replay.commits.sort(key=lambda commit: commit.frame)
+    replay.skips.sort()
     replay.acts.sort(key=lambda act: act.frame)
     return replay
 
@@ -382,13 +394,20 @@ def _add_event(replay: JournalContent, event: JournalEvent, where: _FileLocation
         if "text" in event.fields:  # other than when the line was typed
             replay.versions_from_files[replay.lines[number].number] = _read_version(event, where)
         frame = event.number_of("frame", int, 0, FRAME_MAX)
-        replay.commits.append((frame, _beat(event, "beat"), replay.lines[number]))
+        change = (
+            event.number_of("change", int, 0, _NUMBER_MAX, -1) if "change" in event.fields else None
+        )
+        replay.commits.append(
+            JournalCommit(frame, _beat(event, "beat"), replay.lines[number], change)
+        )
     elif event.name == "late":
         replay.late[number] = _beat(event, "beat")
-        if "start" in event.fields:
-            replay.starts[number] = event.number_of("start", int, 0, FRAME_MAX)
+        replay.starts[number] = event.number_of("start", int, 0, FRAME_MAX, FRAME_MAX)
     elif event.name == "dropped":
         replay.dropped.add(number)
+    elif event.name == "skip":
+        frame = event.number_of("frame", int, 0, FRAME_MAX)
+        replay.skips.append((frame, _beat(event, "begin")))
     elif event.name in _ACTS:
         replay.acts.append(_ACTS[event.name](event))
     elif event.name == "silence":

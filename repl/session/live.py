@@ -86,6 +86,8 @@ class LiveEngine:
 
     def change(self, change: Change) -> int:
         """Send a change to the physics thread; returns its ticket."""
+        if change.is_gains:
+            return self._performance.change(change.frame, gains=list(change.gains.items()))
         stage, before = change.stage, change.old_stage
         ticket = self._performance.change(
             change.frame,

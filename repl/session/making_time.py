@@ -4,26 +4,31 @@ that.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-_FORGET = 0.8  # factor on the earlier time at each later making
-
-# The clock that measures this time [s]. Tests replace it by one that stands still.
-clock = time.perf_counter
+if TYPE_CHECKING:
+    from ergon.repl.session.engine import Engine
 
 
 @dataclass(slots=True)
 class MakingTime:
-    """The time of making that is to be expected: that of the slowest recent one [s]."""
+    """The time of making that is to be expected: that of the slower of the last two [s].
 
+    It falls as fast as it rises, so that one slow line makes no later line wait. It is time of
+    the engine, which may compute faster than it sounds, or stand still.
+    """
+
+    engine: Engine
+    rate: float  # frames a second
     seconds: float = 0.0
+    _last: float = 0.0
 
-    @staticmethod
-    def began() -> float:
-        """The instant at which a making begins."""
-        return clock()
+    def began(self) -> int:
+        """The frame at which a making begins."""
+        return self.engine.frame
 
-    def add(self, began: float) -> None:
-        """Count making that began at `began` and ends now."""
-        self.seconds = max(clock() - began, _FORGET * self.seconds)
+    def add(self, began: int) -> None:
+        """Count making that began at frame `began` and ends now."""
+        took = (self.engine.frame - began) / self.rate
+        self.seconds, self._last = max(took, self._last), took

@@ -28,7 +28,7 @@ from ergon.repl.session.played_versions import PlayedVersions
 if TYPE_CHECKING:
     from ergon import _core
     from ergon.live.midi_ports import InputPort
-    from ergon.repl.session.commits import Commits
+    from ergon.repl.session.schedule import Schedule
     from ergon.repl.session.session import Session
 
 _CHECK_PERIOD = 0.004  # [s] between two looks at the performance
@@ -59,9 +59,9 @@ class ClockEvents:
     Clocks are counted, so that a change of tempo neither skips one nor sends it twice.
     """
 
-    def __init__(self, commits: Commits) -> None:
+    def __init__(self, schedule: Schedule) -> None:
         """Begin at frame 0."""
-        self._played = PlayedVersions(commits)
+        self._played = PlayedVersions(schedule)
         self._began_at: float | None = None  # the second of the engine at which the piece began
         self._next = 0  # the number of the next clock
 
@@ -97,11 +97,13 @@ class ClockOut:
     before it is due.
     """
 
-    def __init__(self, commits: Commits, performance: _core.Performance, port: TimedOutput) -> None:
+    def __init__(
+        self, schedule: Schedule, performance: _core.Performance, port: TimedOutput
+    ) -> None:
         """Begin to send to a port, which `close` closes."""
-        self._events = ClockEvents(commits)
+        self._events = ClockEvents(schedule)
         self._performance, self._port = performance, port
-        self._hearing_clock = HearingClock(commits.rate, 0)
+        self._hearing_clock = HearingClock(schedule.rate, 0)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ergon MIDI clock", daemon=True)
         self._thread.start()
@@ -170,13 +172,13 @@ class ClockIn:
             is_placed = self._follower.is_placed
         for transport, position in asked:
             self._start_or_stop(transport, position)
-        if known is not None and self._session.commits.running.clock.is_running:
+        if known is not None and self._session.schedule.running.clock.is_running:
             self._correct(known, is_placed)
 
     def _start_or_stop(self, transport: Transport, position: float) -> None:
         session = self._session
         if transport is Transport.STOP:
-            line = "stop" if session.commits.running.clock.is_running else ""
+            line = "stop" if session.schedule.running.clock.is_running else ""
         else:
             line = f"play from {session.position_text(position)}"
         self._corrected_beat = -math.inf
@@ -190,14 +192,14 @@ class ClockIn:
         """
         session = self._session
         with session.lock:
-            commits = session.commits
-            head = commits.head.piece.tempo_map
-            beat, _ = commits.beat_and_frame(Length(beats=1.0), None)
+            schedule = session.schedule
+            head = schedule.head.piece.tempo_map
+            beat, _ = schedule.place(Length(beats=1.0), None)
             beat = math.ceil(beat - SAME)
-            clock = commits.running.clock
-            if beat <= self._corrected_beat or commits.waiting or clock.began_at is None:
+            clock = schedule.running.clock
+            if beat <= self._corrected_beat or schedule.waiting or clock.began_at is None:
                 return
-            rate = commits.rate
+            rate = schedule.rate
             here, there = (
                 self._when(frame_of(clock.seconds(head, at), rate))
                 for at in (beat, beat + _CORRECTION_BEATS)

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from ergon.live.osc import OscServer
     from ergon.live.osc_in import Handler
     from ergon.live.osc_out import OscEvent
-    from ergon.repl.session.commits import Commits
     from ergon.repl.session.journal import Journal
     from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.schedule import Schedule
     from ergon.repl.session.session import Session
 
     Answer = Callable[[str, str], None]
@@ -61,8 +61,8 @@ class SessionOsc:
         }
         self._worker = threading.Thread(target=self._work, name="ergon osc lines", daemon=True)
         self._worker.start()
-        stage = session.commits.running.stage
-        events = SessionEvents(session.commits, session.journal)
+        stage = session.schedule.running.stage
+        events = SessionEvents(session.schedule, session.journal)
         osc.serve(
             self,
             lambda send: OscSender(performance, stage, 0, send, events),
@@ -77,7 +77,7 @@ class SessionOsc:
             return known
         if address.startswith(_INPUT):
             name = address.removeprefix(_INPUT)
-            take = self._session.commits.head.piece.takes.get(name)
+            take = self._session.schedule.head.piece.takes.get(name)
             return None if take is None or not take.is_from_osc else self._told.handler_of(name)
         match = _GAIN.fullmatch(address)
         if match is None:
@@ -89,7 +89,7 @@ class SessionOsc:
 
     def _tell(self, name: str, value: float) -> bool:
         session = self._session
-        tell = partial(session.commits.engine.set_input, input_number(name), value)
+        tell = partial(session.schedule.engine.set_input, input_number(name), value)
         return session.acts.begin(tell, "value", input=name, value=value)
 
     def _names(self, kind: str) -> Mapping[str, str]:
@@ -142,9 +142,9 @@ class SessionOsc:
 class SessionEvents:
     """Beats and gestures of a session's versions, in the order of their frames."""
 
-    def __init__(self, commits: Commits, journal: Journal | None = None) -> None:
+    def __init__(self, schedule: Schedule, journal: Journal | None = None) -> None:
         """Begin at frame 0."""
-        self._played = PlayedVersions(commits)
+        self._played = PlayedVersions(schedule)
         self._journal = journal
 
     def troubles(self) -> Sequence[str]:

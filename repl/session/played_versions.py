@@ -6,18 +6,18 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import Commits
     from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.schedule import Schedule
 
 
 class PlayedVersions:
     """The versions that the engine has played, each with its range of frames."""
 
-    def __init__(self, commits: Commits) -> None:
+    def __init__(self, schedule: Schedule) -> None:
         """Begin at frame 0."""
-        self._commits = commits
+        self._schedule = schedule
         self._from = 0
-        self._last = commits.running
+        self._last = schedule.running
 
     def pop_before(self, frame: int) -> Iterator[tuple[RunningVersion, int, int]]:
         """Each version with its first frame and the frame after its last, up to `frame`.
@@ -25,9 +25,13 @@ class PlayedVersions:
         Frames that were returned before are left out.
         """
         first, self._from = self._from, max(self._from, frame)
-        commits = self._commits
+        schedule = self._schedule
         # Versions that are under way come between; those that were over before are not included.
-        versions = [self._last, *(before for *_, before in commits.under_way[:]), commits.running]
+        versions = [
+            self._last,
+            *(one.before for one in schedule.changes.under_way[:]),
+            schedule.running,
+        ]
         for number, running in enumerate(versions):
             begins = max(first, running.start) if number else first
             ends = min([frame, *(other.start for other in versions[number + 1 :])])

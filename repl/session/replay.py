@@ -8,31 +8,33 @@ from __future__ import annotations
 import contextlib
 import math
 from collections import deque
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 from ergon.exchange.frozen import NotFrozenError
 from ergon.repl.session import version_edits
-from ergon.repl.session.clock import Clock, clock_after_takeover, clock_at_beat, running_clock
-from ergon.repl.session.commits import (
-    REFUSALS,
-    Commits,
-    VersionEdit,
-    WaitingLine,
-    fader_ratios,
-    reparse,
-)
+from ergon.repl.session.clock import Clock, Timing, entry_of
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.frozen_parts import LoadedPart
 from ergon.repl.session.frozen_parts import load_frozen as frozen_held
+from ergon.repl.session.gains import fader_ratios
 from ergon.repl.session.history import PastVersions
 from ergon.repl.session.journal import JournalError, JournalEvent
-from ergon.repl.session.journal_content import FileVersion, JournalAct, JournalContent
+from ergon.repl.session.journal_content import (
+    FileVersion,
+    JournalAct,
+    JournalCommit,
+    JournalContent,
+)
 from ergon.repl.session.journal_hands import RecordedHands, recorded_hands
+from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.midi_maps import place_number
-from ergon.repl.session.running import JOIN_SECONDS, RunningVersion, stage_first
+from ergon.repl.session.replayed_schedule import ReplayedSchedule
+from ergon.repl.session.running import RunningVersion, stage_first
 from ergon.repl.session.version import NotTakenError, PastVersion, Version, piece_of
+from ergon.repl.session.waiting_lines import REFUSALS, VersionEdit, WaitingLine, reparse
 from ergon.scores.staging.drives import input_number
 from ergon.scores.staging.preparing import MAX_SECONDS
 
@@ -94,9 +96,10 @@ class ReplayedSession:
             hands=hands.hands,
         )
         self._engine.set_faders(fader_ratios(running))
-        self._commits = Commits(self._engine, running, real, 0, version)
+        self._schedule = ReplayedSchedule(self._engine, running, real, 0)
         self._versions = _initial_versions(replay, version)
-        self._coming = list(replay.commits)
+        self._coming = deque(_changes(replay))
+        self._note_next()
         self._acts = deque(replay.acts)
         self._read = replay.versions_from_files
         self._done = replay.first
@@ -119,7 +122,7 @@ class ReplayedSession:
     @property
     def running(self) -> RunningVersion:
         """The running version, staged."""
-        return self._commits.running
+        return self._schedule.running
 
     def mixer(
         self, *, highpass: float | None = None, reference: float | None = None
@@ -143,38 +146,61 @@ class ReplayedSession:
             done += n
 
     def _frames_until_due(self, most: int) -> Iterator[int]:
-        """Numbers of frames until the next line or act, and `most`."""
-        for frame, *_ in self._coming[:1]:
-            yield max(1, frame - self._engine.frame)
+        """Numbers of frames until the next change or act, and `most`."""
+        for change in list(self._coming)[:1]:
+            yield max(1, change.frame - self._engine.frame)
         for act in self._acts and (self._acts[0],):
             yield max(1, act.frame - self._engine.frame)
         yield most
 
+    def _note_next(self) -> None:
+        """Note the next change: the timeline goes no further than a skip had it go."""
+        schedule, coming = self._schedule, self._coming
+        schedule.next_frame = coming[0].frame if coming else math.inf
+        staged = next((one for one in coming if one.is_staged), None)
+        schedule.latest = math.inf
+        if staged is not None and staged.skipped_from is not None:
+            schedule.latest = staged.skipped_from
+
     def _do_due(self) -> None:
-        """Hand the engine the lines and acts that take effect at this frame."""
-        while self._coming and self._coming[0][0] <= self._engine.frame:
-            frame, beat, event = self._coming.pop(0)
-            number = event.get("number", int)
-            goes = event.fields.get("goes")
-            with _as_journal_errors(event):
-                waiting = WaitingLine(
-                    event.get("line", str),
-                    edit_of_line(event, self._versions, self._commits.head, self._read),
-                    beat,
-                    frame,
-                    goes if isinstance(goes, bool) else None,
-                    bool(event.fields.get("resets")),
-                    number=number,
-                )
-                self._versions[number] = PastVersion.from_version(
-                    self._commits.insert_last(waiting).version
-                )
-                self._done = event
+        """Hand the engine the changes and acts that take effect at this frame."""
+        schedule = self._schedule
+        schedule.take_events()
+        while self._coming and self._coming[0].frame <= self._engine.frame:
+            change = self._coming.popleft()
+            self._note_next()
+            if not change.commits:
+                with _as_journal_errors(self._done):
+                    schedule.skip(change.frame)
+                continue
+            lines = [self._line(one) for one in change.commits]
+            with _as_journal_errors(change.commits[0].line):
+                for line in schedule.perform(lines):
+                    self._versions[line.number] = PastVersion.from_version(line.made())
+            self._done = change.commits[-1].line
         with _as_journal_errors(self._done):
-            # An extension in the same frame as the next line would take that frame from the line.
-            self._commits.hand_over_due(self._coming[0][0] if self._coming else math.inf)
+            schedule.extend()
         while self._acts and self._acts[0].frame <= self._engine.frame:
             self._do_act(self._acts.popleft())
+
+    def _line(self, commit: JournalCommit) -> WaitingLine:
+        """A line at the frame at which it took effect."""
+        event, goes = commit.line, commit.line.fields.get("goes")
+
+        def edit(version: Version, beat: float) -> Version:
+            return edit_of_line(event, self._versions, version, self._read)(version, beat)
+
+        return WaitingLine(
+            event.get("number", int),
+            event.get("line", str),
+            edit,
+            _kind(event),
+            commit.beat,
+            commit.frame,
+            goes if isinstance(goes, bool) else None,
+            bool(event.fields.get("resets")),
+            is_now=True,
+        )
 
     def _do_act(self, act: JournalAct) -> None:
         if isinstance(act.target, str):
@@ -183,10 +209,48 @@ class ReplayedSession:
         else:
             self._engine.strike(place_number(act.target), act.amount)
             lacks = "at this strike has no such mass"
-        if any(one.act_ticket is not None and one.is_late for one in self._engine.events()):
+        events = self._schedule.take_events()
+        if any(one.act_ticket is not None and one.is_late for one in events):
             JournalEvent(self._file, act.line, "", {}).refuse(
                 f"the piece that plays {lacks}; the journal does not match its score"
             )
+
+
+@dataclass(frozen=True, slots=True)
+class _ReplayedChange:
+    """Lines that took effect together at a frame; without lines, the end of a skip.
+
+    `skipped_from` is the beat from which on nothing had begun before it.
+    """
+
+    frame: int
+    commits: Sequence[JournalCommit] = ()
+    skipped_from: float | None = None
+
+    @property
+    def is_staged(self) -> bool:
+        """Whether a new stage plays from there on, with a timeline of its own."""
+        return any(_kind(one.line) is not LineKind.FADERS for one in self.commits) or (
+            self.skipped_from is not None
+        )
+
+
+def _changes(replay: JournalContent) -> Iterator[_ReplayedChange]:
+    """The changes of a journal, in the order of their frames."""
+    skips = dict(replay.skips)
+    for (frame, _), commits in groupby(replay.commits, lambda one: (one.frame, one.change)):
+        for before in [at for at in skips if at < frame]:
+            yield _ReplayedChange(before, (), skips.pop(before))
+        yield _ReplayedChange(frame, tuple(commits), skips.pop(frame, None))
+    for at, begin in skips.items():
+        yield _ReplayedChange(at, (), begin)
+
+
+def _kind(event: JournalEvent) -> LineKind:
+    """The kind of a line; a journal without kinds staged every line."""
+    kinds = {kind.name.lower(): kind for kind in LineKind}
+    name = event.fields.get("kind")
+    return kinds.get(name, LineKind.STRUCTURE) if isinstance(name, str) else LineKind.STRUCTURE
 
 
 def _frozen(
@@ -222,15 +286,15 @@ def resumed_state(replay: JournalContent) -> tuple[Version, Clock, PastVersions]
         version = opening.version()
     versions, clock = _initial_versions(replay, version), Clock(None, opening.at)
     rate = version.piece.rate
-    tick = opening.tick_frames / rate
-    lead = JOIN_SECONDS + tick
-    done = {event.get("number", int) for _, _, event in replay.commits}
+    timing = Timing(rate, opening.tick_frames)
+    done = {one.line.get("number", int) for one in replay.commits}
     waited = [
         (replay.n_frames, replay.late.get(number, replay.lines[number].get("beat", float)), event)
         for number, event in ((n, replay.lines[n]) for n in replay.order())
         if number not in done and number not in replay.dropped
     ]
-    for frame, beat, event in (*replay.commits, *waited):
+    committed = [(one.frame, one.beat, one.line) for one in replay.commits]
+    for frame, beat, event in (*committed, *waited):
         with _as_journal_errors(event):
             goes = event.fields.get("goes")
             now_running = goes if isinstance(goes, bool) else version.is_running
@@ -243,16 +307,11 @@ def resumed_state(replay: JournalContent) -> tuple[Version, Clock, PastVersions]
             versions[event.get("number", int)] = PastVersion.from_version(
                 version, tempo.written(beat), event.get("line", str)
             )
-            if goes is True:
-                clock = running_clock(tempo, beat, frame / rate + lead)
-            elif goes is False:
-                clock = Clock(None, clock.beat(tempo, frame / rate))
-            elif version.enter_beat is not None:
-                clock = clock_at_beat(clock, tempo, version.enter_beat, frame / rate + lead)
-            else:
-                clock, _ = clock_after_takeover(
-                    clock, before, tempo, beat, frame / rate + lead, tick
-                )
+            sets_running = goes if isinstance(goes, bool) else None
+            entry = entry_of(
+                clock, before, tempo, beat, frame, sets_running, version.enter_beat, timing
+            )
+            clock = entry.clock
     tempo = version.piece.tempo_map
     beat = clock.beat(tempo, replay.n_frames / rate)
     if not (math.isfinite(beat) and replay.n_frames <= MAX_SECONDS * rate):

@@ -7,18 +7,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.positions import Length, Position
-from ergon.repl.session.frozen_parts import LoadedPart, place_samples, still_frozen
+from ergon.repl.session.frozen_parts import LoadedPart, place_samples
 from ergon.repl.session.midi_maps import strike_points
 from ergon.repl.session.rehearsing import keys_for
 from ergon.scores.reading.piece import NO_OPTIONS, Play
-from ergon.scores.staging.hands import Window
 from ergon.scores.staging.preparing import Span
 from ergon.scores.staging.stage import StageTakeover, stage
 from ergon.scores.staging.version_glides import (
     Glide,
     LeavingLink,
-    glides,
-    leaving_links,
     with_leaving,
 )
 
@@ -36,8 +33,6 @@ if TYPE_CHECKING:
 # of bars; they are extended when half of these bars are over. A longer timeline would delay the
 # answer to a line; a shorter one could end while a long line is computed.
 _AHEAD, _FEWEST_BARS, _MOST_BARS = 16.0, 4, 32
-# The joining curve before a gesture [s]; a version takes over before it begins.
-JOIN_SECONDS = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +41,10 @@ class RunningVersion:
 
     The timeline has occurrences up to beat `timeline_end`; `force_bounds` are the forces on real
     hands; `leaving` are removed links that still separate. `frozen` parts are played from their
-    samples. If it `is_seen`, parts that are not heard are computed too.
+    samples. If it `is_seen`, parts that are not heard are computed too. `damp` [s] is a T60 for
+    all that sounds. Versions of one `serial` differ only by faders and by how far their timeline
+    goes. `skipped_from` is the beat from which on nothing began, because the timeline before had
+    ended there.
     """
 
     version: Version
@@ -60,6 +58,9 @@ class RunningVersion:
     leaving: tuple[LeavingLink, ...] = ()
     frozen: tuple[LoadedPart, ...] = ()
     is_seen: bool = False
+    damp: float | None = None
+    serial: int = 0
+    skipped_from: float | None = None
 
     def beat(self, frame: int) -> float:
         """The beat of the piece at a frame."""
@@ -115,77 +116,13 @@ def stage_first(
     is_seen: bool = False,
 ) -> RunningVersion:
     """Stage a version whose piece is stopped, at frame 0."""
-    staged = _staged(version, clock, (), None, 0, real, store, frozen=frozen, is_seen=is_seen)
+    made = staged(version, clock, (), None, 0, real, store, frozen=frozen, is_seen=is_seen)
     return RunningVersion(
-        version, clock, (), staged, 0, clock.stopped_beat, frozen=frozen, is_seen=is_seen
+        version, clock, (), made, 0, clock.stopped_beat, frozen=frozen, is_seen=is_seen
     )
 
 
-def stage_next(
-    before: RunningVersion,
-    version: Version,
-    clock: Clock,
-    start: int,
-    *,
-    leave: float,
-    enter: float,
-    real: Real,
-    extends: bool = False,
-) -> RunningVersion:
-    """Stage a version that takes over at frame `start`.
-
-    What the version before began by beat `leave` goes on; the new one plays from beat `enter`. A
-    version that only `extends` the timeline keeps all glides, removed links and frozen parts, so
-    that it is inaudible at whichever frame it comes.
-    """
-    after = start / before.stage.rate
-    old = () if version.ends_gestures else tuple(_continuing_spans(before, leave, after))
-    until = horizon(version.piece.tempo_map, enter)[0]
-    piece = replace(version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, after))
-    new = (Span(piece, Window(enter, until, after)),) if clock.is_running else ()
-    moving, links, frozen = before.glides, before.leaving, before.frozen
-    if not extends:
-        frozen = still_frozen(frozen, before.version, version, real)
-        pieces = before.version.sounding, version.sounding
-        moving = glides(*pieces, before.glides, after, version.glide)
-        links = leaving_links(*pieces, before.glides, before.leaving, after)
-        moving = (*moving, *(one.glide for one in links))
-    spans = (*old, *new)
-    staged = _staged(
-        version,
-        clock,
-        spans,
-        before.stage,
-        start,
-        real,
-        None,
-        moving,
-        links,
-        frozen=frozen,
-        is_seen=before.is_seen,
-    )
-    of_stage = version, clock, spans, staged, start, until, moving, (), links, frozen
-    return RunningVersion(*of_stage, is_seen=before.is_seen)
-
-
-def _continuing_spans(before: RunningVersion, leave: float, after: float) -> Sequence[Span]:
-    """The spans of earlier versions, the last one cut at a beat, of which something goes on after
-    `after` [s].
-    """
-    on = [(gesture.start, gesture.stop) for gesture in before.stage.gestures]
-    kept = []
-    for index, (piece, window) in enumerate(before.spans):
-        is_last = index == len(before.spans) - 1 and before.clock.is_running
-        until = min(window.until, leave) if is_last else window.until
-        first, last = (piece.tempo_map.seconds(beat) for beat in (window.since, until))
-        if last > after or any(
-            first - JOIN_SECONDS <= start <= last and stop > after for start, stop in on
-        ):
-            kept.append(Span(piece, Window(window.since, until, after)))
-    return kept
-
-
-def _staged(
+def staged(
     version: Version,
     clock: Clock,
     spans: tuple[Span, ...],
@@ -199,10 +136,14 @@ def _staged(
     frozen: tuple[LoadedPart, ...],
     is_seen: bool,
 ) -> Stage:
+    """Stage what `spans` play, from frame `start` on, in place of the stage `like`.
+
+    `moving` are parameters that glide, `links` removed links that still separate.
+    """
     piece = with_leaving(version.sounding, links)
     tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start / like.rate)
     piece = replace(piece, tempo_map=tempo)
-    staged = stage(
+    made = stage(
         piece,
         planned=True,
         store=store,
@@ -212,5 +153,5 @@ def _staged(
         going=StageTakeover(spans, like, start, moving, strike_points(version)),
         is_seen=is_seen,
     )
-    staged.placed = place_samples(frozen, staged.listening, clock, staged.rate)
-    return staged
+    made.placed = place_samples(frozen, made.listening, clock, made.rate)
+    return made

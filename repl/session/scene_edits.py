@@ -23,7 +23,7 @@ from ergon.scores.edits.scenes import Scene
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import VersionEdit
+    from ergon.repl.session.waiting_lines import VersionEdit
 
 _Stamps = Sequence[tuple[str, int, int]]  # file, time of the last change [ns], bytes
 

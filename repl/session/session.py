@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ergon import _core
 from ergon.live.display import decibels_of
@@ -20,7 +19,7 @@ from ergon.repl.language.lines import is_whole
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.session import session_commands, version_edits
-from ergon.repl.session.core import SessionCore
+from ergon.repl.session.core import Closable, SessionCore
 from ergon.repl.session.version import NotTakenError
 from ergon.repl.session_protocol import Reply, State
 from ergon.scores.staging.refusals import StageError
@@ -28,44 +27,66 @@ from ergon.scores.staging.refusals import StageError
 if TYPE_CHECKING:
     from ergon.repl.session_protocol import Suggestion
 
-_CHECK_PERIOD = 0.02  # [s] between two checks of the engine
-_CHECKS_PER_FILE_CHECK = 15  # checks of the engine between two of the score's files
+_CHECK_PERIOD = 0.02  # [s] between two turns of a thread
+_CHECKS_PER_FILE_CHECK = 15  # turns between two looks at the score's files
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 class Session(SessionCore):
-    """A session as a prompt sees it, and the thread that attends to its engine.
+    """A session as a prompt sees it, and the threads that keep it going.
 
-    One thread at a time may submit; any thread may call the other methods.
+    Any thread may call its methods. While a line is computed, one thread hands over what is due,
+    one makes what will be due, and one extends the timeline; none of them waits for another.
     """
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        """Begin as `SessionCore` does; `run` starts the threads."""
+        super().__init__(*given, **named)
+        self._attached: list[Closable] = []
+        self._turns: list[Callable[[float], object]] = []
+        self._is_closed = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._n_looks = 0
+        self._closing = _core.Work()  # what threads compute ends with the session
+
+    def attach(self, port: Closable, turn: Callable[[float], object] | None = None) -> None:
+        """Let a port or a socket be closed when the session ends.
+
+        Until then, a thread of the session calls its `turn` some 50 times a second with the
+        present instant [s, time.monotonic].
+        """
+        self._attached.append(port)
+        if turn is not None:
+            self._turns.append(turn)
 
     def submit(self, text: str, *, releases: bool = True) -> Reply:
         """Do a line, or a block of lines as one version. Raises nothing; the music goes on."""
-        count = self.stops.count
-        with self.lock:
-            self.stops.note_line(releases, count)
-            try:
-                self.pump()
-                reply = self._do_lines(text)
-            except Refusal as refusal:
-                reply = _not_taken(refusal.message, refusal.try_)
-            except NotTakenError as error:
-                reply = _not_taken(str(error), error.try_)
-            except StageError as error:
-                first = error.diagnostics[0]
-                reply = _not_taken(first.message, None, first.help)
-            except _core.StoppedError as error:
-                reply = _not_taken(self.computing.refusal(error))
-            except (EditError, _core.EngineError) as error:
-                reply = _not_taken(str(error))
-            except BaseException as error:  # also pyo3's panics and SystemExit
-                reply = _not_taken(f"internal error: {type(error).__name__}; nothing has changed")
-            frame = self.commits.engine.frame  # so that `--resume` knows how far the session went
-            self._handle_events()  # a journal that says a frame has all that happened before it
-            self._journal_event(
+        self.stops.note_line(releases)
+        try:
+            reply = self._do_lines(text)
+        except Refusal as refusal:
+            reply = _not_taken(refusal.message, refusal.try_)
+        except NotTakenError as error:
+            reply = _not_taken(str(error), error.try_)
+        except StageError as error:
+            first = error.diagnostics[0]
+            reply = _not_taken(first.message, None, first.help)
+        except _core.StoppedError as error:
+            reply = _not_taken(self.computing.refusal(error))
+        except (EditError, _core.EngineError) as error:
+            reply = _not_taken(str(error))
+        except BaseException as error:  # also pyo3's panics and SystemExit
+            reply = _not_taken(f"internal error: {type(error).__name__}; nothing has changed")
+        self._write_reply(text, reply)
+        return reply
+
+    def _write_reply(self, text: str, reply: Reply) -> None:
+        with self.schedule.lock:
+            frame = self.schedule.engine.frame  # so that `--resume` knows how far the session went
+            self.attend()  # a journal that names a frame has all that happened before it
+            self.log.write(
                 "said", line=text[:10_000], taken=reply.taken, reply=reply.text, frame=frame
             )
-            return reply
 
     @without_gc
     def _do_lines(self, text: str) -> Reply:
@@ -89,7 +110,7 @@ class Session(SessionCore):
 
     def state(self) -> State:
         """Position, tempo, what plays, load and level."""
-        running, engine = self.commits.running, self.commits.engine
+        running, engine = self.schedule.running, self.schedule.engine
         frame, look = engine.frame, engine.status()
         tempo = running.version.piece.tempo_map
         beat = running.beat(frame)
@@ -115,10 +136,7 @@ class Session(SessionCore):
 
     def messages(self) -> Sequence[str]:
         """Messages since the last call, one sentence each."""
-        found = []
-        while self._messages:
-            found.append(self._messages.popleft())
-        return found
+        return self.log.pop_messages()
 
     def panic(self) -> None:
         """End sound and force at once; a line that is being computed is cancelled."""
@@ -149,39 +167,45 @@ class Session(SessionCore):
         return is_whole(text)
 
     def run(self) -> None:
-        """Start the thread that attends to the engine until the session is closed."""
-        self._thread = threading.Thread(
-            target=self._attend_engine, name="ergon session", daemon=True
-        )
-        self._thread.start()
+        """Start the threads that keep the session going until it is closed."""
+        for name, turn in (
+            ("ergon session", self._attend),
+            ("ergon feeder", self.feed),
+            ("ergon maker", self.make_due),
+            ("ergon files", self._look_around),
+        ):
+            thread = threading.Thread(target=self._repeat, args=(turn,), name=name, daemon=True)
+            self._threads.append(thread)
+            thread.start()
 
-    def _attend_engine(self) -> None:
-        looks = itertools.count()
+    def _repeat(self, turn: Callable[[], object]) -> None:
         while not self._is_closed.wait(_CHECK_PERIOD):
             try:
-                if not self.lock.acquire(blocking=False):
-                    self._take_events()  # a line is computed
-                    continue
-                try:
-                    self.pump()
-                    _ = self.scope  # for the next line, which then need not wait for it
-                finally:
-                    self.lock.release()
-                for turn in self._turns:
-                    turn(time.monotonic())
-                if (paths := self.guidance.paths_due()) is not None:
-                    with self.lock:
-                        self.guidance.send(*paths)
-                if (
-                    next(looks) % _CHECKS_PER_FILE_CHECK == 0
-                    and self.watch
-                    and self.watch.has_changed()
-                ):
-                    name, reply = Path(self.commits.head.texts.path).name, self.submit("reload")
-                    taken = "reloaded" if reply.taken else "not reloaded"
-                    self._messages.append(f"{name} has changed and is {taken}: {reply.text}")
-            except BaseException as error:  # the next check may succeed
-                self._messages.append(f"{type(error).__name__}: {error}")
+                with self._closing:
+                    turn()
+            except _core.StoppedError:  # the session is closed
+                return
+            except BaseException as error:  # the next turn may succeed
+                self.say(f"{type(error).__name__}: {error}")
+
+    def _attend(self) -> None:
+        self.attend()
+        for turn in self._turns:
+            turn(time.monotonic())
+
+    def _look_around(self) -> None:
+        """Guide hands, find the names of the next line, and read the score again if its file has
+        changed.
+        """
+        _ = self.scope  # for the next line, which then need not wait for it
+        if (paths := self.guidance.paths_due()) is not None:
+            with self.schedule.lock:
+                self.guidance.send(*paths)
+        self._n_looks += 1
+        if self._n_looks % _CHECKS_PER_FILE_CHECK == 0 and self.watch and self.watch.has_changed():
+            name, reply = Path(self.schedule.head.texts.path).name, self.submit("reload")
+            taken = "reloaded" if reply.taken else "not reloaded"
+            self.say(f"{name} has changed and is {taken}: {reply.text}")
 
     def close(self) -> None:
         """End the session, its engine and its journal."""
@@ -190,16 +214,19 @@ class Session(SessionCore):
         self._is_closed.set()
         for attached in self._attached:
             attached.close()
-        if self._thread is not None:
-            self._thread.join()
-        with self.lock:
-            self._handle_events()
-            self.commits.engine.close()
+        self._closing.cancel()
+        for thread in self._threads:
+            thread.join()
+        with self.schedule.lock:
+            self._take_events()
+            self.schedule.engine.close()
             # Lines may take effect until the engine is closed: the end is written after all of
             # them.
-            self._handle_events()
-            self._tell_sound_file()
-            self._journal_event("end", frame=self.commits.engine.frame)
+            self._take_events()
+            self.log.take_reports()
+            self._take_sound_file()
+            self.log.write("end", frame=self.schedule.engine.frame)
+            self.is_over = True
             if self.journal is not None:
                 self.journal.close()
                 if trouble := self.journal.pop_failure():

@@ -16,13 +16,15 @@ from ergon.notation.text.files import is_shipped
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import overview, verb_help
 from ergon.repl.session import bars, computing, files, inspection, version_edits
+from ergon.repl.session.entry import Entry
+from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.scene_edits import scene_of
 from ergon.repl.session.version import NotTakenError, Version, first_line
 from ergon.repl.session_protocol import Reply
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import Commits
     from ergon.repl.session.core import SessionCore
+    from ergon.repl.session.schedule import Schedule
     from ergon.scores.reading.piece import Piece
 
 # A longer pause between taps begins a new count [s]: nobody taps slower than 20 bpm.
@@ -47,7 +49,7 @@ def _executes(kind: type[c.Command]) -> Callable[[_Act], _Act]:
 
 @_executes(c.Play)
 def _play(session: SessionCore, command: c.Play) -> Reply:
-    clock, tempo = session.commits.running.clock, session.commits.head.piece.tempo_map
+    clock, tempo = session.schedule.running.clock, session.schedule.head.piece.tempo_map
     if command.start is None and clock.is_running:
         raise NotTakenError(
             "the piece is already running; `play from 1|1` starts it from the beginning"
@@ -62,18 +64,29 @@ def _play(session: SessionCore, command: c.Play) -> Reply:
             beat = tempo.resolve(command.start)
         except TextError as error:
             raise NotTakenError(error.message) from None
-    where, _ = session.queue(
-        "play", version_edits.unchanged, c.NOW, sets_running=True, beat=beat, restores=-1
+    entry = Entry(
+        "play",
+        version_edits.unchanged,
+        LineKind.START,
+        c.NOW,
+        sets_running=True,
+        enter=beat,
+        restores=-1,
     )
+    where, _ = session.queue(entry)
     return Reply(True, f"ok from {where}")
 
 
 @_executes(c.Stop)
 def _stop(session: SessionCore, command: c.Stop) -> Reply:
-    if not session.commits.running.clock.is_running:
+    is_starting = any(one.sets_running for one in session.schedule.waiting)
+    if not (session.schedule.running.clock.is_running or is_starting):
         raise NotTakenError("the piece is already stopped; `play` continues it")
     when = c.NOW if command.when is None else command.when
-    where, _ = session.queue("stop", version_edits.unchanged, when, sets_running=False, restores=-1)
+    entry = Entry(
+        "stop", version_edits.unchanged, LineKind.ENDS, when, sets_running=False, restores=-1
+    )
+    where, _ = session.queue(entry)
     return Reply(True, f"ok {where} the piece stops; `play` continues from there")
 
 
@@ -134,7 +147,7 @@ def _back_by(session: SessionCore, command: c.Command, count: int, line: str, no
     if target < 0:
         raise NotTakenError(f"{none}; `history` lists the versions")
     left = history.numbers[target + 1 : history.index + 1]
-    waiting = [one for one in session.commits.waiting if one.number in left]
+    waiting = [one for one in session.schedule.waiting if one.number in left]
     for one in reversed(waiting):
         session.drop(one)
         session.cancelled.append(one)
@@ -147,31 +160,32 @@ def _back_by(session: SessionCore, command: c.Command, count: int, line: str, no
 
 @_executes(c.Redo)
 def _redo(session: SessionCore, command: c.Redo) -> Reply:
-    history, commits = session.history, session.commits
+    history, schedule = session.history, session.schedule
     if history.index + 1 < len(history.numbers):
         return _restore(session, command, history.index + 1, "redo")
     if not session.cancelled:
         raise NotTakenError("no version was undone; `history` lists the versions")
     one = session.cancelled[-1]
     at = None
-    if one.beat >= commits.beat_and_frame(c.NOW, None)[0]:
+    if one.beat >= schedule.place(c.NOW, None)[0]:
         at = parse_position(session.position_text(one.beat))
-    where, _ = session.queue(one.line, one.edit, at, reads_files=one.reads_files, redoes=True)
+    entry = Entry(one.line, one.edit, one.kind, at, reads_files=one.reads_files, redoes=True)
+    where, _ = session.queue(entry)
     session.cancelled.pop()
     return Reply(True, f"ok {where} {first_line(one.line)}")
 
 
 def _restore(session: SessionCore, command: c.Command, index: int, line: str) -> Reply:
-    past, number = session.commits.past_versions, session.history.numbers[index]
+    past, number = session.schedule.past_versions, session.history.numbers[index]
 
     def restored(version: Version, beat: float) -> Version:
         return past[number].restore(version, beat)
 
-    where, made = session.queue(line, restored, command.when, restores=number)
+    where, made = session.queue(Entry(line, restored, when=command.when, restores=number))
     session.history.go_to(number)
     said = [
         f"as after: {first_line(past[number].line) or 'the beginning'}",
-        *session.force_messages(made),
+        *session.log.force_messages(made),
     ]
     return Reply(True, f"ok {where} {'; '.join(said)}")
 
@@ -180,7 +194,7 @@ def _restore(session: SessionCore, command: c.Command, index: int, line: str) ->
 def _history(session: SessionCore, command: c.History) -> Reply:
     rows = []
     for index, number in enumerate(session.history.numbers):
-        version = session.commits.past_versions[number]
+        version = session.schedule.past_versions[number]
         here = ">" if index == session.history.index else " "
         rows.append(
             f"{here} {index:3}  {version.where:>8}  {first_line(version.line) or '(the score)'}"
@@ -193,39 +207,41 @@ def _help(session: SessionCore, command: c.Help) -> Reply:
     return Reply(True, "", lines=overview() if command.verb is None else verb_help(command.verb))
 
 
-def _inspection_arguments(commits: Commits, name: str) -> tuple[Version, str, Piece, float]:
+def _inspection_arguments(schedule: Schedule, name: str) -> tuple[Version, str, Piece, float]:
     """A name, with the latest version, the running piece and its present beat, for `inspection`."""
-    return commits.head, name, commits.running.version.piece, commits.beat_now()
+    return schedule.head, name, schedule.running.version.piece, schedule.beat_now()
 
 
 @_executes(c.Show)
 def _show(session: SessionCore, command: c.Show) -> Reply:
-    commits = session.commits
+    schedule = session.schedule
     if command.name is not None:
         return Reply(
             True,
             "",
-            lines=tuple(inspection.definition_lines(*_inspection_arguments(commits, command.name))),
+            lines=tuple(
+                inspection.definition_lines(*_inspection_arguments(schedule, command.name))
+            ),
         )
-    playing = commits.running.in_flight(commits.engine.frame)
+    playing = schedule.running.in_flight(schedule.engine.frame)
     return Reply(
-        True, "", lines=tuple(inspection.playing_lines(commits.head, playing, commits.beat_now()))
+        True, "", lines=tuple(inspection.playing_lines(schedule.head, playing, schedule.beat_now()))
     )
 
 
 @_executes(c.Look)
 def _look(session: SessionCore, command: c.Look) -> Reply:
-    commits = session.commits
+    schedule = session.schedule
     if command.name is None:
-        playing = commits.running.in_flight(commits.engine.frame)
+        playing = schedule.running.in_flight(schedule.engine.frame)
         return Reply(
-            True, "", lines=tuple(bars.draw_bars(commits.head.piece, playing, commits.beat_now()))
+            True, "", lines=tuple(bars.draw_bars(schedule.head.piece, playing, schedule.beat_now()))
         )
     with session.computing.limited(computing.LINE_SECONDS):
         return Reply(
             True,
             "",
-            lines=tuple(inspection.draw_name(*_inspection_arguments(commits, command.name))),
+            lines=tuple(inspection.draw_name(*_inspection_arguments(schedule, command.name))),
         )
 
 
@@ -233,10 +249,10 @@ def _look(session: SessionCore, command: c.Look) -> Reply:
 def _scope(session: SessionCore, command: c.Trace) -> Reply:
     with session.computing.limited(computing.LINE_SECONDS):
         lines = inspection.draw_trace(
-            session.commits.running,
-            session.commits.engine.frame,
+            session.schedule.running,
+            session.schedule.engine.frame,
             command.name,
-            session.commits.engine.tick_frames,
+            session.schedule.engine.tick_frames,
             session.captures.path,
         )
     return Reply(True, "", lines=tuple(lines))
@@ -253,7 +269,7 @@ def _scope_on(session: SessionCore, command: c.TraceOn) -> Reply:
 
 @_executes(c.Meters)
 def _meters(session: SessionCore, command: c.Meters) -> Reply:
-    peaks = session.commits.engine.status().peaks
+    peaks = session.schedule.engine.status().peaks
     shown = [
         f"{channel:3}  {decibels_of(peak):6.1f} dB"
         if peak > SILENT_PEAK
@@ -265,7 +281,7 @@ def _meters(session: SessionCore, command: c.Meters) -> Reply:
 
 @_executes(c.Maps)
 def _maps(session: SessionCore, command: c.Maps) -> Reply:
-    maps = session.commits.head.maps.values()
+    maps = session.schedule.head.maps.values()
     lines = tuple(own.line.removeprefix("map ") for own in maps)
     return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)
 
@@ -280,17 +296,17 @@ def _save(session: SessionCore, command: c.Save) -> Reply:
 
 @_executes(c.Record)
 def _record(session: SessionCore, command: c.Record) -> Reply:
-    if session.captures.path is None or command.player not in session.commits.real:
+    if session.captures.path is None or command.player not in session.schedule.real:
         raise NotTakenError(
             f"no real hand plays {command.player}: start ergon with --live {command.player}=DEVICE"
         )
-    if is_shipped(Path(session.commits.head.texts.path)):
+    if is_shipped(Path(session.schedule.head.texts.path)):
         raise NotTakenError(
             "a take is written beside its score, and this score ships with ergon: "
             "`save NAME`, then `load NAME.yaml`"
         )
-    beat, _ = session.commits.beat_and_frame(command.when, session.quant)
-    session.captures.begin(command.player, command.take, session.commits.frame_of(beat))
+    beat, _ = session.schedule.place(command.when, session.quant)
+    session.captures.begin(command.player, command.take, session.schedule.frame_of(beat))
     return Reply(
         True,
         f"ok {session.position_text(beat)} recording {command.player}; `record off` ends the take",
@@ -299,17 +315,17 @@ def _record(session: SessionCore, command: c.Record) -> Reply:
 
 @_executes(c.RecordOff)
 def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
-    beat, _ = session.commits.beat_and_frame(command.when, session.quant)
-    own = session.captures.end(session.commits.frame_of(beat))
+    beat, _ = session.schedule.place(command.when, session.quant)
+    own = session.captures.end(session.schedule.frame_of(beat))
     return Reply(True, f"ok {session.position_text(beat)} take {own.name} ends")
 
 
 @_executes(c.RecordAudio)
 def _record_audio(session: SessionCore, command: c.RecordAudio) -> Reply:
-    engine = session.commits.engine
+    engine = session.schedule.engine
     if command.file is None:
         return Reply(True, f"ok {session.sound_file.end(engine)} ends")
-    path = files.new_file_beside(session.commits.head.texts, Path(command.file), ".wav")
+    path = files.new_file_beside(session.schedule.head.texts, Path(command.file), ".wav")
     session.sound_file.begin(engine, path)
     return Reply(True, f"ok recording what is heard in {path}; `record audio off` ends it")
 
@@ -317,7 +333,7 @@ def _record_audio(session: SessionCore, command: c.RecordAudio) -> Reply:
 @_executes(c.Keep)
 def _keep(session: SessionCore, command: c.Keep) -> Reply:
     written = files.write_last_bars(session, command.length, command.name)
-    scene_of(session.commits.head.texts, command.name)  # so that `scene` answers at once
+    scene_of(session.schedule.head.texts, command.name)  # so that `scene` answers at once
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
@@ -326,7 +342,7 @@ def _py(session: SessionCore, command: c.Py) -> Reply:
     """Evaluate an expression of the user; an error in it is reported as theirs."""
     scope: dict[str, Any] = {
         "session": session,
-        "piece": session.commits.head.piece,
+        "piece": session.schedule.head.piece,
         "math": math,
         "__builtins__": __builtins__,
     }

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
-from ergon.repl.language.commands import NOW, When
+from ergon.repl.language.commands import NOW
 from ergon.repl.session import version_edits
-from ergon.repl.session.commits import REFUSALS
+from ergon.repl.session.entry import Entry
+from ergon.repl.session.line_kinds import LineKind
+from ergon.repl.session.waiting_lines import REFUSALS
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import Commits, VersionEdit, WaitingLine
     from ergon.repl.session.computing import Computing
+    from ergon.repl.session.schedule import Schedule
+    from ergon.repl.session.session_log import SessionLog
 
 PANIC_MESSAGE = (
     "panic: no sound, no force; `release` ends the panic, `undo` brings back what was played, and "
@@ -20,63 +24,35 @@ PANIC_MESSAGE = (
 LET_GO_MESSAGE = "forces on all hands are off; `release` switches them on"
 
 
-class StoppedSession(Protocol):
-    """The session on which a stop acts: its lines, its engine, and its messages."""
-
-    commits: Commits
-    computing: Computing
-    lock: threading.RLock
-    number: int
-
-    def say(self, message: str) -> None:
-        """Add a message."""
-
-    def note_dropped(self, waiting: WaitingLine) -> None:
-        """Note that a line will not take effect."""
-
-    def queue(
-        self,
-        line: str,
-        edit: VersionEdit,
-        when: When = None,
-        *,
-        sets_running: bool | None = None,
-        resets: bool = False,
-        is_limited: bool = True,
-    ) -> object:
-        """Let a line wait for its boundary."""
-
-
 class Stops:
-    """The stops of a session; `panic` and `let_go` take no lock, so that they never wait for a
-    line.
-    """
+    """The stops of a session; `panic` and `let_go` never wait for a line."""
 
-    def __init__(self, session: StoppedSession) -> None:
-        """Begin without a stop."""
-        self._session = session
+    def __init__(
+        self,
+        schedule: Schedule,
+        computing: Computing,
+        log: SessionLog,
+        queue: Callable[[Entry], Any],
+    ) -> None:
+        """Begin without a stop; `queue` lets a line wait for its frame."""
+        self._schedule, self._computing, self._log, self._queue = schedule, computing, log, queue
         self._count = 0
         self._panics = self._resets = 0  # panics, and those whose reset is done
-        self._line_at_reset: int | None = None  # the number of lines at the last reset
-        # For the line that is being done: whether it may release, and the number of stops before
-        # it.
-        self._line = (True, 0)
+        # For the line that a thread does: whether it may release, and the number of stops before.
+        self._line = threading.local()
         self._is_let_go_reported = False  # whether it was reported that forces are off
+        self._lock = threading.RLock()
+        self._reset_number: int | None = None  # the line of the last reset
         self.panicked = False
 
-    @property
-    def count(self) -> int:
-        """The number of stops so far."""
-        return self._count
-
-    def note_line(self, releases: bool, count: int) -> None:
-        """Note that a line begins which was entered after `count` stops."""
-        self._line = releases, count
+    def note_line(self, releases: bool) -> None:
+        """Note that this thread begins a line."""
+        self._line.state = releases, self._count
 
     @property
     def has_let_go(self) -> bool:
         """Whether forces are off, by `let_go` or by a signal."""
-        return self._session.commits.engine.status().let_go
+        return self._schedule.engine.status().let_go
 
     @property
     def is_stopped(self) -> bool:
@@ -86,13 +62,13 @@ class Stops:
     @property
     def may_release(self) -> bool:
         """Whether no stop was entered after the line that is being done."""
-        releases, count = self._line
+        releases, count = getattr(self._line, "state", (True, self._count))
         return releases and count == self._count
 
     def panic(self) -> None:
         """End sound and force now; waiting lines and gestures are dropped soon after."""
-        self._session.commits.engine.panic()
-        self._session.computing.cancel()
+        self._schedule.engine.panic()
+        self._computing.cancel()
         self._count += 1
         self._panics += 1
         self._say_panic()
@@ -100,7 +76,7 @@ class Stops:
 
     def panic_in_turn(self) -> None:
         """Do the line `panic` in its turn: also drop what lines before it have begun."""
-        self._session.commits.engine.panic()
+        self._schedule.engine.panic()
         self._panics += 1
         self._say_panic()
         self.reset_after_panic()
@@ -108,43 +84,48 @@ class Stops:
     def _say_panic(self) -> None:
         if not self.panicked:
             self.panicked = True
-            self._session.say(PANIC_MESSAGE)
+            self._log.say(PANIC_MESSAGE)
 
     def let_go(self) -> None:
         """End every force, until `release`; the sound goes on."""
-        self._session.commits.engine.let_go()
+        self._schedule.engine.let_go()
         self._count += 1
-        if self._session.commits.real and not self._is_let_go_reported:
+        if self._schedule.real and not self._is_let_go_reported:
             self._is_let_go_reported = True
-            self._session.say(LET_GO_MESSAGE)
+            self._log.say(LET_GO_MESSAGE)
 
     def release(self) -> None:
-        """Switch sound and force on again."""
-        self.reset_after_panic()
-        self._line_at_reset = None
-        self._session.commits.engine.release()
-        self.panicked = self._is_let_go_reported = False
+        """Switch sound and force on again. What is left of a panic is cancelled: a reset that
+        comes later would stop what was started since.
+        """
+        with self._lock:
+            self._resets = self._panics
+            self._reset_number = None
+            self._cancel_reset()
+            self._schedule.engine.release()
+            self.panicked = self._is_let_go_reported = False
+
+    def _cancel_reset(self) -> None:
+        with self._schedule.lock:
+            for one in [one for one in self._schedule.waiting if one.resets]:
+                self._schedule.drop(one.number)
+                self._log.note_dropped(one)
 
     def reset_after_panic(self) -> None:
         """Reset after a panic: no line waits, no gesture plays, every mass is at its start."""
-        session = self._session
-        with session.lock:
+        with self._lock, self._schedule.lock:
             if self._resets == self._panics:
                 return
             self._resets = self._panics
-            if self._line_at_reset == session.number:
-                return
-            for one in session.commits.drop_all():
-                session.note_dropped(one)
+            if self._schedule.head.number == self._reset_number:
+                return  # nothing was typed since the last one
+            for one in self._schedule.drop_all():
+                self._log.note_dropped(one)
+            entry = Entry(
+                "panic", version_edits.hush, LineKind.ENDS, NOW, sets_running=False, resets=True
+            )
             try:
-                session.queue(
-                    "panic",
-                    version_edits.hush,
-                    NOW,
-                    sets_running=False,
-                    resets=True,
-                    is_limited=False,
-                )
+                _, made = self._queue(entry)
+                self._reset_number = made.version.number
             except REFUSALS as error:
-                session.say(f"the piece could not be reset after the panic: {error}")
-            self._line_at_reset = session.number
+                self._log.say(f"the piece could not be reset after the panic: {error}")

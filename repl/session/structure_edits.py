@@ -14,7 +14,7 @@ from ergon.scores.edits import renaming, space, structure
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import VersionEdit
+    from ergon.repl.session.waiting_lines import VersionEdit
     from ergon.scores.reading.piece import Piece
 
 

@@ -120,6 +120,19 @@ class Version:
         return self.sounds_as.piece(self.piece)
 
 
+def is_same_music(one: Version, other: Version) -> bool:
+    """Whether two versions differ by faders alone, so that one stage plays both."""
+    return (
+        one.texts is other.texts
+        and one.piece is other.piece
+        and one.sounds_as is other.sounds_as
+        and one.base is other.base
+        and (one.guides, one.maps, one.rules) == (other.guides, other.maps, other.rules)
+        and (one.ends_gestures, one.damp, one.glide, one.enter_beat, one.is_running)
+        == (other.ends_gestures, other.damp, other.glide, other.enter_beat, other.is_running)
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class PastVersion:
     """What is needed to restore an earlier version. Its piece, which is 1000 times as large, is

@@ -45,8 +45,8 @@ from ergon.scores.gesture import space_path
 from ergon.scores.staging.automating import value_on
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import VersionEdit
     from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.waiting_lines import VersionEdit
 
 # A shorter glide [s] is not written into the score: a controller sends hundreds of them.
 _WRITTEN_GLIDE_MIN = 0.1

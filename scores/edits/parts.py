@@ -94,10 +94,10 @@ def ending(
 
 
 def hush(texts: Texts, piece: Piece, at: float) -> Texts:
-    """End all parts and strikes at a beat. Raises EditError."""
+    """End all parts and strikes at a beat, also in the middle of a phrase. Raises EditError."""
     texts = rest(texts, piece, None, at)
     for one in piece.strikes:
-        texts = strikes.end(texts, piece, one, at)
+        texts = strikes.cut(texts, piece, one, at)
     return texts
 
 

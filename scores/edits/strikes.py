@@ -72,6 +72,36 @@ def end(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
     return texts.put((*path, "until"), written(piece, at)) if stop > at + SAME else texts
 
 
+def cut(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
+    """End strikes at a beat, also in the middle of a phrase. Raises EditError.
+
+    The round under way is written out as a melody of the strikes before that beat.
+    """
+    tempo = piece.tempo_map
+    if not strikes.hits or strikes.length is None:
+        return end(texts, piece, strikes, at)
+    begun = [beat for beat in strikes.rounds(tempo) if beat < at - SAME]
+    if not begun:
+        return texts.remove(("strikes", strikes.name))
+    rounds = [(beat, hit) for beat, _, hit in strikes.falls(tempo) if beat >= begun[-1] - SAME]
+    if all(beat < at - SAME for beat, _ in rounds[: len(strikes.hits)]):
+        return end(texts, piece, strikes, at)
+    if len(begun) == 1:
+        texts = texts.remove(("strikes", strikes.name))
+    else:
+        for bound in ("times", "for"):
+            written_bound = {"times": strikes.times, "for": strikes.span}[bound]
+            if written_bound is not None:
+                texts = texts.remove(("strikes", strikes.name, bound))
+        texts = texts.put(("strikes", strikes.name, "until"), written(piece, begun[-1]))
+    played = [(beat, hit) for beat, hit in rounds[: len(strikes.hits)] if beat < at - SAME]
+    if not played:
+        return texts
+    name = free_name(strikes.name, {one.name for one in piece.strikes})
+    rows = [row(hit, written(piece, beat)) for beat, hit in played]
+    return texts.put(("strikes", name), edit.flow({"entries": rows}))
+
+
 def only(
     texts: Texts,
     piece: Piece,

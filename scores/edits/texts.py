@@ -94,21 +94,22 @@ class Texts:
 
         The result of a sealed score without mistakes is kept.
         """
-        known = self.memory.last
-        if self.sealed and known is not None and known[0] == self:
-            loaded: Loaded = known[1]
+        with self.memory.lock:
+            known = self.memory.last
+            if self.sealed and known is not None and known[0] == self:
+                loaded: Loaded = known[1]
+                return loaded
+            loaded = load(
+                self.path,
+                text=self.text,
+                overlay=self.overlay,
+                memory=self.memory,
+                bounds=self.bounds,
+                sealed=self.sealed,
+            )
+            if self.sealed and loaded.piece is not None:
+                self.memory.last = self, loaded
             return loaded
-        loaded = load(
-            self.path,
-            text=self.text,
-            overlay=self.overlay,
-            memory=self.memory,
-            bounds=self.bounds,
-            sealed=self.sealed,
-        )
-        if self.sealed and loaded.piece is not None:
-            self.memory.last = self, loaded
-        return loaded
 
     def document(self, file: str | None = None) -> Document:
         """The nodes of the score, or of another file. Raises EditError."""
@@ -130,12 +131,15 @@ class Texts:
 
     def names(self) -> tuple[Names, Uses]:
         """Every name that the score knows, with the node where it is written."""
-        collector = self.memory.begin(is_whole=False)
-        home = Path(self.path).parent
-        files = Files(collector, home, self.overlay, self.memory, self.bounds, sealed=self.sealed)
-        uses = Uses(files, collector)
-        own = files.text(self.path, self.text, home)
-        return uses.read(own), uses
+        with self.memory.lock:
+            collector = self.memory.begin(is_whole=False)
+            home = Path(self.path).parent
+            files = Files(
+                collector, home, self.overlay, self.memory, self.bounds, sealed=self.sealed
+            )
+            uses = Uses(files, collector)
+            own = files.text(self.path, self.text, home)
+            return uses.read(own), uses
 
     def edited(
         self,
@@ -222,7 +226,8 @@ class Texts:
         return None
 
     def _alone(self, name: str) -> Section | None:
-        return alone(self.text, self.path, Path(self.path).parent, name, self.memory)
+        with self.memory.lock:
+            return alone(self.text, self.path, Path(self.path).parent, name, self.memory)
 
     def section(self, name: str) -> Node | None:
         """The node of a section of the score; its places may count from the section's first

@@ -41,7 +41,7 @@ def test_a_saved_version_plays_on_and_a_broken_one_changes_nothing(at: Stepped) 
     with pytest.raises(KeyboardInterrupt):
         follow(at.session, said.append, "2|1", looks())
     assert bars == [4, 5]  # from 2|1 on, and on
-    assert "450Hz" in at.session.commits.head.texts.text
+    assert "450Hz" in at.session.schedule.head.texts.text
     assert said[0] == "a saved version plays on from the next bar; Ctrl-C ends"
     assert any("45x0Hz" in message or "unit" in message for message in said[1:])
     assert at.session._is_closed.is_set()

@@ -223,7 +223,7 @@ def test_a_session_plays_it_and_its_journal_gives_every_sample_again(tmp_path: P
     with closing(stepped):
         stepped.ok("play")
         stepped.run(1.0)
-        simulation = stepped.session.commits.running.stage.simulation
+        simulation = stepped.session.schedule.running.stage.simulation
         runs = {run.part: run.kind for run in _core.MotionLook(simulation).runs()}
         assert runs["rope"] == "sampled"
         stepped.ok("gain sky -6dB")

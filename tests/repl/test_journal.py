@@ -16,10 +16,12 @@ from patience import PATIENCE, until
 from sessions import Stepped
 from tests.repl.test_journal_hostile import KEYS, SCORE
 
-from ergon.repl.session.commits import Commits, WaitingLine
+from ergon.repl.session.changes import Changes
+from ergon.repl.session.engine import Change
 from ergon.repl.session.journal import Journal, JournalError, read_events
 from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import ReplayedSession
+from ergon.repl.session.running import RunningVersion
 
 
 def test_journals_that_begin_at_once_get_a_name_each(tmp_path: Path) -> None:
@@ -256,17 +258,19 @@ def test_a_line_takes_over_at_its_own_frame_where_the_timeline_is_extended_too(
     live = Stepped(BELL, tmp_path)
     live.ok("play")
     live.run(30.0)
-    live.ok("gain bell -6dB now")
+    live.ok("tempo 90 now")
     live.run(2.0)
     live.close()
     taken: list[tuple[int, int]] = []
-    hand = Commits._hand_over
+    send = Changes.send
 
-    def noted(commits: Commits, group: list[WaitingLine]) -> None:
-        taken.extend((one.start, one.number) for one in group)
-        hand(commits, group)
+    def noted(changes: Changes, change: Change, group: Any, after: RunningVersion) -> None:
+        taken.extend((change.frame, one.number) for one in group)
+        if not group:
+            taken.append((change.frame, 0))
+        send(changes, change, group, after)
 
-    monkeypatch.setattr(Commits, "_hand_over", noted)
+    monkeypatch.setattr(Changes, "send", noted)
     live.again()
     extended = [start for start, number in taken if number == 0]
     assert extended

@@ -22,13 +22,14 @@ from tests.repl.test_repl_live import ok
 from ergon import _core
 from ergon.live.boards import Board
 from ergon.live.perform import PlaybackConfig
-from ergon.repl.session.clock import Clock
+from ergon.repl.session.clock import Clock, Timing
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import SessionStart
 from ergon.repl.session.journal_hands import JournalHand, JournalTake
 from ergon.repl.session.live import LiveEngine
-from ergon.repl.session.running import stage_first, stage_next
+from ergon.repl.session.running import stage_first
 from ergon.repl.session.session import Session
+from ergon.repl.session.takeover import Takeovers
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
 
@@ -96,7 +97,7 @@ class Played:
     def take_effect(self) -> None:
         """Until no line waits: a busy machine gives lines more time."""
         for _ in range(3000):
-            if not (self.session.commits.waiting or self.session.commits.under_way):
+            if not (self.session.schedule.waiting or self.session.schedule.changes.under_way):
                 return
             self.run(0.02)
         raise AssertionError("a line waits for a minute")
@@ -105,7 +106,7 @@ class Played:
         """A board answers no more, until its player's key is gone; the others go on."""
         board.leave()
         self.boards.remove(board)
-        self._until(lambda: player in self.session.commits.engine.status().disconnected)
+        self._until(lambda: player in self.session.schedule.engine.status().disconnected)
 
     def find(self, board: Paced) -> None:
         """A board answers again, until no key is gone."""
@@ -113,7 +114,7 @@ class Played:
 
         def is_back() -> bool:
             board.may(20)
-            return not self.session.commits.engine.status().disconnected
+            return not self.session.schedule.engine.status().disconnected
 
         self._until(is_back)
         board.hold()
@@ -156,7 +157,7 @@ def playing(folder: Path, text: str = SCORE) -> Iterator[Played]:
             texts,
             0.0,
             version.faders,
-            session.commits.engine.tick_frames,
+            session.schedule.engine.tick_frames,
             GAIN,
             1.0,
             None,
@@ -372,6 +373,6 @@ def test_what_one_hand_plays_on_two_instruments_goes_on_to_the_last_bit(tmp_path
     played(simulation, 0, 100)
     wanted = played(simulation.fork(), 100, 300)
     assert np.abs(wanted).max() > 1e-4
-    after = stage_next(begun, version, Clock(), 4400, leave=0.0, enter=0.0, real=real, extends=True)
+    after = Takeovers(Timing(begun.stage.rate, 44), real).extended(begun, 4400)
     after.stage.simulation.take_over(simulation)
     assert np.array_equal(played(after.stage.simulation, 100, 300), wanted)

@@ -44,7 +44,7 @@ def _runs(own):
 
 def test_a_block_is_written_in_the_score_and_its_name_runs_it(own):
     own.ok(FILL)
-    assert own.session.commits.head.piece.blocks == {
+    assert own.session.schedule.head.piece.blocks == {
         "fill": ("ada plays knock every 1/2 times 2", "ada do scale 1.2")
     }
     assert own.ok("show fill").lines[0].endswith("fill:")
@@ -56,7 +56,7 @@ def test_a_block_is_written_in_the_score_and_its_name_runs_it(own):
     assert np.abs(own.sound).max() > 1e-6
     assert own.ok("undo").taken
     own.run(3.0)
-    assert "knock" not in str(own.session.commits.head.piece.parts)
+    assert "knock" not in str(own.session.schedule.head.piece.parts)
     own.close()
     assert np.array_equal(own.again(), own.sound)
 
@@ -98,7 +98,7 @@ def test_a_line_typed_before_the_beat_stops_a_run_that_is_queued(own):
     own.ok("play")
     own.ok("fill every 1bar now")
     own.run(1.5)  # the run of 2|1 is queued
-    assert any(one.line == "run fill" for one in own.session.commits.waiting)
+    assert any(one.line == "run fill" for one in own.session.schedule.waiting)
     own.ok("stop fill")  # on 2|1
     own.run(3.0)
     assert _runs(own) == []
@@ -120,7 +120,7 @@ def test_runs_are_not_in_the_history_and_undo_ends_the_rule(own):
     own.ok("undo")
     own.run(5.0)
     assert len(_runs(own)) <= 4
-    assert not own.session.commits.head.rules
+    assert not own.session.schedule.head.rules
     own.ok("redo")
     own.run(3.0)
     assert len(_runs(own)) >= 4
@@ -153,7 +153,7 @@ def test_a_jump_and_a_stop_leave_no_run_behind(own):
     own.run(3.5)
     own.ok("stop")
     own.run(3.0)
-    assert not own.session.commits.waiting
+    assert not own.session.schedule.waiting
     own.ok("play from 1|3")
     own.run(5.0)
     own.close()
@@ -169,7 +169,7 @@ def test_what_is_renamed_is_renamed_in_blocks_and_a_block_runs_on(own):
     own.ok("rename ada mia")
     own.ok("rename fill tutti")
     own.run(0.1)
-    head = own.session.commits.head
+    head = own.session.schedule.head
     assert head.piece.blocks == {
         "tutti": ("mia plays tap every 1/2 times 2", "mia do scale 1.2"),
         "soft": ("mia plays (tap lean)*2 every 1",),
@@ -211,7 +211,7 @@ def test_a_line_costs_the_same_however_often_a_block_ran(tmp_path, part, of):
     few = [_n_calls(own, line) for line in lines]
     own.run(60.0)  # 120 runs more
     many = [_n_calls(own, line) for line in lines]
-    assert own.session.commits.head.texts.text.count("knock") > 130
+    assert own.session.schedule.head.texts.text.count("knock") > 130
     for line, before, after in zip(lines, few, many, strict=True):
         assert after < 1.1 * before + 100, line
     own.close()
@@ -224,12 +224,12 @@ def test_hush_and_panic_end_rules(own):
     own.run(1.0)
     own.ok("hush now")
     own.run(0.5)
-    assert not own.session.commits.head.rules
+    assert not own.session.schedule.head.rules
     own.ok("fill every 1bar now")
     own.run(0.5)
     own.ok("panic")
     own.run(0.5)
-    assert not own.session.commits.head.rules
+    assert not own.session.schedule.head.rules
     own.close()
     assert np.array_equal(own.again(), own.sound)
 
@@ -246,7 +246,7 @@ def test_a_block_that_cannot_run_is_told_once(own):
     own.run(9.0)
     (said,) = own.session.messages()
     assert said.startswith("fill cannot run: ")
-    assert own.session.commits.head.rules
+    assert own.session.schedule.head.rules
     own.close()
     assert np.array_equal(own.again(), own.sound)
 
@@ -316,7 +316,7 @@ def test_enter_ends_a_block_after_end_or_a_blank_line(own):
 
 def test_lines_below_a_block_are_lines_of_their_own(own):
     own.ok(f"{FILL}\nmute bell\ndef tilt:\n  unmute bell\n\nfill every 4bar")
-    head = own.session.commits.head
+    head = own.session.schedule.head
     assert set(head.piece.blocks) == {"fill", "tilt"}
     assert head.faders.muted == {"bell"}
     assert set(head.rules) == {"fill"}

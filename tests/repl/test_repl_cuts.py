@@ -88,7 +88,7 @@ def test_a_cut_begins_no_strike(act: Act, stepped: Stepped) -> None:
     stepped.ok("hook strikes tune every 3 now")
     stepped.ok("rain strikes drum.m every 1/3 impulse 0.1mNs now")
     stepped.run(2.2)
-    stage, every = stepped.session.commits.running.stage, stepped.engine.tick_frames
+    stage, every = stepped.session.schedule.running.stage, stepped.engine.tick_frames
     frame = (stepped.engine.frame // every + 1) * every
     cut = cut_stage(stage, frame, ends_gestures=act != "stop", stops=act != "hush")
     for mat in range(stage.network.n_mat):
@@ -117,7 +117,7 @@ def test_a_hush_holds_the_pitch_of_the_last_note(stepped: Stepped) -> None:
     stepped.run(1.6)
     sounds = after_act(stepped, "hush")
     np.testing.assert_array_equal(sounds.by_cut, sounds.by_text)
-    before, cut = stepped.session.commits.running.stage.paths, sounds.cut.stage.paths
+    before, cut = stepped.session.schedule.running.stage.paths, sounds.cut.stage.paths
     frame = sounds.frame / stepped.rate
     bell, drum = ("bell", "m"), ("drum", "m")
     assert max(t for t, *_ in before[bell]) > frame + 1.0
@@ -199,7 +199,7 @@ def test_a_cut_keeps_the_method_of_each_part(act: Act, tmp_path: Path) -> None:
         stepped.ok("play")
         stepped.run(1.3)
         sounds = after_act(stepped, act)
-        plans = [stepped.session.commits.running.stage.plan, sounds.cut.stage.plan]
+        plans = [stepped.session.schedule.running.stage.plan, sounds.cut.stage.plan]
         before, after = ([(row.what, row.parts) for row in plan.rows()] for plan in plans)
         assert after == before
         assert ("stepped", ["gong"]) in before

@@ -32,7 +32,7 @@ def test_nothing_clicks(tmp_path: Path, lines: list[str]) -> None:
     found = []
     for line in lines:
         own.ok(f"{line} now")
-        at = own.session.commits.running.start
+        at = own.session.schedule.running.start
         own.run(0.25)
         found.append((line, at))
     own.close()
@@ -48,7 +48,7 @@ def test_a_route_with_a_delay_does_not_click_when_it_goes(tmp_path: Path) -> Non
     own.ok("play")
     own.run(0.3)
     own.ok("route bells 3 now")
-    at = own.session.commits.running.start
+    at = own.session.schedule.running.start
     own.run(0.25)
     own.close()
     assert np.array_equal(own.again(), own.sound)
@@ -63,16 +63,16 @@ def test_a_link_that_is_removed_lets_go_in_20_ms_and_is_gone_with_the_next_line(
     own.run(0.1)
     own.ok("remove bells.ab now")
     own.run(0.01)
-    running = own.session.commits.running
+    running = own.session.schedule.running
     assert [one.module.name for one in running.leaving] == ["ab"]
     assert "ab" not in {
         module.name for module in running.version.piece.instruments["bells"].modules
     }
     own.ok("gain bells -3dB now")
-    assert [one.module.name for one in own.session.commits.running.leaving] == ["ab"]
+    assert [one.module.name for one in own.session.schedule.running.leaving] == ["ab"]
     own.run(0.1)
-    own.ok("gain bells -6dB now")
-    assert own.session.commits.running.leaving == ()
+    own.ok("seed 3 now")
+    assert own.session.schedule.running.leaving == ()
     own.run(0.1)
     own.close()
     assert np.array_equal(own.again(), own.sound)
@@ -86,7 +86,7 @@ def test_a_link_that_comes_back_while_it_lets_go_goes_on_from_there(tmp_path: Pa
     own.run(0.012)
     own.ok("undo now")
     own.run(0.3)
-    running = own.session.commits.running
+    running = own.session.schedule.running
     assert running.leaving == ()
     (glide,) = (one for one in running.glides if one.module == "ab")
     assert 0.0 < glide.before[0] < glide.after[0]

@@ -64,13 +64,13 @@ def is_gong(sound: np.ndarray, since: int, until: int, begins: int) -> bool:
 
 def begins(stepped: Stepped) -> int:
     """The frame at which the piece that goes on has its first frame."""
-    by = stepped.session.commits.running.clock.began_at
+    by = stepped.session.schedule.running.clock.began_at
     assert by is not None
     return int(np.floor(by * RATE + 0.5))
 
 
 def frozen_now(stepped: Stepped) -> list[str]:
-    return [part.name for part in stepped.session.commits.running.frozen]
+    return [part.name for part in stepped.session.schedule.running.frozen]
 
 
 # --- where it stands ------------------------------------------------------------------------------

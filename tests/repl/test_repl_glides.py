@@ -57,9 +57,9 @@ def test_a_string_glides_in_pitch_and_what_is_saved_glides_too(session, tmp_path
     session.ok("play from 1|1")
     session.ok("set bell.s.f A3 over 2bar")
     session.run(8.0)
-    begun = session.session.commits.running.clock.began_at
-    (entry,) = session.session.commits.head.piece.automation
-    tempo = session.session.commits.head.piece.tempo_map
+    begun = session.session.schedule.running.clock.began_at
+    (entry,) = session.session.schedule.head.piece.automation
+    tempo = session.session.schedule.head.piece.tempo_map
     start = begun + tempo.seconds(tempo.resolve(entry.at))
     assert heard(session, start - 1.0, start) == pytest.approx(110.0, rel=0.01)
     assert heard(session, start + 1.9, start + 2.1) == pytest.approx(110 * 2**0.5, rel=0.02)
@@ -133,7 +133,7 @@ def test_a_factor_is_of_the_value_that_is_reached(session):
     session.run(6.0)
     session.ok("set bell.m.f x0.5 over 1bar")
     session.run(6.0)
-    piece = session.session.commits.head.piece
+    piece = session.session.schedule.head.piece
     beat = piece.tempo_map.beats(100.0)
     assert value_on(piece, ("bell", "m"), "f", beat) == pytest.approx(220.0)
     session.ok("set bell.b.K x2 over 1bar")
@@ -142,7 +142,7 @@ def test_a_factor_is_of_the_value_that_is_reached(session):
     session.run(3.0)
     session.ok("set bell.m.f A4")
     session.run(4.5)
-    piece = session.session.commits.head.piece
+    piece = session.session.schedule.head.piece
     assert value_on(piece, ("bell", "m"), "f", piece.tempo_map.beats(100.0)) == 440.0
     session.close()
     assert np.array_equal(session.again(), session.sound)
@@ -152,7 +152,7 @@ def test_a_curve_is_typed(session):
     session.ok("play from 1|1")
     session.ok("set bell.m.f A3@0 smooth C4@2 line A3@4")
     session.run(1.0)
-    (entry,) = session.session.commits.head.piece.automation
+    (entry,) = session.session.schedule.head.piece.automation
     assert [point.way for point in entry.points] == ["smooth", "smooth", "line"]
 
 
@@ -169,20 +169,20 @@ def test_a_curve_is_typed(session):
 def test_what_cannot_glide_is_refused(session, line, why, goes):
     if goes:
         session.ok("play from 1|1")
-    before = session.session.commits.head.texts
+    before = session.session.schedule.head.texts
     reply = session.type(line)
     assert not reply.taken
     assert why in reply.text
-    assert session.session.commits.head.texts == before
+    assert session.session.schedule.head.texts == before
 
 
 def test_where_time_stands_a_parameter_glides_and_is_set(session):
     session.ok("set bell.m.f x2 over 1bar")
-    piece = session.session.commits.head.piece
+    piece = session.session.schedule.head.piece
     assert not piece.automation
     module = next(one for one in piece.instruments["bell"].modules if one.name == "m")
     assert module.fields["f"] == pytest.approx(440.0)
-    (glide,) = session.session.commits.running.glides
+    (glide,) = session.session.schedule.running.glides
     assert glide.stop - glide.start == pytest.approx(2.0)
 
 

@@ -66,7 +66,7 @@ class Led:
 
     def watched(self, seconds: float) -> np.ndarray:
         """Beats into a bar, and where remi's key is there [m], (n, 2), while it plays on."""
-        engine, found = self.session.commits.engine, []
+        engine, found = self.session.schedule.engine, []
         assert isinstance(engine, LiveEngine)
 
         def look() -> None:
@@ -74,7 +74,7 @@ class Led:
             if (path := self.session.guidance.paths_due()) is not None:
                 self.session.guidance.send(*path)
             status = engine.performance.status()
-            beat = self.session.commits.running.beat(status.frame)
+            beat = self.session.schedule.running.beat(status.frame)
             found.append((beat % 4.0, status.hands[0].position))
 
         self.board.run(round(1e3 * seconds), look)
@@ -98,7 +98,7 @@ def led(folder: Path, hand: float = 0.0) -> Iterator[Led]:
             journal=journal,
             real={"remi": None},
         )
-        every = session.commits.engine.tick_frames
+        every = session.schedule.engine.tick_frames
         opening = SessionStart(texts, 0.0, version.faders, every, 1.0, 1.0, None)
         journal.append("session", **opening.fields())
         with closing(session):
@@ -179,7 +179,7 @@ def test_what_cannot_lead_is_refused_by_one_sentence(hands: Session, line: str, 
     assert not reply.taken
     assert why in reply.text
     assert "\n" not in reply.text
-    assert hands.commits.head.guides == {}
+    assert hands.schedule.head.guides == {}
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +191,9 @@ def hands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 def test_a_key_that_is_gone_is_not_led(tmp_path: Path):
     with led(tmp_path) as own:
         own.board.leave()
-        until(lambda: "remi" in own.session.commits.engine.status().disconnected, "the key is gone")
+        until(
+            lambda: "remi" in own.session.schedule.engine.status().disconnected, "the key is gone"
+        )
         assert "the device of remi's key is gone" in own.session.submit("guide remi ada").text
 
 
@@ -202,7 +204,7 @@ def test_a_session_that_closes_waits_for_no_board(tmp_path: Path, is_away: bool)
         if is_away:
             own.board.leave()
             until(
-                lambda: "remi" in own.session.commits.engine.status().disconnected,
+                lambda: "remi" in own.session.schedule.engine.status().disconnected,
                 "the key is gone",
             )
             time.sleep(0.3)  # by now it is searched for; if not, closing has less to end

@@ -41,15 +41,15 @@ def test_undo_takes_back_the_last_that_took_effect(at: Stepped) -> None:
     ]
     at.ok("undo now")  # the seed
     at.run(0.3)
-    assert "knock, every: 1" in at.session.commits.head.texts.text
-    assert "t60: 2s" in at.session.commits.head.texts.text
+    assert "knock, every: 1" in at.session.schedule.head.texts.text
+    assert "t60: 2s" in at.session.schedule.head.texts.text
     at.ok("undo now")  # ada, who began last
     at.run(0.3)
-    assert "knock, every: 1" not in at.session.commits.head.texts.text
-    assert "t60: 2s" in at.session.commits.head.texts.text
+    assert "knock, every: 1" not in at.session.schedule.head.texts.text
+    assert "t60: 2s" in at.session.schedule.head.texts.text
     at.ok("back 1 now")
     at.run(0.3)
-    assert at.session.commits.head.texts.text == SCORE
+    assert at.session.schedule.head.texts.text == SCORE
     renders_the_same(at)
 
 
@@ -60,13 +60,13 @@ def test_back_takes_waiting_lines_back_too(at: Stepped) -> None:
     at.ok("set bell.m.t60 2s at 9|1")
     at.ok("seed 3 at 9|1")
     assert "are cancelled before they took effect" in at.ok("back 2").text
-    assert not at.session.commits.waiting
+    assert not at.session.schedule.waiting
     at.ok("redo")
-    assert "t60: 2s" in at.session.commits.head.texts.text
-    assert [one.beat for one in at.session.commits.waiting] == [32.0]
+    assert "t60: 2s" in at.session.schedule.head.texts.text
+    assert [one.beat for one in at.session.schedule.waiting] == [32.0]
     at.ok("back 2 now")
     at.run(20.0)
-    assert at.session.commits.head.texts.text == SCORE
+    assert at.session.schedule.head.texts.text == SCORE
     renders_the_same(at)
 
 
@@ -78,18 +78,18 @@ def test_a_resumed_session_has_the_history_of_before(at: Stepped) -> None:
     at.ok("undo")
     at.run(2.5)
     rows = at.ok("history").lines
-    before = at.session.commits.head
+    before = at.session.schedule.head
     at.close()
     with closing(Stepped.resumed(at.journal)) as two:
         assert two.ok("history").lines == rows
         two.ok("play")
         two.ok("undo now")  # the gain
         two.run(1.0)
-        assert two.session.commits.head.texts.text == before.texts.text
-        assert two.session.commits.head.faders.gains == {}
+        assert two.session.schedule.head.texts.text == before.texts.text
+        assert two.session.schedule.head.faders.gains == {}
         two.ok("undo now")
         two.run(1.0)
-        assert "t60: 2s" not in two.session.commits.head.texts.text
+        assert "t60: 2s" not in two.session.schedule.head.texts.text
         two.ok("redo now")
         two.ok("leo plays knock every 1 now")
         two.run(2.0)
@@ -100,7 +100,7 @@ def test_a_resumed_session_has_the_history_of_before(at: Stepped) -> None:
         three.ok("play")
         three.ok("back 3 now")
         three.run(1.0)
-        assert three.session.commits.head.texts.text == SCORE
+        assert three.session.schedule.head.texts.text == SCORE
         three.ok("redo now")
         three.run(2.0)
         renders_the_same(three)
@@ -112,10 +112,10 @@ def test_a_line_that_a_panic_dropped_does_not_come_back(at: Stepped) -> None:
     at.ok("ada plays knock every 1 at 9|1")
     at.ok("panic")
     at.run(0.5)
-    text = at.session.commits.head.texts.text
+    text = at.session.schedule.head.texts.text
     at.close()
     with closing(Stepped.resumed(at.journal)) as two:
-        assert two.session.commits.head.texts.text == text
+        assert two.session.schedule.head.texts.text == text
 
 
 def test_a_jump_loses_no_line_that_waits(at: Stepped) -> None:
@@ -126,7 +126,7 @@ def test_a_jump_loses_no_line_that_waits(at: Stepped) -> None:
     at.ok("play from 100|1")
     at.ok("ada plays knock every 1 now")
     at.run(12.0)
-    assert not at.session.commits.waiting
-    text = at.session.commits.head.texts.text
+    assert not at.session.schedule.waiting
+    text = at.session.schedule.head.texts.text
     assert all(typed in text for typed in ("seed: 3", "t60: 2s", "play: knock, every: 1"))
     renders_the_same(at)

@@ -33,15 +33,15 @@ def stepped(tmp_path):
 
 def test_a_line_that_is_late_is_not_taken(stepped, monkeypatch):
     stepped.ok("play")
-    text = stepped.session.commits.head.texts.text
+    text = stepped.session.schedule.head.texts.text
     monkeypatch.setattr(computing, "LINE_SECONDS", 0.0)
     monkeypatch.setattr(computing, "FILES_SECONDS", 30.0)
     reply = stepped.type("ada plays knock")
     assert not reply.taken
     assert "more than 0 s to compute; nothing has changed" in reply.text
     assert "`reload`, which has 30 s" in reply.text
-    assert stepped.session.commits.head.texts.text == text
-    assert not stepped.session.commits.waiting
+    assert stepped.session.schedule.head.texts.text == text
+    assert not stepped.session.schedule.waiting
     frame = stepped.engine.frame
     stepped.run(0.001)
     assert stepped.engine.frame == frame + 2000  # it goes on
@@ -63,7 +63,7 @@ def test_what_reads_files_has_longer(stepped, monkeypatch):
 def test_a_line_is_dropped_while_it_is_computed(stepped, monkeypatch, how):
     monkeypatch.setattr(computing, "LINE_SECONDS", 1e6)
     stepped.ok("play")
-    text = stepped.session.commits.head.texts.text
+    text = stepped.session.schedule.head.texts.text
     begun = threading.Event()
     from ergon.scores.staging import travel
 
@@ -83,5 +83,5 @@ def test_a_line_is_dropped_while_it_is_computed(stepped, monkeypatch, how):
     assert [reply.text for reply in replies] == ["cancelled; nothing has changed"]
     assert not replies[0].taken
     if how == "cancel":
-        assert stepped.session.commits.head.texts.text == text
+        assert stepped.session.schedule.head.texts.text == text
         assert not stepped.session.cancel()  # nothing is computed now

@@ -53,7 +53,7 @@ def session_on(
         journal=journal,
         watches=watches,
     )
-    every = session.commits.engine.tick_frames
+    every = session.schedule.engine.tick_frames
     opening = SessionStart(texts, 0.0, version.faders, every, 300.0, 1.0, None)
     journal.append("session", **opening.fields())
     session.run()
@@ -68,8 +68,8 @@ def ok(session: Session, line: str) -> str:
 
 def go_on(session: Session, seconds: float) -> None:
     """Until the engine has computed so much more of the sound, however long that takes."""
-    engine = session.commits.engine
-    end = engine.frame + int(seconds * session.commits.rate)
+    engine = session.schedule.engine
+    end = engine.frame + int(seconds * session.schedule.rate)
     until(lambda: engine.frame >= end, "the engine goes on")
 
 
@@ -96,7 +96,7 @@ def test_what_was_played_is_what_its_journal_renders(tmp_path: Path, is_seen: bo
             ok(session, line)
             go_on(session, 0.4)
         go_on(session, 1.0)
-        troubles = session.commits.engine.status().troubles
+        troubles = session.schedule.engine.status().troubles
     done = subprocess.run(
         [*ERGON, "render", "session.jsonl", "-o", "again.wav", "--bits", "float"],
         cwd=tmp_path,
@@ -117,7 +117,7 @@ def test_a_piece_begins_at_any_bar(tmp_path: Path):
         assert ok(session, "play from 100|1") == "ok from 100|1"
         ok(session, "ada plays knock every 1 now")
         until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
-        stage = session.commits.running.stage
+        stage = session.schedule.running.stage
         second = int(stage.rate)
         frames = bar_frames(stage, second, 10 * second)
         assert frames
@@ -137,10 +137,10 @@ def test_a_panic_is_silent_and_forgets(tmp_path: Path):
         until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
         session.panic()
         assert session.state().panicked
-        commits = session.commits
+        schedule = session.schedule
         # A stop that comes too late for a busy engine is handed over again: until then it goes on.
-        until(lambda: not (commits.under_way or commits.waiting), "the stop is made")
-        until(lambda: not commits.running.clock.is_running, "the piece stands")
+        until(lambda: not (schedule.changes.under_way or schedule.waiting), "the stop is made")
+        until(lambda: not schedule.running.clock.is_running, "the piece stands")
         assert session.state().playing == ()
         until(lambda: session.state().level < -90.0, "silence")
         ok(session, "release")
@@ -182,7 +182,7 @@ def test_a_journal_restores_what_was_accepted(tmp_path: Path):
         ok(session, "undo")
         ok(session, "tempo 90")
         session.submit("ada plyas knock")
-        head = session.commits.head
+        head = session.schedule.head
         # A line that was being written when the power failed is no line.
         journal = (tmp_path / "session.jsonl").read_text(encoding="utf-8")
     cut = tmp_path / "cut.jsonl"

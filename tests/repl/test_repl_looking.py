@@ -34,7 +34,7 @@ def test_two_taps_set_the_tempo(own: Stepped, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("ergon.repl.session.session_commands.time.monotonic", lambda: next(now))
     assert own.ok("tap").text == "tap 1: one more sets the tempo"
     own.ok("tap")
-    assert own.session.commits.head.piece.tempo_map.bpm(100.0) == 120.0
+    assert own.session.schedule.head.piece.tempo_map.bpm(100.0) == 120.0
 
 
 def test_a_parameter_is_shown_as_it_sounds(own: Stepped):

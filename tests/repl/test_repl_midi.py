@@ -3,6 +3,7 @@
 import json
 import random
 import subprocess
+import threading
 from contextlib import closing
 
 import numpy as np
@@ -70,15 +71,15 @@ def test_a_controller_moves_a_parameter_and_a_level(played):
         port.send(bytes([0xB0, 7, 127 - value // 2]))
         own.run(0.02)
     own.run(0.3)
-    assert "0.00298425kg" in own.session.commits.head.texts.text
-    assert own.session.commits.head.faders.gains["bell"] == pytest.approx(
+    assert "0.00298425kg" in own.session.schedule.head.texts.text
+    assert own.session.schedule.head.faders.gains["bell"] == pytest.approx(
         10 ** ((-40 + 40 * 64 / 127) / 20), rel=1e-5
     )
     lines = own.ok("history").lines
     assert len(lines) == 5  # a movement is one line
     own.ok("undo")
     own.run(0.1)
-    assert "0.00298425kg" not in own.session.commits.head.texts.text
+    assert "0.00298425kg" not in own.session.schedule.head.texts.text
     own.close()
     assert np.array_equal(own.again(), own.sound)
 
@@ -175,7 +176,7 @@ def test_a_value_that_the_engine_refuses_is_said_once_and_moves_nothing(played):
     assert "bell" in said[0]
     port.send(bytes([0xB0, 1, 2]))
     own.run(0.1)
-    assert "630.906Hz" in own.session.commits.head.texts.text
+    assert "630.906Hz" in own.session.schedule.head.texts.text
 
 
 def test_a_panic_takes_no_notes(played):
@@ -253,8 +254,8 @@ def test_what_was_struck_live_is_what_its_journal_renders(tmp_path):
             "map cc 21 bell.m.K 300N/m..900N/m now",
         ):
             assert session.submit(line).taken
-        engine = session.commits.engine
-        frame = session.commits.running.start + 4410
+        engine = session.schedule.engine
+        frame = session.schedule.running.start + 4410
         for step in range(24):
             until(lambda after=frame: engine.frame > after, "the engine goes on")
             port.send(bytes([0x90, 48 + step, 10 + 4 * step]))
@@ -341,7 +342,11 @@ def test_strikes_are_in_the_journal_while_a_line_is_computed(tmp_path):
         journal = tmp_path / "session.jsonl"
         until(lambda: '"event": "commit"' in journal.read_text(), "the map")
         assert session.submit("gain bell -3dB now").taken  # under way while the next line is long
-        with session.lock:
-            session.midi.receive(bytes([0x90, 60, 100]), 0.0)
-            until(lambda: '"event": "strike"' in journal.read_text(), "the strike")
-            until(lambda: journal.read_text().count('"event": "commit"') == 2, "the commit")
+        session.gate = threading.Event()
+        line = threading.Thread(target=session.submit, args=("py session.gate.wait()",))
+        line.start()
+        session.midi.receive(bytes([0x90, 60, 100]), 0.0)
+        until(lambda: '"event": "strike"' in journal.read_text(), "the strike")
+        until(lambda: journal.read_text().count('"event": "commit"') == 2, "the commit")
+        session.gate.set()
+        line.join()

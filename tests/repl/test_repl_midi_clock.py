@@ -24,7 +24,7 @@ SCORE = SCORE.replace("rates: {audio: 8kHz}\n", "")  # ticks of 1.5 ms, as where
 
 def test_a_session_tells_24_clocks_a_beat_where_its_beats_are(tmp_path):
     own = Stepped(SCORE, tmp_path)
-    events = ClockEvents(own.session.commits)
+    events = ClockEvents(own.session.schedule)
     told: list[tuple[int, bytes]] = []
 
     def go(seconds: float) -> None:
@@ -39,7 +39,7 @@ def test_a_session_tells_24_clocks_a_beat_where_its_beats_are(tmp_path):
     go(0.7)
     own.ok("tempo 90 -> 200 over 4 now")
     go(2.0)
-    running = own.session.commits.running
+    running = own.session.schedule.running
     clock, tempo = running.clock, running.version.piece.tempo_map
     wanted = [round(clock.seconds(tempo, n / 24) * own.rate) for n in range(200)]
     assert told[0][1] == bytes([0xFA])
@@ -54,7 +54,7 @@ def test_a_session_tells_24_clocks_a_beat_where_its_beats_are(tmp_path):
     go(1.0)
     assert told[n][1] == encode_song_position(33.25)  # the next sixteenth
     assert told[n + 1][1] == bytes([0xFB])
-    running = own.session.commits.running
+    running = own.session.schedule.running
     first = running.clock.seconds(running.version.piece.tempo_map, 33.25)
     assert told[n + 2] == (pytest.approx(first * own.rate, abs=1), bytes([0xF8]))
     own.close()
@@ -109,7 +109,7 @@ def followed(own, master, seconds, *, latency=0.03, since=0.2, start=True):
             clock.receive(data, at)
         clock.follow(now)
         own.run(STEP)
-    running = own.session.commits.running
+    running = own.session.schedule.running
     tempo = running.version.piece.tempo_map
     by = running.clock
     errors = np.array(
@@ -130,7 +130,7 @@ def followed(own, master, seconds, *, latency=0.03, since=0.2, start=True):
 def test_a_session_follows_within_a_millisecond_a_beat(tmp_path, bpm, jitter):
     own = Stepped(SCORE, tmp_path, keeps=False)
     errors, lines = followed(own, Master(bpm, jitter=jitter), 30.0)
-    assert own.session.commits.running.clock.is_running
+    assert own.session.schedule.running.clock.is_running
     settled = errors[16 : round(28.0 * bpm / 60)]
     assert len(settled) > 20
     # Messages that come late by chance are late on average, too.
@@ -192,7 +192,7 @@ def test_stop_and_continue_are_followed(tmp_path):
         clock.receive(bytes(data), 0.0)
         clock.follow(0.0)
         own.run(0.1)
-        assert own.session.commits.running.clock.is_running is wanted
+        assert own.session.schedule.running.clock.is_running is wanted
     assert own.where.startswith("3|2")
     assert own.session.messages() == []
     own.close()

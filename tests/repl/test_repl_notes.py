@@ -40,7 +40,7 @@ def level(at: Stepped, channel: int, seconds: float) -> float:
 
 
 def pitches(at: Stepped) -> dict[str, float]:
-    piece = at.session.commits.head.piece
+    piece = at.session.schedule.head.piece
     return {name: own.modules[0].fields["f"] for name, own in piece.instruments.items()}
 
 
@@ -64,7 +64,7 @@ def test_notes_are_set_faded_routed_and_struck(at: Stepped):
     at.ok("rest rain")
     at.ok("hush")
     at.run(1.5)
-    by_name = {one.name: one for one in at.session.commits.head.piece.strikes}
+    by_name = {one.name: one for one in at.session.schedule.head.piece.strikes}
     assert by_name["calls"].until is not None
     at.session.close()
     assert np.array_equal(at.again(), at.sound)
@@ -80,7 +80,7 @@ def test_a_note_of_a_route_as_a_whole_is_not_routed_alone(at: Stepped):
 def test_a_pattern_of_notes_is_typed(at: Stepped):
     at.ok("cell notes C4 E4 ~ G#4 every 1/2 impulse 2mNs")
     at.run(2.5)
-    found = [one.voices for one in at.session.commits.head.piece.strikes if one.voices]
+    found = [one.voices for one in at.session.schedule.head.piece.strikes if one.voices]
     assert [{name: own[0].part for name, own in one.items()} for one in found] == [
         {"C4": "cell.C4", "E4": "cell.E4", "G#4": "cell.G#4"}
     ]

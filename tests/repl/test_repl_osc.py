@@ -21,7 +21,7 @@ def served(folder: Path, there: int | None = None):
     """A session that plays nowhere, and the port where it hears OSC."""
     osc = OscServer(("127.0.0.1", 0), None if there is None else ("127.0.0.1", there))
     with closing(session_on(folder, "null")) as session:
-        session.attach(SessionOsc(session, osc, session.commits.engine.performance))
+        session.attach(SessionOsc(session, osc, session.schedule.engine.performance))
         assert osc.place is not None
         yield session, osc.place[1]
 
@@ -45,12 +45,12 @@ def test_requests_are_lines_of_the_journal(tmp_path: Path, listener: Listener): 
             listener.say(port, "/ergon/instrument/bell/gain", level)
         listener.say(port, "/ergon/player/leo/gain", float("-inf"))
         listener.say(port, "/ergon/gain", -12)
-        faders = lambda: session.commits.head.faders  # noqa: E731
+        faders = lambda: session.schedule.head.faders  # noqa: E731
         until(lambda: faders().gains.get("drum") == 0.0, "the levels are set")
         until(lambda: faders().master < 1.0, "the master level is set")
         assert faders().gains["bell"] == pytest.approx(10**-0.3)
         listener.say(port, "/ergon/stop", 1)
-        until(lambda: not session.commits.running.clock.is_running, "the piece stops")
+        until(lambda: not session.schedule.running.clock.is_running, "the piece stops")
         listener.say(port, "/ergon/panic")
         until(lambda: session.state().panicked, "a panic")
         assert listener.until("/ergon/trouble")[3][:1] == ["PANIC"]
@@ -85,13 +85,13 @@ def test_strangers_harm_nobody(tmp_path: Path, listener: Listener):  # noqa: F81
         assert "one number" in listener.until("/ergon/error")[3][0]
         listener.say(port, "/ergon/gain", 60.0)
         assert "above the highest level" in listener.until("/ergon/error")[3][0]
-        assert session.commits.head.faders.master == 1.0
+        assert session.schedule.head.faders.master == 1.0
     assert "1 datagrams were not valid OSC and were ignored" in session.messages()
 
 
 def test_beats_and_gestures_are_those_of_the_versions_that_played(tmp_path: Path):
     own = Stepped(SCORE, tmp_path)
-    events = SessionEvents(own.session.commits)
+    events = SessionEvents(own.session.schedule)
     told = []
 
     def go(seconds: float) -> None:

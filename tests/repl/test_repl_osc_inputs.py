@@ -240,7 +240,7 @@ def test_a_forged_value_is_refused_with_its_place(told: Told, damage: dict[str, 
 def served(folder: Path, audio: str) -> Iterator[tuple[Any, int]]:
     osc = OscServer(("127.0.0.1", 0), None)
     with closing(session_on(folder, audio, text=SCORE)) as session:
-        session.attach(SessionOsc(session, osc, session.commits.engine.performance))
+        session.attach(SessionOsc(session, osc, session.schedule.engine.performance))
         assert osc.place is not None
         yield session, osc.place[1]
 
@@ -249,7 +249,7 @@ def test_what_was_told_live_is_what_its_journal_renders(folder: Path, listener: 
     """Over the real engine, whose ticks the values fall between."""
     heard = folder / "heard.wav"
     with served(folder, f"clock:{heard}") as (session, port):
-        engine = session.commits.engine
+        engine = session.schedule.engine
         frame = 4410
         for step in range(20):
             until(lambda after=frame: engine.frame > after, "the engine goes on")

@@ -35,7 +35,7 @@ def same(session: Stepped) -> None:
 
 def gestures(session: Stepped, player: str = "ada") -> list[tuple[str, float]]:
     """What the running version plays: names and beats."""
-    running = session.session.commits.running
+    running = session.session.schedule.running
     found = [g for g in running.stage.gestures if g.player == player]
     return [(g.name, round(running.beat(round(g.start * session.rate)), 2)) for g in found]
 
@@ -74,12 +74,12 @@ def test_a_line_says_what_a_part_says(session, tmp_path, line, row):
     session.ok("play")
     reply = session.ok(line)
     assert reply.text.startswith("ok ")
-    text = session.session.commits.head.texts.text
+    text = session.session.schedule.head.texts.text
     added = next(said.strip() for said in text.splitlines() if "play:" in said)
     if "now" not in line:
         assert row in added.replace('"', "'")
     session.run(5.0)
-    begun = session.session.commits.running.clock.began_at
+    begun = session.session.schedule.running.clock.began_at
     wanted = written(text, tmp_path, 3.0)
     shift = round(begun * session.rate)
     found = session.sound[shift : shift + len(wanted)]
@@ -163,8 +163,8 @@ def test_more_transformations_change_neither_order_nor_chance(tmp_path, line):
             if more:
                 session.ok(more)
             session.run(3.0)
-            piece = session.session.commits.head.piece
-            texts = session.session.commits.head.texts
+            piece = session.session.schedule.head.piece
+            texts = session.session.schedule.head.texts
             (session.journal.parent / "copy.yaml").write_text(texts.text)
             assert piece_of(texts) == piece
             found.append([one for one in gestures(session) if 18 <= one[1] < 30])
@@ -176,7 +176,7 @@ def test_what_is_kept_plays_as_it_was_played(session, tmp_path):
     session.ok("ada plays choose knock tap lean every 1/2 chance 0.7")
     session.ok("leo plays knock (tap tap) lean euclid 5 8 every 3rd do mirror")
     session.run(12.3)
-    first = session.session.commits.beat_now() // 4.0 * 4.0 - 8.0  # the two bars that are over
+    first = session.session.schedule.beat_now() // 4.0 * 4.0 - 8.0  # the two bars that are over
     session.ok("keep 2bar as verse")
     played = gestures(session), gestures(session, "leo")
     kept = load(tmp_path / "verse.yaml").piece
@@ -221,13 +221,13 @@ def test_what_is_saved_is_a_score(session, tmp_path):
     ],
 )
 def test_what_is_wrong_changes_nothing(session, line, why, suggestion):
-    before = session.session.commits.head
+    before = session.session.schedule.head
     reply = session.type(line)
     assert not reply.taken
     assert why in reply.text
     if suggestion:
         assert suggestion in (reply.try_ or reply.text)
-    assert session.session.commits.head is before
+    assert session.session.schedule.head is before
 
 
 _NAMES = st.sampled_from(["knock", "lean", "tap", "~"])
@@ -310,12 +310,12 @@ def test_strikes_are_typed_replaced_rested_and_rendered(session, tmp_path):
     assert onset(session.sound) > 0
     session.ok("rain strikes bell.m drum.m every 1/2 impulse 0.1mNs..0.3mNs swing 0.6")
     session.run(4.0)
-    written_ = session.session.commits.head.piece
+    written_ = session.session.schedule.head.piece
     assert [one.name for one in written_.strikes] == ["rain", "rain-2"]
     assert [target.text for target in written_.strikes[1].to] == ["bell.m", "drum.m"]
     session.ok("undo")
     session.run(2.5)
-    assert [one.name for one in session.session.commits.head.piece.strikes] == ["rain"]
+    assert [one.name for one in session.session.schedule.head.piece.strikes] == ["rain"]
     session.ok("redo")
     session.run(2.5)
     session.ok("rest rain")
@@ -339,7 +339,7 @@ def test_strikes_from_the_middle_are_those_of_the_whole(tmp_path):
             session.ok("rain strikes drum.m every 1/4 impulse 1mNs chance 0.5")
             session.ok(f"play from {start}")
             session.run(22.0 if name == "a" else 6.0)
-            begun = session.session.commits.running.clock.began_at
+            begun = session.session.schedule.running.clock.began_at
             shift = round((begun + 16.0) * session.rate)
             step = np.abs(np.diff(session.sound[shift:, 1], 2))[: int(4 * session.rate)]
             heard.append(np.flatnonzero(step > 0.2 * step.max()) // 1000)
@@ -372,7 +372,7 @@ def test_what_is_wrong_with_strikes_is_told(session, line, why):
 
 def value(session: Stepped, at: float, module: str = "m") -> float:
     """K of a module of the bell at an instant of the session [s]."""
-    points = session.session.commits.running.stage.paths.get(("bell", module), [])
+    points = session.session.schedule.running.stage.paths.get(("bell", module), [])
     if not points:
         return float("nan")
     return float(np.interp(at, [p[0] for p in points], [p[1] for p in points]))
@@ -387,7 +387,7 @@ def test_a_parameter_follows_a_pattern_and_is_undone(session, tmp_path):
     session.ok("ada plays knock every 1")
     session.ok("set bell.m.f A3 C4 E4 every 1")
     session.run(4.0)
-    begun = session.session.commits.running.clock.began_at
+    begun = session.session.schedule.running.clock.began_at
     heard = [round(hertz(value(session, begun + 2.0 + beat / 2 + 0.1)), 1) for beat in range(4)]
     assert heard == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.6, 329.6, 220.0)]
     session.ok("lfo bell.m.t60 0.5..2 period 1bar shape triangle")
@@ -396,7 +396,7 @@ def test_a_parameter_follows_a_pattern_and_is_undone(session, tmp_path):
     session.run(3.0)
     session.ok("set bell.m.f A3")
     session.run(2.5)
-    piece = session.session.commits.head.piece
+    piece = session.session.schedule.head.piece
     assert [one.name for one in piece.automation] == ["bell.m.f"]
     assert piece.automation[0].until is not None
     assert piece.automation[0].until.text != "999|1"
@@ -460,7 +460,7 @@ def test_values_from_the_middle_are_those_of_the_whole(tmp_path, line):
             if name == "b":
                 session.ok("play from 9|1")
             session.run(18.0 if name == "a" else 4.0)
-            by = session.session.commits.running.clock.began_at
+            by = session.session.schedule.running.clock.began_at
             found.append([value(session, by + at) for at in np.arange(17.0, 19.0, 0.02)])
             same(session)
     assert found[0] == pytest.approx(found[1], rel=1e-9)
@@ -492,11 +492,11 @@ def test_kept_bars_hold_what_leads_their_parameters(session, tmp_path):
     ],
 )
 def test_what_is_wrong_with_automation_is_told(session, line, why):
-    before = session.session.commits.head
+    before = session.session.schedule.head
     reply = session.type(line)
     assert not reply.taken
     assert why in reply.text
-    assert session.session.commits.head is before
+    assert session.session.schedule.head is before
 
 
 def test_notes_are_typed_undone_rested_and_rendered(session, tmp_path):
@@ -504,7 +504,7 @@ def test_notes_are_typed_undone_rested_and_rendered(session, tmp_path):
     reply = session.ok("bell notes A3 C4 E4 euclid 5 8")
     assert "2|1" in reply.text
     session.run(4.0)
-    begun = session.session.commits.running.clock.began_at
+    begun = session.session.schedule.running.clock.began_at
     beats = [4 + at / 2 for at in (0, 2, 3, 5, 6)]  # the second bar's pulses, eight to a bar
     heard = [hertz(value(session, begun + beat / 2)) for beat in beats]
     assert heard == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.63, 329.63, 220.0, 261.63)]
@@ -543,7 +543,7 @@ def test_of_a_pattern_that_has_ended_the_gesture_under_way_is_transformed(tmp_pa
     own.ok("play")
     own.run(1.6)  # the last lean began on 1|4 and lasts half a beat
     own.ok("ada do scale 1.1 now")
-    last = own.session.commits.head.piece.parts[-1]
+    last = own.session.schedule.head.piece.parts[-1]
     assert (last.what, last.pattern, len(last.do)) == ("lean", None, 1)
     own.run(1.0)
     own.close()

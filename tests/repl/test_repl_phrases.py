@@ -53,16 +53,16 @@ def onsets(sound: np.ndarray, rate: float) -> list[int]:
 
 def test_a_phrase_is_defined_played_and_undone(at):
     at.ok(TUNE)
-    piece = at.session.commits.head.piece
+    piece = at.session.schedule.head.piece
     assert piece.phrases == ("tune",)
-    assert "entries: [{at: 0, what: C4, impulse: 1mNs}" in at.session.commits.head.texts.text
+    assert "entries: [{at: 0, what: C4, impulse: 1mNs}" in at.session.schedule.head.texts.text
     at.ok("hook strikes tune every 1bar")
     at.run(4.0)
     heard = len(struck(at, 0.0))
     assert heard >= 5
     at.ok("hook strikes tune every 1bar transpose 5st do scale 0.5, from 1/2 now")
     at.run(1.0)
-    (hook,) = [one for one in at.session.commits.head.piece.strikes if one.name == "hook-2"]
+    (hook,) = [one for one in at.session.schedule.head.piece.strikes if one.name == "hook-2"]
     assert {target.part for hit in hook.hits for target in hit.to} >= {"harp.A4", "harp.G4"}
     at.ok("undo")
     at.run(1.0)
@@ -78,11 +78,11 @@ def test_a_phrase_is_redefined_while_it_plays_saved_kept_and_resumed(at):
     at.ok("hook strikes tune every 1bar\nada plays knock every 1")
     at.run(2.2)
     at.ok("phrase tune 0 C4, 1 D4, 2 E4, 3 F4 to harp length 1bar")
-    assert "{to: harp, length: 1bar, impulse: 1mNs, entries:" in at.session.commits.head.texts.text
+    assert "{to: harp, length: 1bar, impulse: 1mNs, entries:" in at.session.schedule.head.texts.text
     at.run(3.0)
     at.ok("keep 1bar as verse\nsave typed\nrename tune air")
     at.run(1.5)
-    head = at.session.commits.head
+    head = at.session.schedule.head
     assert head.piece.phrases == ("air",)
     assert "play: air" in head.texts.text
     _, typed = opened(str(at.journal.with_name("typed.yaml")))
@@ -92,7 +92,7 @@ def test_a_phrase_is_redefined_while_it_plays_saved_kept_and_resumed(at):
     at.close()
     assert np.array_equal(at.again(), at.sound)
     again = Stepped.resumed(at.journal)
-    assert again.session.commits.head.piece.phrases == ("air",)
+    assert again.session.schedule.head.piece.phrases == ("air",)
     again.ok("play")
     again.run(2.5)
     assert np.abs(again.sound).max() > 0
@@ -137,11 +137,11 @@ def test_a_block_defines_a_phrase_and_plays_it(at):
 def test_what_is_wrong_is_refused_and_changes_nothing(at, line, message):
     at.ok("phrase hymn 0 C4 to harp")
     at.ok("old strikes hymn every 1bar")
-    text = at.session.commits.head.texts.text
+    text = at.session.schedule.head.texts.text
     reply = at.type(line)
     assert not reply.taken
     assert message in reply.text
-    assert at.session.commits.head.texts.text == text
+    assert at.session.schedule.head.texts.text == text
 
 
 def test_a_phrase_that_strikes_play_is_completed(at):

@@ -22,7 +22,7 @@ from terminals import CTRL_D, ENTER, Terminal
 from ergon.repl.wire import local_socket
 
 # What the session's score says, in so few characters that a reply can hold it.
-_TEXT = "py __import__('hashlib').sha256(session.commits.head.texts.text.encode()).hexdigest()"
+_TEXT = "py __import__('hashlib').sha256(session.schedule.head.texts.text.encode()).hexdigest()"
 
 
 class Stage:

@@ -62,7 +62,7 @@ def test_what_was_typed_goes_on_to_the_last_bit(tmp_path: Path) -> None:
                 reply = at.ok("reload")
                 assert "dropped" not in reply.text
             at.run(6.0)
-            text = at.session.commits.head.texts.text
+            text = at.session.schedule.head.texts.text
             assert ("smooth 4mm@1" in text) == reloads
             assert "t60: 2s" in text
             heard.append(at.sound)
@@ -79,21 +79,21 @@ def test_a_place_that_both_changed_is_as_the_file_says_and_is_named(
     at.ok("knock = 0@0 smooth 5@1/8 smooth 0@1/2 now")
     at.ok("ada plays knock every 1 now")
     at.run(1.0)
-    before = at.session.commits.head.texts.text
+    before = at.session.schedule.head.texts.text
     edited(tmp_path, ("knock: 0mm@0 smooth 6mm", "knock: 0mm@0 smooth 7mm"), ("f: 90Hz", "f: 80Hz"))
     reply = at.ok("reload now")
     line = "'knock = 0@0 smooth 5@1/8 smooth 0@1/2 now'"
     assert f"gestures.knock was changed by {line} and in the file; " in reply.text
     assert "the value in the file is kept, and the line is discarded" in reply.text
     at.run(2.0)
-    text = at.session.commits.head.texts.text
+    text = at.session.schedule.head.texts.text
     assert "smooth 7mm@1/8 smooth 0mm@1/2     # once" in text
     assert "f: 80Hz" in text
     assert "play: knock, every: 1" in text
     assert any("smooth 5@1/8" in row for row in at.ok("history").lines)
     at.ok("undo now")
     at.run(2.0)
-    assert at.session.commits.head.texts.text == before
+    assert at.session.schedule.head.texts.text == before
     # What was taken back comes again with the next reload.
     assert "gestures.knock was changed by" in at.ok("reload now").text
     at.run(2.0)
@@ -112,7 +112,7 @@ def test_what_needs_something_that_the_file_lacks_is_dropped_and_named(
     assert "parts.leo" in reply.text
     assert "was changed by 'leo plays lean every 2 now' and in the file" in reply.text
     at.run(2.0)
-    assert "t60: 2s" in at.session.commits.head.texts.text
+    assert "t60: 2s" in at.session.schedule.head.texts.text
     renders_the_same(at)
 
 
@@ -123,7 +123,7 @@ def test_a_line_before_a_reload_takes_effect_is_kept(at: Stepped, tmp_path: Path
     at.ok("reload at 3|1")
     at.ok("ada plays knock every 1 now")
     at.run(6.0)
-    text = at.session.commits.head.texts.text
+    text = at.session.schedule.head.texts.text
     assert "smooth 4mm@1" in text
     assert "play: knock, every: 1" in text
     renders_the_same(at)
@@ -138,7 +138,7 @@ def test_after_a_save_what_was_saved_is_what_the_file_was(at: Stepped, tmp_path:
     edited(tmp_path, LEO, ("t60: 2s", "t60: 3s"))
     assert "dropped" not in at.ok("reload now").text
     at.run(2.0)
-    text = at.session.commits.head.texts.text
+    text = at.session.schedule.head.texts.text
     assert "t60: 3s" in text
     assert "until: 999|1" in text  # ada goes on
     renders_the_same(at)
@@ -155,7 +155,7 @@ def test_a_resumed_session_knows_what_the_file_was(at: Stepped, tmp_path: Path) 
         two.ok("play")
         assert "dropped" not in two.ok("reload now").text
         two.run(2.0)
-        text = two.session.commits.head.texts.text
+        text = two.session.schedule.head.texts.text
         assert "smooth 4mm@1" in text
         assert "t60: 2s" in text
         renders_the_same(two)
@@ -165,12 +165,12 @@ def test_a_resumed_session_knows_what_the_file_was(at: Stepped, tmp_path: Path) 
 def test_a_file_that_is_no_score_changes_nothing(at: Stepped, tmp_path: Path, text: str) -> None:
     at.ok("play")
     at.ok("set bell.m.t60 2s now")
-    before = at.session.commits.head
+    before = at.session.schedule.head
     (tmp_path / "score.yaml").write_text(text)
     reply = at.type("reload")
     assert not reply.taken
     assert "internal" not in reply.text
-    assert at.session.commits.head is before
+    assert at.session.schedule.head is before
 
 
 def test_a_loaded_score_is_the_one_that_is_watched(at: Stepped, tmp_path: Path) -> None:

@@ -121,7 +121,7 @@ def test_every_reference_follows(at):
     for line in ("rename bell chime", "rename k1 pad", "rename harp lyre", "rename m low2"):
         at.ok(f"{line} now")
         at.run(0.1)
-    head = at.session.commits.head
+    head = at.session.schedule.head
     text = head.texts.text
     for new, old in (("chime", "bell"), ("pad", "k1"), ("lyre", "harp")):
         text = text.replace(new, old)
@@ -149,8 +149,8 @@ def test_a_name_that_is_free_again_is_another_instrument(at):
     at.run(0.6)
     at.ok("rename bell chime now\nbell = bell/bell\nroute bell 2")
     at.run(1.0)
-    assert at.session.commits.running.version.sounds_as.names == {"chime": "bell"}
-    assert [*at.session.commits.running.version.sounding.instruments][-1] == "bell-2"
+    assert at.session.schedule.running.version.sounds_as.names == {"chime": "bell"}
+    assert [*at.session.schedule.running.version.sounding.instruments][-1] == "bell-2"
     at.ok("rename chime gong now")
     at.ok("gain gong -6dB now")
     at.run(1.0)
@@ -170,7 +170,7 @@ def test_a_resumed_session_knows_what_sounds_by_another_name(at):
     again.run(1.2)
     again.ok("undo")
     again.run(1.0)
-    assert "chime" not in again.session.commits.head.texts.text
+    assert "chime" not in again.session.schedule.head.texts.text
     again.close()
     assert np.array_equal(again.again(), again.sound)
     third = Stepped.resumed(again.journal)
@@ -198,7 +198,7 @@ def test_what_was_renamed_is_edited_in_the_file_under_its_old_name(at):
     _edited(at, ("f: 220Hz", "f: 230Hz"), ("6mm@60ms", "5mm@60ms"), ("K: 60N/m", "K: 70N/m"))
     assert "was changed by" not in at.ok("reload now").text
     at.run(0.5)
-    head = at.session.commits.head
+    head = at.session.schedule.head
     assert "chime" in head.piece.instruments
     assert "bell" not in head.piece.instruments
     said = {m.name: m.fields for m in head.piece.instruments["chime"].modules}
@@ -226,7 +226,7 @@ def test_what_was_renamed_or_removed_stays_so_when_the_file_is_edited_after_a_re
     again.run(0.3)
     assert "was changed by" not in again.ok("reload now").text
     again.run(0.5)
-    head = again.session.commits.head
+    head = again.session.schedule.head
     assert "chime" in head.piece.instruments
     assert "bell" not in head.piece.instruments
     assert not head.piece.blocks

@@ -60,7 +60,7 @@ def says_the_same(session: Session, path: Path) -> None:
     """What lies on the disk is what plays, for who reads it."""
     piece = load(path).piece
     assert piece is not None
-    assert piece.digest() == piece_of(session.commits.head.texts).digest()
+    assert piece.digest() == piece_of(session.schedule.head.texts).digest()
 
 
 def test_a_save_writes_what_was_changed_and_nothing_else(at: Stepped, tmp_path: Path) -> None:
@@ -115,9 +115,9 @@ def test_a_session_that_went_on_twice_still_knows_its_files(at: Stepped, tmp_pat
     at.close()
     for _ in range(2):
         with closing(gone_on(tmp_path)) as session:
-            said = session.disk.hashes_by_name(session.commits.head.texts)
+            said = session.disk.hashes_by_name(session.schedule.head.texts)
         events = [json.loads(line) for line in at.journal.read_text().splitlines()]
-        texts = session.commits.head.texts
+        texts = session.schedule.head.texts
         overlay = {Path(name).name: text for name, text in texts.overlay.items()}
         opening = {**events[0], "text": texts.text, "disk": said}
         opening["overlay"] = {**events[0]["overlay"], "keys.yaml": overlay["keys.yaml"]}

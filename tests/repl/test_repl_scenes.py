@@ -81,7 +81,7 @@ def test_a_scene_comes_back_on_the_next_bar_and_begins_again(at: Stepped):
     reply = at.ok("scene verse")
     assert reply.text == "ok 9|1 verse, from its beginning, again and again"
     to_bar(at, 20)
-    piece = at.session.commits.running.version.piece
+    piece = at.session.schedule.running.version.piece
     for player, first, times in (("ada", range(7), None), ("leo", range(0, 8, 2), None)):
         found = [beat - 32.0 for beat, *_ in begun(piece, player) if 32.0 <= beat < 56.0]
         wanted = [float(beat + 8 * turn) for turn in range(3) for beat in first]
@@ -105,7 +105,7 @@ def test_a_scene_takes_gestures_tempo_couplings_and_parameters_along(at: Stepped
     at.run(2.0)
     at.ok("scene verse")
     at.run(2.0)
-    version = at.session.commits.running.version
+    version = at.session.schedule.running.version
     kept = opened(str(Path(version.texts.path).with_name("verse.yaml")))[1]
     assert version.piece.gestures["knock"].points == kept.gestures["knock"].points
     assert version.piece.tempo_map.bpm(1000.0) == 240.0
@@ -126,9 +126,9 @@ def test_from_one_scene_to_another_what_glides_glides(at: Stepped):
     bar = at.session.state().bar + 1
     reply = at.ok("scene verse -> refrain over 2bar")
     assert reply.text == f"ok {bar}|1 verse, then refrain, from its beginning, again and again"
-    start = at.session.commits.head.piece.tempo_map.bars.start(bar)
+    start = at.session.schedule.head.piece.tempo_map.bars.start(bar)
     at.run(0.5)
-    piece = at.session.commits.head.piece
+    piece = at.session.schedule.head.piece
     whats = {b - start: what for b, what, *_ in begun(piece, "ada") if start <= b < start + 24}
     assert whats == {
         **{float(beat): "knock" for beat in range(7)},
@@ -137,7 +137,7 @@ def test_from_one_scene_to_another_what_glides_glides(at: Stepped):
     assert piece.tempo_map.bpm(start + 4) == pytest.approx(180.0, abs=20.0)
     assert piece.tempo_map.bpm(start + 9) == pytest.approx(120.0)
     at.run(1.5)
-    (glide,) = at.session.commits.running.glides
+    (glide,) = at.session.schedule.running.glides
     assert (glide.part, glide.module) == ("bell", "m")
     ramp = piece.tempo_map.seconds(start + 8) - piece.tempo_map.seconds(start)
     assert glide.stop - glide.start == pytest.approx(ramp)
@@ -154,12 +154,12 @@ def test_a_session_of_scenes_is_its_journal_also_after_undo_and_resume(at: Stepp
     at.run(2.6)
     at.ok("undo")
     at.run(2.2)
-    texts = at.session.commits.head.texts
+    texts = at.session.schedule.head.texts
     (tmp_path / "verse.yaml").write_text("not a score")  # the journal needs no file
     at.session.close()
     assert np.array_equal(at.again(), at.sound)
     again = Stepped.resumed(at.journal)
-    assert again.session.commits.head.texts.text == texts.text
+    assert again.session.schedule.head.texts.text == texts.text
     again.ok("play")
     again.run(3.0)
     again.ok("redo")
@@ -174,13 +174,13 @@ def test_a_session_of_scenes_is_its_journal_also_after_undo_and_resume(at: Stepp
 
 def test_a_scene_is_an_edit_of_the_text_and_undone_by_the_text_before(at: Stepped):
     a_verse(at)
-    before = at.session.commits.head.texts.text
+    before = at.session.schedule.head.texts.text
     at.ok("scene verse")
-    assert at.session.commits.head.texts.text != before
+    assert at.session.schedule.head.texts.text != before
     at.run(2.0)
     at.ok("undo")
     at.run(2.0)
-    assert at.session.commits.head.texts.text == before
+    assert at.session.schedule.head.texts.text == before
 
 
 @pytest.mark.parametrize(
@@ -197,12 +197,12 @@ def test_a_scene_is_an_edit_of_the_text_and_undone_by_the_text_before(at: Steppe
 def test_what_is_no_scene_is_refused(at: Stepped, tmp_path: Path, line, message, try_):
     a_verse(at)
     (tmp_path / "broken.yaml").write_text("ergon: 1\nkeys: nothing\n")
-    text = at.session.commits.head.texts.text
+    text = at.session.schedule.head.texts.text
     reply = at.type(line)
     assert not reply.taken
     assert message in reply.text
     assert reply.try_ == try_
-    assert at.session.commits.head.texts.text == text
+    assert at.session.schedule.head.texts.text == text
 
 
 def test_a_scene_whose_player_is_missing_is_refused(at: Stepped, tmp_path: Path):
@@ -290,7 +290,7 @@ def test_a_score_whose_bars_are_past_begins_when_it_is_loaded(at: Stepped, tmp_p
     at.session.close()
     assert np.array_equal(at.again(), at.sound)
     again = Stepped.resumed(at.journal)
-    assert again.session.commits.running.clock.stopped_beat == 4.0
+    assert again.session.schedule.running.clock.stopped_beat == 4.0
     again.close()
 
 
@@ -336,7 +336,7 @@ def test_patterns_of_a_scene_are_what_was_kept_in_every_round(at: Stepped, line:
 
 def started(at: Stepped, since: float, until: float) -> list[tuple[str, str, float]]:
     """Who begins what between two beats, as beats from 8 on."""
-    running = at.session.commits.running
+    running = at.session.schedule.running
     found = {
         (g.player, g.name, round(running.beat(round(g.start * at.rate)), 2))
         for g in running.stage.gestures
@@ -418,18 +418,18 @@ def test_a_scene_ends_automation_that_is_not_its_own(at: Stepped):
         "bell.m.K, drum.m.M, bell.b.K have their own values again"
     )
     at.run(4.0)
-    piece = at.session.commits.running.version.piece
+    piece = at.session.schedule.running.version.piece
     running = [one for one in piece.automation if automation.is_automated_from(piece, one, 40.0)]
     assert [one.name for one in running] == ["drum.m.K"]
     assert running[0].swing is not None
     assert running[0].swing.phase == 0.0  # bar 3: a whole period has passed
     assert piece.tempo_map.resolve(running[0].at) == 32.0
-    kept = opened(str(Path(at.session.commits.head.texts.path).with_name("verse.yaml")))[1]
+    kept = opened(str(Path(at.session.schedule.head.texts.path).with_name("verse.yaml")))[1]
     own = [[*matter.quantities(one)] for one in piece.instruments["bell"].modules]
     assert own == [[*matter.quantities(one)] for one in kept.instruments["bell"].modules]
     at.ok("undo")
     at.run(1.3)
-    back = at.session.commits.running.version.piece
+    back = at.session.schedule.running.version.piece
     ended = {one.name for one in back.automation if automation.is_automated_from(back, one, 60.0)}
     assert ended == {"drum.m.K", "bell.m.K", "drum.m.M", "bell.b.K"}
     at.close()
@@ -448,7 +448,7 @@ def test_automation_of_a_scene_begins_with_it_and_ends_where_another_begins(at: 
     at.ok("keep 1bar as refrain")
     reply = at.ok("scene verse -> refrain over 2bar")
     assert reply.text.endswith("verse, then refrain, from its beginning, again and again")
-    piece = at.session.commits.head.piece
+    piece = at.session.schedule.head.piece
     found = [one for one in piece.automation if one.pattern is not None]
     begin, stop = (piece.tempo_map.resolve(when) for when in (found[-1].at, found[-1].until))
     assert stop - begin == 8.0

@@ -34,7 +34,7 @@ HEARD = SCORE.replace("M: 10g}}", "M: 10g}, out: {SOX: dark.5}}").replace(
 
 def kinds(stepped: Stepped) -> dict[str, str]:
     """How each part that can be seen is computed now."""
-    simulation = stepped.session.commits.running.stage.simulation
+    simulation = stepped.session.schedule.running.stage.simulation
     return {run.part: run.kind for run in _core.MotionLook(simulation).runs()}
 
 

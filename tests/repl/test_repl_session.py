@@ -14,6 +14,7 @@ from sessions import EVERY, Stepped
 
 from ergon.repl.language import commands as c
 from ergon.repl.session import version_edits
+from ergon.repl.session.engine import EngineEvent
 from ergon.repl.session.journal_content import read_journal
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
@@ -80,7 +81,7 @@ def onset(sound: np.ndarray, channel: int = 0) -> int:
 def test_a_line_before_its_boundary_plays_as_if_it_had_been_written(session, tmp_path):
     """Check 9: what is typed in bar 1 for bar 2 is what a score says of bar 2, to the sample."""
     session.ok("play")
-    begun = session.session.commits.running.clock.began_at
+    begun = session.session.schedule.running.clock.began_at
     assert begun is not None
     session.run(0.7)
     assert session.ok("ada plays knock every 1 times 3").text.startswith("ok 2|1 ada: knock")
@@ -107,7 +108,7 @@ def test_a_redefinition_waits_for_its_bar_and_what_sounds_goes_on(session):
     seconds = third[: len(third) // int(session.rate) * int(session.rate)]
     peaks = seconds.reshape(-1, int(session.rate)).max(axis=1)
     assert peaks[6:].max() < 20 * peaks[3:6].max()
-    assert "smooth 7.0@1/8" in session.session.commits.head.texts.text
+    assert "smooth 7.0@1/8" in session.session.schedule.head.texts.text
 
 
 def test_a_hostile_line_changes_no_sample(tmp_path):
@@ -207,7 +208,7 @@ def test_nothing_comes_back_after_a_panic(session, phase):
     session.run(1.0 + 0.0125 * phase)
     session.ok("panic")
     session.run(0.1)
-    assert not session.session.commits.running.clock.is_running
+    assert not session.session.schedule.running.clock.is_running
     session.ok("release")
     session.ok("play")
     session.run(0.1)
@@ -234,15 +235,15 @@ def test_a_hushed_bell_decays_as_its_model_says(session):
 def test_undo_comes_back_to_the_first_version(session):
     """Check 11: ten changes, ten undo; redo returns; history lists them."""
     session.ok("play")
-    first = session.session.commits.head
+    first = session.session.schedule.head
     for height in range(20, 70, 5):
         session.ok(f"knock = 0@0 smooth {height / 10}@1/8 smooth 0@1/2 now")
         session.run(0.3)
-    last = session.session.commits.head
+    last = session.session.schedule.head
     for _ in range(10):
         session.ok("undo")
         session.run(2.1)
-    assert session.session.commits.head.texts == first.texts
+    assert session.session.schedule.head.texts == first.texts
     rows = session.ok("history").lines
     assert len(rows) == 11
     assert rows[0].startswith(">")
@@ -251,18 +252,18 @@ def test_undo_comes_back_to_the_first_version(session):
     for _ in range(10):
         session.ok("redo now")
         session.run(0.3)
-    assert session.session.commits.head.texts == last.texts
+    assert session.session.schedule.head.texts == last.texts
 
 
 def test_an_undo_before_the_boundary_takes_the_line_back(session):
     session.ok("play")
     session.run(0.3)
-    before = session.session.commits.head.texts
+    before = session.session.schedule.head.texts
     session.ok("ada plays knock every 1 at 9|1")
     assert "cancelled" in session.ok("undo").text
-    assert session.session.commits.head.texts == before
+    assert session.session.schedule.head.texts == before
     session.run(0.5)
-    assert "knock, every" not in session.session.commits.head.texts.text
+    assert "knock, every" not in session.session.schedule.head.texts.text
 
 
 def test_a_line_now_acts_before_one_that_waits(session):
@@ -307,20 +308,23 @@ def test_the_journal_renders_the_same_samples(session):
 
 def test_lines_of_one_frame_keep_their_order_in_the_journal(session):
     """A jump makes two lines due at once, the one of the later beat first."""
-    commits = session.session.commits
+    schedule = session.session.schedule
     session.ok("play")
     session.run(1.0)
     session.ok("set bell.m.f 300Hz in 3")
     session.ok("stop now")
     session.run(0.5)
     # As on a slow machine: this line waits longer than the other.
-    commits.making_time.seconds = 10.0
+    schedule.making_time.seconds = 10.0
     session.ok("set bell.m.f 400Hz")
-    commits.making_time.seconds = 0.0
+    schedule.making_time.seconds = 0.0
     session.ok("play from 100|1")
     session.ok("ada plays knock every 1 now")
     session.run(3.0)
-    done = [event.get("number", int) for _, _, event in read_journal(session.journal).commits]
+    done = [
+        event.get("number", int)
+        for event in (one.line for one in read_journal(session.journal).commits)
+    ]
     assert done.index(2) + 1 == done.index(4)
     session.close()
     assert np.array_equal(session.again(), session.sound)
@@ -384,7 +388,7 @@ def test_every_tick_is_a_boundary(session):
     session.ok("play")
     session.run(0.1)
     session.ok("ada plays knock now")
-    assert session.session.commits.running.start % EVERY == 0
+    assert session.session.schedule.running.start % EVERY == 0
 
 
 def test_strikes_end_at_the_boundary_and_begin_there(tmp_path):
@@ -398,9 +402,9 @@ def test_strikes_end_at_the_boundary_and_begin_there(tmp_path):
         assert onset(stepped.sound) < 0.5 * stepped.rate
         stepped.ok("hush at 4|1")
         stepped.run(5.0)
-        by = stepped.session.commits.running.clock.began_at
+        by = stepped.session.schedule.running.clock.began_at
         last = len(stepped.sound) - 1 - onset(stepped.sound[::-1])
-        tempo = stepped.session.commits.head.piece.tempo_map
+        tempo = stepped.session.schedule.head.piece.tempo_map
         end = (tempo.seconds(tempo.bars.start(4)) + by) * stepped.rate
         ringing = stepped.sound[: int(end), 0]
         assert np.max(np.abs(stepped.sound[int(end) + 22_050 :, 0])) < 2e-3 * np.max(
@@ -459,15 +463,18 @@ def test_a_late_line_does_not_come_back_after_a_panic(session):
     session.run(0.5)
     session.ok("ada plays knock every 1/2 now")
     session.session.pump()
-    commits = session.session.commits
-    ((ticket, lines, _),) = commits.under_way
-    assert [one.line for one in lines] == ["ada plays knock every 1/2 now"]
+    schedule = session.session.schedule
+    (change,) = schedule.changes.under_way
+    assert [one.line for one in change.lines] == ["ada plays knock every 1/2 now"]
     session.session.stops.panic_in_turn()
     session.engine._changes.clear()
-    assert [one.line for one in commits.requeue_late(ticket)] == ["panic"]
+    (reset,) = schedule.changes.under_way
+    assert [one.line for one in reset.lines] == ["panic"]
+    schedule.note_event(EngineEvent(session.engine.frame, reset.ticket, is_late=True))
+    assert [one.line for one in schedule.waiting] == ["panic"]
     session.run(0.5)
     session.ok("release")
     session.ok("play")
     session.run(3.0)
     assert session.session.state().playing == ()
-    assert "ada plays" not in commits.head.texts.text
+    assert "ada plays" not in schedule.head.texts.text

@@ -28,7 +28,7 @@ def _heard(session: Session) -> list[str]:
 
 
 def _frames(session: Session, count: int) -> None:
-    engine = session.commits.engine
+    engine = session.schedule.engine
     goal = engine.frame + count
     until(lambda: engine.frame >= goal, "it plays")
 

@@ -52,13 +52,13 @@ def level(at: Stepped, seconds: float) -> list[float]:
 
 def same_again(at: Stepped) -> None:
     """Saved, undone and computed anew, it is what was heard."""
-    text = at.session.commits.head.texts.text
+    text = at.session.schedule.head.texts.text
     at.ok("save typed")
     at.run(0.3)
     assert opened(str(at.journal.with_name("typed.yaml")))
     at.ok(f"back {len(at.session.history.numbers) - 1}")
     at.run(1.1)
-    assert at.session.commits.head.texts.text == SCORE
+    assert at.session.schedule.head.texts.text == SCORE
     at.close()
     assert np.array_equal(at.again(), at.sound)
     assert text != SCORE
@@ -73,7 +73,7 @@ def test_an_instrument_is_placed_between_its_channels(at: Stepped):
     at.ok("route drone gain -6dB now")
     at.run(1.0)
     assert level(at, 0.5)[0] / left == pytest.approx(10 ** (-6 / 20), rel=0.01)
-    (route,) = (r for r in at.session.commits.head.piece.mix.routes if r.part == "drone")
+    (route,) = (r for r in at.session.schedule.head.piece.mix.routes if r.part == "drone")
     assert route.to == (1, 2)
     assert route.pan == pytest.approx((0.8**0.5, 0.2**0.5))
     same_again(at)
@@ -83,7 +83,7 @@ def test_a_room_is_added_sent_to_and_changed(at: Stepped):
     at.ok("room hall t60=1s size=8m gain=-3dB")
     at.ok("route bell send hall -6dB")
     at.run(3.0)
-    piece = at.session.commits.head.piece
+    piece = at.session.schedule.head.piece
     assert [(room.name, room.size, room.t60[0][1]) for room in piece.mix.rooms] == [
         ("hall", 8.0, 1.0)
     ]
@@ -93,7 +93,7 @@ def test_a_room_is_added_sent_to_and_changed(at: Stepped):
     ]
     at.ok("room hall t60=2s")
     at.run(1.5)
-    assert at.session.commits.running.version.piece.mix.rooms[0].t60[0][1] == 2.0
+    assert at.session.schedule.running.version.piece.mix.rooms[0].t60[0][1] == 2.0
     same_again(at)
 
 
@@ -121,7 +121,7 @@ def test_a_fade_that_is_turned_goes_on_from_its_level(at: Stepped):
     at.run(1.0)
     at.ok("fade drone in over 1bar now")
     at.run(0.1)
-    piece = at.session.commits.running.version.piece
+    piece = at.session.schedule.running.version.piece
     (route,) = (r for r in piece.mix.routes if r.part == "drone")
     assert 0.3 < route.fade[0].gain < 0.7
     bends = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3))
@@ -147,7 +147,7 @@ def test_everything_fades_and_a_fade_is_kept(at: Stepped):
     text, piece = opened(str(at.journal.with_name("verse.yaml")))
     assert "master" in text.text
     assert piece.mix.master is not None
-    own = at.session.commits.head.piece
+    own = at.session.schedule.head.piece
     assert own.mix.master is not None
     start = own.tempo_map.bars.start(2)
     for beat in (0.0, 3.0, 7.0):
@@ -211,4 +211,4 @@ def test_what_cannot_be_is_refused(at: Stepped, line: str, message: str):
     reply = at.type(line)
     assert not reply.taken, reply.text
     assert message in reply.text
-    assert at.session.commits.head.texts.text == SCORE
+    assert at.session.schedule.head.texts.text == SCORE

@@ -39,7 +39,7 @@ def test_a_first_line_may_begin_the_piece_anywhere(tmp_path: Path) -> None:
         assert session.submit("play from 100|1").text == "ok from 100|1"
         until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
     replay = read_journal(tmp_path / "session.jsonl")
-    began = next(frame for frame, _, line in replay.commits if line.fields["goes"])
+    began = next(one.frame for one in replay.commits if one.line.fields["goes"])
     again = ReplayedSession(replay)
     out = np.zeros((int(began + again.rate), again.n_channels))
     again.process(out)
@@ -48,7 +48,7 @@ def test_a_first_line_may_begin_the_piece_anywhere(tmp_path: Path) -> None:
 
 def test_bars_of_a_jump_lie_between_its_frames(at: Stepped) -> None:
     at.ok("play from 100|1")
-    running = at.session.commits.running
+    running = at.session.schedule.running
     found = bar_frames(running.stage, running.start, running.start + int(10 * at.rate))
     assert found == sorted(set(found))
     assert len(found) >= 4
@@ -65,7 +65,7 @@ def test_a_score_of_other_channels_is_refused_and_nothing_is_changed(
     assert "number of channels of a session cannot change" in reply.text
     at.run(4.0)
     assert at.session.state().bar > 1
-    assert at.session.commits.head.texts.path == str(tmp_path / "score.yaml")
+    assert at.session.schedule.head.texts.path == str(tmp_path / "score.yaml")
     assert at.session.history.numbers == [0]
 
 
@@ -80,11 +80,11 @@ def test_a_change_that_the_engine_refuses_is_dropped(
     at.ok("play")
     at.run(0.5)
     monkeypatch.setattr(at.engine, "change", refuse)
-    before = at.session.commits.head
+    before = at.session.schedule.head
     at.ok("seed 7 now")
     at.session.pump()
     assert any("is dropped: no such change" in said for said in at.session.messages())
-    assert at.session.commits.head is before
+    assert at.session.schedule.head is before
 
 
 def test_a_gesture_is_tried_on_keys_that_play_it(tmp_path: Path) -> None:
@@ -109,7 +109,7 @@ def test_show_tells_what_sounds(at: Stepped) -> None:
     at.ok("play")
     at.ok("ada plays knock every 1 at 2|1")
     at.ok("ada plays lean every 2 at 9|1")
-    at.run(at.session.commits.head.piece.tempo_map.seconds(7.0))
+    at.run(at.session.schedule.head.piece.tempo_map.seconds(7.0))
     assert any("knock from 2|1 until 9|1, then lean from 9|1" in x for x in at.ok("show").lines)
 
 

@@ -96,7 +96,7 @@ def test_a_scene_that_a_key_cannot_bear_is_refused_and_the_music_goes_on(tmp_pat
         own.run(1.0)
         assert own.scale == 1.0
         assert ("ada", "knock") in own.session.state().playing
-        assert not own.session.commits.head.piece.duet
+        assert not own.session.schedule.head.piece.duet
         own.kick()
         since = own.board.periods
         own.run(0.5)
@@ -106,15 +106,15 @@ def test_a_scene_that_a_key_cannot_bear_is_refused_and_the_music_goes_on(tmp_pat
 def test_a_scale_has_fallen_when_a_stiffer_scene_begins_and_rises_when_it_is_gone(tmp_path: Path):
     with rig(tmp_path, "firm", Scene().text) as own:
         own.ok(STIFF)
-        at = own.session.commits.running.start
-        last = own.session.commits.running.force_bounds[0].last.scale
+        at = own.session.schedule.running.start
+        last = own.session.schedule.running.force_bounds[0].last.scale
         seen = _ticks(own, at + 40 * 44)
         # The tick whose first frame is that of the change is the first to end behind it.
         assert next(scale for frame, scale in seen if frame > at) == pytest.approx(last, abs=1e-9)
         assert np.abs(np.diff([1.0, *(scale for _, scale in seen)])).max() < 0.1  # no step
         # Softer over a second: nothing is given back before the glide says so.
         own.ok("set bell.b.K 300N/m over 1bar now")
-        running = own.session.commits.running
+        running = own.session.schedule.running
         (bearing,) = running.force_bounds
         assert bearing.last.scale == 1.0
         bounds = [(running.start + 44 * ticks, scale) for ticks, scale in bearing.bounds]

@@ -54,20 +54,20 @@ def at(tmp_path: Path):
 
 def same_again(at: Stepped) -> None:
     """Undone to the beginning, saved and resumed; the journal is the sound."""
-    text = at.session.commits.head.texts.text
+    text = at.session.schedule.head.texts.text
     at.ok("save typed")
     at.run(0.3)
     assert opened(str(at.journal.with_name("typed.yaml")))
     at.session.close()
     assert np.array_equal(at.again(), at.sound)
     again = Stepped.resumed(at.journal)
-    assert again.session.commits.head.texts.text == text
+    assert again.session.schedule.head.texts.text == text
     again.ok("play from 2|1")
     again.run(1.5)
     count = len(again.session.history.numbers) - 1
     again.ok(f"back {count}")
     again.run(1.0)
-    assert again.session.commits.head.texts.text == SCORE
+    assert again.session.schedule.head.texts.text == SCORE
     again.close()
     assert np.array_equal(again.again(), again.sound)
 
@@ -83,7 +83,7 @@ def test_a_new_instrument_is_built_linked_routed_and_played(at: Stepped):
     at.ok("route bell2 3 4 gain 60dB")
     at.ok("mia plays knock every 1/2")
     at.run(4.0)
-    version = at.session.commits.running.version
+    version = at.session.schedule.running.version
     bell2 = {module.name: module.fields for module in version.piece.instruments["bell2"].modules}
     ratio = 2.0 ** (7.0 / 12.0)
     assert bell2["prime"]["f"] == 440.0 * ratio  # E5, to the last bit
@@ -101,7 +101,7 @@ def test_a_new_instrument_is_built_linked_routed_and_played(at: Stepped):
 
 def test_an_instrument_like_another_is_transposed_where_it_sounds(at: Stepped):
     at.ok("deep = bell transpose -12st")
-    piece = at.session.commits.head.piece
+    piece = at.session.schedule.head.piece
     own = {module.name: module.fields for module in piece.instruments["deep"].modules}
     assert own["m"]["f"] == pytest.approx(110.0)
     assert own["low"]["K"] == pytest.approx(1250.0)
@@ -112,17 +112,17 @@ def test_an_instrument_like_another_is_transposed_where_it_sounds(at: Stepped):
 def test_cents_and_ratios_transpose_too(at: Stepped):
     at.ok("low = bell transpose -14cents")
     at.ok("fifth = bell transpose x1.5")
-    piece = at.session.commits.head.piece
+    piece = at.session.schedule.head.piece
     assert piece.instruments["low"].modules[0].fields["f"] == pytest.approx(
         220.0 * 2.0 ** (-14.0 / 1200.0), rel=1e-15
     )
     assert piece.instruments["fifth"].modules[0].fields["f"] == 330.0
-    assert "transpose: x1.5" in at.session.commits.head.texts.text
+    assert "transpose: x1.5" in at.session.schedule.head.texts.text
 
 
 def test_a_generator_takes_fields_of_its_own(at: Stepped):
     at.ok("gong2 = gong/plate f=C2 t60=3s transpose 12st")
-    (module,) = at.session.commits.head.piece.instruments["gong2"].modules
+    (module,) = at.session.schedule.head.piece.instruments["gong2"].modules
     assert module.fields["f"] == pytest.approx(2 * 65.406, rel=1e-3)
     assert module.fields["t60"] == 3.0
 
@@ -132,7 +132,7 @@ def test_a_link_comes_in_without_a_jump(at: Stepped):
     at.run(2.0)
     at.ok("link bell.m bell.low REF K=2kN/m now")
     at.run(0.3)
-    (glide,) = at.session.commits.running.glides
+    (glide,) = at.session.schedule.running.glides
     assert (glide.part, glide.module, glide.before) == ("links", "ref-1", (0.0,))
     at.run(1.0)
     bends = np.abs(np.diff(at.sound[:, 0], 3))
@@ -145,13 +145,13 @@ def test_a_link_comes_in_without_a_jump(at: Stepped):
 def test_what_was_built_is_removed_with_what_belongs_to_it(at: Stepped):
     at.ok("couple k1 k2 K=20N/m\nb2 = bell\nroute b2 2\nlink k2 b2.m BUT K=500N/m gap=1mm")
     at.run(2.0)
-    assert "links" in at.session.commits.head.piece.instruments
+    assert "links" in at.session.schedule.head.piece.instruments
     at.ok("remove links.but-1")
-    assert "links" not in at.session.commits.head.piece.instruments
+    assert "links" not in at.session.schedule.head.piece.instruments
     at.ok("remove b2")
-    assert [route.part for route in at.session.commits.head.piece.mix.routes] == ["bell"]
+    assert [route.part for route in at.session.schedule.head.piece.mix.routes] == ["bell"]
     at.ok("remove leo\nremove k2")
-    piece = at.session.commits.head.piece
+    piece = at.session.schedule.head.piece
     assert [*piece.players] == ["ada"]
     assert [*piece.keys] == ["k1"]
     assert piece.duet == ()
@@ -163,14 +163,14 @@ def test_what_was_built_is_removed_with_what_belongs_to_it(at: Stepped):
 def test_what_is_renamed_is_renamed_wherever_it_is_named(at: Stepped):
     at.run(1.1)
     at.ok("rename knock tap2")
-    piece = at.session.commits.head.piece
+    piece = at.session.schedule.head.piece
     assert [*piece.gestures] == ["tap2", "lean"]
     assert {play.what for play in piece.parts} == {"tap2", "lean"}
     at.ok("rename leo eva")
-    piece = at.session.commits.head.piece
+    piece = at.session.schedule.head.piece
     assert [*piece.players] == ["ada", "eva"]
     assert [play.what for play in piece.parts if play.player == "eva"] == ["tap2", "lean"]
-    text = at.session.commits.head.texts.text
+    text = at.session.schedule.head.texts.text
     assert text.replace("tap2", "knock").replace("eva:", "leo:") == SCORE
     at.run(2.0)
     same_again(at)
@@ -181,7 +181,7 @@ def test_what_is_renamed_is_renamed_in_patterns(at: Stepped):
     at.ok("leo plays choose knock lean every 1 chance 0.5")
     at.run(1.0)
     at.ok("rename knock tap2")
-    text = at.session.commits.head.texts.text
+    text = at.session.schedule.head.texts.text
     assert "tap2 (lean tap2) ~" in text
     assert "choose tap2 lean" in text
     assert "knock" not in text.partition("gestures:")[2]
@@ -190,10 +190,10 @@ def test_what_is_renamed_is_renamed_in_patterns(at: Stepped):
 
 def test_a_player_takes_another_key(at: Stepped):
     at.ok("leo takes k1")
-    assert at.session.commits.head.piece.players["leo"].key == "k1"
+    assert at.session.schedule.head.piece.players["leo"].key == "k1"
     at.run(1.5)
     at.ok("leo takes k9")
-    assert at.session.commits.head.piece.keys["k9"].travel == (-0.015, 0.015)
+    assert at.session.schedule.head.piece.keys["k9"].travel == (-0.015, 0.015)
 
 
 def test_without_routes_what_sounds_stays_where_it_is():
@@ -244,7 +244,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing(at: Stepped, line: str, m
     reply = at.type(line)
     assert not reply.taken, reply.text
     assert message in reply.text
-    assert at.session.commits.head.texts.text == SCORE
+    assert at.session.schedule.head.texts.text == SCORE
 
 
 def test_what_ships_keeps_its_own_text():
@@ -272,5 +272,5 @@ def test_what_is_referred_to_is_not_removed_and_all_that_does_is_named(tmp_path:
         assert reply.try_ == "remove tick"
         own.ok("remove tick\nremove tab")
         own.run(3.0)
-        assert own.session.commits.head.piece.strikes == ()
+        assert own.session.schedule.head.piece.strikes == ()
     assert np.array_equal(own.again(), own.sound)

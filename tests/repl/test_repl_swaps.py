@@ -61,8 +61,8 @@ def edits(count: int) -> list[str]:
 def edited(stepped: Stepped, edit: str, count: int) -> None:
     """Do an edit now; modules and links come and go by the score's file."""
     if edit in ("module", "link"):
-        path = Path(stepped.session.commits.head.texts.path)
-        text = stepped.session.commits.head.texts.text
+        path = Path(stepped.session.schedule.head.texts.path)
+        text = stepped.session.schedule.head.texts.text
         module = f"      x{count}: {{CEL: {{M: 2g, f: {300 + count}Hz, t60: 9s}}}}\n"
         if edit == "link":
             module += f"      y{count}: {{REF: {{between: [a, x{count}], K: 40N/m, Z: 1mNs/m}}}}\n"
@@ -87,7 +87,7 @@ def clicks(count: int, folder: Path) -> list[tuple[str, float]]:
         swaps = []
         for number, edit in enumerate(edits(count)):
             edited(stepped, edit, number)
-            swaps.append((edit, stepped.session.commits.running.start))
+            swaps.append((edit, stepped.session.schedule.running.start))
             stepped.run(0.25)
         sound = stepped.sound
     finally:

@@ -11,10 +11,8 @@ import pytest
 from sessions import Stepped
 from tests.repl.test_repl_session import SCORE
 
-from ergon.notation.clock.positions import Length
-from ergon.repl.session import making_time
-from ergon.repl.session.commits import WaitingLine
-from ergon.repl.session.running import RunningVersion, stage_next
+from ergon.repl.session.running import staged
+from ergon.scores.staging.stage import Stage
 
 
 @pytest.fixture
@@ -60,7 +58,7 @@ def test_a_line_whose_bar_a_jump_has_passed_acts_at_once(session: Stepped):
     session.run(2.0)
     session.ok("play from 153|2")
     session.run(0.5)
-    assert not session.session.commits.waiting
+    assert not session.session.schedule.waiting
     session.run(12.0)
     second = int(session.rate)
     assert np.abs(session.sound[-second:]).max() > 1e-3
@@ -73,11 +71,10 @@ def test_a_line_acts_on_its_beat_though_the_tempo_changes(session: Stepped):
     session.ok("ada plays knock every 1 at 9|1")  # at 8 s
     session.ok("tempo 120 now")
     session.run(20.0)
-    tempo = session.session.commits.head.piece.tempo_map
+    tempo = session.session.schedule.head.piece.tempo_map
     frame = commits(session)[2]
-    assert session.session.commits.running.clock.beat(tempo, frame / session.rate) == pytest.approx(
-        32.0, abs=0.1
-    )
+    clock = session.session.schedule.running.clock
+    assert clock.beat(tempo, frame / session.rate) == pytest.approx(32.0, abs=0.1)
     onset = int(np.flatnonzero(np.abs(session.sound).max(axis=1) > 1e-6)[0])
     assert onset / session.rate == pytest.approx(16.0, abs=0.1)
     session.ok("undo")
@@ -109,7 +106,7 @@ def test_a_session_that_stood_still_says_what_did_not_begin(tmp_path: Path):
     at.session.pump()
     said = [one for one in at.session.messages() if "was skipped" in one]
     assert len(said) == 1
-    assert said[0].startswith("the program was suspended, or a line took too long: ")
+    assert said[0].startswith("the program was suspended, or the machine was too busy: ")
     at.run(1.0)
     assert not at.session.messages()
     at.close()
@@ -117,57 +114,40 @@ def test_a_session_that_stood_still_says_what_did_not_begin(tmp_path: Path):
 
 def test_lines_that_one_delay_makes_late_are_put_off_once(session: Stepped):
     """The time that a version takes was doubled for each: the twelfth waited for hours."""
-    commits = session.session.commits
-    commits.margin = 64
+    schedule = session.session.schedule
+    schedule.margin = 64
     session.ok("play")
     session.run(0.1)
     session.ok("gain bell -1dB")
-    commits.making_time.seconds = 0.01
+    schedule.making_time.seconds = 0.01
     for _ in range(12):
         session.ok("gain bell -1dB")
     session.engine.process(int(3 * session.rate) // 64 * 64)  # the session does not get to look
     session.session.pump()
-    bars = {one.beat // 4 for one in commits.waiting if one.number}
+    bars = {one.beat // 4 for one in schedule.waiting if one.number}
     assert len(bars) == 1
-    assert max(bars) * 4 < commits.beat_now() + 40
+    assert max(bars) * 4 < schedule.beat_now() + 40
 
 
 def test_a_version_that_takes_long_to_make_begins_nevertheless(
     session: Stepped, monkeypatch: pytest.MonkeyPatch
 ):
     """The sound goes on meanwhile: each version came too late, and `play` never began."""
-    engine, commits = session.engine, session.session.commits
+    engine, schedule = session.engine, session.session.schedule
 
-    def slowly(*given: Any, **more: Any) -> RunningVersion:
+    def slowly(*given: Any, **more: Any) -> Stage:
         engine.process(int(0.8 * session.rate) // 64 * 64)
-        return stage_next(*given, **more)
+        return staged(*given, **more)
 
-    monkeypatch.setattr("ergon.repl.session.commits.stage_next", slowly)
-    monkeypatch.setattr(making_time, "clock", lambda: engine.frame / session.rate)
-    commits.margin = 64
+    monkeypatch.setattr("ergon.repl.session.takeover.staged", slowly)
+    schedule.margin = 64
     session.ok("play")
     session.run(8.0)
-    assert commits.running.clock.is_running
+    assert schedule.running.clock.is_running
     session.ok("gain bell -3dB")
     session.run(8.0)
-    assert not commits.waiting
-    assert commits.running.version.faders.gains["bell"] == pytest.approx(10**-0.15)
-
-
-def test_an_extension_of_the_timeline_is_no_line_of_the_history(session: Stepped):
-    """While it waited, it stood in the history as the score, and `undo` cancelled it."""
-    commits, own = session.session.commits, session.session
-    session.ok("play")
-    session.run(0.2)
-    when = commits.beat_and_frame(Length(bars=4.0), None)
-    commits.insert(WaitingLine("", lambda old, _: old, *when))
-    session.ok("gain bell -3dB")
-    own.pump()
-    assert 0 in [one.number for one in commits.waiting]
-    assert own.history.numbers[0] == 0
-    assert own.history.index == len(own.history.numbers) - 1
-    assert "'gain bell -3dB' is cancelled" in session.ok("undo").text
-    assert own.history.numbers[0] == 0
+    assert not schedule.waiting
+    assert schedule.running.version.faders.gains["bell"] == pytest.approx(10**-0.15)
 
 
 TRAVEL = """\

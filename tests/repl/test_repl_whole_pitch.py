@@ -128,23 +128,23 @@ def test_the_whole_glides_at_the_prompt_and_what_is_saved_does(at, tmp_path):
 
 def test_the_pitch_is_set_where_it_is_written(at):
     def said(name):
-        return at.session.commits.head.piece.instruments[name].pitch
+        return at.session.schedule.head.piece.instruments[name].pitch
 
     at.ok("play from 1|1")
     at.run(0.5)
     at.ok("set bell.f C4 now")
-    assert "transpose: 3st" in at.session.commits.head.texts.text
+    assert "transpose: 3st" in at.session.schedule.head.texts.text
     assert (said("bell"), said("bell2")) == (pytest.approx(261.6256), pytest.approx(261.6256))
     at.run(1.0)
     assert pitch(at.sound[-int(0.7 * at.rate) :, 0], at.rate) == pytest.approx(261.6, rel=0.01)
     at.ok("set bell.f x1.5 now")
     assert said("bell") == pytest.approx(392.4384)
     at.ok("set bell2.f A4 now")
-    assert "bell2: {like: bell, f: A4}" in at.session.commits.head.texts.text
+    assert "bell2: {like: bell, f: A4}" in at.session.schedule.head.texts.text
     at.ok("set bell.f A3 now")
-    assert "transpose" not in at.session.commits.head.texts.text
+    assert "transpose" not in at.session.schedule.head.texts.text
     at.ok("set sky.f x2 now\nset sky.t60 x0.5 now")
-    assert "f: 400Hz..1800Hz, t60: 2s" in at.session.commits.head.texts.text
+    assert "f: 400Hz..1800Hz, t60: 2s" in at.session.schedule.head.texts.text
     at.run(1.0)
     at.ok("map cc 21 bell.f A3..A4")
     at.close()

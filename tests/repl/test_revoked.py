@@ -24,12 +24,16 @@ strikes: {s: {to: bell.m, at: 1|1, impulse: 1mNs}}
 """
 
 
-@pytest.fixture
-def begun(tmp_path: Path) -> Stage:
-    (tmp_path / "bell.yaml").write_text(SCORE)
-    piece = load(tmp_path / "bell.yaml").piece
+def fresh(folder: Path) -> Stage:
+    (folder / "bell.yaml").write_text(SCORE)
+    piece = load(folder / "bell.yaml").piece
     assert piece is not None
     return stage(piece, planned=True, on_fault="mute", going=StageTakeover(spans=()))
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Stage:
+    return fresh(tmp_path)
 
 
 def damped(like: Stage, frame: int) -> Change:
@@ -43,7 +47,7 @@ def test_revoked_changes_are_late_by_their_tickets(begun: Stage) -> None:
     engine = SteppedEngine(begun, tick_frames=EVERY, highpass=None)
     first = damped(begun, 10 * EVERY)
     tickets = [engine.change(first)]
-    tickets += [engine.change(damped(first.stage, tick * EVERY)) for tick in (30, 20, 20)]
+    tickets += [engine.change(damped(first.stage, at * EVERY)) for at in (30, 20, 20)]
     engine.revoke(20 * EVERY)
     assert engine.events() == [EngineEvent(0, ticket, is_late=True) for ticket in tickets[1:]]
     engine.process(40 * EVERY)
@@ -52,18 +56,18 @@ def test_revoked_changes_are_late_by_their_tickets(begun: Stage) -> None:
     assert not engine.events()
 
 
-def test_a_change_after_a_revocation_is_made(begun: Stage) -> None:
+def test_a_change_after_a_revocation_is_made(tmp_path: Path) -> None:
     sounds = []
     for revokes in (False, True):
+        begun = fresh(tmp_path)
         engine = SteppedEngine(begun, tick_frames=EVERY, highpass=None)
-        engine._simulation = begun.simulation.fork()
         if revokes:
             engine.change(damped(begun, 10 * EVERY))
             engine.revoke(10 * EVERY)
         ticket = engine.change(damped(begun, 10 * EVERY))
         sounds.append(engine.process(50 * EVERY))
-        in_time = [event for event in engine.events() if not event.is_late]
-        assert in_time == [EngineEvent(10 * EVERY, ticket)]
+        made = [one for one in engine.events() if not one.is_late]
+        assert made == [EngineEvent(10 * EVERY, ticket)]
     np.testing.assert_array_equal(*sounds)
 
 
@@ -79,23 +83,22 @@ def test_a_change_of_the_frame_that_comes_is_revoked(begun: Stage) -> None:
 def test_the_live_engine_revokes(begun: Stage) -> None:
     with closing(LiveEngine(begun, PlaybackConfig(audio="null"))) as engine:
         soon = (engine.frame // engine.tick_frames + 1) * engine.tick_frames
-        later = soon + 600 * engine.tick_frames * engine.tick_frames  # minutes on
-        tickets = [engine.change(damped(begun, later)) for _ in range(3)]
-        engine.revoke(later + 1)
-        path = engine.guide(later, {})
-        engine.revoke(later)
-        last = engine.change(damped(begun, later))
-        events: list[EngineEvent] = []
+        at = soon + 600 * engine.tick_frames * engine.tick_frames  # minutes on
+        tickets = [engine.change(damped(begun, at)) for _ in range(3)]
+        engine.revoke(at + 1)
+        path = engine.guide(at, {})
+        engine.revoke(at)
+        last = engine.change(damped(begun, at))
+        found: list[EngineEvent] = []
 
-        def read() -> int:
-            events.extend(engine.events())
-            return len(events)
+        def read(found: list[EngineEvent]) -> list[EngineEvent]:
+            found += engine.events()
+            return found
 
-        until(lambda: read() >= len(tickets), "the revoked changes are reported")
+        until(lambda: len(read(found)) >= len(tickets), "the revoked changes are reported")
         time.sleep(0.05)
-        read()
-        late = [(event.ticket, event.is_late) for event in events]
-        assert late == [(ticket, True) for ticket in tickets]
+        read(found)
+        assert [(one.ticket, one.is_late) for one in found] == [(own, True) for own in tickets]
         assert path not in tickets
         assert last not in tickets
     engine.revoke(0)  # nothing is left to withdraw

@@ -205,7 +205,7 @@ def test_calls_change_what_a_real_session_plays(tmp_path: Path):
         stepped.run(2.5)
         assert session.state.tempo == 72
         assert dict(session.state.playing) == {"ada": "lean"}
-        assert "knock: 0@0 smooth 5@1/8" in stepped.session.commits.head.texts.text
+        assert "knock: 0@0 smooth 5@1/8" in stepped.session.schedule.head.texts.text
 
 
 def test_it_opens_as_the_command_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -285,7 +285,7 @@ def test_a_panic_is_one_version_however_often_it_is_asked(tmp_path: Path):
 def test_stops_are_the_words_of_the_language(tmp_path: Path, line: str, stop: str | None):
     """What the prompt takes for a stop, the language does."""
     played = Stepped(SCORE, tmp_path)
-    scope = scope_of(played.session.commits.head.piece)
+    scope = scope_of(played.session.schedule.head.piece)
     played.close()
     assert stop_of(line) == stop
     if stop:
@@ -304,7 +304,7 @@ def test_queue_with_refused_line(tmp_path: Path, line: str):
     assert not played.session.submit(line).taken
     assert not played.session.state().panicked
     played.run(7.0)
-    assert played.session.commits.head.faders.gains["bell"] == pytest.approx(10 ** (-3 / 20))
+    assert played.session.schedule.head.faders.gains["bell"] == pytest.approx(10 ** (-3 / 20))
     played.close()
 
 
@@ -318,7 +318,7 @@ def test_pan_with_instrument_of_that_name(tmp_path: Path):
     for line in ("route pan 1 2", "pan pan 0.2"):
         played.ok(line)
     played.ok("pan strikes pan.m every 1 impulse 1mNs")
-    text = played.session.commits.head.texts.text
+    text = played.session.schedule.head.texts.text
     assert "pan: 0.2" in text
     assert not played.session.state().panicked
     played.close()

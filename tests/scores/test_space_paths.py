@@ -129,19 +129,19 @@ def test_a_session_defines_plays_and_renames(tmp_path: Path):
     try:
         assert "a path in space of 2 points" in at.ok("pour = (0, 0)@0 smooth (3, -3)@1/2").text
         at.ok("rename circle ring")
-        text = at.session.commits.head.texts.text
+        text = at.session.schedule.head.texts.text
         assert "play: ring.x" in text
         assert "wide.y ring.y" in text
         assert "like: ring" in text
         assert {"ring.x", "ring.y", "pour.x"} <= check(text).piece.gestures.keys()
-        at.ok("ada plays pour.x at 2|1")
+        at.ok("ada plays pour.x")
         shown = "\n".join(at.ok("? pour").lines)
         assert "pour.x on east" in shown
         assert "pour.y on north" in shown or "pour.y on east" in shown
-        assert "ada plays pour." in at.type("ada plays pour at 2|1").try_
-        at.ok("remi plays ring.y at 2|1")
-        at.ok("ada plays ring.x at 2|1")
+        assert "ada plays pour." in at.type("ada plays pour").try_
+        at.ok("remi plays ring.y")
+        at.ok("ada plays ring.x")
         at.ok("remove pour")
-        assert "pour" not in at.session.commits.head.texts.text
+        assert "pour" not in at.session.schedule.head.texts.text
     finally:
         at.close()

@@ -330,7 +330,7 @@ def test_what_passes_is_typed_ended_kept_and_comes_back_as_a_scene(at):
     at.ok("front strikes sky.all sweep inward for 2 every 1bar impulse 1mNs")
     at.ok("worm strikes sky.all path 1 0deg -> 0.3 720deg width 0.3 for 4 every 2bar impulse 1mNs")
     at.run(4.5)
-    (front, worm) = at.session.commits.head.piece.strikes
+    (front, worm) = at.session.schedule.head.piece.strikes
     assert front.passing is not None
     assert front.passing.sweep == "inward"
     assert worm.passing is not None
@@ -348,7 +348,7 @@ def test_what_passes_is_typed_ended_kept_and_comes_back_as_a_scene(at):
     at.ok("scene verse")
     at.run(4.0)
     assert np.abs(at.sound[-int(2.0 * at.rate) :]).max() > 1e-6
-    again = [one for one in at.session.commits.head.piece.strikes if one.passing is not None]
+    again = [one for one in at.session.schedule.head.piece.strikes if one.passing is not None]
     assert {one.passing.sweep for one in again if one.passing} == {"inward", None}
     at.ok("undo")
     at.run(0.5)

@@ -15,9 +15,11 @@ from sessions import Stepped
 
 from ergon import _core
 from ergon.repl.session import version_edits
-from ergon.repl.session.commits import Commits, VersionEdit, WaitingLine, reparse
+from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.running import RunningVersion
+from ergon.repl.session.schedule import Schedule
 from ergon.repl.session.version import Version
+from ergon.repl.session.waiting_lines import VersionEdit, WaitingLine, edited, reparse
 from ergon.scores.staging.cutting import cut_stage
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import Stage
@@ -51,10 +53,10 @@ class Sounds:
 
 def after_act(stepped: Stepped, act: Act, seconds: float = 1.0) -> Sounds:
     """The sound of a session after an act at the next frame; the session itself goes on."""
-    commits = stepped.session.commits
-    running, frame = commits.running, commits.soonest_frame()
+    schedule = stepped.session.schedule
+    running, frame = schedule.running, schedule.soonest_frame()
     assert stepped.engine.frame >= running.start
-    texted = _by_text(commits, running, act, frame)
+    texted = _by_text(schedule, running, act, frame)
     cut = cut_of(running, texted, act, frame)
     old = stepped.engine._simulation.fork()
     process(old, frame - stepped.engine.frame)
@@ -63,8 +65,8 @@ def after_act(stepped: Stepped, act: Act, seconds: float = 1.0) -> Sounds:
 
 def after_line(stepped: Stepped, sounds: Sounds, line: WaitingLine, seconds: float) -> Sounds:
     """The sound after another line, which takes over from the texts' version and from the cut."""
-    commits = stepped.session.commits
-    texted, cut = (_staged(commits, on, line) for on in (sounds.texted, sounds.cut))
+    schedule = stepped.session.schedule
+    texted, cut = (_staged(schedule, on, line) for on in (sounds.texted, sounds.cut))
     n_frames = int(seconds * stepped.rate)
     return _sounds(line.start, sounds.stepped_on, texted, cut, n_frames)
 
@@ -76,7 +78,8 @@ def line_at(stepped: Stepped, sounds: Sounds, text: str) -> WaitingLine:
     assert start % every == 0
     running = sounds.texted
     beat, edit = running.beat(start), _edit(running.version, text)
-    return WaitingLine(text, edit, beat, start, True if text == "play" else None, number=_UNUSED)
+    goes = True if text == "play" else None
+    return WaitingLine(_UNUSED, text, edit, LineKind.STRUCTURE, beat, start, goes)
 
 
 def _edit(version: Version, text: str) -> VersionEdit:
@@ -95,17 +98,17 @@ def cut_of(running: RunningVersion, texted: RunningVersion, act: Act, frame: int
     return replace(texted, stage=stage)
 
 
-def _by_text(commits: Commits, running: RunningVersion, act: Act, frame: int) -> RunningVersion:
+def _by_text(schedule: Schedule, running: RunningVersion, act: Act, frame: int) -> RunningVersion:
     edit = _same if act == "stop" else version_edits.hush
     goes = None if act == "hush" else False
-    line = WaitingLine(act, edit, running.beat(frame), frame, goes, number=_UNUSED)
-    return _staged(commits, running, line)
+    beat = running.beat(frame)
+    line = WaitingLine(_UNUSED, act, edit, LineKind.ENDS, beat, frame, goes)
+    return _staged(schedule, running, line)
 
 
-def _staged(commits: Commits, on: RunningVersion, line: WaitingLine) -> RunningVersion:
-    version = commits._stage_line(on, line)
-    commits.past_versions.pop(_UNUSED)
-    return version
+def _staged(schedule: Schedule, on: RunningVersion, line: WaitingLine) -> RunningVersion:
+    version = edited(on.version, line)
+    return schedule.takeovers.made(on, [replace(line, base=on.version, version=version)])
 
 
 def process(simulation: _core.Simulation, n_frames: int) -> NDArray[np.float64]:
@@ -154,10 +157,10 @@ def begun(seed: int, folder: Path) -> tuple[Stepped, list[str]]:
         if stepped.type(line).taken:
             taken.append(line)
         stepped.run(dice.uniform(0.03, 0.5))
-    if not stepped.session.commits.running.clock.is_running and dice.random() < 0.8:
+    if not stepped.session.schedule.running.clock.is_running and dice.random() < 0.8:
         stepped.ok("play")
         stepped.run(dice.uniform(0.1, 1.0))
-    while stepped.session.commits.under_way:
+    while stepped.session.schedule.changes.under_way:
         stepped.run(0.1)
     return stepped, taken
 

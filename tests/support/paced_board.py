@@ -11,11 +11,8 @@ import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import pytest
 from patience import PATIENCE
 from simulated_board import LOG, Board, Ways
-
-from ergon.repl.session import making_time
 
 _ASK = 0.05  # [s] between two looks whether it is to end
 
@@ -139,15 +136,9 @@ class Paced:
 
 @contextlib.contextmanager
 def paced(**ways: float | bool) -> Iterator[Paced]:
-    """A board whose time a test controls; `ways` are those of `Ways`.
-
-    Meanwhile the time for making a version counts as zero, so that the machine's speed does not
-    matter.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(making_time, "clock", lambda: 0.0)
-        board = Paced(Ways(**ways))
-        try:
-            yield board
-        finally:
-            board.close()
+    """A board whose time a test controls; `ways` are those of `Ways`."""
+    board = Paced(Ways(**ways))
+    try:
+        yield board
+    finally:
+        board.close()

@@ -19,7 +19,7 @@ from ergon.api import local_session
 from ergon.cli.app import main
 from ergon.live import midi_ports
 from ergon.live.perform import PlaybackConfig
-from ergon.repl.session import commits, computing
+from ergon.repl.session import computing, schedule
 from ergon.repl.session.session import Session
 
 _PERIODS = 10  # of 1 ms, between two looks of the session at its engine
@@ -69,11 +69,11 @@ class Driver:
         self.paces.remove(lost)
         lost.leave()
         lost.free()
-        self._until(lambda: "zoe" in self.session.commits.engine.status().disconnected)
+        self._until(lambda: "zoe" in self.session.schedule.engine.status().disconnected)
 
     def find(self) -> None:
         self.boards[1].come()
-        self._until(lambda: not self.session.commits.engine.status().disconnected)
+        self._until(lambda: not self.session.schedule.engine.status().disconnected)
 
     def _until(self, true) -> None:
         while not true():
@@ -99,7 +99,7 @@ def by_frames(config: PlaybackConfig) -> PlaybackConfig:
 
 if __name__ == "__main__":
     computing.LINE_SECONDS = computing.FILES_SECONDS = 1e3
-    commits._MAKING_FACTOR = 0.0  # time stands still while a line is computed
+    schedule._MAKING_FACTOR = 0.0  # time stands still while a line is computed
     hand = {"stiffness": 900.0, "sine": 5e-3}
     with paced(hertz=2.0, **hand) as one, paced(hertz=3.0, **hand) as two:
         port = midi_ports.ProcessPort()

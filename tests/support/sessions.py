@@ -101,7 +101,7 @@ class Stepped:
 
     @property
     def rate(self) -> float:
-        return self.session.commits.rate
+        return self.session.schedule.rate
 
     @property
     def where(self) -> str:

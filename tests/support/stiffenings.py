@@ -96,7 +96,7 @@ class Rig:
     @property
     def engine(self) -> LiveEngine:
         """The live engine of the session."""
-        engine = self.session.commits.engine
+        engine = self.session.schedule.engine
         assert isinstance(engine, LiveEngine)
         return engine
 

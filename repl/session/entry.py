@@ -1,0 +1,49 @@
+"""A line that makes a version: what it edits, when, and its place in the history."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ergon.repl.session import computing
+from ergon.repl.session.line_kinds import LineKind
+
+if TYPE_CHECKING:
+    from ergon.repl.language.commands import When
+    from ergon.repl.session.waiting_lines import VersionEdit
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A line that makes a version: what it edits, when, and its place in the history.
+
+    It is a new version, or an earlier one that it `restores`. In the history it may take the
+    place of the line `replaces`; a line that is not `is_typed` is not in the history. The
+    journal keeps texts that were read from files (`reads_files`).
+    """
+
+    line: str
+    edit: VersionEdit
+    kind: LineKind = LineKind.STRUCTURE
+    when: When = None
+    sets_running: bool | None = None
+    enter: float | None = None
+    resets: bool = False
+    restores: int | None = None
+    reads_files: bool = False
+    redoes: bool = False
+    replaces: int | None = None
+    is_typed: bool = True
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether it ends what plays, which a full disk must not prevent."""
+        return self.resets or self.sets_running is False
+
+    @property
+    def seconds(self) -> float | None:
+        """The time limit of its computation [s]; None for a stop."""
+        if self.resets:
+            return None
+        takes_long = self.reads_files or self.restores is not None or self.sets_running is not None
+        return computing.FILES_SECONDS if takes_long else computing.LINE_SECONDS

@@ -1,0 +1,61 @@
+"""Lines that take effect together, and the version that was made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from typing import TYPE_CHECKING
+
+from ergon.repl.session.line_kinds import LineKind
+from ergon.repl.session.version import is_same_music
+
+if TYPE_CHECKING:
+    from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.waiting_lines import WaitingLine
+
+
+def group_of(lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
+    """The first lines that take effect together: those of one frame and one way to the engine."""
+    if not lines or lines[0].start is None:
+        return ()
+    start, way = lines[0].start, _way(lines[0])
+    return tuple(takewhile(lambda one: one.start == start and _way(one) is way, lines))
+
+
+def staged_group_of(lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
+    """The next lines that need a stage, which is made for all of them; faders wait for nothing.
+
+    Empty if a line that ends what plays comes before them.
+    """
+    group = group_of([one for one in lines if one.kind is not LineKind.FADERS])
+    return () if group and group[0].rule.is_quick else group
+
+
+def _way(one: WaitingLine) -> LineKind | None:
+    return one.kind if one.rule.is_quick else None
+
+
+@dataclass(frozen=True, slots=True)
+class MadeGroup:
+    """The version that lines make of the version `on`."""
+
+    lines: Sequence[WaitingLine]
+    on: RunningVersion
+    result: RunningVersion
+
+    def fits(self, group: Sequence[WaitingLine], running: RunningVersion) -> bool:
+        """Whether it is what these lines make of a running version, but for faders."""
+        on = self.on
+        return (
+            len(group) == len(self.lines)
+            and all(
+                (one.number, one.start, one.beat) == (other.number, other.start, other.beat)
+                and is_same_music(one.made(), other.made())
+                for one, other in zip(group, self.lines, strict=True)
+            )
+            and on.serial == running.serial
+            and self.result.start > running.start
+            # What an extension put behind the old end may sound at the takeover.
+            and (on is running or on.beat(self.result.start) <= on.timeline_end)
+        )

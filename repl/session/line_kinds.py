@@ -1,0 +1,70 @@
+"""Kinds of lines: what each needs of the engine, and whether it waits for the lines before it.
+
+| kind      | standing, panicked | running             | needs       | if it is late             |
+|-----------|--------------------|---------------------|-------------|---------------------------|
+| faders    | next tick          | next tick or grid   | gains alone | never is                  |
+| ends      | next tick          | next tick or grid   | a cut stage | never is                  |
+| values    | soonest frame      | soonest or grid     | a new stage | slips alone               |
+| structure | soonest frame      | soonest or grid     | a new stage | slips with later lines    |
+| start     | soonest frame      | soonest frame       | a new stage | slips with later lines    |
+
+Any of them may name its beat (`at`, `in`). While the piece stands it then waits until the piece
+gets there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+from ergon.repl.language import commands as c
+
+
+class LineKind(Enum):
+    """What a line changes, from the least to the most."""
+
+    FADERS = 0  # gains alone
+    ENDS = 1  # ends what plays
+    VALUES = 2  # values and patterns of what there is
+    STRUCTURE = 3  # what there is
+    START = 4  # starts the piece, or jumps
+
+
+class Rule(NamedTuple):
+    """How lines of a kind act.
+
+    A kind that `is_quick` needs no new stage, so that it is never late; one that `is_fenced`
+    takes effect in the order of typing: it slips together with an earlier line that slips.
+    """
+
+    is_quick: bool
+    is_fenced: bool
+
+
+RULES: Mapping[LineKind, Rule] = {
+    LineKind.FADERS: Rule(is_quick=True, is_fenced=False),
+    LineKind.ENDS: Rule(is_quick=True, is_fenced=False),
+    LineKind.VALUES: Rule(is_quick=False, is_fenced=False),
+    LineKind.STRUCTURE: Rule(is_quick=False, is_fenced=True),
+    LineKind.START: Rule(is_quick=False, is_fenced=True),
+}
+
+# Commands that are not listed change structure.
+_KINDS: Mapping[type[c.Command], LineKind] = {
+    **dict.fromkeys((c.Gain, c.Mute, c.Solo, c.Unmute), LineKind.FADERS),
+    **dict.fromkeys((c.Hush, c.Damp), LineKind.ENDS),
+    **dict.fromkeys(
+        (c.Set, c.Automate, c.StopLfo, c.Rest, c.Tempo, c.Nudge, c.Fade, c.Guide),
+        LineKind.VALUES,
+    ),
+}
+
+
+def kind_of(commands: Sequence[c.Command]) -> LineKind:
+    """The kind of a line, or of a block of lines that take effect together."""
+    kinds = {_KINDS.get(type(command), LineKind.STRUCTURE) for command in commands}
+    if len(kinds) == 1:
+        return kinds.pop()
+    # A block that ends what plays and changes something else needs a stage.
+    return max(LineKind.VALUES, *kinds, key=lambda kind: kind.value)

@@ -1,0 +1,100 @@
+"""When lines act: the beats and frames of what is asked for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.positions import Length, Position
+from ergon.notation.text.errors import TextError
+from ergon.repl.language.commands import NOW, When
+from ergon.repl.session.clock import next_boundary
+from ergon.repl.session.version import NotTakenError
+
+if TYPE_CHECKING:
+    from ergon.notation.clock.tempo import TempoMap
+    from ergon.repl.session.clock import Clock, Timing
+
+BAR = Length(bars=1.0)
+
+
+class Present(NamedTuple):
+    """Where a piece is: its clock, its tempo with all waiting lines, and its beat now."""
+
+    clock: Clock
+    tempo: TempoMap
+    beat: float
+    timing: Timing
+
+
+class Place(NamedTuple):
+    """The beat on which a line acts, and the frame at which it takes over; None: the piece stands,
+    and has not reached that beat.
+    """
+
+    beat: float
+    start: int | None
+
+
+def place_of(
+    when: When, grid: Length | None, present: Present, frames: tuple[int, int], lead: float
+) -> Place:
+    """The place of a line that takes over `lead` [s] before its beat.
+
+    `frames` are the first frame that a request can reach, and the soonest one for which a line
+    is expected to be ready; a named beat may come before the latter. Raises NotTakenError where
+    the beat is past.
+    """
+    earliest, soonest = frames
+    clock, tempo, now, timing = present
+    if not clock.is_running:
+        beat = clock.stopped_beat
+        if isinstance(when, Position):
+            beat = _resolved(tempo, when)
+        elif isinstance(when, Length):
+            beat = tempo.after(beat, when)
+        if beat < clock.stopped_beat - SAME:
+            raise _past(when, beat, present)
+        return Place(beat, None if beat > clock.stopped_beat + SAME else soonest)
+    first = clock.beat(tempo, soonest / timing.rate + lead)
+    if isinstance(when, Position | Length):
+        reached = clock.beat(tempo, earliest / timing.rate + lead)
+        if isinstance(when, Position):
+            beat = _resolved(tempo, when)
+            if beat < reached - SAME:
+                raise _past(when, beat, present)
+        else:
+            beat = max(reached, tempo.after(now, when))
+        return Place(beat, max(earliest, timing.takeover_frame(clock, tempo, beat, lead)))
+    if when is NOW or grid is None:
+        # Before its beginning the piece is at its first beat, for which a cut need not wait.
+        is_cut = not lead
+        frame = timing.takeover_frame(clock, tempo, first, lead)
+        return Place(first, soonest if is_cut else max(soonest, frame))
+    beat = next_boundary(tempo, first, grid)
+    return Place(beat, max(soonest, timing.takeover_frame(clock, tempo, beat, lead)))
+
+
+def frame_of(beat: float, present: Present, soonest: int) -> int:
+    """The first frame of the tick of a beat; the soonest frame where the piece stands."""
+    clock, tempo, _, timing = present
+    if not clock.is_running:
+        return soonest
+    every = timing.tick_frames
+    return int(clock.seconds(tempo, beat) * timing.rate) // every * every
+
+
+def _resolved(tempo: TempoMap, position: Position) -> float:
+    try:
+        return tempo.resolve(position)
+    except TextError as error:
+        raise NotTakenError(error.message) from None
+
+
+def _past(when: When, beat: float, present: Present) -> NotTakenError:
+    asked = when.text if isinstance(when, Position) and when.text else ""
+    verb = "is" if present.clock.is_running else "stands"
+    here = present.tempo.written(present.beat)
+    return NotTakenError(
+        f"{asked or present.tempo.written(beat)} is past: the piece {verb} at {here}"
+    )

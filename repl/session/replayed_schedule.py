@@ -1,0 +1,61 @@
+"""The schedule of a journal: the same changes at the same frames."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ergon.repl.session.line_kinds import LineKind
+from ergon.repl.session.schedule import Schedule
+from ergon.repl.session.waiting_lines import WaitingLine, WaitingLines
+
+if TYPE_CHECKING:
+    from ergon.repl.session.engine import EngineEvent
+
+
+class ReplayedSchedule(Schedule):
+    """A schedule whose lines and skips come from a journal."""
+
+    next_frame: float = math.inf  # of the next change in the journal
+
+    def perform(self, lines: Sequence[WaitingLine]) -> Sequence[WaitingLine]:
+        """Let lines take effect together at their frame; the lines with their versions.
+
+        Raises one of `REFUSALS`.
+        """
+        begun = WaitingLines(self.running.version, self.running.clock, self.timing)
+        for one in lines:
+            begun, _ = begun.appended(one, 0)
+        group, running = begun.lines, self.running
+        kinds = {one.kind for one in group}
+        if kinds == {LineKind.FADERS}:
+            self._move_faders(group)
+        elif kinds == {LineKind.ENDS}:
+            self._hand(group, self._checked(running, self.takeovers.cut(running, group)))
+        else:
+            self._hand(group, self._made_of(running, group))
+        self.reports.clear()
+        return group
+
+    def skip(self, frame: int) -> None:
+        """Go on at a frame, where the session could not play for a while before."""
+        after = self._checked(
+            self.running, self.takeovers.extended(self.running, frame, self.latest)
+        )
+        self._send_extension(after)
+
+    def take_events(self) -> Sequence[EngineEvent]:
+        """The events of the engine; changes are noted."""
+        events = self.engine.events()
+        for event in events:
+            if event.ticket is not None:
+                self.note_event(event)
+        self.reports.clear()
+        return events
+
+    def _extension_frame(self) -> int | None:
+        """The frame of the next extension: before the next change, which may extend it too."""
+        start = super()._extension_frame()
+        is_over = self.running.timeline_end >= self.latest
+        return None if start is None or is_over or start >= self.next_frame else start

@@ -1,0 +1,51 @@
+"""What a schedule reports: each becomes events of the journal and messages to the player."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.waiting_lines import WaitingLine
+
+
+class Moved(NamedTuple):
+    """A waiting line has another frame now."""
+
+    line: WaitingLine
+
+
+class Slipped(NamedTuple):
+    """Lines were not ready in time, and wait for a later frame, together."""
+
+    lines: Sequence[WaitingLine]
+
+
+class Dropped(NamedTuple):
+    """A line will not take effect."""
+
+    line: WaitingLine
+    why: str
+
+
+class Done(NamedTuple):
+    """Lines took effect at a frame, as change number `change`, in the version `after` them.
+
+    Without lines the timeline was extended.
+    """
+
+    frame: int
+    change: int
+    lines: Sequence[WaitingLine]
+    after: RunningVersion
+
+
+class Unable(NamedTuple):
+    """The timeline cannot be extended."""
+
+    sentence: str
+
+
+Report = Moved | Slipped | Dropped | Done | Unable

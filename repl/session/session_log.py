@@ -1,0 +1,211 @@
+"""The log of a session: its journal, its messages to the player, and its history.
+
+It turns what the schedule reports and what the engine did into events of the journal and
+sentences.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from ergon.live.display import force_sentence
+from ergon.repl.session.journal_content import effect_fields, text_fields
+from ergon.repl.session.reports import Done, Dropped, Moved, Report, Slipped, Unable
+from ergon.repl.session.version import Version, first_line
+from ergon.scores.edits import merging
+
+if TYPE_CHECKING:
+    from ergon.repl.session.history import History
+    from ergon.repl.session.journal import Journal
+    from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.schedule import Schedule
+    from ergon.repl.session.waiting_lines import WaitingLine
+    from ergon.scores.edits.merging import Spot
+
+_DELAY_TOLD = 1.0  # [s] by which a line that acts now may be late without a message
+_LOOKS_BACK = 200  # latest lines that are searched for the one that a reload discards
+
+
+class SessionLog:
+    """Events of the journal, messages, and the history of a schedule's lines."""
+
+    def __init__(self, schedule: Schedule, history: History, journal: Journal | None) -> None:
+        """Begin without messages."""
+        self.journal = journal
+        self._schedule, self._history = schedule, history
+        self._messages: deque[str] = deque(maxlen=1000)
+        # By player, the share of force that was reported last.
+        self._scales: dict[str, float] = {}
+        self._frozen = {part.name for part in schedule.running.frozen}
+        # By kind of trouble: what was reported last, and at which frame.
+        self._troubles: dict[str, tuple[str, float]] = {}
+
+    def say(self, message: str) -> None:
+        """Add a message."""
+        self._messages.append(message)
+
+    def pop_messages(self) -> Sequence[str]:
+        """Messages since the last call."""
+        found = []
+        while self._messages:
+            found.append(self._messages.popleft())
+        return found
+
+    def write(self, event: str, **fields: Any) -> None:
+        """Write an event to the journal."""
+        if self.journal is not None:
+            self.journal.append(event, **fields)
+
+    def position_at(self, frame: int) -> str:
+        """The position of the piece at a frame, as `bar|beat`."""
+        running = self._schedule.running
+        return running.version.piece.tempo_map.written(running.beat(frame))
+
+    # --- reports ---------------------------------------------------------------------------------
+
+    def take_reports(self) -> None:
+        """Write down what the schedule has reported, in its order."""
+        reports = self._schedule.reports
+        is_sorted = not reports
+        while reports:
+            self._note(reports.popleft())
+        if not is_sorted:
+            self._history.sort(self._schedule.effect_order())
+
+    def _note(self, report: Report) -> None:
+        match report:
+            case Moved(line):
+                self._note_moved(line)
+            case Slipped(lines):
+                self._note_slipped(lines)
+            case Dropped(line, why):
+                self.say(
+                    f"line {line.number} '{first_line(line.line)}' could not take effect and is "
+                    f"dropped: {why}"
+                )
+                self.note_dropped(line)
+            case Done(frame, change, lines, after):
+                self._note_done(frame, change, lines, after)
+            case Unable(sentence):
+                self.say(sentence)
+
+    def _note_moved(self, line: WaitingLine) -> None:
+        fields = {} if line.start is None else {"start": line.start}
+        self.write("late", number=line.number, beat=line.beat, **fields)
+
+    def _note_slipped(self, lines: Sequence[WaitingLine]) -> None:
+        schedule = self._schedule
+        for line in lines:
+            self._note_moved(line)
+        told = [line for line in lines if line.line]
+        if not told:
+            return
+        first, *more = told
+        assert first.start is not None
+        delay = (first.start - schedule.engine.frame) / schedule.rate
+        is_soon = first.is_now or not schedule.running.clock.is_running
+        if is_soon and delay <= _DELAY_TOLD:
+            return
+        when = f"in {delay:.1f} s" if is_soon else "at the next bar"
+        others = f", together with {len(more)} typed after it" if more else ""
+        self.say(
+            f"'{first_line(first.line)}' was not ready in time; it takes effect {when}{others}"
+        )
+
+    def note_dropped(self, line: WaitingLine) -> None:
+        """Note that a line will not take effect."""
+        self._history.remove(line.number)
+        self.write("dropped", number=line.number)
+
+    def _note_done(
+        self, frame: int, change: int, lines: Sequence[WaitingLine], after: RunningVersion
+    ) -> None:
+        """Note which lines took effect at a frame, and what was skipped before it."""
+        if after.skipped_from is not None:
+            self._note_skip(frame, after)
+        for line in lines:
+            # If the line read files, its texts were merged with the version that now takes effect.
+            texts: dict[str, object] = {}
+            if line.reads_files:
+                version = line.made()
+                texts = {**text_fields(version.texts), **effect_fields(version)}
+            self.write(
+                "commit", number=line.number, frame=frame, beat=line.beat, change=change, **texts
+            )
+        if lines and not self._schedule.waiting:
+            self._messages += [
+                f"{self.position_at(frame)} {sentence}" for sentence in self.force_messages(after)
+            ]
+
+    def _note_skip(self, frame: int, after: RunningVersion) -> None:
+        begin = after.skipped_from
+        assert begin is not None
+        end = after.beat(frame)
+        self.write("skip", frame=frame, begin=begin, end=end)
+        tempo = after.version.piece.tempo_map
+        self.say(
+            "the program was suspended, or the machine was too busy: what was to begin from "
+            f"{tempo.written(begin)} to {tempo.written(end)} was skipped"
+        )
+
+    # --- sentences -------------------------------------------------------------------------------
+
+    def force_messages(self, made: RunningVersion) -> list[str]:
+        """Messages about the share of force that real hands get, where it has changed."""
+        changed = [
+            one for one in made.force_bounds if self._scales.get(one.player, 1.0) != one.last.scale
+        ]
+        self._scales |= {one.player: one.last.scale for one in changed}
+        return [force_sentence(one) for one in changed]
+
+    def note_thawed(self, made: RunningVersion) -> None:
+        """Report which frozen parts are computed live from a version on."""
+        frozen = {part.name for part in made.frozen}
+        thawed = [
+            made.version.sounds_as.shown(name, made.version.piece.instruments)
+            for name in sorted(self._frozen - frozen)
+            if name in made.version.sounding.instruments
+        ]
+        self._frozen = frozen
+        if thawed:
+            verb, start = ("is", "starts") if len(thawed) == 1 else ("are", "start")
+            self.say(
+                f"from this line on {', '.join(thawed)} {verb} computed live and {start} at rest, "
+                "because the line changes what was frozen"
+            )
+
+    def discard_messages(self, version: Version) -> list[str]:
+        """Messages about typed values that were replaced by those of the files."""
+        found = []
+        for spot in version.discarded_spots:
+            line = self._line_that_changed(spot)
+            typed = f"'{first_line(line)}'" if line else "what was typed"
+            found.append(
+                f"{spot} was changed by {typed} and in the file; the value in the file is kept, "
+                "and the line is discarded"
+            )
+        return found
+
+    def _line_that_changed(self, spot: Spot) -> str:
+        """The last earlier line that changed a place; empty if none is found."""
+        history, versions = self._history, self._schedule.past_versions
+        past = [versions[n] for n in history.numbers[: history.index]]
+        for before, after in itertools.pairwise(reversed(past[-_LOOKS_BACK:])):
+            if merging.differ(before.texts, after.texts, spot):
+                return before.line
+        return ""
+
+    def note_troubles(self, troubles: Sequence[str], frame: int) -> None:
+        """Report each new trouble of the engine; a count that rises, at most once per second of
+        sound.
+        """
+        rate = self._schedule.rate
+        for trouble in troubles:
+            kind = trouble.rstrip("0123456789")
+            last, at = self._troubles.get(kind, ("", -rate))
+            if trouble != last and frame >= at + rate:
+                self._troubles[kind] = trouble, frame
+                self.say(f"{self.position_at(frame)} {trouble}")

@@ -1,0 +1,354 @@
+"""Accepted lines that wait for their frame, in the order of effect; the object never changes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Container, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import TYPE_CHECKING, NamedTuple
+
+from ergon._core import EngineError, StoppedError
+from ergon.notation.clock.meter import SAME
+from ergon.notation.text.edit import EditError
+from ergon.repl.language.commands import Command
+from ergon.repl.language.parse import parse
+from ergon.repl.language.refusal import Refusal
+from ergon.repl.language.scope import scope_of
+from ergon.repl.session.clock import Clock, Entry, Timing, entry_of
+from ergon.repl.session.line_kinds import RULES, LineKind, Rule
+from ergon.repl.session.version import NotTakenError, Version, is_same_music
+from ergon.scores.staging.refusals import StageError
+
+if TYPE_CHECKING:
+    from ergon.notation.clock.tempo import TempoMap
+
+# The errors with which a line can be refused after it was parsed.
+REFUSALS = (NotTakenError, StageError, EditError, EngineError, StoppedError)
+
+# Makes a version from the one before it and the beat at which it takes effect.
+VersionEdit = Callable[[Version, float], Version]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WaitingLine:
+    """An accepted line that has not taken effect yet.
+
+    It acts on beat `beat`, and takes over at frame `start`; None: the piece stands, and has not
+    reached that beat. It starts the piece at its beat (`sets_running`), or stops it there
+    (False). A line that `resets` puts all masses at their start; one that `is_now` acts as soon
+    as possible; one that `sets_all` restores an earlier version. The beat of one that `is_named`
+    was asked for. `base` and `version` are the versions before and after it, `clock` the clock
+    after it. `n_slips` counts how often it was not ready in time.
+    """
+
+    number: int
+    line: str
+    edit: VersionEdit
+    kind: LineKind
+    beat: float
+    start: int | None
+    sets_running: bool | None = None
+    resets: bool = False
+    is_now: bool = False
+    reads_files: bool = False
+    sets_all: bool = False
+    is_named: bool = False
+    base: Version | None = None
+    version: Version | None = None
+    clock: Clock | None = None
+    n_slips: int = 0
+
+    @property
+    def rule(self) -> Rule:
+        """How it acts."""
+        return RULES[self.kind]
+
+    def lead(self, timing: Timing) -> float:
+        """How long before its beat it takes over [s]."""
+        return timing.lead_of(self.kind is LineKind.ENDS)
+
+    @property
+    def frame(self) -> float:
+        """Its frame; infinite if the piece must reach its beat first."""
+        return math.inf if self.start is None else self.start
+
+    def made(self) -> Version:
+        """The version after it."""
+        assert self.version is not None
+        return self.version
+
+    def is_before(self, other: WaitingLine) -> bool:
+        """Whether it takes effect before a line that was typed later.
+
+        Lines of one frame are in the order of typing. Lines for which the piece must first be
+        played are in the order of their beats.
+        """
+        if self.start is None and other.start is None:
+            return self.beat <= other.beat + SAME
+        return self.frame <= other.frame
+
+
+class _BreaksLaterLineError(NotTakenError):
+    """A line is refused because one that waits after it could then not be made."""
+
+
+class LostLine(NamedTuple):
+    """A line that can no longer take effect, and why."""
+
+    line: WaitingLine
+    why: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WaitingLines:
+    """Lines in the order of effect, which follow the version `base` with its `clock`."""
+
+    base: Version
+    clock: Clock
+    timing: Timing
+    lines: tuple[WaitingLine, ...] = ()
+
+    @property
+    def head(self) -> Version:
+        """The version after all lines."""
+        return self.lines[-1].made() if self.lines else self.base
+
+    def inserted(self, one: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
+        """The lines with one more, and that line as it stands among them.
+
+        If it needs what a later line defines, it takes effect together with that line. Lines
+        whose beat gets another frame take over at frame `soonest` at the earliest. Raises one of
+        `REFUSALS` if it cannot be made, or if a line after it could not.
+        """
+        first = sum(other.is_before(one) for other in self.lines)
+        try:
+            return self._with(one, first, soonest)
+        except _BreaksLaterLineError:
+            raise
+        except (NotTakenError, EditError) as refusal:
+            for place in self._later_places(first):
+                other = self.lines[place - 1]
+                moved = replace(one, beat=other.beat, start=other.start, is_now=other.is_now)
+                try:
+                    return self._with(moved, place, soonest)
+                except (NotTakenError, EditError):
+                    continue
+            raise refusal from None
+
+    def appended(self, one: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
+        """Like `inserted`, but behind all lines of the same frame, in the order of a journal."""
+        return self._with(one, sum(other.frame <= one.frame for other in self.lines), soonest)
+
+    def _later_places(self, first: int) -> Iterable[int]:
+        """Places behind the lines of each later frame."""
+        for place in range(first + 1, len(self.lines) + 1):
+            is_last = place == len(self.lines)
+            if is_last or self.lines[place].frame != self.lines[place - 1].frame:
+                yield place
+
+    def _with(self, one: WaitingLine, place: int, soonest: int) -> tuple[WaitingLines, WaitingLine]:
+        before, after = self.lines[:place], self.lines[place:]
+        previous, clock = self._state_after(before)
+        line = self._follow(one, previous, clock)
+        lines, lost = self._arranged((*before, line), after, soonest)
+        if lost:
+            (failed, why), *_ = lost
+            due = line.made().piece.tempo_map.written(failed.beat)
+            raise _BreaksLaterLineError(
+                f"after this line, the waiting line '{failed.line}' (due at {due}) would fail: "
+                f"{why}; `undo` cancels waiting lines, the last one first"
+            )
+        return lines, line
+
+    def without(self, number: int, soonest: int) -> WaitingLines:
+        """The lines without that of a number. Raises NotTakenError if one after it would fail."""
+        place = next(i for i, one in enumerate(self.lines) if one.number == number)
+        lines, lost = self._arranged(self.lines[:place], self.lines[place + 1 :], soonest)
+        if lost:
+            raise NotTakenError(
+                f"the waiting line '{lost[0].line.line}' needs this one: {lost[0].why}; `undo` "
+                "cancels waiting lines, the last one first"
+            )
+        return lines
+
+    def followed_by(
+        self, more: Sequence[WaitingLine], soonest: int
+    ) -> tuple[WaitingLines, list[LostLine]]:
+        """These lines and `more` behind them, sorted by their frames."""
+        return self._arranged(self.lines, more, soonest)
+
+    def slipped(
+        self, late: Sequence[WaitingLine], beat: float, start: int
+    ) -> tuple[WaitingLines, list[LostLine], list[WaitingLine]]:
+        """The lines after some were late and wait for another beat; also those that could not be
+        made any more, and those that moved.
+
+        A fence: lines that were typed after them and would overtake them move too.
+        """
+        follow = {one.number for one in late}
+        first = min((one.number for one in late if one.rule.is_fenced), default=math.inf)
+        for one in sorted(self.lines, key=lambda one: one.number):
+            # What restores a version comes after every line that was typed before it.
+            is_later = one.number > (min(follow) if one.sets_all else first)
+            if is_later and one.rule.is_fenced and one.frame < start:
+                follow.add(one.number)
+                first = min(first, one.number)
+        while True:
+            lines, lost, moved = self._moved(follow, beat, start)
+            # What needs a late line waits for it too.
+            needy = {one.line.number for one in lost if one.line.number > min(follow)} - follow
+            if not needy:
+                return lines, lost, moved
+            follow |= needy
+
+    def _moved(
+        self, numbers: Container[int], beat: float, start: int
+    ) -> tuple[WaitingLines, list[LostLine], list[WaitingLine]]:
+        """The lines after some have moved to another beat, in the order of typing."""
+        moved = [_slipped(one, beat, start) for one in self.lines if one.number in numbers]
+        moved.sort(key=lambda one: one.number)
+        rest = [one for one in self.lines if one.number not in numbers]
+        stays = [one for one in rest if one.frame <= start]
+        after = [one for one in rest if one.frame > start]
+        begun = replace(self, lines=())
+        lines, lost = begun._arranged((), [*stays, *moved, *after], start)
+        return lines, lost, moved
+
+    def fence(self, new: WaitingLine) -> WaitingLine | None:
+        """The last earlier line that a new one must not overtake: one that has slipped; and one
+        that acts as soon as possible or on the grid, unless the new one asks for less time.
+        """
+        if not new.rule.is_fenced:
+            return None
+        waits = [
+            one
+            for one in self.lines
+            if (one.rule.is_fenced or (new.sets_all and not one.rule.is_quick))
+            and one.frame > new.frame
+            and (
+                one.n_slips or (not new.is_named and not one.is_named and one.is_now >= new.is_now)
+            )
+        ]
+        return max(waits, key=lambda one: one.frame, default=None)
+
+    def _state_after(self, lines: Sequence[WaitingLine]) -> tuple[Version, Clock]:
+        if not lines:
+            return self.base, self.clock
+        last = lines[-1]
+        assert last.clock is not None
+        return last.made(), last.clock
+
+    def _arranged(
+        self, before: tuple[WaitingLine, ...], after: Sequence[WaitingLine], soonest: int
+    ) -> tuple[WaitingLines, list[LostLine]]:
+        """The lines `before`, which stay, and those `after` them with their new frames and
+        versions.
+        """
+        version, clock = self._state_after(before)
+        tempo = version.piece.tempo_map
+        framed = [self._framed(one, clock, tempo, soonest) for one in after]
+        framed.sort(key=_effect_key)
+        lines, lost = [*before], []
+        for one in framed:
+            try:
+                line = self._follow(one, version, clock)
+            except REFUSALS as error:
+                lost.append(LostLine(one, str(error)))
+                continue
+            lines.append(line)
+            version, clock = self._state_after(lines)
+        return replace(self, lines=tuple(lines)), lost
+
+    def _framed(self, one: WaitingLine, clock: Clock, tempo: TempoMap, soonest: int) -> WaitingLine:
+        """A line with the frame of its beat; if that is past, it takes over as soon as it can."""
+        if one.sets_running is not None or (one.is_now and one.start is not None):
+            return one
+        start: int | None
+        if not clock.is_running:
+            waits = one.beat > clock.stopped_beat + SAME
+            start = None if waits else soonest if one.start is None else one.start
+        else:
+            start = self.timing.takeover_frame(clock, tempo, one.beat, one.lead(self.timing))
+            if one.start is not None and abs(start - one.start) <= self.timing.tick_frames:
+                return one
+            start = max(soonest, start)
+        return one if start == one.start else replace(one, start=start)
+
+    def _follow(self, one: WaitingLine, version: Version, clock: Clock) -> WaitingLine:
+        """A line after another version. Raises one of `REFUSALS`."""
+        base = one.base
+        if base is version and one.version is not None:
+            made = one.version
+        elif _differ_by_faders(one, version):
+            made = replace(one.made(), faders=version.faders)
+        else:
+            made = edited(version, one)
+            is_read = one.line and not (one.resets or one.reads_files)
+            if base is not None and is_read and not names_of(base) <= names_of(version):
+                reparse(one.line, version)
+        after = entry(clock, version, made, one, self.timing).clock
+        if base is version and one.clock == after and one.version is made:
+            return one
+        return replace(one, base=version, version=made, clock=after)
+
+
+def _slipped(one: WaitingLine, beat: float, start: int) -> WaitingLine:
+    """A line that acts on a later beat, and is edited again for it."""
+    at = one.beat if one.sets_running is not None else beat
+    return replace(one, beat=at, start=start, version=None, clock=None, n_slips=one.n_slips + 1)
+
+
+def _effect_key(one: WaitingLine) -> tuple[float, float]:
+    """The order of effect, as in `WaitingLine.is_before`."""
+    return (math.inf, one.beat) if one.start is None else (one.start, one.number)
+
+
+def entry(clock: Clock, before: Version, made: Version, one: WaitingLine, timing: Timing) -> Entry:
+    """Where a line leaves the piece of the version before, and where that of its own goes on."""
+    if one.start is None:
+        return Entry(clock, one.beat, one.beat)
+    tempos = before.piece.tempo_map, made.piece.tempo_map
+    return entry_of(clock, *tempos, one.beat, one.start, one.sets_running, made.enter_beat, timing)
+
+
+def edited(before: Version, one: WaitingLine) -> Version:
+    """The version after a line. Raises one of `REFUSALS`."""
+    goes = before.is_running if one.sets_running is None else one.sets_running
+    return one.edit(replace(before.taken_over(), is_running=goes), one.beat)
+
+
+def _differ_by_faders(one: WaitingLine, version: Version) -> bool:
+    """Whether a version differs from the one before a line by faders alone, which the line does
+    not set.
+    """
+    base, made = one.base, one.version
+    if base is None or made is None or one.sets_all or made.faders is not base.faders:
+        return False
+    return is_same_music(base.taken_over(), version.taken_over())
+
+
+def names_of(version: Version) -> frozenset[str]:
+    """The names of a version that lines may use."""
+    piece = version.piece
+    listed = (
+        [one.name for one in piece.strikes],
+        [one.name for one in piece.marks],
+        [one.name for one in piece.mix.rooms],
+    )
+    matter = chain(piece.players, piece.keys, piece.instruments, piece.families)
+    return frozenset(
+        chain(matter, piece.gestures, piece.takes, piece.phrases, piece.blocks, *listed)
+    )
+
+
+def reparse(line: str, version: Version) -> Sequence[Command]:
+    """The commands of a line, read again with the names of the version before it.
+
+    A render of the journal reads it in the same way. Raises NotTakenError, for instance if a
+    name no longer exists.
+    """
+    try:
+        return parse(line, scope_of(version.piece))
+    except Refusal as refusal:
+        raise NotTakenError(refusal.message) from None

@@ -1,0 +1,279 @@
+"""What went wrong in sets on a busy machine: each as a sequence, in virtual time."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from delayed_sessions import MARGIN, Delayed, delays
+from patience import until
+from sessions import EVERY, Stepped
+from tests.repl.test_repl_session import SCORE
+
+from ergon.repl.session.schedule import Schedule
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Delayed]:
+    session = Delayed(SCORE, tmp_path)
+    with delays(lambda: session):
+        yield session
+    session.close()
+
+
+def events(at: Stepped, name: str) -> list[dict[str, Any]]:
+    """The journal's events of a name."""
+    rows = (json.loads(row) for row in at.journal.read_text().splitlines())
+    return [row for row in rows if row["event"] == name]
+
+
+def check_render(at: Delayed) -> None:
+    """The journal renders what was heard."""
+    at.close()
+    at.delay = lambda: 0.0
+    assert np.array_equal(at.again(), at.sound)
+
+
+def seconds_of(at: Stepped, channel: int) -> np.ndarray:
+    """The peak of each second of a channel."""
+    n = int(at.rate)
+    sound = np.abs(at.sound[: len(at.sound) // n * n, channel])
+    return sound.reshape(-1, n).max(axis=1)
+
+
+# --- 2: the music goes on while the prompt is busy ------------------------------------------------
+
+
+def test_music_goes_on_while_a_line_is_made_for_a_minute(at: Delayed) -> None:
+    at.ok("play")
+    at.ok("leo plays knock every 1 now")
+    at.run(2.0)
+    at.delay = lambda: 60.0
+    at.ok("set bell.m.t60 0.4s")
+    at.delay = lambda: 0.0
+    at.run(4.0)
+    assert seconds_of(at, 1)[2:].min() > 1e-4
+    assert not events(at, "skip")
+    check_render(at)
+
+
+def test_music_goes_on_while_python_waits(tmp_path: Path) -> None:
+    """By the session's own threads: the prompt's thread waits within a line."""
+    with closing(Stepped(SCORE, tmp_path)) as stepped:
+        session = stepped.session
+        session.run()
+        stepped.ok("play")
+        stepped.ok("leo plays knock every 1 now")
+        session.gate = threading.Event()
+        line = threading.Thread(target=session.submit, args=("py session.gate.wait()",))
+        line.start()
+        for _ in range(30):  # a minute, two seconds at a time
+            with session.lock:  # a stepped engine is no thread of its own
+                stepped._sound.append(stepped.engine.process(int(2.0 * stepped.rate)))
+            until(lambda: _is_fed(session.schedule), "an extension")
+        session.gate.set()
+        line.join()
+    assert seconds_of(stepped, 1)[2:].min() > 1e-4
+    assert not events(stepped, "skip")
+    assert np.array_equal(stepped.again()[: len(stepped.sound)], stepped.sound)
+
+
+def _is_fed(schedule: Schedule) -> bool:
+    """Whether the timeline goes on for more than the next two seconds."""
+    return schedule.running.timeline_end > schedule.beat_now() + 12.0
+
+
+@pytest.mark.parametrize("seconds", [40.0, 200.0])
+def test_a_skip_is_in_the_journal(at: Delayed, seconds: float) -> None:
+    """A suspended program plays nothing new; its render plays that too."""
+    at.ok("play")
+    at.ok("leo plays knock every 1 now")
+    at.run(3.0)
+    at.advance(int(seconds * at.rate) // EVERY * EVERY)
+    at.run(3.0)
+    (skip,) = events(at, "skip")
+    assert skip["begin"] < skip["end"]
+    assert any("was skipped" in one for one in at.session.messages())
+    assert seconds_of(at, 1)[int(seconds) - 2] < 1e-6
+    assert seconds_of(at, 1)[-2:].min() > 1e-4
+    check_render(at)
+
+
+# --- 3: order of typing ---------------------------------------------------------------------------
+
+
+def test_a_late_line_takes_along_what_was_typed_after_it(at: Delayed) -> None:
+    """The link came first, and then refused a gain for the key that was not there yet."""
+    at.ok("play")
+    at.run(0.2)
+    assert at.ok("zoe takes k4 like k1 at 2|1").text.startswith("ok 2|1")
+    assert at.ok("link k4 bell.m BUT K=900N/m gap=1mm at 2|4.5").text.startswith("ok 2|4.5")
+    at.advance(int(3.7 * at.rate) // EVERY * EVERY)  # across both places
+    at.run(0.1)
+    at.ok("gain bell -3dB now")
+    at.run(4.0)
+    frames = {one["number"]: (one["frame"], one["change"]) for one in events(at, "commit")}
+    assert frames[2] == frames[3]
+    assert frames[4][0] <= frames[2][0]
+    assert not events(at, "dropped")
+    said = at.session.messages()
+    assert [one for one in said if "together with 1 typed after it" in one], said
+    check_render(at)
+
+
+def test_an_instrument_waits_for_the_line_that_defines_it(at: Delayed) -> None:
+    at.ok("play")
+    at.run(0.2)
+    at.ok("chime = bell transpose 3st at 3|1\nroute chime 1")
+    assert at.ok("gain chime -6dB now").text.startswith("ok 3|1")
+    at.ok("set chime.m.t60 0.2s at 4|1")
+    at.run(8.0)
+    assert not events(at, "dropped")
+    assert at.session.schedule.head.faders.gains["chime"] == pytest.approx(10**-0.3)
+    check_render(at)
+
+
+def test_a_line_that_cannot_be_made_is_named_and_charged_to_no_other(at: Delayed) -> None:
+    at.ok("play")
+    at.run(0.2)
+    at.ok("chime = bell transpose 3st at 3|1\nroute chime 1")
+    at.ok("set chime.m.t60 0.2s at 4|1")
+    assert not at.type("remove chime at 3|3").taken  # a waiting line needs it
+    at.ok("gain bell -3dB")
+    at.run(8.0)
+    assert not events(at, "dropped")
+
+
+# --- 4: lateness does not feed itself -------------------------------------------------------------
+
+
+def test_a_slow_line_makes_no_later_line_wait(at: Delayed) -> None:
+    at.ok("play")
+    at.delay = lambda: 5.0
+    at.ok("set bell.m.t60 0.4s now")
+    at.delay = lambda: 0.0
+    for _ in range(3):
+        at.ok("set bell.m.t60 0.3s now")
+        at.run(0.1)
+    soonest = at.session.schedule.soonest_frame() - at.engine.frame
+    assert soonest <= 2 * MARGIN
+
+
+@pytest.mark.parametrize("line", ["hush now", "stop now", "mute drum now", "panic", "damp 1s now"])
+def test_stops_act_at_once_whatever_waits(at: Delayed, line: str) -> None:
+    """Their time was estimated from that of the lines before: 9.9 s for a hush."""
+    at.ok("play")
+    at.ok("leo plays knock every 1/2 now")
+    at.run(1.0)
+    at.delay = lambda: 4.0
+    at.ok("set bell.m.t60 0.4s at 9|1")
+    at.ok("knock = 0@0 smooth 5@1/8 smooth 0@1/2 at 9|1")
+    frame = at.engine.frame
+    at.ok(line)
+    number = at.session._n_lines
+    at.run(0.1)
+    (done,) = [one for one in events(at, "commit") if one["number"] == number]
+    assert done["frame"] <= frame + MARGIN + 2 * EVERY
+    at.delay = lambda: 0.0
+    check_render(at)
+
+
+def test_a_release_cancels_what_is_left_of_its_panic(at: Delayed) -> None:
+    """The reset landed 18 s after the release, and stopped the piece for good."""
+    at.ok("play")
+    at.ok("leo plays knock every 1 now")
+    at.run(1.0)
+    schedule = at.session.schedule
+    at.ok("panic")
+    (reset,) = [one for one in schedule.changes.under_way if one.lines]
+    at.engine.revoke(0)  # as if it came too late
+    at.session._take_events()
+    assert [one.line for one in schedule.waiting] == ["panic"]
+    assert reset.lines
+    at.ok("release")
+    assert not schedule.waiting
+    at.run(2.0)
+    assert schedule.running.clock.is_running
+    check_render(at)
+
+
+# --- 5: a piece that stands keeps `at` ------------------------------------------------------------
+
+
+def test_lines_typed_before_play_act_where_they_say(at: Delayed) -> None:
+    assert at.ok("ada plays knock every 1 at 3|1").text.startswith("ok 3|1")
+    assert at.ok("tempo 60 at 2|1").text == "ok 2|1"
+    assert at.ok("leo plays lean in 2").text.startswith("ok 1|3")
+    at.run(1.0)
+    assert at.session.state().tempo == 120.0
+    assert at.ok("play").text == "ok from 1|1"
+    at.run(9.0)
+    beats = {one["number"]: one["beat"] for one in events(at, "commit")}
+    assert (beats[1], beats[2], beats[3]) == (8.0, 4.0, 2.0)
+    assert at.session.state().tempo == 60.0
+    ada = np.flatnonzero(np.abs(at.sound[:, 0]) > 1e-6)[0] / at.rate
+    assert ada == pytest.approx(1.0 + 2.0 + 4.0, abs=0.3)  # a bar at 120, a bar at 60 bpm
+    assert not at.session.messages()
+    check_render(at)
+
+
+@pytest.mark.parametrize("stop", ["stop now", "panic"])
+def test_a_stopped_piece_keeps_the_place_of_a_line(at: Delayed, stop: str) -> None:
+    at.ok("play")
+    at.run(2.3)
+    at.ok(stop)
+    at.run(0.2)
+    assert at.ok("ada plays knock every 1 at 4|1").text.startswith("ok 4|1")
+    at.run(5.0)
+    assert at.session.schedule.waiting
+    if stop == "panic":
+        at.ok("release")
+    at.ok("play")
+    at.run(6.0)
+    (done,) = [one for one in events(at, "commit") if one["beat"] == 12.0]
+    assert done
+    check_render(at)
+
+
+def test_a_place_behind_a_stopped_piece_is_refused(at: Delayed) -> None:
+    at.ok("play from 9|1")
+    at.run(1.0)
+    at.ok("stop now")
+    at.run(0.1)
+    assert "is past: the piece stands at 9|" in at.type("ada plays knock at 2|1").text
+
+
+def test_a_tempo_for_a_later_bar_is_saved_there(at: Delayed, tmp_path: Path) -> None:
+    """It set the whole piece to 90, and `save` wrote it so."""
+    at.ok("tempo 90 at 5|1")
+    at.ok("save kept")
+    text = (tmp_path / "kept.yaml").read_text()
+    assert "at: 1|1, bpm: 120" in text
+    assert "at: 5|1, bpm: 90" in text
+
+
+# --- 7: lines before play -------------------------------------------------------------------------
+
+
+def test_lines_typed_singly_before_play_are_as_good_as_a_block(tmp_path: Path) -> None:
+    lines = ["kick = skins/kick", "route kick 1 2", "gain kick -3dB"]
+    heads = []
+    for number, typed in enumerate((lines, ["\n".join(lines)])):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        with closing(Delayed(SCORE, folder)) as at, delays(lambda at=at: at):
+            at.delay = lambda: 0.3
+            for line in typed:
+                reply = at.type(line)
+                assert reply.taken, reply.text
+            at.ok("play")
+            at.run(4.0)
+            heads.append(at.session.schedule.head.texts.text)
+            assert not events(at, "dropped")
+    assert heads[0] == heads[1]

@@ -1,0 +1,68 @@
+"""Sessions in virtual time whose versions take a while to make, while the sound goes on.
+
+A delay stands for a busy machine: during it the engine computes, and the threads that hand over
+and that extend the timeline have their turns, as beside a real prompt.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from typing import Any
+from unittest import mock
+
+from sessions import EVERY, Stepped
+
+from ergon.repl.session import takeover
+from ergon.scores.staging.stage import Stage
+
+_TURN = 0.02  # [s] between two turns of the session's threads
+MARGIN = EVERY  # frames in which a change reaches the engine
+
+
+class Delayed(Stepped):
+    """A session whose makings take as long as `delay` says [s]."""
+
+    delay: Callable[[], float] = staticmethod(lambda: 0.0)
+    is_delaying = False
+
+    def _open(self, *given: Any, **named: Any) -> None:
+        super()._open(*given, **named)
+        self.session.schedule.margin = MARGIN
+
+    def wait(self, seconds: float) -> None:
+        """Let the sound go on while a version is made."""
+        left = int(seconds * self.rate) // EVERY * EVERY
+        turn = max(EVERY, int(_TURN * self.rate) // EVERY * EVERY)
+        while left > 0:
+            self.session.attend()
+            self.session.feed()
+            self.advance(min(turn, left))
+            left -= turn
+
+    def advance(self, n_frames: int) -> None:
+        """Compute frames."""
+        block = self.engine.process(n_frames)
+        self.hash.update(block)
+        if self._keeps:
+            self._sound.append(block)
+
+
+@contextlib.contextmanager
+def delays(session: Callable[[], Delayed]) -> Iterator[None]:
+    """Let versions take the time that the present session says."""
+    staged = takeover.staged
+
+    def slowly(*given: Any, **named: Any) -> Stage:
+        at = session()
+        lock = at.session.schedule.lock
+        if not at.is_delaying and not lock._is_owned():
+            at.is_delaying = True
+            try:
+                at.wait(at.delay())
+            finally:
+                at.is_delaying = False
+        return staged(*given, **named)
+
+    with mock.patch.object(takeover, "staged", slowly):
+        yield
