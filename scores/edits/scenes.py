@@ -83,7 +83,7 @@ def play_scene(
     texts = _coupled(texts, piece, scene, at, None if until is None else stop)
     for strikes in scene.piece.strikes:
         texts = _struck(texts, piece, scene, strikes, at, last, stop)
-    return _automated(texts, piece, scene, at, None if until is None else stop)
+    return _automated(texts, piece, scene, at, last, None if until is None else stop)
 
 
 def released(piece: Piece, scene: Scene, at: float) -> list[str]:
@@ -212,10 +212,13 @@ def _coupled(texts: Texts, piece: Piece, scene: Scene, at: float, until: str | N
     return texts
 
 
-def _automated(texts: Texts, piece: Piece, scene: Scene, at: float, until: str | None) -> Texts:
+def _automated(
+    texts: Texts, piece: Piece, scene: Scene, at: float, last: float, until: str | None
+) -> Texts:
     """Write the automation of a scene from a beat on; all other automation ends there.
 
-    Automation that ends within the scene acts only in its first round; the rest continues.
+    Automation that ends within the scene acts only in its first round; the rest continues. What
+    begins on the beat `last` or later is left out: another scene plays there.
     """
     nodes, tempo = items(scene.texts, "automation"), scene.piece.tempo_map
     for node, one in zip(nodes, scene.piece.automation, strict=True):
@@ -223,13 +226,14 @@ def _automated(texts: Texts, piece: Piece, scene: Scene, at: float, until: str |
         head = one.name.rpartition(".")[0]
         if (
             begin >= scene.beats - SAME
+            or at + begin >= last
             or automatable.found(head, piece.keys, piece.instruments) is None
         ):
             continue
         said = edit.tree(node)
         assert isinstance(said, dict)
         said = {**said, "at": written(piece, at + begin)}
-        goes_on = over >= scene.beats - SAME
+        goes_on = over >= scene.beats - SAME or at + over >= last
         if goes_on and ("until" in said or until is not None):
             said["until"] = until or end(piece, at)
         elif "until" in said:

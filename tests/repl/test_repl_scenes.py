@@ -455,3 +455,25 @@ def test_automation_of_a_scene_begins_with_it_and_ends_where_another_begins(at: 
     at.run(5.0)
     at.close()
     assert np.array_equal(at.again(), at.sound)
+
+
+def test_automation_that_begins_behind_the_next_scene_is_left_out(at: Stepped):
+    """It was refused: "`until` must be later than `at`"."""
+    at.ok("play")
+    to_bar(at, 2)
+    at.ok("ada plays knock every 1")
+    to_bar(at, 5)
+    at.ok("lfo bell.m.K 0.8..1.2 period 1bar")  # from bar 6 on: bar 3 of what is kept
+    to_bar(at, 8)
+    at.ok("keep 4bar as verse")
+    at.ok("lfo bell.m.K off")
+    at.ok("leo plays knock every 1")
+    at.run(2.0)
+    at.ok("keep 1bar as refrain")
+    at.ok("scene verse -> refrain over 2bar")
+    at.run(5.0)
+    piece = at.session.schedule.head.piece
+    begun = [piece.tempo_map.resolve(one.at) for one in piece.automation]
+    assert max(begun) < 36.0  # the lfo that was typed, and none of the scene
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
