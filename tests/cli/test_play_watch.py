@@ -32,7 +32,7 @@ def test_a_saved_version_plays_on_and_a_broken_one_changes_nothing(at: Stepped) 
         for text in (SCORE.replace("440Hz", "450Hz"), SCORE.replace("440Hz", "45x0Hz")):
             path.write_text(text)
             reply = at.session.submit("reload")
-            at.session._messages.append(reply.text)
+            at.session.say(reply.text)
             at.run(4.0)
             bars.append(at.session.state().bar)
             yield
