@@ -103,12 +103,12 @@ class _Evening:
         return spent
 
     def _last_link(self) -> str:
-        links = self.session.commits.head.piece.instruments["links"]
+        links = self.session.schedule.head.piece.instruments["links"]
         return f"links.{links.modules[-1].name}"
 
     def passes(self, seconds: float) -> None:
         """Let virtual time pass, as the session's own thread looks at it, only less often."""
-        ticks = int(_LOOK * self.session.commits.rate) // _TICK
+        ticks = int(_LOOK * self.session.schedule.rate) // _TICK
         for _ in range(round(seconds / _LOOK)):
             self.session.pump()
             _ = self.session.scope
