@@ -110,8 +110,10 @@ class SessionCore:
         self.guidance = Guidance(self.schedule)
         self.computing = computing.Computing()
         self.watch = FileWatch(version.texts) if watches else None
-        self.stops = Stops(self.schedule, self.computing, self.log, self.queue)
-        self.fast_values = FastValues(self.schedule, self.history, self.log, self.queue)
+        self.stops = Stops(self.schedule, self.computing, self.log, self.queue, self.drop)
+        self.fast_values = FastValues(
+            self.schedule, self.history, self.log, self.queue, lambda: self.scope
+        )
         self.block_runs = BlockRuns(self.schedule, self.log, self.queue, self.drop)
         self.acts = Acts(self.log.write)
         self.midi = MidiInput(self.schedule, self.acts, self.fast_values, self.stops)
@@ -178,23 +180,7 @@ class SessionCore:
             self._n_lines += 1
             number = self._n_lines
 
-        def edit(version: Version, beat: float) -> Version:
-            return replace(entry.edit(version, beat), number=number, line=entry.line)
-
-        request = Request(
-            number,
-            entry.line,
-            edit,
-            entry.kind,
-            entry.when,
-            self.quant,
-            entry.sets_running,
-            entry.enter,
-            entry.resets,
-            entry.reads_files,
-            entry.restores not in (None, -1),
-            self.schedule.n_drops,
-        )
+        request = Request(entry, number, self.quant, self.schedule.n_drops)
         with self.computing.limited(entry.seconds):
             draft = self.schedule.insert(request, lambda draft: self._note_line(entry, draft))
         self.log.note_thawed(draft.checked)

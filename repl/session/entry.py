@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ergon.repl.session import computing
@@ -10,6 +10,7 @@ from ergon.repl.session.line_kinds import LineKind
 
 if TYPE_CHECKING:
     from ergon.repl.language.commands import When
+    from ergon.repl.session.version import Version
     from ergon.repl.session.waiting_lines import VersionEdit
 
 
@@ -27,13 +28,26 @@ class Entry:
     kind: LineKind = LineKind.STRUCTURE
     when: When = None
     sets_running: bool | None = None
-    enter: float | None = None
+    enter: float | None = None  # the beat from which the piece starts
     resets: bool = False
     restores: int | None = None
     reads_files: bool = False
     redoes: bool = False
     replaces: int | None = None
     is_typed: bool = True
+
+    @property
+    def sets_all(self) -> bool:
+        """Whether it restores an earlier version."""
+        return self.restores not in (None, -1)
+
+    def numbered_edit(self, number: int) -> VersionEdit:
+        """The edit of a line whose version has a number."""
+
+        def edit(version: Version, beat: float) -> Version:
+            return replace(self.edit(version, beat), number=number, line=self.line)
+
+        return edit
 
     @property
     def is_stop(self) -> bool:

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 from ergon.repl.language.commands import NOW, When
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
-from ergon.repl.language.scope import scope_of
 from ergon.repl.session import version_edits
-from ergon.repl.session.disk import folder_of
 from ergon.repl.session.entry import Entry
 from ergon.repl.session.line_kinds import kind_of
 from ergon.repl.session.waiting_lines import REFUSALS
 
 if TYPE_CHECKING:
+    from ergon.repl.language.scope import Scope
     from ergon.repl.session.history import History
     from ergon.repl.session.running import RunningVersion
     from ergon.repl.session.schedule import Schedule
@@ -35,9 +34,13 @@ class FastValues:
         history: History,
         log: SessionLog,
         queue: Callable[[Entry], tuple[str, RunningVersion]],
+        scope: Callable[[], Scope],
     ) -> None:
-        """Begin without values; `queue` lets a line wait for its frame."""
+        """Begin without values; `queue` lets a line wait for its frame, `scope` has the names that
+        it may use.
+        """
         self._schedule, self._history, self._log, self._queue = schedule, history, log, queue
+        self._scope = scope
         self._moved: dict[str, LineOf] = {}
         self._number = 0  # of the last line that movements stood for
         self._names: tuple[str, ...] = ()  # and what moved
@@ -71,9 +74,8 @@ class FastValues:
     def _set(self, names: tuple[str, ...], text: str, when: When) -> None:
         """Queue a line; if the last line of the history has the same names, it is replaced."""
         is_same = names == self._names and self._history.now == self._number
-        head = self._schedule.head
         try:
-            commands = parse(text, scope_of(head.piece, folder_of(head.texts)))
+            commands = parse(text, self._scope())
             asked = next((one.when for one in commands if one.when is not None), when)
             edit = version_edits.combined(commands)
             replaced = self._number if is_same else None

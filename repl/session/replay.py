@@ -51,6 +51,7 @@ _FORGERY_ERRORS = (
     TypeError,
     ValueError,
 )
+_KINDS = {kind.name.lower(): kind for kind in LineKind}
 _BLOCK = 4096  # frames between two checks for due lines
 
 
@@ -147,10 +148,9 @@ class ReplayedSession:
 
     def _frames_until_due(self, most: int) -> Iterator[int]:
         """Numbers of frames until the next change or act, and `most`."""
-        for change in list(self._coming)[:1]:
-            yield max(1, change.frame - self._engine.frame)
-        for act in self._acts and (self._acts[0],):
-            yield max(1, act.frame - self._engine.frame)
+        for due in (self._coming, self._acts):
+            if due:
+                yield max(1, due[0].frame - self._engine.frame)
         yield most
 
     def _note_next(self) -> None:
@@ -248,9 +248,8 @@ def _changes(replay: JournalContent) -> Iterator[_ReplayedChange]:
 
 def _kind(event: JournalEvent) -> LineKind:
     """The kind of a line; a journal without kinds staged every line."""
-    kinds = {kind.name.lower(): kind for kind in LineKind}
     name = event.fields.get("kind")
-    return kinds.get(name, LineKind.STRUCTURE) if isinstance(name, str) else LineKind.STRUCTURE
+    return _KINDS.get(name, LineKind.STRUCTURE) if isinstance(name, str) else LineKind.STRUCTURE
 
 
 def _frozen(

@@ -26,7 +26,7 @@ class ReplayedSchedule(Schedule):
         """
         begun = WaitingLines(self.running.version, self.running.clock, self.timing)
         for one in lines:
-            begun, _ = begun.appended(one, 0)
+            begun, _ = begun.inserted(one, 0)
         group, running = begun.lines, self.running
         kinds = {one.kind for one in group}
         if kinds == {LineKind.FADERS}:

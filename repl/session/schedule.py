@@ -31,10 +31,11 @@ from ergon.repl.session.reports import Done, Dropped, Moved, Report, Slipped, Un
 from ergon.repl.session.running import RunningVersion, horizon
 from ergon.repl.session.takeover import Takeovers
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
-from ergon.repl.session.waiting_lines import REFUSALS, VersionEdit, WaitingLine, WaitingLines
+from ergon.repl.session.waiting_lines import REFUSALS, WaitingLine, WaitingLines
 
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine, EngineEvent
+    from ergon.repl.session.entry import Entry
     from ergon.scores.edits.texts import Texts
     from ergon.scores.staging.live import Real
 
@@ -50,20 +51,15 @@ _SLIP_MIN, _SLIP_MAX = 0.005, 30.0
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A line as it is asked for: what it edits, and when; see `WaitingLine`."""
+    """A line as it is asked for, with its number, and the grid on which it acts.
 
+    `n_drops` says how often all lines had been dropped when it was typed.
+    """
+
+    entry: Entry
     number: int
-    line: str
-    edit: VersionEdit
-    kind: LineKind = LineKind.STRUCTURE
-    when: When = None
-    grid: Length | None = None
-    sets_running: bool | None = None
-    enter: float | None = None  # the beat from which the piece starts
-    resets: bool = False
-    reads_files: bool = False
-    sets_all: bool = False
-    n_drops: int = 0  # how often all lines had been dropped when it was typed
+    grid: Length | None
+    n_drops: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +189,7 @@ class Schedule:
                 again = self._draft(request, draft.asked)
                 checked = replace(draft.checked, version=again.line.made())
                 draft = replace(again, checked=checked)
-            self._set_lines(draft.lines, draft.line.number)
+            self._set_lines(draft.lines)
             if draft.made is not None:
                 self._made = draft.made
             note(draft)
@@ -227,23 +223,24 @@ class Schedule:
 
     def _asked(self, request: Request) -> WaitingLine:
         """The line of a request."""
-        beat, start = self.place(request.when, request.grid, request.kind)
+        entry = request.entry
+        beat, start = self.place(entry.when, request.grid, entry.kind)
         if start is None:
-            start = self._start_after_play(beat, self.timing.lead_of(request.kind is LineKind.ENDS))
-        is_now = request.when is NOW or (request.when is None and request.grid is None)
+            start = self._start_after_play(beat, self.timing.lead_of(entry.kind is LineKind.ENDS))
+        is_now = entry.when is NOW or (entry.when is None and request.grid is None)
         return WaitingLine(
             request.number,
-            request.line,
-            request.edit,
-            request.kind,
-            beat if request.enter is None else request.enter,
+            entry.line,
+            entry.numbered_edit(request.number),
+            entry.kind,
+            beat if entry.enter is None else entry.enter,
             start,
-            request.sets_running,
-            request.resets,
-            is_now or request.sets_running is not None,
-            request.reads_files,
-            request.sets_all,
-            isinstance(request.when, Position | Length),
+            entry.sets_running,
+            entry.resets,
+            is_now or entry.sets_running is not None,
+            entry.reads_files,
+            entry.sets_all,
+            isinstance(entry.when, Position | Length),
         )
 
     def _behind_fence(self, one: WaitingLine) -> WaitingLine:
@@ -251,8 +248,7 @@ class Schedule:
         fence = self.lines.fence(one)
         if fence is None:
             return one
-        at = one.beat if one.sets_running is not None else fence.beat
-        return replace(one, beat=at, start=fence.start)
+        return one.moved_to(fence.beat, fence.start)
 
     def _start_after_play(self, beat: float, lead: float) -> int | None:
         """The frame of a beat that is ahead, if the piece is about to start."""
@@ -295,13 +291,13 @@ class Schedule:
             self._set_lines(replace(self.lines, lines=()))
             return waited
 
-    def _set_lines(self, lines: WaitingLines, new: int | None = None) -> None:
-        """Replace the waiting lines; report which of them have moved. `new` has not moved."""
+    def _set_lines(self, lines: WaitingLines) -> None:
+        """Replace the waiting lines; report which of those that waited have moved."""
         starts = {one.number: one.start for one in self.lines.lines}
         for one in lines.lines:
             where = one.made().piece.tempo_map.written(one.beat)
             self.past_versions[one.number] = PastVersion.from_version(one.made(), where)
-            if one.number != new and starts.get(one.number, one.start) != one.start:
+            if starts.get(one.number, one.start) != one.start:
                 self.reports.append(Moved(one))
         self.lines = lines
 
@@ -393,7 +389,6 @@ class Schedule:
         lines, lost, moved = self.lines.slipped(group, beat, start)
         self.reports.append(Slipped(moved))
         self.reports.extend(Dropped(one.line, one.why) for one in lost)
-        self.lines = lines
         self._set_lines(lines)
 
     def _move_faders(self, group: Sequence[WaitingLine]) -> None:

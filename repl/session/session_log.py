@@ -69,11 +69,11 @@ class SessionLog:
     def take_reports(self) -> None:
         """Write down what the schedule has reported, in its order."""
         reports = self._schedule.reports
-        is_sorted = not reports
+        if not reports:
+            return
         while reports:
             self._note(reports.popleft())
-        if not is_sorted:
-            self._history.sort(self._schedule.effect_order())
+        self._history.sort(self._schedule.effect_order())
 
     def _note(self, report: Report) -> None:
         match report:
@@ -98,12 +98,10 @@ class SessionLog:
 
     def _note_slipped(self, lines: Sequence[WaitingLine]) -> None:
         schedule = self._schedule
-        for line in lines:
-            self._note_moved(line)
-        told = [line for line in lines if line.line]
-        if not told:
+        typed = [line for line in lines if line.line]
+        if not typed:
             return
-        first, *more = told
+        first, *more = typed
         assert first.start is not None
         delay = (first.start - schedule.engine.frame) / schedule.rate
         is_soon = first.is_now or not schedule.running.clock.is_running

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.computing import Computing
     from ergon.repl.session.schedule import Schedule
     from ergon.repl.session.session_log import SessionLog
+    from ergon.repl.session.waiting_lines import WaitingLine
 
 PANIC_MESSAGE = (
     "panic: no sound, no force; `release` ends the panic, `undo` brings back what was played, and "
@@ -33,9 +34,11 @@ class Stops:
         computing: Computing,
         log: SessionLog,
         queue: Callable[[Entry], Any],
+        drop: Callable[[WaitingLine], None],
     ) -> None:
-        """Begin without a stop; `queue` lets a line wait for its frame."""
+        """Begin without a stop; `queue` lets a line wait for its frame, `drop` removes it."""
         self._schedule, self._computing, self._log, self._queue = schedule, computing, log, queue
+        self._drop = drop
         self._count = 0
         self._panics = self._resets = 0  # panics, and those whose reset is done
         # For the line that a thread does: whether it may release, and the number of stops before.
@@ -108,8 +111,7 @@ class Stops:
     def _cancel_reset(self) -> None:
         with self._schedule.lock:
             for one in [one for one in self._schedule.waiting if one.resets]:
-                self._schedule.drop(one.number)
-                self._log.note_dropped(one)
+                self._drop(one)
 
     def reset_after_panic(self) -> None:
         """Reset after a panic: no line waits, no gesture plays, every mass is at its start."""

@@ -37,21 +37,7 @@ class Takeovers:
         Nothing begins on beat `latest` or later. Raises StageError, NotTakenError.
         """
         after = self._after(on, lines, latest)
-        start = after.start
-        stage = staged(
-            after.version,
-            after.clock,
-            after.spans,
-            on.stage,
-            start,
-            self.real,
-            None,
-            after.glides,
-            after.leaving,
-            frozen=after.frozen,
-            is_seen=on.is_seen,
-        )
-        return replace(after, stage=stage, serial=on.serial + 1)
+        return replace(after, stage=self._staged(after, on), serial=on.serial + 1)
 
     def cut(self, on: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
         """The version after lines that only end what plays, without making a stage.
@@ -76,26 +62,23 @@ class Takeovers:
         tempo = on.version.piece.tempo_map
         enter = on.clock.beat(tempo, start / self.timing.rate + self.timing.lead)
         spans, until, skipped_from = self._spans(on, on, start, enter, enter, latest)
-        stage = staged(
-            on.version,
-            on.clock,
-            spans,
+        after = replace(on, spans=spans, start=start, timeline_end=until, skipped_from=skipped_from)
+        return replace(after, stage=self._staged(after, on))
+
+    def _staged(self, after: RunningVersion, on: RunningVersion) -> Stage:
+        """The stage of a version that takes over from `on`."""
+        return staged(
+            after.version,
+            after.clock,
+            after.spans,
             on.stage,
-            start,
+            after.start,
             self.real,
             None,
-            on.glides,
-            on.leaving,
-            frozen=on.frozen,
+            after.glides,
+            after.leaving,
+            frozen=after.frozen,
             is_seen=on.is_seen,
-        )
-        return replace(
-            on,
-            spans=spans,
-            stage=stage,
-            start=start,
-            timeline_end=until,
-            skipped_from=skipped_from,
         )
 
     def _after(

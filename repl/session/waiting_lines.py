@@ -78,6 +78,11 @@ class WaitingLine:
         assert self.version is not None
         return self.version
 
+    def moved_to(self, beat: float, start: int | None) -> WaitingLine:
+        """It at another frame and beat; what starts or stops the piece keeps its beat."""
+        beat = beat if self.sets_running is None else self.beat
+        return replace(self, beat=beat, start=start)
+
     def is_before(self, other: WaitingLine) -> bool:
         """Whether it takes effect before a line that was typed later.
 
@@ -135,10 +140,6 @@ class WaitingLines:
                 except (NotTakenError, EditError):
                     continue
             raise refusal from None
-
-    def appended(self, one: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
-        """Like `inserted`, but behind all lines of the same frame, in the order of a journal."""
-        return self._with(one, sum(other.frame <= one.frame for other in self.lines), soonest)
 
     def _later_places(self, first: int) -> Iterable[int]:
         """Places behind the lines of each later frame."""
@@ -295,8 +296,8 @@ class WaitingLines:
 
 def _slipped(one: WaitingLine, beat: float, start: int) -> WaitingLine:
     """A line that acts on a later beat, and is edited again for it."""
-    at = one.beat if one.sets_running is not None else beat
-    return replace(one, beat=at, start=start, version=None, clock=None, n_slips=one.n_slips + 1)
+    moved = one.moved_to(beat, start)
+    return replace(moved, version=None, clock=None, n_slips=one.n_slips + 1)
 
 
 def _effect_key(one: WaitingLine) -> tuple[float, float]:

@@ -83,18 +83,18 @@ def cut(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
     begun = [beat for beat in strikes.rounds(tempo) if beat < at - SAME]
     if not begun:
         return texts.remove(("strikes", strikes.name))
-    rounds = [(beat, hit) for beat, _, hit in strikes.falls(tempo) if beat >= begun[-1] - SAME]
-    if all(beat < at - SAME for beat, _ in rounds[: len(strikes.hits)]):
+    falling = [(beat, hit) for beat, _, hit in strikes.falls(tempo) if beat >= begun[-1] - SAME]
+    last_round = falling[: len(strikes.hits)]
+    played = [(beat, hit) for beat, hit in last_round if beat < at - SAME]
+    if len(played) == len(last_round):
         return end(texts, piece, strikes, at)
     if len(begun) == 1:
         texts = texts.remove(("strikes", strikes.name))
     else:
-        for bound in ("times", "for"):
-            written_bound = {"times": strikes.times, "for": strikes.span}[bound]
-            if written_bound is not None:
+        for bound, value in (("times", strikes.times), ("for", strikes.span)):
+            if value is not None:
                 texts = texts.remove(("strikes", strikes.name, bound))
         texts = texts.put(("strikes", strikes.name, "until"), written(piece, begun[-1]))
-    played = [(beat, hit) for beat, hit in rounds[: len(strikes.hits)] if beat < at - SAME]
     if not played:
         return texts
     name = free_name(strikes.name, {one.name for one in piece.strikes})

@@ -81,7 +81,7 @@ def test_gestures_in_flight_go_on_only_in_a_stop(act: Act, stepped: Stepped) -> 
 
 
 @pytest.mark.parametrize("act", ACTS)
-def test_a_cut_begins_no_strike(act: Act, stepped: Stepped) -> None:
+def test_cut_with_strikes(act: Act, stepped: Stepped) -> None:
     """Also none of a phrase that has begun, which the texts play to its end."""
     stepped.ok("phrase tune 0 bell.m 0.2mNs, 1/2 drum.m, 2 bell.m drum.m length 3")
     stepped.ok("play")
@@ -98,7 +98,7 @@ def test_a_cut_begins_no_strike(act: Act, stepped: Stepped) -> None:
 
 
 @pytest.mark.parametrize("act", ["stop", "panic"])
-def test_a_coupling_stays_as_it_is(act: Act, coupled: Stepped) -> None:
+def test_cut_with_open_coupling(act: Act, coupled: Stepped) -> None:
     """The cut goes on as if nothing had happened; the version of the texts lets go for 20 ms."""
     coupled.ok("play")
     coupled.ok("ada plays knock every 1 times 1 now")
@@ -188,7 +188,7 @@ def _staged(piece, real, like: Stage | None, start: int, spans) -> Stage:
 
 
 @pytest.mark.parametrize("act", ACTS)
-def test_a_cut_keeps_the_method_of_each_part(act: Act, tmp_path: Path) -> None:
+def test_cut_with_struck_bodies(act: Act, tmp_path: Path) -> None:
     """A body that masses strike is stepped; the texts' version would solve its modes first."""
     text = SCORE.replace("instruments:\n", f"instruments:\n{GONG}").replace(
         "mix: {channels: 2, route: [", "mix: {channels: 2, route: [{from: gong, to: [1]}, "

@@ -56,7 +56,7 @@ def test_revoked_changes_are_late_by_their_tickets(begun: Stage) -> None:
     assert not engine.events()
 
 
-def test_a_change_after_a_revocation_is_made(tmp_path: Path) -> None:
+def test_change_after_revocation(tmp_path: Path) -> None:
     sounds = []
     for revokes in (False, True):
         begun = fresh(tmp_path)
@@ -71,7 +71,7 @@ def test_a_change_after_a_revocation_is_made(tmp_path: Path) -> None:
     np.testing.assert_array_equal(*sounds)
 
 
-def test_a_change_of_the_frame_that_comes_is_revoked(begun: Stage) -> None:
+def test_revoke_at_present_frame(begun: Stage) -> None:
     engine = SteppedEngine(begun, tick_frames=EVERY, highpass=None)
     engine.process(10 * EVERY)
     ticket = engine.change(damped(begun, 10 * EVERY))
