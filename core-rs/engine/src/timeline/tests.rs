@@ -379,7 +379,7 @@ fn gesture(start: f64, stop: f64) -> Gesture {
 }
 
 #[test]
-fn a_cut_leaves_out_what_begins_then_or_later() {
+fn cut_drops_events_from_its_frame() {
     let (network, rate) = (network(), 8_000.0);
     let mut timeline = timeline(rate);
     timeline.open();
@@ -405,7 +405,7 @@ fn a_cut_leaves_out_what_begins_then_or_later() {
 }
 
 #[test]
-fn a_cut_that_stops_leaves_couplings_as_they_are() {
+fn cut_with_stop_keeps_couplings() {
     let network = network();
     for (start, stop, opens, closes) in [
         (0.0, None, Some(1.0), 1.0),
@@ -436,7 +436,7 @@ fn a_cut_that_stops_leaves_couplings_as_they_are() {
 }
 
 #[test]
-fn a_cut_keeps_glides_that_go_on() {
+fn cut_keeps_running_glides() {
     let network = network();
     for (stop, is_kept) in [(0.5, false), (2.0, true)] {
         let mut timeline = timeline(8_000.0);

@@ -6,6 +6,13 @@ use ergon_engine::simulation::Takeover;
 
 use super::*;
 
+/// The events so far: frame and kind.
+fn events_of(performance: &mut Performance) -> Vec<(u64, EventKind)> {
+    std::iter::from_fn(|| performance.event())
+        .map(|event| (event.frame, event.kind))
+        .collect()
+}
+
 /// Versions with other strikes, one of them too late: the sound equals that of a replay, and no tick allocates.
 #[test]
 fn changes_are_done_at_their_frames() {
@@ -65,11 +72,8 @@ fn changes_are_done_at_their_frames() {
     tick_by_hand(n_ticks - 120);
     while player.tick() {}
     assert_eq!(violation_count(), 0);
-    let events: Vec<_> = std::iter::from_fn(|| this.event())
-        .map(|event| (event.frame, event.kind))
-        .collect();
     assert_eq!(
-        events,
+        events_of(&mut this),
         [
             (frames[0], EventKind::Changed(first)),
             (120 * every, EventKind::Late(late)),
@@ -153,11 +157,8 @@ fn changes_are_revoked_until_they_are_made() {
     this.revoke(0).unwrap(); // the first one was made already
     tick_by_hand(35);
     assert_eq!(violation_count(), 0);
-    let events: Vec<_> = std::iter::from_fn(|| this.event())
-        .map(|event| (event.frame, event.kind))
-        .collect();
     assert_eq!(
-        events,
+        events_of(&mut this),
         [
             (0, EventKind::Late(later)),
             (0, EventKind::Late(sooner)),
