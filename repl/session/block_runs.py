@@ -69,7 +69,7 @@ class BlockRuns:
         schedule = self._schedule
         yield from schedule.running.version.rules.items()
         for one in schedule.waiting:
-            yield from one.made().rules.items()
+            yield from one.result().rules.items()
 
     def _is_in_force(self, name: str, rule: Rule, beat: float) -> bool:
         return self._schedule.version_at(beat).rules.get(name) == rule

@@ -153,7 +153,7 @@ class Changes:
         self._withdrawn.pop(ticket, None)
         return returned
 
-    def note_made(self, event: EngineEvent) -> UnderWay | None:
+    def note_done(self, event: EngineEvent) -> UnderWay | None:
         """Note that a change was made; returns it. None if the ticket is not known."""
         for index, one in enumerate(self.under_way):
             if one.ticket == event.ticket:

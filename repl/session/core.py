@@ -190,7 +190,7 @@ class SessionCore:
                 break
             self.attend()
         line = self.schedule.line(number) or draft.line
-        return line.made().piece.tempo_map.written(line.beat), draft.checked
+        return line.result().piece.tempo_map.written(line.beat), draft.checked
 
     def _is_due(self, number: int) -> bool:
         """Whether a line still waits that should act as soon as possible."""
@@ -198,7 +198,7 @@ class SessionCore:
 
     def _note_line(self, entry: Entry, draft: Draft) -> None:
         """Note a line that waits from now on in journal and history."""
-        line, version = draft.line, draft.line.made()
+        line, version = draft.line, draft.line.result()
         optional: dict[str, object] = {}
         if entry.replaces is not None:
             optional["replaces"] = entry.replaces

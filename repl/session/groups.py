@@ -37,7 +37,7 @@ def _way(one: WaitingLine) -> LineKind | None:
 
 
 @dataclass(frozen=True, slots=True)
-class MadeGroup:
+class StagedGroup:
     """The version that lines make of the version `on`."""
 
     lines: Sequence[WaitingLine]
@@ -51,7 +51,7 @@ class MadeGroup:
             len(group) == len(self.lines)
             and all(
                 (one.number, one.start, one.beat) == (other.number, other.start, other.beat)
-                and is_same_music(one.made(), other.made())
+                and is_same_music(one.result(), other.result())
                 for one, other in zip(group, self.lines, strict=True)
             )
             and on.serial == running.serial

@@ -34,7 +34,7 @@ class ReplayedSchedule(Schedule):
         elif kinds == {LineKind.ENDS}:
             self._hand(group, self._checked(running, self.takeovers.cut(running, group)))
         else:
-            self._hand(group, self._made_of(running, group))
+            self._hand(group, self._stage_lines(running, group))
         self.reports.clear()
         return group
 

@@ -23,7 +23,7 @@ from ergon.repl.session.changes import Changes, Returned
 from ergon.repl.session.clock import Timing, next_boundary
 from ergon.repl.session.engine import Change
 from ergon.repl.session.gains import can_move, changed_ratios
-from ergon.repl.session.groups import MadeGroup, group_of, staged_group_of
+from ergon.repl.session.groups import StagedGroup, group_of, staged_group_of
 from ergon.repl.session.line_kinds import RULES, LineKind
 from ergon.repl.session.making_time import MakingTime
 from ergon.repl.session.places import BAR, Place, Present, frame_of, place_of
@@ -65,15 +65,15 @@ class Request:
 @dataclass(frozen=True, slots=True)
 class Draft:
     """A line as it was `asked` for, and as it stands among the waiting `lines`, made from the
-    lines `of`; `checked` is its version.
+    `base_lines`; `checked` is its version.
     """
 
-    of: WaitingLines
+    base_lines: WaitingLines
     lines: WaitingLines
     asked: WaitingLine
     line: WaitingLine
     checked: RunningVersion
-    made: MadeGroup | None = None
+    staged: StagedGroup | None = None
 
 
 class Schedule:
@@ -101,7 +101,7 @@ class Schedule:
         self.past_versions: dict[int, PastVersion] = {}
         self.latest = math.inf  # the beat on which nothing begins any more
         self.n_drops = 0  # how often all lines were dropped
-        self._made: MadeGroup | None = None
+        self._staged: StagedGroup | None = None
 
     @property
     def rate(self) -> float:
@@ -172,7 +172,7 @@ class Schedule:
         version = self.running.version
         for one in self.waiting:
             if one.beat <= beat + SAME:
-                version = one.made()
+                version = one.result()
         return version
 
     # --- taking a line ---------------------------------------------------------------------------
@@ -185,13 +185,13 @@ class Schedule:
         """
         draft = self._draft(request)
         with self.lock:
-            if self.lines is not draft.of:
+            if self.lines is not draft.base_lines:
                 again = self._draft(request, draft.asked)
-                checked = replace(draft.checked, version=again.line.made())
+                checked = replace(draft.checked, version=again.line.result())
                 draft = replace(again, checked=checked)
             self._set_lines(draft.lines)
-            if draft.made is not None:
-                self._made = draft.made
+            if draft.staged is not None:
+                self._staged = draft.staged
             note(draft)
         return draft
 
@@ -207,17 +207,17 @@ class Schedule:
             first = self._behind_fence(asked or self._asked(request))
             soonest = self.soonest_frame()
         lines_after, line = lines.inserted(first, soonest)
-        checked, made = replace(running, version=line.made()), None
+        checked, made = replace(running, version=line.result()), None
         if asked is None and not line.rule.is_quick:
             began = self.making_time.began()
             group = staged_group_of(lines_after.lines)
             if line in group:
-                result = self._made_of(running, group)
-                made = MadeGroup(group, running, result)
+                result = self._stage_lines(running, group)
+                made = StagedGroup(group, running, result)
             else:  # it waits for others, so that it is only checked
                 start = soonest if line.start is None else line.start
-                result = self._made_of(running, [replace(line, start=start)])
-            checked = replace(result, version=line.made())
+                result = self._stage_lines(running, [replace(line, start=start)])
+            checked = replace(result, version=line.result())
             self.making_time.add(began)
         return Draft(lines, lines_after, first, line, checked, made)
 
@@ -258,9 +258,9 @@ class Schedule:
         tempo = self.head.piece.tempo_map
         return max(begins.start, self.timing.takeover_frame(begins.clock, tempo, beat, lead))
 
-    def _made_of(self, on: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
+    def _stage_lines(self, on: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
         """The running version after lines, checked. Raises one of `REFUSALS`."""
-        return self._checked(on, self.takeovers.made(on, lines, self.latest))
+        return self._checked(on, self.takeovers.stage(on, lines, self.latest))
 
     def _checked(self, on: RunningVersion, made: RunningVersion) -> RunningVersion:
         """A version with the bounds of its forces. Raises NotTakenError if it cannot be played."""
@@ -295,8 +295,8 @@ class Schedule:
         """Replace the waiting lines; report which of those that waited have moved."""
         starts = {one.number: one.start for one in self.lines.lines}
         for one in lines.lines:
-            where = one.made().piece.tempo_map.written(one.beat)
-            self.past_versions[one.number] = PastVersion.from_version(one.made(), where)
+            where = one.result().piece.tempo_map.written(one.beat)
+            self.past_versions[one.number] = PastVersion.from_version(one.result(), where)
             if starts.get(one.number, one.start) != one.start:
                 self.reports.append(Moved(one))
         self.lines = lines
@@ -342,7 +342,7 @@ class Schedule:
                     elif kind is LineKind.ENDS:
                         self._end(group)
                     else:
-                        self._hand_made(group)
+                        self._hand_staged(group)
                 except REFUSALS as error:
                     self._fail(group, str(error))
 
@@ -360,14 +360,14 @@ class Schedule:
             elif kind is LineKind.ENDS:
                 is_due = is_first or start <= soon
             else:
-                is_due = is_first and (self._is_made(group) or start < self.first_frame(0.0))
+                is_due = is_first and (self._is_staged(group) or start < self.first_frame(0.0))
             if is_due:
                 return group
             rest = rest[len(group) :]
         return ()
 
-    def _is_made(self, group: Sequence[WaitingLine]) -> bool:
-        return self._made is not None and self._made.fits(group, self.running)
+    def _is_staged(self, group: Sequence[WaitingLine]) -> bool:
+        return self._staged is not None and self._staged.fits(group, self.running)
 
     def _slip(self, group: Sequence[WaitingLine]) -> None:
         """Let late lines, and those typed after them, wait for the next bar, or for the soonest
@@ -425,17 +425,17 @@ class Schedule:
         self.reports.extend(Dropped(one, why) for one in started)
         return [one for one in lines if not one.sets_running]
 
-    def _hand_made(self, group: Sequence[WaitingLine]) -> None:
-        made = self._made
+    def _hand_staged(self, group: Sequence[WaitingLine]) -> None:
+        made = self._staged
         assert made is not None
-        self._made = None
+        self._staged = None
         self._hand(group, made.result)
         self._let_wait(self.waiting[len(group) :])
 
     def _hand(self, group: Sequence[WaitingLine], result: RunningVersion) -> None:
         """Hand over lines, whose result was made. Raises EngineError."""
         before = self.running
-        after = replace(result, version=group[-1].made(), serial=before.serial + 1)
+        after = replace(result, version=group[-1].result(), serial=before.serial + 1)
         change = Change(
             after.start,
             after.stage,
@@ -454,7 +454,7 @@ class Schedule:
                 soonest = self.first_frame(0.0, LineKind.FADERS)
                 self._wait_again(self.changes.note_late(event.ticket or 0, soonest))
                 return
-            running, made = self.running, self.changes.note_made(event)
+            running, made = self.running, self.changes.note_done(event)
             if made is None:
                 return
             self.reports.append(Done(event.frame, made.number, made.lines, made.after))
@@ -475,7 +475,7 @@ class Schedule:
             return False
         began = self.making_time.began()
         try:
-            made = MadeGroup(group, on, self._made_of(on, group))
+            made = StagedGroup(group, on, self._stage_lines(on, group))
         except StoppedError:  # the session is closed
             raise
         except REFUSALS:
@@ -487,7 +487,7 @@ class Schedule:
         finally:
             self.making_time.add(began)
         with self.lock:
-            self._made = made
+            self._staged = made
         return True
 
     def _first_failing(
@@ -496,7 +496,7 @@ class Schedule:
         """The first line of a group that cannot be made after those before it, and why."""
         for count in range(1, len(group) + 1):
             try:
-                self._made_of(on, group[:count])
+                self._stage_lines(on, group[:count])
             except REFUSALS as error:
                 return group[count - 1], str(error)
         return group[-1], "it could not be made together with those before it"
@@ -508,7 +508,7 @@ class Schedule:
         if not group or group[0].frame > until:
             return ()
         is_late = group[0].frame < self.first_frame(0.0)
-        return () if is_late or self._is_made(group) else group
+        return () if is_late or self._is_staged(group) else group
 
     def extend(self) -> bool:
         """Extend the timeline if half of it is over; False if that is not needed.

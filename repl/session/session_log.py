@@ -128,7 +128,7 @@ class SessionLog:
             # If the line read files, its texts were merged with the version that now takes effect.
             texts: dict[str, object] = {}
             if line.reads_files:
-                version = line.made()
+                version = line.result()
                 texts = {**text_fields(version.texts), **effect_fields(version)}
             self.write(
                 "commit", number=line.number, frame=frame, beat=line.beat, change=change, **texts

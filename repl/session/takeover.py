@@ -29,7 +29,7 @@ class Takeovers:
     timing: Timing
     real: Real
 
-    def made(
+    def stage(
         self, on: RunningVersion, lines: Sequence[WaitingLine], latest: float = math.inf
     ) -> RunningVersion:
         """The version after lines that take over together from `on`.
@@ -48,7 +48,7 @@ class Takeovers:
         stage = cut_stage(
             on.stage,
             after.start,
-            ends_gestures=any(one.made().ends_gestures for one in lines),
+            ends_gestures=any(one.result().ends_gestures for one in lines),
             stops=not after.clock.is_running,
         )
         stage.placed = place_samples(after.frozen, stage.listening, after.clock, stage.rate)
@@ -93,7 +93,7 @@ class Takeovers:
     def _followed(self, on: RunningVersion, one: WaitingLine, latest: float) -> RunningVersion:
         """The running version after one line, with the stage of before."""
         assert one.start is not None
-        before, version, start = on.version, one.made(), one.start
+        before, version, start = on.version, one.result(), one.start
         clock, leave, enter = entry(on.clock, before, version, one, self.timing)
         after = replace(on, version=version, clock=clock)
         spans, until, skipped_from = self._spans(on, after, start, leave, enter, latest)

@@ -73,7 +73,7 @@ class WaitingLine:
         """Its frame; infinite if the piece must reach its beat first."""
         return math.inf if self.start is None else self.start
 
-    def made(self) -> Version:
+    def result(self) -> Version:
         """The version after it."""
         assert self.version is not None
         return self.version
@@ -117,7 +117,7 @@ class WaitingLines:
     @property
     def head(self) -> Version:
         """The version after all lines."""
-        return self.lines[-1].made() if self.lines else self.base
+        return self.lines[-1].result() if self.lines else self.base
 
     def inserted(self, one: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
         """The lines with one more, and that line as it stands among them.
@@ -155,7 +155,7 @@ class WaitingLines:
         lines, lost = self._arranged((*before, line), after, soonest)
         if lost:
             (failed, why), *_ = lost
-            due = line.made().piece.tempo_map.written(failed.beat)
+            due = line.result().piece.tempo_map.written(failed.beat)
             raise _BreaksLaterLineError(
                 f"after this line, the waiting line '{failed.line}' (due at {due}) would fail: "
                 f"{why}; `undo` cancels waiting lines, the last one first"
@@ -238,7 +238,7 @@ class WaitingLines:
             return self.base, self.clock
         last = lines[-1]
         assert last.clock is not None
-        return last.made(), last.clock
+        return last.result(), last.clock
 
     def _arranged(
         self, before: tuple[WaitingLine, ...], after: Sequence[WaitingLine], soonest: int
@@ -282,7 +282,7 @@ class WaitingLines:
         if base is version and one.version is not None:
             made = one.version
         elif _differ_by_faders(one, version):
-            made = replace(one.made(), faders=version.faders)
+            made = replace(one.result(), faders=version.faders)
         else:
             made = edited(version, one)
             is_read = one.line and not (one.resets or one.reads_files)
