@@ -47,6 +47,7 @@ class PartNames:
     parts: dict[str, Part] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)  # parts that were refused
     reached: set[str] = field(default_factory=set)  # parts that some name refers to
+    searched: set[str] = field(default_factory=set)  # parts in which some name was looked for
     # Instruments with `notes`: the part of each note, by note number.
     families: dict[str, dict[int, str]] = field(default_factory=dict)
 
@@ -261,11 +262,14 @@ class PartNames:
                 return part, tail if tail or "" in part.modules else None
         for full in _with_prefix(path, prefix):
             if full in self.parts:
+                self.searched.add(full)
                 owner = self.parts[full]
                 return owner, "" if "" in owner.modules else None
             head, _, tail = full.rpartition(".")
-            if head in self.parts and tail in self.parts[head].modules:
-                return self.parts[head], tail
+            if head in self.parts:
+                self.searched.add(head)
+                if tail in self.parts[head].modules:
+                    return self.parts[head], tail
         return None
 
     def _only(

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from ergon.notation.tables import expressions
 from ergon.notation.text import document
-from ergon.notation.text.document import Line, Node, Scalar
+from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.memory import Memory
 from ergon.notation.text.spelling import nearest
@@ -417,7 +417,13 @@ class NamesOf(Shape):
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
         result: dict[str, Any] = {}
+        # The value of an entry in a line of its own is read once, unless the reading made a report.
+        let = node.document.let
+        known = id(self.item), context.name, let
         for word, (key, child) in node.entries.items():
+            if (line := node.lines.get(word)) is not None and known in line.values:
+                result[word] = line.values[known]
+                continue
             if not NAME.fullmatch(word) or len(word) > MAX_NAME:
                 message = f"{quote(word)} is not a name for a {self.noun}: "
                 message += "a name has letters, digits, '-' and '_', and begins with a letter"
@@ -425,27 +431,13 @@ class NamesOf(Shape):
                 context.error("E110", message, key.place, help=help)
                 continue
             inner = context.inside(self.noun, word, key.place)
-            line = node.lines.get(word)
-            result[word] = (
-                self.item.read(child, "", inner)
-                if line is None
-                else self._read_once(line, child, inner, node.document)
-            )
+            if line is not None:
+                child.document.let, child.document.lets = let, node.document.lets
+            told = context.collector.told
+            value = result[word] = self.item.read(child, "", inner)
+            if line is not None and context.collector.told == told:
+                line.values[known] = value
         return result
-
-    def _read_once(self, line: Line, node: Node, context: Context, own: document.Document) -> Any:
-        """The value of an entry in a line of its own. It is read once; it is read again only if the
-        reading made a report.
-        """
-        key = id(self.item), context.owner, own.let
-        if key in line.values:
-            return line.values[key]
-        told = context.collector.told
-        node.document.let, node.document.lets = own.let, own.lets
-        value = self.item.read(node, "", context)
-        if context.collector.told == told:
-            line.values[key] = value
-        return value
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

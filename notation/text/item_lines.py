@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import accumulate
+from dataclasses import dataclass, field
+from itertools import accumulate, count
+from operator import add, attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,21 +17,53 @@ from ergon.notation.text.document import Document, Line, Node, Scalar, Sequence,
 from ergon.notation.text.errors import Collector
 
 # An item in braces, without quotes or comments.
-_ITEM = r"\{(?:[^][{}\"'#\n]|\[[^][{}\"'#\n]*\])*\}"
-# A run of at least 8 values: lines of one indentation, each an item or an entry, or items in one
-# line. With fewer, nothing is gained.
-_RUN = re.compile(
-    r"^( *)- \{[^\n]*\}\n(?:\1- \{[^\n]*\}\n){7,}"
-    r"|^( +)[A-Za-z][\w-]*: \{[^\n]*\}\n(?:\2[A-Za-z][\w-]*: \{[^\n]*\}\n){7,}"
-    rf"|(?:(?<=\[)|(?<=, ))(?:{_ITEM}, ){{7,}}+{_ITEM}",
-    re.MULTILINE,
+_PLAIN = r"[^][{}\"'#\n]*+"
+_REST = rf"{_PLAIN}(?:\[{_PLAIN}\]{_PLAIN})*+\}}"
+# Lines of one indentation, each an item or an entry; and items in one line. With fewer than 8,
+# nothing is gained. Both begin with a character that is quickly found.
+_ENTRY = r"[A-Za-z][\w-]*: "
+_LINES = re.compile(
+    r"\n( *)- \{[^\n]*\}(?=\n)(?:\n\1- \{[^\n]*\}(?=\n)){7,}"
+    rf"|\n( +){_ENTRY}\{{[^\n]*\}}(?=\n)(?:\n\2{_ENTRY}\{{[^\n]*\}}(?=\n)){{7,}}"
 )
+_ITEMS = re.compile(rf"\{{(?:(?<=\[\{{)|(?<=, \{{)){_REST}(?:, \{{{_REST}){{7,}}+")
+_size, _node = attrgetter("size"), attrgetter("node")
 _NAME = "lines"  # of the value that replaces a run; in a mapping a number follows
 
 
-class _Run(NamedTuple):
+class FoundRun(NamedTuple):
+    """A run of values from `start` to `end` of a text: whole lines with an indentation, or items in
+    one line (None).
+    """
+
+    start: int
+    end: int
+    indentation: str | None
+    is_mapping: bool
+
+
+def find_runs(text: str) -> list[FoundRun]:
+    """The runs of at least 8 values in a text, in order; none is in another."""
+    found = [
+        FoundRun(m.start() + 1, m.end() + 1, m[2] if m[1] is None else m[1], m[1] is None)
+        for m in _LINES.finditer(text)
+    ]
+    if ", {" not in text:
+        return found
+    items = [FoundRun(*match.span(), None, False) for match in _ITEMS.finditer(text)]
+    if not found or not items:
+        return found or items
+    result: list[FoundRun] = []
+    for run in sorted(found + items):
+        if not result or run.start >= result[-1].end:
+            result.append(run)
+    return result
+
+
+@dataclass(slots=True)
+class _Run:
     """A run of values in a text, and the position of the one value that replaces it in a shortened
-    text.
+    text; `lines` are its values, once they are composed.
     """
 
     first: int
@@ -40,6 +74,7 @@ class _Run(NamedTuple):
     words: list[str]  # lines, or what is between braces
     gap: int  # between two of them
     name: str  # of the value that replaces them
+    lines: list[Line] = field(default_factory=list)
 
     @property
     def is_mapping(self) -> bool:
@@ -55,7 +90,8 @@ class _Run(NamedTuple):
 
     def bases(self) -> Iterator[int]:
         """Where each value begins in the text."""
-        return accumulate([len(word) + self.gap for word in self.words[:-1]], initial=self.first)
+        gaps = count(self.first, self.gap)
+        return map(add, accumulate(map(len, self.words[:-1]), initial=0), gaps)
 
 
 def compose_by_lines(
@@ -84,38 +120,46 @@ def compose_by_lines(
     own.forget_lines()
     lines: dict[str, Line] = {}
     for run in runs:
-        first, is_mapping = row + own.row(run.first), run.is_mapping
-        for number, word in enumerate(run.words):
-            here = first if run.gap else first + number
-            line = lines.get(word) or known.get(word)
-            is_moved = is_mapping and line is not None and line.node.document.first_row != here
-            if line is None or (is_moved and not is_movable):
-                line = _line(f"{{{word}}}" if run.gap else word, file, here, is_mapping)
-                if line is None:
-                    return None
-                line.node.document.folder = folder
-            lines[word] = line
-    return (own, lines) if _filled(own, runs, lines) else None
+        first = row + own.row(run.first)
+        before = [*map(known.get, run.words)]
+        is_placed = run.is_mapping and not is_movable
+        if is_placed:
+            before = [
+                line if line is not None and line.node.document.first_row == here else None
+                for here, line in enumerate(before, first)
+            ]
+        for number in [number for number, line in enumerate(before) if line is None]:
+            word, here = run.words[number], first if run.gap else first + number
+            line = None if is_placed else lines.get(word)
+            if line is None:
+                line = _line(f"{{{word}}}" if run.gap else word, file, here, run.is_mapping)
+            if line is None:
+                return None
+            line.node.document.folder = folder
+            before[number] = lines[word] = line
+        run.lines = [line for line in before if line is not None]
+        lines.update(zip(run.words, run.lines, strict=True))
+    return (own, lines) if _filled(own, runs) else None
 
 
 def _shortened(text: str) -> tuple[str, list[_Run]]:
     """The text with one value in place of each run, and the runs."""
     short, done = "", 0
     runs: list[_Run] = []
-    for match in _RUN.finditer(text):
-        short += text[done : match.start()]
-        first, done, name, gap = len(short), match.end(), _NAME, 0
-        words = match.group().splitlines(keepends=True)
-        if match[1] is not None:
-            item = first + len(match[1]) + 2
-            short += f"{match[1]}- {name}\n"
-        elif match[2] is not None:
-            item, name = first + len(match[2]), f"{_NAME}{len(runs)}"
-            short += f"{match[2]}{name}: {{}}\n"
-        else:
-            words, item, gap = match.group()[1:-1].split("}, {"), first, len("}, {")
+    for start, end, indentation, is_mapping in find_runs(text):
+        short += text[done:start]
+        first, done, name, gap = len(short), end, _NAME, 0
+        if indentation is None:
+            words, item, gap = text[start + 1 : end - 1].split("}, {"), first, len("}, {")
             short += name
-        runs.append(_Run(match.start(), done, first, item, len(short), words, gap, name))
+        elif is_mapping:
+            words, item = text[start:end].splitlines(keepends=True), first + len(indentation)
+            name = f"{_NAME}{len(runs)}"
+            short += f"{indentation}{name}: {{}}\n"
+        else:
+            words, item = text[start:end].splitlines(keepends=True), first + len(indentation) + 2
+            short += f"{indentation}- {name}\n"
+        runs.append(_Run(start, end, first, item, len(short), words, gap, name))
     return short + text[done:], runs
 
 
@@ -131,7 +175,7 @@ def _line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
     return Line(own.root, own.size - is_mapping)
 
 
-def _filled(own: Document, runs: list[_Run], lines: Mapping[str, Line]) -> bool:
+def _filled(own: Document, runs: list[_Run]) -> bool:
     """Put the lines in their places, and move all other nodes to their places in the text.
 
     False if a run is not part of a list or mapping after all.
@@ -142,7 +186,7 @@ def _filled(own: Document, runs: list[_Run], lines: Mapping[str, Line]) -> bool:
     n_found = 0
     for node in nodes:
         if isinstance(node, document.Mapping):
-            n_found += _fill_entries(node, by_item, lines)
+            n_found += _fill_entries(node, by_item)
         if not isinstance(node, Sequence):
             continue
         found = [
@@ -150,10 +194,10 @@ def _filled(own: Document, runs: list[_Run], lines: Mapping[str, Line]) -> bool:
             for item in node.items
         ]
         if any(found):
-            n_found += _fill(node, found, lines)
+            n_found += _fill(node, found)
     for node in nodes:
         node.start, node.end = places[id(node)]
-    own.size += sum([lines[word].size for run in runs for word in run.words])
+    own.size += sum(sum(map(_size, run.lines)) for run in runs)
     own.size -= sum(1 + run.is_mapping for run in runs)
     return n_found == len(runs)
 
@@ -175,9 +219,7 @@ def _whole(index: int, runs: list[_Run]) -> int:
     return above[-1].whole(index) if above else index
 
 
-def _fill(
-    sequence: Sequence, found: Iterable[_Run | bool | None], lines: Mapping[str, Line]
-) -> int:
+def _fill(sequence: Sequence, found: Iterable[_Run | bool | None]) -> int:
     """Put the items of the runs in `found` in place of the values that replaced them; returns the
     number of runs.
     """
@@ -187,9 +229,8 @@ def _fill(
     n_found = 0
     for item, run in zip(sequence.items, found, strict=True):
         if isinstance(run, _Run):
-            own = [lines[word] for word in run.words]
-            known += own
-            items += [line.node for line in own]
+            known += run.lines
+            items += map(_node, run.lines)
             bases += run.bases()
             n_found += 1
         else:
@@ -200,9 +241,7 @@ def _fill(
     return n_found
 
 
-def _fill_entries(
-    mapping: document.Mapping, by_item: Mapping[int, _Run], lines: Mapping[str, Line]
-) -> int:
+def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _Run]) -> int:
     """Put the entries of runs in place of the entries that replaced them; returns the number of
     runs.
 
@@ -223,10 +262,9 @@ def _fill_entries(
             mapping.entries[name] = entry
             continue
         n_names += len(run.words) - 1
-        for word, base in zip(run.words, run.bases(), strict=True):
-            node = lines[word].node
-            assert isinstance(node, document.Mapping)
-            mapping.entries |= node.entries
-            own = next(iter(node.entries))
-            mapping.lines[own], mapping.bases[own] = lines[word], base
+        for line, base in zip(run.lines, run.bases(), strict=True):
+            assert isinstance(line.node, document.Mapping)
+            mapping.entries |= line.node.entries
+            own = next(iter(line.node.entries))
+            mapping.lines[own], mapping.bases[own] = line, base
     return len(found) if len(mapping.entries) == n_names else 0

@@ -46,7 +46,7 @@ def last_items(
     `text` is the section's, `name` and `value` are its nodes. None where these lines cannot be read
     alone, or where that saves nothing.
     """
-    if not _is_plain(text):
+    if not is_plain(text):
         return None
     head, tail, node = _head(text, name, value), "", value
     for word in path:
@@ -81,7 +81,7 @@ def one_line(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
 
     None if the path ends before a line of its own, or if that line cannot be read alone.
     """
-    if not _is_plain(text):
+    if not is_plain(text):
         return None
     head, node = _head(text, name, value), value
     for word in path[:-1]:
@@ -101,7 +101,7 @@ def one_line(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
     return None
 
 
-def _is_plain(text: str) -> bool:
+def is_plain(text: str) -> bool:
     """Whether lines of a text mean the same alone: no alias, no lone carriage return."""
     has_alias = ("&" in text or "*" in text) and _ALIAS.search(text) is not None
     return not has_alias and text.count("\r") == text.count("\r\n")

@@ -47,10 +47,8 @@ def player(texts: Texts, piece: Piece, name: str, key: str) -> Texts:
 
 def link(texts: Texts, kind: str, ends: Sequence[str], fields: Fields) -> tuple[Texts, str]:
     """Join two modules by a link of a kind; returns the link's name too. Raises EditError."""
-    said = edit.tree(texts.section("instruments"))
-    own = said.get(LINKS) if isinstance(said, dict) else None
-    known = own.get("modules") if isinstance(own, dict) else None
-    taken = known if isinstance(known, dict) else {}
+    known = _node(texts, ("instruments", LINKS, "modules"))
+    taken = known.entries if isinstance(known, document.Mapping) else {}
     name = free_name(kind.lower(), taken, is_numbered=True)
     body: dict[str, edit.Tree] = {kind: {"between": [*ends], **fields}}
     path = ("instruments", LINKS, "modules", name)
@@ -100,10 +98,8 @@ def remove(texts: Texts, piece: Piece, name: str) -> Texts:
                 if len(items(texts, "mix", "route")) == 1:
                     raise EditError(f"{name} is the last instrument that is heard: route another")
                 texts = texts.remove(("mix", "route", number))
-    holder = edit.tree(texts.section(section))
-    for word in path[1:-1]:
-        holder = holder.get(word) if isinstance(holder, dict) else None
-    if len(path) > 2 and isinstance(holder, dict) and len(holder) == 1:
+    holder = _node(texts, path[:-1])
+    if len(path) > 2 and isinstance(holder, document.Mapping) and len(holder.entries) == 1:
         return remove(texts, piece, path[1])  # an instrument needs a module
     return texts.remove(path)
 
@@ -148,10 +144,15 @@ def definition_path(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
 
 
 def _has(texts: Texts, path: Sequence[str]) -> bool:
+    return _node(texts, path) is not None
+
+
+def _node(texts: Texts, path: Sequence[str]) -> Node | None:
+    """The node at a path of names; None if nothing is written there."""
     node = texts.section(path[0])
     for name in path[1:]:
         node = node.get(name) if isinstance(node, document.Mapping) else None
-    return node is not None
+    return node
 
 
 def _is_from(route: Node, name: str) -> bool:

@@ -13,6 +13,7 @@ from ergon.notation.text import document, edit
 from ergon.notation.text.bounds import FileBounds
 from ergon.notation.text.document import Document, Node
 from ergon.notation.text.edit import EditError
+from ergon.notation.text.elided import elided
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files
 from ergon.notation.text.memory import Memory
@@ -195,13 +196,20 @@ class Texts:
         def window(text: str, section: Section) -> Window | None:
             return one_line(text, section.name, section.value, path[1:])
 
-        return self._edited_alone(str(path[0]), [(window, lambda own, _: change(own))], file)
+        def change_one(own: Document, _: int) -> str:
+            return change(own)
+
+        return self._edited_alone(str(path[0]), [(window, change_one)], file, path)
 
     def _edited_alone(
-        self, name: str, edits: Sequence[tuple[_Find, Change]], file: str | None
+        self,
+        name: str,
+        edits: Sequence[tuple[_Find, Change]],
+        file: str | None,
+        path: edit.Path = (),
     ) -> Texts:
         """Edit windows of one section, each parsed alone; an edit without a window edits the whole
-        section.
+        section, of which only what is at a `path` of names matters, if it is written.
         """
         own = lines(self.text, name) if file in (None, self.path) else None
         section = self._alone(name) if own is not None else None
@@ -213,8 +221,21 @@ class Texts:
             text = apply_splices(text, [splice for splice in found if splice is not None])
             texts = self.changed(self.text[: own[0]] + text + self.text[own[1] :])
         for change in left:
-            texts = texts.edited(name, partial(_whole, change), file)
+            whole = partial(_whole, change)
+            short = texts._edited_elided(path, whole) if path and own is not None else None
+            texts = texts.edited(name, whole, file) if short is None else short
         return texts
+
+    def _edited_elided(self, path: edit.Path, change: Callable[[Document], str]) -> Texts | None:
+        """Edit the lines of a section without long runs of other lines; None if that cannot be."""
+        own = lines(self.text, str(path[0]))
+        if own is None or (short := elided(self.text[slice(*own)], {*map(str, path)})) is None:
+            return None
+        with contextlib.suppress(EditError):
+            text = short.put_back(change(edit.read(short.text, self.path)))
+            if text is not None:
+                return self.changed(self.text[: own[0]] + text + self.text[own[1] :])
+        return None
 
     def _splice(self, text: str, section: Section, window: _Find, change: Change) -> Splice | None:
         """The result of a change in a section's text; None if the change has no window of its

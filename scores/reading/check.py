@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate, chain
 from typing import Any
 
+from ergon.common.changed import changed_part
 from ergon.instruments import rules, spread
 from ergon.instruments.model import Instrument, Target
 from ergon.instruments.module_kinds import KINDS
@@ -304,17 +306,21 @@ class Checker:
         """Mark the parts that automation changes as reached: they belong to the piece."""
         section = self.score["automation"] or ()
         known = None if memory is None else memory.held(f"led {file}", None)
-        if known is None or known[0] is not section:
-            names = {
-                str(values["set"] or values["lfo"] or "")
-                for values in section
-                if isinstance(values, Values)
-            }
-            heads = {part for name in names for part in accumulate(name.split("."), _joined)}
-            known = section, heads
-            if memory is not None:
-                memory.hold(f"led {file}", None, known)
-        self.part_names.reached |= known[1] & self.matter.by_name.keys()
+        before, names = known or ((), Counter[str]())
+        gone, new = changed_part(before, section)
+        if gone or new:
+            names = names.copy()
+            names.subtract(map(_led, gone))
+            names.update(map(_led, new))
+        if memory is not None:
+            memory.hold(f"led {file}", None, (section, names))
+        heads = {
+            part
+            for name, number in names.items()
+            if number > 0
+            for part in accumulate(name.split("."), _joined)
+        }
+        self.part_names.reached |= heads & self.matter.by_name.keys()
 
     def _struck_modules(self, made: Strikes, values: Values) -> tuple[tuple[str, str], ...] | None:
         """The modules on which strikes depend; None for those that depend on more."""
@@ -387,6 +393,11 @@ class Checker:
             gap = spread.gaps(link, 1, who, self.collector)
             link = replace(link, fields={**link.fields, "gap": gap})
         return replace(made, link=link, a=a, b=b)
+
+
+def _led(values: Any) -> str:
+    """The parameter that an entry of automation changes, as written."""
+    return str(values["set"] or values["lfo"] or "") if isinstance(values, Values) else ""
 
 
 def _joined(head: str, word: str) -> str:

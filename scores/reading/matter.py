@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 from ergon.instruments import modal, rules
 from ergon.instruments.laws import LawText, is_name
@@ -29,6 +30,16 @@ from ergon.scores.reading.rates import Rates
 from ergon.scores.reading.uses import Entry, Names, Uses, called
 
 MAX_MATS = 4_000_000  # of all instruments: about 1 GB of state and parameters
+
+
+class _Resolved(NamedTuple):
+    """Modules with their names looked up, the parts that they reach, and those on which they
+    depend.
+    """
+
+    modules: tuple[Module, ...]
+    reached: frozenset[str]
+    parts: dict[str, Key | Instrument]
 
 
 class PartsReader:
@@ -203,31 +214,30 @@ class PartsReader:
         self.instruments = {n: self.instruments[n] for n in order if n in self.instruments}
 
     def _resolved(self, part: Part, takes: dict[str, Entry]) -> tuple[Module, ...]:
-        """The modules of a part with their names looked up: those from before if nothing that they
-        can reach has changed.
+        """The modules of a part with their names looked up: those from before if none of the parts
+        in which they were looked for has changed.
         """
-
         entry, values = self._written[part.name]
         written = self.by_name[part.name].modules
-
-        def make() -> tuple[tuple[Module, ...], frozenset[str], object]:
-            before, self._part_names.reached = self._part_names.reached, set()
+        names, memory = self._part_names, self._uses.files.memory
+        condition = part.prefix, part.selves, tuple(self.by_name)
+        known: _Resolved | None = None
+        if memory is not None and not names.broken:
+            known = memory.held(f"modules {part.name}", condition)
+        if known is None or any(self.by_name.get(n) is not own for n, own in known.parts.items()):
+            n_reports = self._collector.told
+            before, names.reached, names.searched = names.reached, set(), set()
             laws = self.laws(written, entry.home)
-            own = rules.modules(part, self._part_names, laws, takes, _bodies(values))
-            reached = frozenset(self._part_names.reached)
-            self._part_names.reached |= before
-            return own, reached, known
-
-        memory = self._uses.files.memory
-        known = [*self.by_name.values()]
-        drives = any(module.kind in ("ENX", "ENF", "LNL") for module in written)
-        if memory is None or drives or self._part_names.broken:
-            return make()[0]
-        # The kept value holds the parts, so that their ids are not reused.
-        key = rules.modules, part.name, part.prefix, part.selves, tuple(map(id, known))
-        own, reached, _ = memory.made(key, make)
-        self._part_names.reached |= reached
-        return own
+            own = rules.modules(part, names, laws, takes, _bodies(values))
+            parts = {name: self.by_name[name] for name in (part.name, *names.searched)}
+            known = _Resolved(own, frozenset(names.reached), parts)
+            names.reached |= before
+            drives = any(module.kind in ("ENX", "ENF", "LNL") for module in written)
+            is_whole = self._collector.told == n_reports and not names.broken
+            if memory is not None and is_whole and not drives:
+                memory.hold(f"modules {part.name}", condition, known)
+        names.reached |= known.reached
+        return known.modules
 
     def _struck(self, key: Key) -> None:
         names = {module.name: module for module in key.modules}

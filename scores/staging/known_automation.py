@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import NamedTuple
 
+from ergon.common.changed import changed_part
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.scores.reading.automation import Automation
@@ -48,7 +49,6 @@ class KnownAutomation:
     _strikes: tuple[Strikes, ...] = ()
     _tracks: dict[Where, Tracks] = field(default_factory=dict)
     # By the id of what they are made of, which is kept with them so that no other has its id.
-    _spans: dict[int, tuple[Automation, float, float]] = field(default_factory=dict)
     _notes: dict[int, tuple[Strikes, list[Automation]]] = field(default_factory=dict)
     _leds: dict[Where, tuple[object, Led]] = field(default_factory=dict)
     _settled: dict[Where, _Settled] = field(default_factory=dict)
@@ -58,36 +58,45 @@ class KnownAutomation:
         object as before.
         """
         strikes = tuple([line for line in piece.strikes if line.notes and line.pattern is not None])
-        is_same_tempo = self._tempo is not None and self._tempo.is_same(piece.tempo_map)
-        if is_same_tempo and (self._lines, self._strikes) == (piece.automation, strikes):
-            return self._tracks
-        if not is_same_tempo:
-            self._spans, self._notes = {}, {}
-        self._notes = {id(line): self._notes_of(piece, line) for line in strikes}
-        notes = chain.from_iterable(lines for _, lines in self._notes.values())
-        lines: dict[Where, dict[str, list[Automation]]] = {}
-        spans = {}
-        for line in (*piece.automation, *notes):
-            where = line.target.part, line.target.module
-            lines.setdefault(where, {}).setdefault(line.parameter, []).append(line)
-            spans[id(line)] = self._spans.get(id(line)) or _span(piece.tempo_map, line)
-        before, self._tracks, self._spans = self._tracks, {}, spans
-        for where, parameters in lines.items():
-            track = self._track(parameters)
-            known = before.get(where)
-            self._tracks[where] = known if known is not None and known == track else track
-        self._tempo, self._lines, self._strikes = piece.tempo_map, piece.automation, strikes
+        touched: set[Where] = set()
+        if self._tempo is None or not self._tempo.is_same(piece.tempo_map):
+            self._lines, self._strikes, self._notes = (), (), {}
+            touched |= self._tracks.keys()
+        self._tempo = piece.tempo_map
+        gone, new = changed_part(self._lines, piece.automation)
+        gone_strikes, new_strikes = changed_part(self._strikes, strikes)
+        self._lines, self._strikes = piece.automation, strikes
+        gone_notes = [self._notes.pop(id(line)) for line in gone_strikes]
+        new_notes = [(line, [*_notes(piece.tempo_map, line)]) for line in new_strikes]
+        self._notes |= {id(line): (line, notes) for line, notes in new_notes}
+        changed = chain(gone, new, *(notes for _, notes in (*gone_notes, *new_notes)))
+        touched |= {_where(line) for line in changed}
+        if touched:
+            self._set_tracks(piece, touched)
         return self._tracks
 
-    def _notes_of(self, piece: Piece, strikes: Strikes) -> tuple[Strikes, list[Automation]]:
-        return self._notes.get(id(strikes)) or (strikes, list(_notes(piece.tempo_map, strikes)))
+    def _set_tracks(self, piece: Piece, touched: set[Where]) -> None:
+        """Set the entries of modules whose automation has changed."""
+        notes = chain.from_iterable(self._notes[id(line)][1] for line in self._strikes)
+        lines: dict[Where, dict[str, list[Automation]]] = {}
+        for line in (*piece.automation, *notes):
+            if (where := _where(line)) in touched:
+                lines.setdefault(where, {}).setdefault(line.parameter, []).append(line)
+        before, self._tracks = self._tracks, dict(self._tracks)
+        for where in touched:
+            if where not in lines:
+                self._tracks.pop(where, None)
+                continue
+            track = self._track(piece.tempo_map, lines[where])
+            known = before.get(where)
+            self._tracks[where] = known if known is not None and known == track else track
 
-    def _track(self, parameters: Mapping[str, list[Automation]]) -> Tracks:
+    def _track(self, tempo: TempoMap, parameters: Mapping[str, list[Automation]]) -> Tracks:
         """The entries of a module: of each parameter one lasts until the next one begins."""
         by_name: dict[str, list[Entry]] = {}
         moves_from = math.inf
         for name, lines in parameters.items():
-            spans = sorted([self._spans[id(line)] for line in lines], key=lambda span: span[1])
+            spans = sorted([_span(tempo, line) for line in lines], key=lambda span: span[1])
             entries = by_name[name] = []
             for place, (line, begin, until) in enumerate(spans):
                 is_last = place + 1 == len(spans)
@@ -124,6 +133,10 @@ class KnownAutomation:
     def settle(self, where: Where, tracks: Tracks, led: Led, since: float, points: Points) -> None:
         """Keep the constant points of a module on which nothing acts from beat `since` on."""
         self._settled[where] = _Settled(tracks, led, since, points)
+
+
+def _where(line: Automation) -> Where:
+    return line.target.part, line.target.module
 
 
 def _span(tempo: TempoMap, line: Automation) -> tuple[Automation, float, float]:

@@ -1,0 +1,62 @@
+"""A text without its long runs of lines, so that an edit reads little more than it changes."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from dataclasses import dataclass
+from itertools import groupby
+
+from ergon.notation.text.item_lines import find_runs
+from ergon.notation.text.window import is_plain
+
+_MIN_LINES = 8  # with fewer, nothing is gained
+_NAME = "elided-"
+
+
+@dataclass(frozen=True, slots=True)
+class Elided:
+    """A text in which each of `runs` is one line; it holds that line and what it replaces."""
+
+    text: str
+    runs: tuple[tuple[str, str], ...]
+
+    def put_back(self, edited: str) -> str | None:
+        """An edited text with all its runs; None if the edit has changed one of them."""
+        edited = f"\n{edited}"
+        for line, run in self.runs:
+            if edited.count(f"\n{line}") != 1:
+                return None
+            edited = edited.replace(f"\n{line}", f"\n{run}")
+        return edited[1:]
+
+
+def elided(text: str, names: Container[str]) -> Elided | None:
+    """A text whose long runs of entries and items are one line each, but for entries with these
+    names. None if nothing is gained, or if its lines cannot be read alone.
+    """
+    if _NAME in text or not is_plain(text):
+        return None
+    pieces: list[str] = []
+    runs: list[tuple[str, str]] = []
+    done = 0
+    for start, end, indentation, is_mapping in find_runs(text):
+        if indentation is None:
+            continue  # items in one line
+        pieces.append(text[done:start])
+        done = end
+        lines = text[start:end].splitlines(keepends=True)
+        for is_named, group in groupby(lines, lambda line: _name(line) in names):
+            run = [*group]
+            if is_named or len(run) < _MIN_LINES:
+                pieces += run
+                continue
+            name = f"{_NAME}{len(runs)}"
+            line = f"{indentation}{name}: {{}}\n" if is_mapping else f"{indentation}- {name}\n"
+            pieces.append(line)
+            runs.append((line, "".join(run)))
+    return Elided("".join((*pieces, text[done:])), tuple(runs)) if runs else None
+
+
+def _name(line: str) -> str:
+    """The name of an entry's line."""
+    return line.partition(":")[0].strip()
