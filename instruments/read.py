@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import partial, reduce
+from itertools import chain
 from typing import Any
 
 from ergon.instruments import checks
@@ -36,6 +37,7 @@ from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text import document
 from ergon.notation.text.document import Node
 from ergon.notation.text.errors import TextError
+from ergon.notation.text.memory import Recall, make_anew
 
 MODULES_DOC = "the network: names, each with one kind of module"
 
@@ -204,20 +206,27 @@ def whole(kind: str, values: Values, axes: int = 1) -> bool:
     return all(field.name in values.given for field in required)
 
 
-def modules(values: Values, axes: int = 1) -> tuple[Module, ...]:
-    """The modules of a key or an instrument; modules that were refused are left out."""
+def modules(values: Values, axes: int = 1, recall: Recall = make_anew) -> tuple[Module, ...]:
+    """The modules of a key or an instrument; modules that were refused are left out.
+
+    `recall` gives those of values that were read before.
+    """
     bodies = (values["modules"] or {}).items()
-    made = (
-        (name, body.kind, _followed(body.kind, body.given[body.kind], axes))
+    known = (
+        # The values are kept, so that no others get their id.
+        recall(("module", name, id(body), axes), partial(_with_modules, name, body, axes))[1]
         for name, body in bodies
         if body is not MISSING
     )
-    return tuple(
-        own
-        for name, kind, body in made
-        if body is not None and whole(kind, body, axes)
-        for own in with_ground_point(module(name, kind, body, axes))
-    )
+    return tuple(chain.from_iterable(known))
+
+
+def _with_modules(name: str, values: Values, axes: int) -> tuple[Values, tuple[Module, ...]]:
+    """The values of a module, and the modules that they make: none if they were refused."""
+    body = _followed(values.kind, values.given[values.kind], axes)
+    if body is None or not whole(values.kind, body, axes):
+        return values, ()
+    return values, with_ground_point(module(name, values.kind, body, axes))
 
 
 def with_ground_point(own: Module) -> tuple[Module, ...]:
@@ -274,8 +283,10 @@ def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
     return Module(name, kind, fields, values.place, Places(values.nodes))
 
 
-def instrument(values: Values) -> Instrument:
-    """An instrument from its values, with `like:` and `from:` already followed."""
+def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
+    """An instrument from its values, with `like:` and `from:` already followed; `recall` gives
+    modules that were read before.
+    """
     made: list[Module] = []
     space = _space(values)
     axes = 1 if space is None else space.axes
@@ -296,7 +307,7 @@ def instrument(values: Values) -> Instrument:
         values.error("E111", message, extra[0])
     elif values.written("f") and (f := values["f"]) is not None and f[0] != f[1]:
         values.error("E202", f"{values.context.of('f')}: only a BANK has a range", "f")
-    made += modules(values, axes)
+    made += modules(values, axes, recall)
     if not values.kind and not values.written("modules"):
         values.error("E103", f"{values.context.of('')} has no modules")
     if values.kind and values.written("modules"):

@@ -21,17 +21,28 @@ from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place
 
 
-def modules(
-    part: Part,
-    part_names: PartNames,
-    laws: Mapping[str, LawText],
-    takes: Mapping[str, Any],
-    bodies: Mapping[str, Values],
-) -> tuple[Module, ...]:
-    """Modules with every name replaced by its target; `bodies` are the fields as written."""
-    result = []
-    driven: dict[tuple[str, str, object], str] = {}
-    for module in part.modules.values():
+class ModuleRules:
+    """Checks the modules of one part, and replaces every name in them by its target.
+
+    `bodies` are the fields as written.
+    """
+
+    def __init__(
+        self,
+        part: Part,
+        part_names: PartNames,
+        laws: Mapping[str, LawText],
+        takes: Mapping[str, Any],
+        bodies: Mapping[str, Values],
+    ) -> None:
+        """Begin with no module."""
+        self._part, self._part_names = part, part_names
+        self._laws, self._takes, self._bodies = laws, takes, bodies
+        self._driven: dict[tuple[str, str, object], str] = {}
+
+    def resolved(self, module: Module) -> Module | None:
+        """A module with every name replaced by its target; None if it was refused."""
+        part, part_names = self._part, self._part_names
         who = f"{module.kind} {quote('.'.join(filter(None, (part.name, module.name))))}"
         fields = dict(module.fields)
         if module.kind in LINKS:
@@ -39,21 +50,19 @@ def modules(
             if "gap" in fields and part.axes == 1:
                 fields["gap"] = spread.gaps(module, spread.size(ends), who, part_names.collector)
         elif module.kind in ("ENX", "ENF"):
-            _drive(module, part, part_names, takes, fields, driven, who)
+            _drive(module, part, part_names, self._takes, fields, self._driven, who)
         elif module.kind == "SURFACE":
             fields["of"] = _body(module, part, part_names, who)
             if fields["of"] is None:
-                continue
+                return None
         elif module.kind == "PROXY":
             if not proxy_names.resolve(module, part, part_names, fields, who):
-                continue
+                return None
         elif module.kind in GENERATORS and part.axes == 1:
             _starts(module, who, part_names.collector)
-        resolved = following_names.resolve(replace(module, fields=fields), part, part_names, who)
-        result.append(
-            with_checked_law(resolved, laws, bodies.get(module.name), who, part_names.collector)
-        )
-    return tuple(result)
+        named = following_names.resolve(replace(module, fields=fields), part, part_names, who)
+        body = self._bodies.get(module.name)
+        return with_checked_law(named, self._laws, body, who, part_names.collector)
 
 
 def with_checked_law(

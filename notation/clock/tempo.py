@@ -124,6 +124,8 @@ class TempoMap:
 
     def is_same(self, other: "TempoMap") -> bool:
         """Whether another map has every beat and bar at the same instant."""
+        if self is other:
+            return True
         return type(self) is type(other) and self._state() == other._state()
 
     def _state(self) -> tuple[object, ...]:

@@ -89,9 +89,16 @@ class Files:
         self.memory = memory
         self.documents: dict[str, Document] = {}
         self.home = home
-        self.bounds = FileBounds.around(home) if bounds is None else bounds
+        self._bounds = bounds
         self._overlay = {str(Path(name)): text for name, text in (overlay or {}).items()}
         self._sealed = sealed
+
+    @property
+    def bounds(self) -> FileBounds:
+        """Where the files that a score names must lie; found when a file is looked for."""
+        if self._bounds is None:
+            self._bounds = FileBounds.around(self.home)
+        return self._bounds
 
     def find(self, name: str, folder: Path, *, is_text: bool = True) -> Path | None:
         """A file relative to a folder or to `home`, or one that ships; None if there is none.

@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Hashable
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from ergon.notation.text.document import Line
 from ergon.notation.text.errors import Collector
 
 _Made = TypeVar("_Made")
+
+
+class Recall(Protocol):
+    """Gives what was made under a key, or makes it now."""
+
+    def __call__(self, key: Hashable, make: Callable[[], _Made], /) -> _Made:
+        """The value of the key."""
+        ...
+
+
+def make_anew(_key: Hashable, make: Callable[[], _Made], /) -> _Made:
+    """Make a value without any memory."""
+    return make()
 
 
 class Memory:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.tables import quantities as q
@@ -127,7 +127,7 @@ def ending(piece: Piece, one: Automation) -> float:
 
 def _ended(texts: Texts, piece: Piece, at: float, target: str) -> tuple[Texts, int]:
     tempo, count = piece.tempo_map, 0
-    for number in reversed([*_of(piece, target)]):
+    for number in reversed(_of(piece, target)):
         one = piece.automation[number]
         is_over = one.until is not None and tempo.resolve(one.until) <= at + SAME
         if not (is_over and tempo.resolve(one.at) < at - SAME):
@@ -135,12 +135,14 @@ def _ended(texts: Texts, piece: Piece, at: float, target: str) -> tuple[Texts, i
     return texts, count
 
 
-def _of(piece: Piece, target: str) -> Iterator[int]:
+def _of(piece: Piece, target: str) -> list[int]:
     """The numbers of the automation entries of a parameter."""
     head, _, parameter = target.rpartition(".")
-    for number, one in enumerate(piece.automation):
-        if one.parameter == parameter and one.target.text == head:
-            yield number
+    return [
+        number
+        for number, one in enumerate(piece.automation)
+        if one.parameter == parameter and one.target.text == head
+    ]
 
 
 def _ended_one(texts: Texts, piece: Piece, at: float, number: int) -> Texts:

@@ -23,6 +23,7 @@ from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
 from ergon.scores.reading.known_entries import KnownEntries
+from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.matter import PartsReader
 from ergon.scores.reading.melody import NoteTargets
 from ergon.scores.reading.piece import (
@@ -75,7 +76,7 @@ class Checker:
         self._reach_led(memory, file)
         included = self._included(times, len(duet))
         self.matter.look_up()
-        plays = self._plays(times.known.names())
+        plays = self._plays(times.known)
         changes = KnownEntries(memory, "automation", file).read(
             self.score["automation"] or (),
             self._automation,
@@ -124,10 +125,12 @@ class Checker:
     def _included(self, times: Times, n_links: int) -> list[tuple[Include, Played]]:
         """The lines of `include:` with what their scores play."""
         found: list[tuple[Include, Played]] = []
+        if self.uses.is_full or not self.names.included:
+            return found
         n_lines = 0
         taken = {v.context.name: None for v in self._own("strikes")}
         owners: dict[str, Player | None] = {v.context.name: None for v in self._own("players")}
-        for one, names in () if self.uses.is_full else self.names.included:
+        for one, names in self.names.included:
             if not times.exists(one.at, one.values.place_of("at")):
                 continue
             file = names.document.file
@@ -181,12 +184,14 @@ class Checker:
             self.gestures_and_takes.reach(player.standin, values.context.of("standin"))
         return player
 
-    def _plays(self, known: dict[int, tuple[Play, tuple[str, ...]]]) -> list[Play]:
-        """The lines of all parts; the names that a line uses are added to `known`."""
-        plays: list[Play] = []
+    def _plays(self, known: KnownPlays) -> list[Play]:
+        """The lines of all parts; what they play is made."""
         section = self.score.nodes.get("parts")
         entries = getattr(section, "entries", {})
-        for name, part in (self.score["parts"] or {}).items():
+        parts = (self.score["parts"] or {}).items()
+        plays = [play for _, part in parts if part is not MISSING for play in part]
+        all_names, first = known.names(plays), 0
+        for name, part in parts:
             if name not in (self.score["players"] or {}):
                 message = f"no player is called {quote(name)}"
                 place = entries[name][0].place
@@ -194,19 +199,19 @@ class Checker:
                 self.collector.error("E301", message, place, word=name, names=player_names)
             if part is MISSING:
                 continue
-            found: set[str] = set()
-            for play in part:
-                one = known.get(id(play))
-                if one is None:
-                    one = known[id(play)] = play, play.names
-                if found.issuperset(one[1]):
-                    continue
-                for word in one[1]:
-                    who = f"part of {quote(name)}"
-                    if isinstance(word, Name) and self.gestures_and_takes.reach(word, who):
-                        found.add(str(word))
-            plays += part
+            names = all_names[first : first + len(part)]
+            first += len(part)
+            who = f"part of {quote(name)}"
+            words = dict.fromkeys(chain.from_iterable(names))
+            unknown = {word for word in words if not self._reaches(word, who)}
+            for word in chain.from_iterable(names) if unknown else ():
+                if word in unknown and not any(word is first for first in unknown):
+                    self._reaches(word, who)
         return plays
+
+    def _reaches(self, word: str, who: str) -> bool:
+        """Make what a line plays; False if an error was reported. A rest is not made."""
+        return not isinstance(word, Name) or self.gestures_and_takes.reach(word, who)
 
     def _strikes(self, values: Values) -> Strikes | None:
         if not melodies.is_whole(values):
@@ -307,11 +312,10 @@ class Checker:
         section = self.score["automation"] or ()
         known = None if memory is None else memory.held(f"led {file}", None)
         before, names = known or ((), Counter[str]())
-        gone, new = changed_part(before, section)
-        if gone or new:
+        if changed := changed_part(before, section):
             names = names.copy()
-            names.subtract(map(_led, gone))
-            names.update(map(_led, new))
+            names.subtract(map(_led, changed.before))
+            names.update(map(_led, changed.now))
         if memory is not None:
             memory.hold(f"led {file}", None, (section, names))
         heads = {

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, TypeVar
 
 from ergon.instruments import modal, rules
 from ergon.instruments.laws import LawText, is_name
@@ -25,21 +25,14 @@ from ergon.notation.text.syntax import Decoder, decode
 from ergon.notation.text.values import Place
 from ergon.scores.reading import build, overlay
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
+from ergon.scores.reading.known_modules import resolve_names
 from ergon.scores.reading.piece import Key
 from ergon.scores.reading.rates import Rates
 from ergon.scores.reading.uses import Entry, Names, Uses, called
 
+_Made = TypeVar("_Made")
+
 MAX_MATS = 4_000_000  # of all instruments: about 1 GB of state and parameters
-
-
-class _Resolved(NamedTuple):
-    """Modules with their names looked up, the parts that they reach, and those on which they
-    depend.
-    """
-
-    modules: tuple[Module, ...]
-    reached: frozenset[str]
-    parts: dict[str, Key | Instrument]
 
 
 class PartsReader:
@@ -161,18 +154,40 @@ class PartsReader:
             self._part("instruments", part, entry, overlay.at(values, note), selves | {name})
 
     def _made(self, section: str, entry: Entry, values: Values) -> Key | Instrument:
-        make: Callable[[Values], Key | Instrument] = instrument
+        memory = self._uses.files.memory
+        named = tuple(named_amounts(values.node.document).names.items())
+        make: Callable[[Values], Key | Instrument] = partial(self._instrument, named)
         if section == "keys":
             make = partial(build.key, files=self._uses.files)
-        memory = self._uses.files.memory
         is_file_read = section == "keys" and values["calib"] is not None
         # Values that were merged (`like`, `from`) are new objects each time: they are not kept.
         if memory is None or values is not entry.values or is_file_read:
             return make(values)
         # The key has the name too, because one node may have several names (a YAML alias).
-        named = tuple(named_amounts(values.node.document).names.items())
         key = section, values.node, values.context.name, named
         return memory.made(key, partial(make, values))
+
+    def _instrument(self, named: Hashable, values: Values) -> Instrument:
+        """An instrument, of which only modules that have changed are read; `named` are the values
+        of `let`.
+        """
+        memory = self._uses.files.memory
+        if memory is None:
+            return instrument(values)
+        place = f"read {values.context.name} {values.node.document.file}"
+        before: dict[Hashable, Any] = memory.held(place, named) or {}
+        now: dict[Hashable, Any] = {}
+
+        def recall(key: Hashable, make: Callable[[], _Made]) -> _Made:
+            n_reports = self._collector.told
+            made: _Made = before[key] if key in before else make()
+            if self._collector.told == n_reports:
+                now[key] = made
+            return made
+
+        made = instrument(values, recall)
+        memory.hold(place, named, now)
+        return made
 
     def look_up(self) -> None:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""
@@ -214,30 +229,12 @@ class PartsReader:
         self.instruments = {n: self.instruments[n] for n in order if n in self.instruments}
 
     def _resolved(self, part: Part, takes: dict[str, Entry]) -> tuple[Module, ...]:
-        """The modules of a part with their names looked up: those from before if none of the parts
-        in which they were looked for has changed.
-        """
+        """The modules of a part with their names looked up."""
         entry, values = self._written[part.name]
-        written = self.by_name[part.name].modules
-        names, memory = self._part_names, self._uses.files.memory
-        condition = part.prefix, part.selves, tuple(self.by_name)
-        known: _Resolved | None = None
-        if memory is not None and not names.broken:
-            known = memory.held(f"modules {part.name}", condition)
-        if known is None or any(self.by_name.get(n) is not own for n, own in known.parts.items()):
-            n_reports = self._collector.told
-            before, names.reached, names.searched = names.reached, set(), set()
-            laws = self.laws(written, entry.home)
-            own = rules.modules(part, names, laws, takes, _bodies(values))
-            parts = {name: self.by_name[name] for name in (part.name, *names.searched)}
-            known = _Resolved(own, frozenset(names.reached), parts)
-            names.reached |= before
-            drives = any(module.kind in ("ENX", "ENF", "LNL") for module in written)
-            is_whole = self._collector.told == n_reports and not names.broken
-            if memory is not None and is_whole and not drives:
-                memory.hold(f"modules {part.name}", condition, known)
-        names.reached |= known.reached
-        return known.modules
+        laws = self.laws(self.by_name[part.name].modules, entry.home)
+        module_rules = rules.ModuleRules(part, self._part_names, laws, takes, _bodies(values))
+        memory = self._uses.files.memory
+        return resolve_names(part, self._part_names, module_rules, memory, self.by_name)
 
     def _struck(self, key: Key) -> None:
         names = {module.name: module for module in key.modules}

@@ -32,21 +32,17 @@ def schedule(
     Reports occurrences without end, bar checks that are not on a bar (W311), and points that
     transformations lose (W315).
     """
-    result = known.all_starts(piece)
-    if result is None:
-        result = _starts(piece, begins, known, collector)
-    room_for_strikes, counts, next_counts = float(MAX_STRIKES), known.counts(piece), {}
-    for strikes in piece.strikes:
-        counted = counts.get(id(strikes))
-        if counted is None or counted[1] > room_for_strikes:
-            n_reports = collector.told
-            counted = strikes, _count(strikes, piece, room_for_strikes, collector)
-            if collector.told > n_reports:
-                room_for_strikes -= counted[1]
-                continue
-        next_counts[id(strikes)] = counted
-        room_for_strikes -= counted[1]
-    known.keep_counts(piece, next_counts)
+    result = _starts(piece, begins, known, collector)
+    left, counts = float(MAX_STRIKES), known.recall("counts", piece.strikes, piece.seed)
+    if None not in counts and sum(counts) <= MAX_STRIKES:
+        return result
+    for number, strikes in enumerate(piece.strikes):
+        count, n_reports = counts[number], collector.told
+        if count is None or count > left:
+            count = _count(strikes, piece, left, collector)
+            counts[number] = count if collector.told == n_reports else None
+        left -= count
+    known.keep("counts", piece.strikes, counts, piece.seed)
     return result
 
 
@@ -54,26 +50,18 @@ def _starts(
     piece: Piece, begins: Sequence[float], known: KnownPlays, collector: Collector
 ) -> tuple[Sequence[float] | None, ...]:
     """Beats on which each line of the parts is played; lines in `known` are not computed again."""
-    n_reports = collector.told
-    room = MAX_OCCURRENCES
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
-    result: list[Sequence[float] | None] = []
     starts = known.starts(piece)
-    for play, at in zip(piece.parts, begins, strict=True):
-        one = starts.get(id(play))
-        beats = one[1] if one is not None else None
-        count = one[2] if one is not None else 0
-        if one is None or count > room:
-            told = collector.told
-            beats = _line(piece, play, at, lengths, room, collector)
-            count = len(beats) if beats is not None else 0
-            if collector.told == told:
-                starts[id(play)] = play, beats, count
-        room -= count
-        result.append(beats)
+    room = MAX_OCCURRENCES - sum(own[1] for own in starts if own is not None)
+    result = [own and own[0] for own in starts]
+    for number in [number for number, own in enumerate(starts) if own is None]:
+        n_reports = collector.told
+        beats = _line(piece, piece.parts[number], begins[number], lengths, room, collector)
+        result[number] = beats
+        room -= len(beats) if beats is not None else 0
+        if collector.told == n_reports:
+            starts[number] = beats, 0 if beats is None else len(beats)
     known.keep_starts(piece, starts)
-    if collector.told == n_reports:
-        known.keep_all_starts(piece, tuple(result))
     return tuple(result)
 
 

@@ -6,6 +6,7 @@ from bisect import bisect_left
 from collections.abc import Callable
 from typing import Any
 
+from ergon.common.changed import changed_part
 from ergon.notation.clock.positions import Position
 from ergon.notation.clock.tempo import Entry, TempoError, TempoMap
 from ergon.notation.tables.expressions import named_amounts
@@ -25,23 +26,29 @@ class Times:
     def __init__(self, score: Values, collector: Collector, memory: Memory | None = None) -> None:
         """Read them and make the map. `memory` keeps what was checked before at the same times."""
         self.collector = collector
-        lines = [v for v in score["tempo"] or () if isinstance(v, Values)]
-        self._lines = [(v, build.tempo(v)) for v in lines]
-        self.entries: tuple[TempoEntry, ...] = tuple(entry for _, entry in self._lines)
-        nodes = getattr(score.nodes.get("marks"), "entries", {})
-        self.marks = tuple(
-            Mark(name, at, nodes[name][1].place)
-            for name, at in sorted((score["marks"] or {}).items())
-            if at is not MISSING
-        )
+        lines = tuple([v for v in score["tempo"] or () if isinstance(v, Values)])
+        marks_node, file = score.nodes.get("marks"), score.node.document.file
         self._known = tuple(score["marks"] or {})
         self._lets = named_amounts(score.node.document).names
-        made = self._map()
+        known = None if memory is None else memory.held(f"tempo {file}", self._lets)
+        if known is None or known[0] is not marks_node or changed_part(known[1], lines):
+            self._lines = [(v, build.tempo(v)) for v in lines]
+            nodes = getattr(marks_node, "entries", {})
+            marks = tuple(
+                Mark(name, at, nodes[name][1].place)
+                for name, at in sorted((score["marks"] or {}).items())
+                if at is not MISSING
+            )
+            self.marks = marks
+            known = marks_node, lines, self._lines, marks, self._map()
+            if memory is not None and known[-1] is not None:
+                memory.hold(f"tempo {file}", self._lets, known)
+        _, _, self._lines, self.marks, made = known
+        self.entries: tuple[TempoEntry, ...] = tuple(entry for _, entry in self._lines)
         self._is_made = made is not None
         # With mistakes in tempo or marks no position is known; each mark is somewhere.
         self.map = made or TempoMap((), {name: Position() for name in self._known})
         said = [(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
-        file = score.node.document.file
         self.known = KnownPlays(memory, file, (said, [(mark.name, mark.at) for mark in self.marks]))
 
     def _map(self) -> TempoMap | None:
@@ -55,7 +62,7 @@ class Times:
             good &= all(name in values.given for name in values.nodes)  # a missing one was reported
         if not good or len(positions) != len(self._known):
             return None
-        entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
+        entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for _, e in self._lines]
         try:
             return TempoMap(entries, positions)
         except TempoError as error:
@@ -119,26 +126,20 @@ class Times:
         """
         for mark in self.marks:
             self._beats(mark.at, lambda mark=mark: mark.place)  # type: ignore[misc]
-        begins = self.known.all_begins(piece.parts)
-        if begins is None:
-            begins = self._begins(piece)
+        begins = self._begins(piece)
         entries: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
         entries += score["automation"] or ()
-        checked, next_checked = self.known.checked(), {}
-        if checked and [*checked.values()] == entries:  # they are the same objects
-            entries, next_checked = [], checked
-        for values in entries:
-            if id(values) in checked:
-                next_checked[id(values)] = values
-            elif isinstance(values, Values):
-                n_reports = self.collector.told
+        checked = self.known.recall("checked", entries)
+        for number in [number for number, known in enumerate(checked) if known is None]:
+            values, n_reports = entries[number], self.collector.told
+            if isinstance(values, Values):
                 at, until = values["at"], values["until"]
                 start = self._beats(at, lambda v=values: v.place_of("at"))  # type: ignore[misc]
                 stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
                 self._order(start, stop, values.place_of("until"))
-                if self.collector.told == n_reports:
-                    next_checked[id(values)] = values
-        self.known.keep_checked(next_checked)
+            if self.collector.told == n_reports:
+                checked[number] = True
+        self.known.keep("checked", entries, checked)
         for strikes in piece.strikes:
             for hit in strikes.hits:
                 if isinstance(hit.at, Position):
@@ -155,23 +156,18 @@ class Times:
 
     def _begins(self, piece: Piece) -> list[float]:
         """The beats on which the lines of the parts begin; 0 if an error was reported."""
-        begins, n_reports = [], self.collector.told
-        known = self.known.begins()
-        for play in piece.parts:
-            if (one := known.get(id(play))) is not None:
-                begins.append(one[1])
-                continue
-            told = self.collector.told
+        begins = self.known.recall("begins", piece.parts)
+        known = [*begins]
+        for number in [number for number, beat in enumerate(begins) if beat is None]:
+            play, n_reports = piece.parts[number], self.collector.told
             start = self._beats(play.at, lambda play=play: play.at_place)  # type: ignore[misc]
-            begins.append(start or 0.0)
+            begins[number] = start or 0.0
             if play.until is not None:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
                 self._order(start, stop, play.until_place or play.place)
-            if self.collector.told == told:
-                known[id(play)] = play, begins[-1]
-        self.known.keep_begins(piece.parts, known)
-        if self.collector.told == n_reports:
-            self.known.keep_all_begins(piece.parts, begins)
+            if self.collector.told == n_reports:
+                known[number] = begins[number]
+        self.known.keep("begins", piece.parts, known)
         return begins
 
     def _order(self, start: float | None, stop: float | None, place: Place) -> None:

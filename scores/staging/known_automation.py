@@ -11,10 +11,11 @@ from itertools import chain
 from typing import NamedTuple
 
 from ergon.common.changed import changed_part
+from ergon.instruments.model import Instrument, Module
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.scores.reading.automation import Automation
-from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.reading.piece import Key, Piece, Strikes
 from ergon.scores.staging.parameter_curves import Entry
 from ergon.scores.staging.parameter_values import Led, Points, Where
 
@@ -50,7 +51,9 @@ class KnownAutomation:
     _tracks: dict[Where, Tracks] = field(default_factory=dict)
     # By the id of what they are made of, which is kept with them so that no other has its id.
     _notes: dict[int, tuple[Strikes, list[Automation]]] = field(default_factory=dict)
-    _leds: dict[Where, tuple[object, Led]] = field(default_factory=dict)
+    # With the module and its part, of which a key has a reach of its own.
+    _leds: dict[Where, tuple[Module | None, object, Led]] = field(default_factory=dict)
+    _modules: dict[str, tuple[object, dict[str, Module]]] = field(default_factory=dict)
     _settled: dict[Where, _Settled] = field(default_factory=dict)
 
     def tracks(self, piece: Piece) -> Mapping[Where, Tracks]:
@@ -63,13 +66,14 @@ class KnownAutomation:
             self._lines, self._strikes, self._notes = (), (), {}
             touched |= self._tracks.keys()
         self._tempo = piece.tempo_map
-        gone, new = changed_part(self._lines, piece.automation)
-        gone_strikes, new_strikes = changed_part(self._strikes, strikes)
+        lines = changed_part(self._lines, piece.automation)
+        struck = changed_part(self._strikes, strikes)
         self._lines, self._strikes = piece.automation, strikes
-        gone_notes = [self._notes.pop(id(line)) for line in gone_strikes]
-        new_notes = [(line, [*_notes(piece.tempo_map, line)]) for line in new_strikes]
+        gone_notes = [self._notes.pop(id(line)) for line in struck.before]
+        new_notes = [(line, [*_notes(piece.tempo_map, line)]) for line in struck.now]
         self._notes |= {id(line): (line, notes) for line, notes in new_notes}
-        changed = chain(gone, new, *(notes for _, notes in (*gone_notes, *new_notes)))
+        notes = (notes for _, notes in (*gone_notes, *new_notes))
+        changed = chain(lines.before, lines.now, *notes)
         touched |= {_where(line) for line in changed}
         if touched:
             self._set_tracks(piece, touched)
@@ -109,17 +113,28 @@ class KnownAutomation:
     def led(self, piece: Piece, where: Where) -> Led | None:
         """A module of a piece; None if it does not exist."""
         part = piece.keys.get(where[0]) or piece.instruments.get(where[0])
-        known = self._leds.get(where)
-        if known is not None and known[0] is part:
-            return known[1]
+        module, known = self._module(part, where), self._leds.get(where)
+        if known is not None:
+            # The values of a key's module depend on its reach too.
+            is_same = known[0] is module is not None and isinstance(part, Instrument)
+            if is_same or known[1] is part:
+                return known[2]
         led = Led.of(piece, where)
         if led is None:
             self._leds.pop(where, None)
         else:
-            if known is not None and known[1].is_same(led):
-                led = known[1]
-            self._leds[where] = part, led
+            if known is not None and known[2].is_same(led):
+                led = known[2]
+            self._leds[where] = module, part, led
         return led
+
+    def _module(self, part: Key | Instrument | None, where: Where) -> Module | None:
+        """A module of a part by name; None for a part as a whole."""
+        known = self._modules.get(where[0])
+        if known is None or known[0] is not part:
+            modules = () if part is None else part.modules
+            known = self._modules[where[0]] = part, {one.name: one for one in modules}
+        return known[1].get(where[1])
 
     def settled(self, where: Where, tracks: Tracks, led: Led, beat: float) -> Points | None:
         """The constant points of a module on which nothing acts from a beat on; None if that is not

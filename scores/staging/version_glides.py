@@ -15,7 +15,7 @@ from ergon.instruments.spread import single_links
 if TYPE_CHECKING:
     from ergon.instruments.assemble import Assembly
     from ergon.instruments.model import Module, Target
-    from ergon.scores.reading.piece import Piece
+    from ergon.scores.reading.piece import Key, Piece
 
 # CEL: K, Z, M. Link: K, or a factor if it has no K. STRING or PLATE: K and Z of its links, up to a
 # constant factor.
@@ -88,23 +88,23 @@ def glides(
     for `seconds`, `running` glides to the same values go on to their end. A new link fades in
     from no force if it joins parts that were there before.
     """
-    old, new = dict(_values(before)), dict(_values(after))
-    forms = dict(_forms(before)), dict(_forms(after))
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
+    old, new = (dict(_values(*pair, under_way)) for pair in ((before, after), (after, before)))
+    forms = dict(_forms(before, after)), dict(_forms(after, before))
     found = {}
     for where, values in new.items():
         current = under_way.get(where)
         if where not in old or len(old[where]) != len(values):
             continue
-        if len(values) == 2 and forms[0].get(where) != forms[1][where]:
+        if len(values) == 2 and forms[0].get(where) != forms[1].get(where):
             continue  # another body takes its place
         if current is not None and current.after == values:
             found[where] = current
         elif old[where] != values:
             now = old[where] if current is None else current.at(start)
             found[where] = Glide(*where, now, values, start, start + seconds)
-    known = _links(before)
-    for where, module in _links(after).items():
+    known = _links(before, after)
+    for where, module in _links(after, before).items():
         current = under_way.get(where)
         if where not in known and _joins(module, before):
             values = _of(module) or (1.0,)
@@ -133,10 +133,10 @@ def leaving_links(
     """Links that fade out from `start` [s] on if both their ends stay, and `earlier` ones that
     still do.
     """
-    kept = _links(after)
+    kept = _links(after, before)
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
     found = [one for one in earlier if one.glide.stop > start]
-    gone = {where: module for where, module in _links(before).items() if where not in kept}
+    gone = {where: one for where, one in _links(before, after).items() if where not in kept}
     for where, module in gone.items():
         own = _of(module) or (1.0,)
         now = under_way[where].at(start) if where in under_way else own
@@ -161,17 +161,41 @@ def with_leaving(piece: Piece, links: Iterable[LeavingLink]) -> Piece:
     return replace(piece, instruments=instruments) if instruments != piece.instruments else piece
 
 
-def _links(piece: Piece) -> dict[tuple[str, str], Module]:
-    """The links of instruments by (part, module), except those of discrete networks (`units: ca`).
+def _changed(piece: Piece, other: Piece) -> Iterator[tuple[Key | Instrument, Module]]:
+    """The modules of a piece, with their parts, that are not the same objects in another piece."""
+    for part in _parts(piece):
+        known = other.keys.get(part.name) or other.instruments.get(part.name)
+        if known is part:
+            continue
+        same: set[int] = set()
+        if known is not None and _setting(known) == _setting(part):
+            same = {id(module) for module in known.modules}
+        for module in part.modules:
+            if id(module) not in same:
+                yield part, module
+
+
+def _parts(piece: Piece) -> tuple[Key | Instrument, ...]:
+    return *piece.keys.values(), *piece.instruments.values()
+
+
+def _setting(part: Key | Instrument) -> tuple[float | None, float | None]:
+    """What the values of a part's modules depend on besides the modules."""
+    if isinstance(part, Instrument):
+        return None, part.ca_rate
+    return part.reach, None
+
+
+def _links(piece: Piece, other: Piece) -> dict[tuple[str, str], Module]:
+    """The links of instruments by (part, module) that have changed from another piece, except those
+    of discrete networks (`units: ca`).
 
     A link over a range has an entry for each member.
     """
     return {
         (part.name, one.name): one
-        for part in piece.instruments.values()
-        if part.ca_rate is None
-        for module in part.modules
-        if module.kind in LINKS
+        for part, module in _changed(piece, other)
+        if isinstance(part, Instrument) and part.ca_rate is None and module.kind in LINKS
         for one in single_links(module)
     }
 
@@ -196,29 +220,32 @@ def _joins(module: Module, before: Piece) -> bool:
     return any(end in before.keys or end in before.instruments for end in ends)
 
 
-def _values(piece: Piece) -> Iterator[tuple[tuple[str, str], _Values]]:
-    """The parameters that can glide, by (part, module), as the piece sees them."""
-    for key in piece.keys.values():
-        for module in key.modules:
-            if (values := _of(module)) is not None:
-                scale = 1.0 / (key.reach * key.reach)
-                yield (key.name, module.name), tuple(value * scale for value in values)
-    for instrument in piece.instruments.values():
-        for module in instrument.modules:
-            # Parameters under `units: ca` belong to their rate: they are set at once.
-            if instrument.ca_rate is None and (values := _of(module)) is not None:
-                yield (instrument.name, module.name), values
-
-
-def _forms(piece: Piece) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
-    """The fields of the STRINGs and PLATEs of a piece except pitch, decay, mass and initial
-    state.
+def _values(
+    piece: Piece, other: Piece, gliding: Iterable[tuple[str, str]]
+) -> Iterator[tuple[tuple[str, str], _Values]]:
+    """The parameters that can glide, by (part, module), as the piece sees them: of modules that
+    have changed from another piece, and of those that are `gliding`.
     """
-    for instrument in piece.instruments.values():
-        for module in instrument.modules:
-            if module.kind in BODIES:
-                form = {name: own for name, own in module.fields.items() if name not in _TUNING}
-                yield (instrument.name, module.name), {**form, "kind": module.kind}
+    wanted = {(part.name, module.name) for part, module in _changed(piece, other)}.union(gliding)
+    names = {name for name, _ in wanted}
+    for part in _parts(piece):
+        for module in part.modules if part.name in names else ():
+            where = part.name, module.name
+            if where not in wanted:
+                continue
+            # Parameters under `units: ca` belong to their rate: they are set at once.
+            reach, ca_rate = _setting(part)
+            if ca_rate is None and (values := _of(module)) is not None:
+                scale = 1.0 if reach is None else 1.0 / (reach * reach)
+                yield where, tuple(value * scale for value in values)
+
+
+def _forms(piece: Piece, other: Piece) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
+    """The fields of changed STRINGs and PLATEs except pitch, decay, mass and initial state."""
+    for part, module in _changed(piece, other):
+        if isinstance(part, Instrument) and module.kind in BODIES:
+            form = {name: own for name, own in module.fields.items() if name not in _TUNING}
+            yield (part.name, module.name), {**form, "kind": module.kind}
 
 
 def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:

@@ -19,15 +19,19 @@ def test_changed_part_of_spliced_sequence(seed):
     last = chance.randint(first, len(before))
     new = items(chance.randrange(4))
     now = (*before[:first], *new, *before[last:])
-    assert changed_part(before, now) == (before[first:last], new)
+    changed = changed_part(before, now)
+    assert changed.put(before, changed.now) == [*now]
+    assert {*changed.before} == {*before[first:last]}
+    assert {*changed.now} == {*new}
+    assert bool(changed) == (first < last or bool(new))
 
 
 def test_changed_part_of_equal_sequences():
     before = items(5)
-    assert changed_part(before, (*before,)) == ((), ())
+    assert not changed_part(before, (*before,))
 
 
 def test_changed_part_with_repeated_items():
     one, two = items(2)
-    assert changed_part((one, one), (one, one, one)) == ((), (one,))
-    assert changed_part((one, two, one), (one, one)) == ((two,), ())
+    assert changed_part((one, one), (one, one, one)) == (2, (), (one,))
+    assert changed_part((one, two, one), (one, one)) == (1, (two,), ())

@@ -1,0 +1,87 @@
+"""The modules of parts with their names looked up, as far as they are known from the reading
+before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from ergon.instruments.model import Module
+from ergon.instruments.module_kinds import LINKS
+from ergon.instruments.names import Part, PartNames
+from ergon.instruments.rules import ModuleRules
+from ergon.notation.text.memory import Memory
+
+# Kinds of which a name needs to know no more than that they are there.
+_SIMPLE = frozenset(("MAS", "CEL", "SOL", *LINKS))
+# Kinds that depend on more than the modules that they name, or on modules before them.
+_ALONE = frozenset(("ENX", "ENF", "LNL", "PROXY", "SURFACE"))
+
+
+class _Module(NamedTuple):
+    """A module as `written` and with its names looked up, the parts that it reaches, and those in
+    which its names were looked for.
+    """
+
+    written: Module
+    resolved: Module | None
+    reached: frozenset[str]
+    searched: frozenset[str]
+
+
+class _Part(NamedTuple):
+    """The modules of a part, with what they depend on: the names of all parts and of its own
+    modules, and the other parts that they reach.
+    """
+
+    condition: object
+    modules: Mapping[str, _Module]
+    parts: Mapping[str, object]
+
+
+def resolve_names(
+    part: Part,
+    part_names: PartNames,
+    rules: ModuleRules,
+    memory: Memory | None,
+    parts: Mapping[str, Any],
+) -> tuple[Module, ...]:
+    """The modules of a part with their names looked up; those that `memory` knows are not looked up
+    again, unless a part in which they were looked for has changed.
+
+    `parts` are all keys and instruments by name.
+    """
+    written = part.modules.values()
+    own = [(one.name, one.kind) if one.kind in _SIMPLE else one for one in written]
+    is_known = part.axes == 1 and memory is not None and not part_names.broken
+    condition = (tuple(parts), part.prefix, part.selves, part.struck, part.broken, own)
+    before = memory.held(f"modules {part.name}", None) if is_known and memory else None
+    known: Mapping[str, _Module] = {}
+    if before is not None and before.condition == condition:
+        same = {name for name, other in before.parts.items() if parts.get(name) is other}
+        known = {
+            name: one
+            for name, one in before.modules.items()
+            if one.searched <= same and one.written is part.modules.get(name)
+        }
+    reached, searched = part_names.reached, part_names.searched
+    found: dict[str, _Module] = {}
+    for name, module in part.modules.items():
+        one = known.get(name)
+        if one is None:
+            part_names.reached, part_names.searched = set(), set()
+            n_reports = part_names.collector.told
+            resolved = rules.resolved(module)
+            seen = frozenset(part_names.reached), frozenset(part_names.searched - {part.name})
+            one = _Module(module, resolved, *seen)
+            is_known &= part_names.collector.told == n_reports
+        found[name] = one
+    part_names.reached = reached.union(*(one.reached for one in found.values()))
+    part_names.searched = searched
+    if is_known and memory is not None:
+        others = frozenset[str]().union(*(one.searched for one in found.values()))
+        alone = {name: one for name, one in found.items() if one.written.kind not in _ALONE}
+        other_parts = {name: parts[name] for name in others}
+        memory.hold(f"modules {part.name}", None, _Part(condition, alone, other_parts))
+    return tuple(one.resolved for one in found.values() if one.resolved is not None)
