@@ -444,3 +444,9 @@ def _skip_space(source: str, index: int, end: int) -> int:
     while index < end and source[index].isspace():
         index += 1
     return index
+
+
+def n_lines(text: str) -> int:
+    """The number of line ends in a text, as a document counts lines."""
+    n_lines = text.count("\n")
+    return n_lines if "\r" not in text else n_lines + text.count("\r") - text.count("\r\n")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ergon.notation.text import document
-from ergon.notation.text.document import Document, Line, Node, Scalar, Sequence, compose
+from ergon.notation.text.document import Document, Line, Node, Scalar, Sequence, compose, n_lines
 from ergon.notation.text.errors import Collector
 
 # An item in braces, without quotes or comments.
@@ -100,15 +100,12 @@ def compose_by_lines(
     folder: Path,
     row: int,
     known: Mapping[str, Line],
-    *,
-    is_movable: bool = False,
 ) -> tuple[Document, dict[str, Line]] | None:
     """The nodes of a text, and the lines of its lists and mappings; lines that are `known` are not
     composed.
 
-    `row` is the first line of the text in its file. A known item keeps the line number at which
-    it was composed; an entry at another line number is composed again, unless the section
-    `is_movable`. None if there are no such lines, or if they cannot be read alone (an alias, a
+    `row` is the first line of the text in its file. Known lines keep the line numbers at which they
+    were composed. None if there are no such lines, or if they cannot be read alone (an alias, a
     text of several lines, a mistake).
     """
     short, runs = _shortened(text)
@@ -120,17 +117,11 @@ def compose_by_lines(
     own.forget_lines()
     lines: dict[str, Line] = {}
     for run in runs:
-        first = row + own.row(run.first)
+        first = row + n_lines(text[: run.first])
         before = [*map(known.get, run.words)]
-        is_placed = run.is_mapping and not is_movable
-        if is_placed:
-            before = [
-                line if line is not None and line.node.document.first_row == here else None
-                for here, line in enumerate(before, first)
-            ]
         for number in [number for number, line in enumerate(before) if line is None]:
             word, here = run.words[number], first if run.gap else first + number
-            line = None if is_placed else lines.get(word)
+            line = lines.get(word)
             if line is None:
                 line = _line(f"{{{word}}}" if run.gap else word, file, here, run.is_mapping)
             if line is None:

@@ -30,16 +30,14 @@ class Memory:
     needed.
 
     A kept value may report later through the collector with which it was read, so all readings
-    share one collector. If `is_loose`, items of long lists are read once and keep the places
-    that they had then, so that a list can grow without end; so do the entries of the sections
-    `movable`.
+    share one collector. If `is_loose`, sections, and items and entries of long lists, keep the
+    line numbers that they had when they were read, so that the text above them can grow.
     """
 
-    def __init__(self, *, is_loose: bool = False, movable: frozenset[str] = frozenset()) -> None:
+    def __init__(self, *, is_loose: bool = False) -> None:
         """Start with nothing read."""
         self.is_loose = is_loose
         self.lock = threading.RLock()  # one reading at a time: all share the collector
-        self.movable = movable
         self._collector = Collector()
         self._now: dict[Hashable, Any] = {}
         self._before: dict[Hashable, Any] = {}

@@ -8,7 +8,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 from ergon.notation.text import document
-from ergon.notation.text.document import MAX_NODES, Document, Node, Scalar, compose
+from ergon.notation.text.document import MAX_NODES, Document, Node, Scalar, compose, n_lines
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.item_lines import compose_by_lines
 from ergon.notation.text.memory import Memory
@@ -48,23 +48,18 @@ def alone(text: str, file: str, folder: Path, name: str, memory: Memory) -> Sect
     own = lines(text, name)
     if own is None:
         return None
-    section = _made(text[slice(*own)], file, folder, _n_lines(text[: own[0]]), memory)
+    section = _made(text[slice(*own)], file, folder, n_lines(text[: own[0]]), memory)
     return section if section is not None and section.name.text == name else None
 
 
 def _made(text: str, file: str, folder: Path, row: int, memory: Memory) -> Section | None:
-    return memory.made((file, row, text), partial(_section, text, file, folder, row, memory))
+    key = (file, text) if memory.is_loose else (file, text, row)
+    return memory.made(key, partial(_section, text, file, folder, row, memory))
 
 
 def _has_marker(text: str) -> bool:
     """Whether a line begins with a marker."""
     return text.startswith(_MARKERS) or any(f"\n{marker}" in text for marker in _MARKERS)
-
-
-def _n_lines(text: str) -> int:
-    """The number of line ends in a text, as a document counts them."""
-    n_lines = text.count("\n")
-    return n_lines if "\r" not in text else n_lines + text.count("\r") - text.count("\r\n")
 
 
 # An edit asks for the sections of the same text again and again.
@@ -94,10 +89,10 @@ def compose_with_memory(
             begin = first
             if not _HEAD.fullmatch(text, 0, first):
                 break
-            row = _n_lines(text[:first])
+            row = n_lines(text[:first])
         own = text[first:end]
         section = _made(own, file, folder, row, memory)
-        row += _n_lines(own)
+        row += n_lines(own)
         if section is None or section.name.text != name or name in entries:
             break
         entries[name] = section.name, section.value
@@ -121,8 +116,7 @@ def _section(text: str, file: str, folder: Path, row: int, memory: Memory) -> Se
     known = memory.lines.get(name, {})
     found = None
     if memory.is_loose:
-        is_movable = name[1] in memory.movable
-        found = compose_by_lines(text, file, folder, row, known, is_movable=is_movable)
+        found = compose_by_lines(text, file, folder, row, known)
     if found is None:
         section = compose(text, file, collector, row)
     else:

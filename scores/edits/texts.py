@@ -25,13 +25,11 @@ from ergon.scores.reading.load import Loaded, load
 from ergon.scores.reading.sections import SCORE
 from ergon.scores.reading.uses import Names, Uses
 
-# Sections whose entries keep their places when the text above them grows: sessions write many.
-_MOVABLE = frozenset({"strikes"})
 SECTIONS = tuple(SCORE.by_name)  # the order of sections
 
 
 def _remembering() -> Memory:
-    return Memory(is_loose=True, movable=_MOVABLE)
+    return Memory(is_loose=True)
 
 
 Change = Callable[[Document, int], str]  # gets the number of list items left out before

@@ -4,9 +4,12 @@ module that it names has changed.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
+from itertools import chain
 from typing import Any, NamedTuple, TypeVar
 
+from ergon.common.changed import changed_part
 from ergon.instruments.names import PartNames
 from ergon.notation.tables.fields import Values
 from ergon.notation.text.memory import Memory
@@ -18,13 +21,21 @@ _Entry = TypeVar("_Entry", Automation, Strikes)
 
 
 class _Known(NamedTuple):
-    """What values mean, and the modules on which that depends. The values are kept so that no
-    others get their id.
+    """What an entry means, and the modules on which that depends (None: on more)."""
+
+    entry: Any
+    modules: tuple[_Module, ...] | None
+
+
+class _Section(NamedTuple):
+    """The entries of a section and what each means (None: that is read again); and how many depend
+    on a module, with the state of that module.
     """
 
-    values: Values
-    entry: Any
-    modules: tuple[_Module, ...]
+    entries: tuple[Any, ...]
+    known: list[_Known | None]
+    uses: Counter[_Module]
+    states: dict[_Module, Any]
 
 
 class KnownEntries:
@@ -50,39 +61,40 @@ class KnownEntries:
         `owner` gives the part of a name.
         """
         entries = section if isinstance(section, tuple) else tuple(section)
-        before_all: Any = None if self._memory is None else self._memory.held(self._name, None)
-        known: dict[int, _Known] = before_all[0] if before_all else {}
-        modules: dict[_Module, Any] = before_all[1] if before_all else {}
-        last: Any = before_all[2] if before_all else None
-        now = {where: _state(where, names, owner) for where in modules}
-        changed = {where for where, state in modules.items() if now[where] != state}
-        if last is not None and not changed and last[0] == entries:
-            names.reached |= {part for part, _ in modules if owner(part) is not None}
-            return [*last[1]]
-        following: dict[int, _Known] = {}
-        result: list[_Entry] = []
-        for values in entries:
-            before = known.get(id(values))
-            if before is not None and (not changed or changed.isdisjoint(before.modules)):
-                following[id(values)] = before
-                result.append(before.entry)
-                continue
-            n_reports = names.collector.told
-            entry = read(values)
-            if entry is None:
-                continue
-            result.append(entry)
-            depends = modules_of(entry, values) if names.collector.told == n_reports else None
-            if depends is not None:
-                following[id(values)] = _Known(values, entry, depends)
-                now |= {where: _state(where, names, owner) for where in depends}
-        used = {where for entry_known in following.values() for where in entry_known.modules}
-        names.reached |= {part for part, _ in used if owner(part) is not None}
+        before: _Section | None = None
         if self._memory is not None:
-            states = {where: now[where] for where in used}
-            all_known = (entries, (*result,)) if len(following) == len(entries) else None
-            self._memory.hold(self._name, None, (following, states, all_known))
-        return result
+            before = self._memory.held(self._name, None)
+        if before is None:
+            before = _Section((), [], Counter(), {})
+        now = {where: _state(where, names, owner) for where in before.states}
+        changed = {where for where, state in before.states.items() if now[where] != state}
+        part = changed_part(before.entries, entries)
+        gone = before.known[part.start : part.start + len(part.before)]
+        known = part.put(before.known, [None] * len(part.now))
+        if changed:
+            stale: list[_Known | None] = [
+                one for one in known if one and not changed.isdisjoint(one.modules or ())
+            ]
+            gone += stale
+            ids = {*map(id, stale)}
+            known = [None if id(one) in ids else one for one in known]
+        uses = before.uses.copy()
+        uses.subtract(chain.from_iterable(one.modules or () for one in gone if one))
+        for number in [number for number, one in enumerate(known) if one is None]:
+            n_reports = names.collector.told
+            if (entry := read(entries[number])) is None:
+                continue
+            is_whole = names.collector.told == n_reports
+            modules = modules_of(entry, entries[number]) if is_whole else None
+            known[number] = _Known(entry, modules)
+            uses.update(modules or ())
+        uses = +uses
+        states = {w: now[w] if w in now else _state(w, names, owner) for w in uses}
+        names.reached |= {head for head, _ in uses if owner(head) is not None}
+        if self._memory is not None:
+            lasting = [one if one and one.modules is not None else None for one in known]
+            self._memory.hold(self._name, None, _Section(entries, lasting, uses, states))
+        return [one.entry for one in known if one is not None]
 
 
 def _state(where: _Module, names: PartNames, owner: Callable[[str], Any]) -> Any:

@@ -211,6 +211,10 @@ def takeover_points(
         if led is None:
             continue  # the module is gone
         own = (0.0, *led.numbers_alone)
+        if len(settled := after.get(where, ())) == 1 and settled is before.get(where):
+            if where in moved or settled[0][1:] != own[1:]:
+                found[where] = settled
+            continue
         old, new = before.get(where) or [own], after.get(where) or [own]
         if len(old[0]) != len(new[0]):
             old = [own]  # it was a module of another kind

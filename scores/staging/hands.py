@@ -134,6 +134,10 @@ ALL = Window()
 Played = tuple[Play, Sequence[float] | None]  # a line, and the beats on which it plays
 
 
+def _key(piece: Piece, play: Play) -> str:
+    return piece.players[play.player].key
+
+
 def _last(line: Played) -> float:
     """The last beat on which a line plays; infinite if that is not known."""
     _, beats = line
@@ -194,15 +198,13 @@ class Hands:
         Lines that end before the window only advance the counts from which chance draws; `known`
         remembers them where no key is still.
         """
-        since, key = self.window.since - SAME, (piece.parts, piece.starts)
-        lines = zip(piece.parts, piece.starts, strict=True)
-        left, counts = (known or NotOver()).look(
-            key,
-            (line for line in lines if not still or piece.players[line[0].player].key not in still),
-            since,
-            lambda line: _last(line) < since,
-            _plays,
-        )
+        since = self.window.since - SAME
+        plays, starts = piece.parts, piece.starts
+        if still:
+            moving = [p for p in zip(plays, starts, strict=True) if _key(piece, p[0]) not in still]
+            plays, starts = tuple(p for p, _ in moving), tuple(beats for _, beats in moving)
+        seen = known or NotOver[Played]()
+        left, counts = seen.look((plays, starts), since, lambda line: _last(line) < since, _plays)
         self._occurrences.update(cast(dict[tuple[str, str], int], counts))
         for play, beats in left:
             self.play(play, beats)

@@ -6,31 +6,41 @@ session takes long.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
-from typing import Generic, NamedTuple, TypeVar
+import math
+from bisect import bisect_left
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any, Generic, NamedTuple, TypeVar
 
-_Line = TypeVar("_Line")
+from ergon.common.changed import changed_part
+
+_Line = TypeVar("_Line", bound=tuple[Any, ...])
+_Columns = tuple[Sequence[Any], ...]
 _REMEMBERED = 4  # looks; some are at earlier versions that still play
 Plays = tuple[Hashable, int]  # what a line plays, and how often
 
 
-class _Look(NamedTuple, Generic[_Line]):
-    """The lines that are not over on beat `since`, in order, and how often those that are over have
-    played what they play.
+class _Look(NamedTuple):
+    """The indices of the lines that are not over on beat `since`, in order.
+
+    `counts` says how often those that are over have played what they play, `counted` the index of
+    the last of them.
     """
 
-    key: object
+    columns: _Columns
     since: float
-    left: list[_Line]
+    left: list[int]
     counts: dict[Hashable, int]
+    counted: dict[Hashable, int]
 
 
 class NotOver(Generic[_Line]):
-    """Remembers the last looks: only lines that were not over then are looked at."""
+    """Remembers the last looks: only lines that were not over then, or that have changed, are
+    looked at.
+    """
 
     def __init__(self) -> None:
         """Start without a look."""
-        self._looks: list[_Look[_Line]] = []
+        self._looks: list[_Look] = []
 
     def forget(self) -> None:
         """Forget all looks."""
@@ -38,8 +48,7 @@ class NotOver(Generic[_Line]):
 
     def look(
         self,
-        key: object,
-        lines: Iterable[_Line],
+        columns: _Columns,
         since: float,
         is_over: Callable[[_Line], bool],
         plays: Callable[[_Line], Plays | None],
@@ -48,22 +57,66 @@ class NotOver(Generic[_Line]):
         they play. A line behind another one that plays the same and is not over stays too:
         occurrences are counted in the order of the lines.
 
-        Equal keys mean the same `lines`. A line that is over must be over on all later beats.
+        A line is an item of each of the `columns`, which keep the items that do not change. A line
+        that is over must be over on all later beats.
         """
-        before = [look for look in self._looks if look.since <= since and look.key == key]
-        last = max(before, key=lambda look: look.since, default=None)
-        if last is not None and last.since == since:
-            return last.left, last.counts
-        left: list[_Line] = []
-        counts: dict[Hashable, int] = {} if last is None else dict(last.counts)
+        look = self._last(columns, since, plays)
+        counts, counted = dict(look.counts), dict(look.counted)
+        left: list[int] = []
         waiting: set[Hashable] = set()
-        for line in lines if last is None else last.left:
-            what, number = plays(line) or (None, 0)
+        for number in look.left if look.since < since else ():
+            line = _line(columns, number)
+            what, often = plays(line) or (None, 0)
             if what in waiting or not is_over(line):
-                left.append(line)
+                left.append(number)
                 if what is not None:
                     waiting.add(what)
             elif what is not None:
-                counts[what] = counts.get(what, 0) + number
-        self._looks = [*self._looks[1 - _REMEMBERED :], _Look(key, since, left, counts)]
-        return left, counts
+                counts[what] = counts.get(what, 0) + often
+                counted[what] = number
+        if look.since < since:
+            look = _Look(columns, since, left, counts, counted)
+            self._looks = [*self._looks[1 - _REMEMBERED :], look]
+        return [_line(columns, number) for number in look.left], look.counts
+
+    def _last(
+        self,
+        columns: _Columns,
+        since: float,
+        plays: Callable[[_Line], Plays | None],
+    ) -> _Look:
+        """The last look at these lines at `since` or before, of which changed lines are left."""
+        for look in sorted(self._looks, key=lambda look: look.since, reverse=True):
+            if look.since <= since and (known := _carried(look, columns, plays)) is not None:
+                return known
+        return _Look(columns, -math.inf, [*range(len(columns[0]))], {}, {})
+
+
+def _line(columns: _Columns, number: int) -> Any:
+    return tuple([column[number] for column in columns])
+
+
+def _carried(look: _Look, columns: _Columns, plays: Callable[..., Plays | None]) -> _Look | None:
+    """A look for nearly the same lines: changed lines are left. None if one of them was over, or
+    changes the count of one that was.
+    """
+    pairs = zip(look.columns, columns, strict=True)
+    changes = [change for pair in pairs if (change := changed_part(*pair))]
+    if not changes:
+        return look
+    n_before, n_now = len(look.columns[0]), len(columns[0])
+    start = min(change.start for change in changes)
+    n_after = min(n_before - change.start - len(change.before) for change in changes)
+    first, last = (bisect_left(look.left, index) for index in (start, n_before - n_after))
+    if last - first < n_before - n_after - start:
+        return None
+    new = range(start, n_now - n_after)
+    for number in new:
+        what, _ = plays(_line(columns, number)) or (None, 0)
+        if look.counted.get(what, -1) >= start:
+            return None
+    shift = n_now - n_before
+    left = [*look.left[:first], *new, *(number + shift for number in look.left[last:])]
+    counted = {w: at if at < start else at + shift for w, at in look.counted.items()}
+    # The changed lines are looked at again, on the same beat too.
+    return _Look(columns, math.nextafter(look.since, -math.inf), left, look.counts, counted)

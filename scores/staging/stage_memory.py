@@ -22,7 +22,7 @@ class KnownStrikes:
     """Remembers which strikes are not over."""
 
     _meters: list[tuple[float, int, Meter]] = field(default_factory=list)
-    _not_over: NotOver[Strikes] = field(default_factory=NotOver)
+    _not_over: NotOver[tuple[Strikes]] = field(default_factory=NotOver)
 
     def left(self, piece: Piece, beat: float) -> Sequence[Strikes]:
         """The strikes of a piece that may fall on a beat or later."""
@@ -32,10 +32,11 @@ class KnownStrikes:
         if (meters := tempo.bars.changes()) != self._meters:  # they end on other beats
             self._meters = meters
             self._not_over.forget()
-        key, before = piece.strikes, beat - _APART
-        return self._not_over.look(
-            key, key, before, lambda strikes: _end(strikes, tempo) < before, lambda _: None
-        )[0]
+        before = beat - _APART
+        left, _ = self._not_over.look(
+            (piece.strikes,), before, lambda line: _end(line[0], tempo) < before, lambda _: None
+        )
+        return [strikes for (strikes,) in left]
 
 
 def _end(strikes: Strikes, tempo: TempoMap) -> float:

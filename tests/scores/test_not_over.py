@@ -7,44 +7,77 @@ import random
 from ergon.scores.staging.not_over import NotOver
 
 
+class Item:
+    """A line, which is the same object as long as it does not change."""
+
+    def __init__(self, what, end, often):
+        self.what, self.end, self.often = what, end, often
+
+
 def _plays(line):
-    return line[0], line[2]
+    return line[0].what, line[0].often
+
+
+def is_over(since):
+    return lambda line: line[0].end < since
+
+
+def drawn(chance, count):
+    return tuple(
+        Item(chance.choice("ab"), chance.random(), chance.randint(1, 3)) for _ in range(count)
+    )
 
 
 def test_lines_that_are_over_are_not_looked_at_again():
-    lines = tuple(("knock", float(n), 1) for n in range(1000))
-    looked = []
+    lines = tuple(Item("knock", float(n), 1) for n in range(1000))
+    seen = []
 
-    def is_over(line, since):
-        looked.append(line)
-        return line[1] < since
+    def looks(line, since):
+        seen.append(line)
+        return line[0].end < since
 
     known = NotOver()
     for since in (990.0, 991.0, 992.0):
-        looked.clear()
+        seen.clear()
         left, counts = known.look(
-            lines, lines, since, lambda line, since=since: is_over(line, since), _plays
+            (lines,), since, lambda line, since=since: looks(line, since), _plays
         )
         assert len(left) == 1000 - since
         assert counts == {"knock": since}
-    assert len(looked) < 12
+    assert len(seen) < 12
+    seen.clear()
+    more = (*lines, Item("knock", 2000.0, 1))
+    left, _ = known.look((more,), 993.0, lambda line: looks(line, 993.0), _plays)
+    assert len(left) == 8
+    assert len(seen) < 12
+
+
+def check_counts(lines, left, counts, since):
+    assert [line for line in lines if line.end >= since] == [
+        line for (line,) in left if line.end >= since
+    ]
+    for number, (line,) in enumerate(left):
+        above = sum(one.often for one in lines[: lines.index(line)] if one.what == line.what)
+        beside = sum(one.often for (one,) in left[:number] if one.what == line.what)
+        assert counts.get(line.what, 0) + beside == above
 
 
 def test_occurrences_before_each_line_are_those_of_all_lines_above_it():
     chance = random.Random(1)
     for _ in range(200):
-        lines = tuple(
-            (chance.choice("ab"), chance.random(), chance.randint(1, 3)) for _ in range(9)
-        )
-        known = NotOver()
+        lines, known = drawn(chance, 9), NotOver()
         for since in (0.3, 0.8, 0.5, 0.9):
-            left, counts = known.look(
-                lines, lines, since, lambda line, since=since: line[1] < since, _plays
-            )
-            assert [line for line in lines if line[1] >= since] == [
-                line for line in left if line[1] >= since
-            ]
-            for line in left:
-                above = sum(one[2] for one in lines[: lines.index(line)] if one[0] == line[0])
-                beside = sum(one[2] for one in left[: left.index(line)] if one[0] == line[0])
-                assert counts.get(line[0], 0) + beside == above
+            left, counts = known.look((lines,), since, is_over(since), _plays)
+            check_counts(lines, left, counts, since)
+
+
+def test_occurrences_of_lines_that_change_between_looks():
+    chance = random.Random(2)
+    for _ in range(400):
+        lines, known = drawn(chance, 9), NotOver()
+        for since in sorted(chance.random() for _ in range(6)):
+            first = chance.randint(0, len(lines))
+            last = min(len(lines), first + chance.randint(0, 2))
+            lines = (*lines[:first], *drawn(chance, chance.randint(0, 2)), *lines[last:])
+            left, counts = known.look((lines,), since, is_over(since), _plays)
+            check_counts(lines, left, counts, since)
