@@ -35,6 +35,8 @@ def changed_part(before: Sequence[_Item], now: Sequence[_Item]) -> Changed[_Item
     """The part in which two sequences differ; before and after it the items are the same
     objects.
     """
+    if before is now:
+        return Changed(len(now), (), ())
     shared = min(len(before), len(now))
     first = next(compress(count(), map(is_not, before, now)), shared)
     if first == len(before) == len(now):

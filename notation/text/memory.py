@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Hashable
+from operator import is_
 from typing import Any, Protocol, TypeVar
 
 from ergon.notation.text.document import Line
@@ -65,6 +66,13 @@ class Memory:
     def hold(self, name: str, condition: Any, what: Any) -> None:
         """Hold something under a name, in place of what was."""
         self._held[name] = condition, what
+
+    def held_for(self, name: str, *objects: Any) -> Any:
+        """What is held under a name for these same objects; None if it is for others."""
+        known = self._held.get(name)
+        if known is None or len(known[0]) != len(objects):
+            return None
+        return known[1] if all(map(is_, known[0], objects)) else None
 
     def made(self, key: Hashable, make: Callable[[], _Made]) -> _Made:
         """The value made under a key, or made now; a value whose making made a report is not

@@ -208,6 +208,7 @@ class SessionCore:
             optional["start"] = line.start
         if entry.reads_files:
             optional |= self._fields_read(version)
+            self.log.note_read(line.number, version)
         self.log.write(
             "line",
             number=line.number,

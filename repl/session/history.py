@@ -48,10 +48,14 @@ class History:
     def sort(self, order: Mapping[int, float]) -> None:
         """Sort the versions that were not undone into the order in which they take effect.
 
-        Versions that are not in `order` come first: they are from before the session.
+        Versions that are not in `order` come first: they have taken effect long before.
         """
         stop = self.index + 1
-        self.numbers[:stop] = sorted(self.numbers[:stop], key=lambda n: order.get(n, -1.0))
+        first = max(0, stop - len(order) - 1)  # those before it are in order
+        begun = self.numbers[first:stop]
+        settled = [number for number in begun if number not in order]
+        moving = sorted([n for n in begun if n in order], key=order.__getitem__)
+        self.numbers[first:stop] = settled + moving
 
 
 @dataclass(frozen=True, slots=True)

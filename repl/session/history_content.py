@@ -16,6 +16,7 @@ from ergon.repl.session.history import PastVersions
 from ergon.repl.session.journal import JournalEvent
 from ergon.repl.session.journal_names import journal_name
 from ergon.repl.session.midi_maps import maps_field, read_maps
+from ergon.repl.session.past_versions import difference
 from ergon.repl.session.version import Faders, PastVersion
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.sounding import SoundingNames
@@ -142,15 +143,8 @@ def _delta(before: str, text: str) -> list[object] | None:
     """[characters kept in front, characters kept at the end, new text between]; None if equal."""
     if before == text:
         return None
-    front = _common_length(before, text)
-    behind = _common_length(before[front:][::-1], text[front:][::-1])
-    return [front, behind, text[front : len(text) - behind]]
-
-
-def _common_length(a: str, b: str) -> int:
-    """The number of characters that two texts have in common at their beginning."""
-    most = min(len(a), len(b))
-    return next((i for i in range(most) if a[i] != b[i]), most)
+    start, end, new = difference(before, text)
+    return [start, len(before) - end, new]
 
 
 def _apply_delta(row: JournalEvent, before: str, delta: object) -> str:

@@ -31,6 +31,7 @@ from ergon.repl.session.journal_content import (
 from ergon.repl.session.journal_hands import RecordedHands, recorded_hands
 from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.midi_maps import place_number
+from ergon.repl.session.past_versions import PastVersionStore
 from ergon.repl.session.replayed_schedule import ReplayedSchedule
 from ergon.repl.session.running import RunningVersion, stage_first
 from ergon.repl.session.version import NotTakenError, PastVersion, Version, piece_of
@@ -268,11 +269,13 @@ def _frozen(
         ) from None
 
 
-def _initial_versions(replay: JournalContent, version: Version) -> dict[int, PastVersion]:
-    """The versions that exist when a session begins, by number."""
-    history = replay.start.history
-    known = {} if history is None else {one.number: one for one in history.versions}
-    return {0: PastVersion.from_version(version, "1|1"), **known}
+def _initial_versions(replay: JournalContent, version: Version) -> PastVersionStore:
+    """The versions that exist when a session begins."""
+    history, versions = replay.start.history, PastVersionStore()
+    versions[0] = PastVersion.from_version(version, "1|1")
+    for one in () if history is None else history.versions:
+        versions[one.number] = one
+    return versions
 
 
 def resumed_state(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:

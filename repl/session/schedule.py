@@ -26,6 +26,7 @@ from ergon.repl.session.gains import can_move, changed_ratios
 from ergon.repl.session.groups import StagedGroup, group_of, staged_group_of
 from ergon.repl.session.line_kinds import RULES, LineKind
 from ergon.repl.session.making_time import MakingTime
+from ergon.repl.session.past_versions import PastVersionStore
 from ergon.repl.session.places import BAR, Place, Present, frame_of, place_of
 from ergon.repl.session.reports import Done, Dropped, Moved, Report, Slipped, Unable
 from ergon.repl.session.running import RunningVersion, horizon
@@ -45,6 +46,8 @@ _AHEAD = 0.3
 _PASSES = 0.05
 # A line that acts now gets twice the time that the last makings took.
 _MAKING_FACTOR = 2.0
+# Lines among the last ones to take effect may still change places: those of a few changes.
+_UNSETTLED = 256
 # Shortest and longest time by which a line is put off because it was late [s].
 _SLIP_MIN, _SLIP_MAX = 0.005, 30.0
 
@@ -98,7 +101,7 @@ class Schedule:
         self.extension_time = MakingTime(engine, rate)
         self.reports: deque[Report] = deque()
         # The version that each line makes or made, by its number.
-        self.past_versions: dict[int, PastVersion] = {}
+        self.past_versions = PastVersionStore()
         self.latest = math.inf  # the beat on which nothing begins any more
         self.n_drops = 0  # how often all lines were dropped
         self._staged: StagedGroup | None = None
@@ -573,16 +576,15 @@ class Schedule:
     # --- past ------------------------------------------------------------------------------------
 
     def effect_order(self) -> dict[int, float]:
-        """The place of lines in the order in which they take effect, by number."""
-        numbers = [*self.changes.done, *(one.number for one in self.waiting)]
+        """The place of the last lines in the order in which they take effect, by number."""
+        done = self.changes.done[-_UNSETTLED:]
+        numbers = [*done, *(one.number for one in self.waiting)]
         return {number: float(place) for place, number in enumerate(numbers)}
 
     def rebase(self, base: Texts) -> None:
         """Note that the files hold these texts now."""
         with self.lock:
-            self.past_versions = {
-                n: replace(one, base=base, renames=()) for n, one in self.past_versions.items()
-            }
+            self.past_versions.rebase(base)
             version = replace(self.running.version, base=base, renames=())
             self.changes.running = replace(self.running, version=version)
             self._let_wait(self.waiting)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.schedule import Schedule
     from ergon.repl.session.waiting_lines import WaitingLine
     from ergon.scores.edits.merging import Spot
+    from ergon.scores.edits.texts import Texts
 
 _DELAY_TOLD = 1.0  # [s] by which a line that acts now may be late without a message
 _LOOKS_BACK = 200  # latest lines that are searched for the one that a reload discards
@@ -42,6 +43,8 @@ class SessionLog:
         self._frozen = {part.name for part in schedule.running.frozen}
         # By kind of trouble: what was reported last, and at which frame.
         self._troubles: dict[str, tuple[str, float]] = {}
+        # By the number of a waiting line that read files: what the journal has of its version.
+        self._read: dict[int, tuple[Texts, dict[str, object]]] = {}
 
     def say(self, message: str) -> None:
         """Add a message."""
@@ -58,6 +61,10 @@ class SessionLog:
         """Write an event to the journal."""
         if self.journal is not None:
             self.journal.append(event, **fields)
+
+    def note_read(self, number: int, version: Version) -> None:
+        """Note that the journal has the texts of a line's version, which read files."""
+        self._read[number] = version.texts, effect_fields(version)
 
     def position_at(self, frame: int) -> str:
         """The position of the piece at a frame, as `bar|beat`."""
@@ -116,6 +123,7 @@ class SessionLog:
     def note_dropped(self, line: WaitingLine) -> None:
         """Note that a line will not take effect."""
         self._history.remove(line.number)
+        self._read.pop(line.number, None)
         self.write("dropped", number=line.number)
 
     def _note_done(
@@ -129,7 +137,9 @@ class SessionLog:
             texts: dict[str, object] = {}
             if line.reads_files:
                 version = line.result()
-                texts = {**text_fields(version.texts), **effect_fields(version)}
+                effects = effect_fields(version)
+                if self._read.pop(line.number, None) != (version.texts, effects):
+                    texts = {**text_fields(version.texts), **effects}
             self.write(
                 "commit", number=line.number, frame=frame, beat=line.beat, change=change, **texts
             )

@@ -64,7 +64,7 @@ class Checker:
         self.gestures_and_takes.own(score.place)
         self.matter.read()
         strikes = KnownEntries(memory, "strikes", file).read(
-            self._own("strikes"),
+            score["strikes"] or (),
             self._strikes,
             self._struck_modules,
             self.part_names,
@@ -85,7 +85,7 @@ class Checker:
             self.matter.by_name.get,
         )
         for _, one in included:
-            plays += one.parts
+            plays = *plays, *one.parts
             strikes += one.strikes
             changes += one.automation
             duet += one.duet
@@ -101,16 +101,16 @@ class Checker:
             instruments=self.matter.instruments,
             gestures=self.gestures_and_takes.gestures,
             takes=self.gestures_and_takes.takes,
-            strikes=tuple(strikes),
+            strikes=strikes,
             players=players,
             duet=tuple(duet),
-            parts=tuple(plays),
+            parts=plays,
             mix=mix,
             render=build.render(score["render"], self.uses.files),
             accuracy=build.accuracy(score["accuracy"]),
             place=score.place,
             tempo_map=times.map,
-            automation=tuple(changes),
+            automation=changes,
             blocks={n: own for n, own in (score["blocks"] or {}).items() if own is not MISSING},
             phrases=tuple(self._phrases()),
             families={n: tuple(own.values()) for n, own in self.part_names.families.items()},
@@ -184,37 +184,35 @@ class Checker:
             self.gestures_and_takes.reach(player.standin, values.context.of("standin"))
         return player
 
-    def _plays(self, known: KnownPlays) -> list[Play]:
+    def _plays(self, known: KnownPlays) -> tuple[Play, ...]:
         """The lines of all parts; what they play is made."""
         section = self.score.nodes.get("parts")
         entries = getattr(section, "entries", {})
-        parts = (self.score["parts"] or {}).items()
-        plays = [play for _, part in parts if part is not MISSING for play in part]
-        all_names, first = known.names(plays), 0
-        for name, part in parts:
+        parts = self.score["parts"] or {}
+        plays, names = known.plays(parts)
+        first = 0
+        for name, part in parts.items():
             if name not in (self.score["players"] or {}):
                 message = f"no player is called {quote(name)}"
                 place = entries[name][0].place
                 player_names = tuple(self.score["players"] or {})
                 self.collector.error("E301", message, place, word=name, names=player_names)
-            if part is MISSING:
-                continue
-            names = all_names[first : first + len(part)]
-            first += len(part)
             who = f"part of {quote(name)}"
-            words = dict.fromkeys(chain.from_iterable(names))
-            unknown = {word for word in words if not self._reaches(word, who)}
-            for word in chain.from_iterable(names) if unknown else ():
-                if word in unknown and not any(word is first for first in unknown):
-                    self._reaches(word, who)
+            unknown = {word for word in names.get(name, ()) if not self._reaches(word, who)}
+            n_plays = 0 if part is MISSING else len(part)
+            for play in plays[first : first + n_plays] if unknown else ():
+                for word in play.names:
+                    if word in unknown and not any(word is one for one in unknown):
+                        self._reaches(word, who)
+            first += n_plays
         return plays
 
     def _reaches(self, word: str, who: str) -> bool:
         """Make what a line plays; False if an error was reported. A rest is not made."""
         return not isinstance(word, Name) or self.gestures_and_takes.reach(word, who)
 
-    def _strikes(self, values: Values) -> Strikes | None:
-        if not melodies.is_whole(values):
+    def _strikes(self, values: Any) -> Strikes | None:
+        if not isinstance(values, Values) or not melodies.is_whole(values):
             return None
         kind = melodies.kind_of(values)
         if kind in melodies.MELODIES:
@@ -311,19 +309,15 @@ class Checker:
         """Mark the parts that automation changes as reached: they belong to the piece."""
         section = self.score["automation"] or ()
         known = None if memory is None else memory.held(f"led {file}", None)
-        before, names = known or ((), Counter[str]())
+        before, names, heads = known or ((), Counter[str](), frozenset())
         if changed := changed_part(before, section):
             names = names.copy()
             names.subtract(map(_led, changed.before))
             names.update(map(_led, changed.now))
+            names = +names
+            heads = {part for name in names for part in accumulate(name.split("."), _joined)}
         if memory is not None:
-            memory.hold(f"led {file}", None, (section, names))
-        heads = {
-            part
-            for name, number in names.items()
-            if number > 0
-            for part in accumulate(name.split("."), _joined)
-        }
+            memory.hold(f"led {file}", None, (section, names, heads))
         self.part_names.reached |= heads & self.matter.by_name.keys()
 
     def _struck_modules(self, made: Strikes, values: Values) -> tuple[tuple[str, str], ...] | None:

@@ -5,7 +5,7 @@ module that it names has changed.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple, TypeVar
 
@@ -32,7 +32,9 @@ class _Section(NamedTuple):
     on a module, with the state of that module.
     """
 
+    section: object
     entries: tuple[Any, ...]
+    meanings: tuple[Any, ...]
     known: list[_Known | None]
     uses: Counter[_Module]
     states: dict[_Module, Any]
@@ -49,25 +51,28 @@ class KnownEntries:
 
     def read(
         self,
-        section: Iterable[Any],
+        section: Mapping[str, Any] | Sequence[Any],
         read: Callable[[Any], _Entry | None],
         modules_of: Callable[[_Entry, Values], tuple[_Module, ...] | None],
         names: PartNames,
         owner: Callable[[str], Any],
-    ) -> list[_Entry]:
+    ) -> tuple[_Entry, ...]:
         """What the entries of a section mean: known, or read now.
 
         `modules_of` tells on which modules something depends; None: it is read each time.
         `owner` gives the part of a name.
         """
-        entries = section if isinstance(section, tuple) else tuple(section)
         before: _Section | None = None
         if self._memory is not None:
             before = self._memory.held(self._name, None)
         if before is None:
-            before = _Section((), [], Counter(), {})
+            before = _Section(None, (), (), [], Counter(), {})
         now = {where: _state(where, names, owner) for where in before.states}
         changed = {where for where, state in before.states.items() if now[where] != state}
+        if before.section is section and not changed and None not in before.known:
+            names.reached |= {head for head, _ in before.uses if owner(head) is not None}
+            return before.meanings
+        entries = tuple(section.values() if isinstance(section, Mapping) else section)
         part = changed_part(before.entries, entries)
         gone = before.known[part.start : part.start + len(part.before)]
         known = part.put(before.known, [None] * len(part.now))
@@ -91,10 +96,12 @@ class KnownEntries:
         uses = +uses
         states = {w: now[w] if w in now else _state(w, names, owner) for w in uses}
         names.reached |= {head for head, _ in uses if owner(head) is not None}
+        meanings = tuple([one.entry for one in known if one is not None])
         if self._memory is not None:
             lasting = [one if one and one.modules is not None else None for one in known]
-            self._memory.hold(self._name, None, _Section(entries, lasting, uses, states))
-        return [one.entry for one in known if one is not None]
+            kept = _Section(section, entries, meanings, lasting, uses, states)
+            self._memory.hold(self._name, None, kept)
+        return meanings
 
 
 def _state(where: _Module, names: PartNames, owner: Callable[[str], Any]) -> Any:

@@ -4,7 +4,7 @@ before.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from ergon.instruments.model import Module
@@ -31,19 +31,27 @@ class _Module(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """The modules of a part, with what they depend on: the names of all parts and of its own
-    modules, and the other parts that they reach.
+    """The modules of a part, with what they depend on: the kinds of its `own` modules, and the
+    parts that they reach, itself included.
+
+    `resolved` are all of them; None if one depends on more.
     """
 
-    condition: object
+    own: list[Any]
     modules: Mapping[str, _Module]
     parts: Mapping[str, object]
+    reached: frozenset[str]
+    resolved: tuple[Module, ...] | None
+
+    def is_same(self, parts: Mapping[str, Any]) -> bool:
+        """Whether no part has changed on which they depend."""
+        return all(parts.get(name) is other for name, other in self.parts.items())
 
 
 def resolve_names(
     part: Part,
     part_names: PartNames,
-    rules: ModuleRules,
+    make_rules: Callable[[], ModuleRules],
     memory: Memory | None,
     parts: Mapping[str, Any],
 ) -> tuple[Module, ...]:
@@ -52,20 +60,25 @@ def resolve_names(
 
     `parts` are all keys and instruments by name.
     """
+    is_known = part.axes == 1 and memory is not None and not part_names.broken
+    condition = tuple(parts), part.prefix, part.selves, part.struck, part.broken
+    before: _Part | None = None
+    if is_known and memory is not None:
+        before = memory.held(f"modules {part.name}", condition)
+    if before is not None and before.resolved is not None and before.is_same(parts):
+        part_names.reached |= before.reached
+        return before.resolved
     written = part.modules.values()
     own = [(one.name, one.kind) if one.kind in _SIMPLE else one for one in written]
-    is_known = part.axes == 1 and memory is not None and not part_names.broken
-    condition = (tuple(parts), part.prefix, part.selves, part.struck, part.broken, own)
-    before = memory.held(f"modules {part.name}", None) if is_known and memory else None
     known: Mapping[str, _Module] = {}
-    if before is not None and before.condition == condition:
+    if before is not None and before.own == own:
         same = {name for name, other in before.parts.items() if parts.get(name) is other}
         known = {
             name: one
             for name, one in before.modules.items()
             if one.searched <= same and one.written is part.modules.get(name)
         }
-    reached, searched = part_names.reached, part_names.searched
+    reached, searched, rules = part_names.reached, part_names.searched, make_rules()
     found: dict[str, _Module] = {}
     for name, module in part.modules.items():
         one = known.get(name)
@@ -77,11 +90,13 @@ def resolve_names(
             one = _Module(module, resolved, *seen)
             is_known &= part_names.collector.told == n_reports
         found[name] = one
-    part_names.reached = reached.union(*(one.reached for one in found.values()))
-    part_names.searched = searched
+    all_reached = frozenset[str]().union(*(one.reached for one in found.values()))
+    part_names.reached, part_names.searched = reached | all_reached, searched
+    modules = tuple([one.resolved for one in found.values() if one.resolved is not None])
     if is_known and memory is not None:
         others = frozenset[str]().union(*(one.searched for one in found.values()))
         alone = {name: one for name, one in found.items() if one.written.kind not in _ALONE}
-        other_parts = {name: parts[name] for name in others}
-        memory.hold(f"modules {part.name}", None, _Part(condition, alone, other_parts))
-    return tuple(one.resolved for one in found.values() if one.resolved is not None)
+        kept = {name: parts[name] for name in (part.name, *others)}
+        whole = modules if len(alone) == len(found) else None
+        memory.hold(f"modules {part.name}", condition, _Part(own, alone, kept, all_reached, whole))
+    return modules

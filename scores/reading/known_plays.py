@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 from ergon.common.changed import changed_part
+from ergon.notation.tables.shapes import MISSING
 from ergon.notation.text.memory import Memory
 from ergon.scores.reading.piece import Gesture, Piece, Play
 
-# The beats of a line's occurrences (None: only a take's file can tell), and their number.
-Starts = tuple[Sequence[float] | None, int]
+
+class Known(NamedTuple):
+    """A value for each item, None for those that are `unknown`, by their numbers."""
+
+    items: Sequence[Any]
+    values: list[Any]
+    unknown: list[int]
 
 
 class KnownPlays:
@@ -23,54 +29,83 @@ class KnownPlays:
         """Take the score's file. Without a memory nothing is known."""
         self._memory, self._file, self._times = memory, file, times
 
-    def recall(self, what: str, items: Sequence[Any], condition: Any = None) -> list[Any]:
-        """What was kept for these items, in their order; None where nothing is known.
-
-        Items between those that have changed are looked at as changed too.
-        """
+    def recall(self, what: str, items: Sequence[Any], condition: Any = None) -> Known:
+        """What was kept for these items."""
         known = None
         if self._memory is not None:
             known = self._memory.held(f"{what} {self._file}", (self._times, condition))
         if known is None:
-            return [None] * len(items)
-        before, values = known
-        changed = changed_part(before, items)
-        return changed.put(values, [None] * len(changed.now))
+            return Known(items, [None] * len(items), [*range(len(items))])
+        if known.items is items:
+            return known  # type: ignore[no-any-return]
+        changed = changed_part(known.items, items)
+        values = changed.put(known.values, [None] * len(changed.now))
+        return Known(items, values, [n for n, value in enumerate(values) if value is None])
 
-    def keep(
-        self, what: str, items: Sequence[Any], values: Sequence[Any], condition: Any = None
-    ) -> None:
-        """Keep a value for each item; None for items that have mistakes."""
+    def keep(self, what: str, known: Known, condition: Any = None) -> None:
+        """Keep what is known now."""
         if self._memory is not None:
-            name = f"{what} {self._file}"
-            self._memory.hold(name, (self._times, condition), ([*items], [*values]))
+            unknown = [number for number in known.unknown if known.values[number] is None]
+            kept = Known(known.items, known.values, unknown)
+            self._memory.hold(f"{what} {self._file}", (self._times, condition), kept)
 
-    def names(self, plays: Sequence[Play]) -> list[tuple[str, ...]]:
-        """The gestures and takes that each line names."""
-        names = self.recall("names", plays)
-        names = [play.names if own is None else own for play, own in zip(plays, names, strict=True)]
-        self.keep("names", plays, names)
-        return names
+    def plays(
+        self, parts: Mapping[str, Any]
+    ) -> tuple[tuple[Play, ...], dict[str, tuple[str, ...]]]:
+        """The lines of all parts, and the gestures and takes that each part names."""
+        name = f"plays {self._file}"
+        before = None if self._memory is None else self._memory.held_for(name, parts)
+        if before is not None:
+            return before  # type: ignore[no-any-return]
+        plays = tuple([play for part in parts.values() if part is not MISSING for play in part])
+        named = self.recall("names", plays)
+        for number in named.unknown:
+            named.values[number] = plays[number].names
+        self.keep("names", named)
+        words, first = {}, 0
+        for player, part in parts.items():
+            n_plays = 0 if part is MISSING else len(part)
+            own = named.values[first : first + n_plays]
+            words[player] = (*dict.fromkeys(chain.from_iterable(own)),)
+            first += n_plays
+        if self._memory is not None:
+            self._memory.hold(name, (parts,), (plays, words))
+        return plays, words
 
-    def starts(self, piece: Piece) -> list[Starts | None]:
-        """The beats of the occurrences of each line; None if they, or a gesture that some line
-        plays, have changed.
+    def starts(self, piece: Piece) -> Known:
+        """The beats of the occurrences of each line and their number; nothing is known if a gesture
+        that some line plays has changed.
         """
         before: Mapping[str, Gesture | None] = {}
         if self._memory is not None:
             before = self._memory.held(f"gestures {self._file}", None) or {}
         pairs = ((gesture, piece.gestures.get(name)) for name, gesture in before.items())
-        if not all(_is_same(*pair) for pair in pairs):
-            return [None] * len(piece.parts)
-        return self.recall("starts", piece.parts, piece.seed)
+        if all(_is_same(*pair) for pair in pairs):
+            return self.recall("starts", piece.parts, piece.seed)
+        n_parts = len(piece.parts)
+        return Known(piece.parts, [None] * n_parts, [*range(n_parts)])
 
-    def keep_starts(self, piece: Piece, starts: Sequence[Starts | None]) -> None:
-        """Keep the beats of occurrences; None for lines that have mistakes."""
+    def keep_starts(self, piece: Piece, starts: Known) -> None:
+        """Keep the beats of the occurrences of each line."""
         if self._memory is not None:
-            names = dict.fromkeys(chain.from_iterable(self.names(piece.parts)))
+            named = self.recall("names", piece.parts)
+            for number in named.unknown:
+                named.values[number] = piece.parts[number].names
+            names = dict.fromkeys(chain.from_iterable(named.values))
             gestures = {name: piece.gestures.get(name) for name in names}
             self._memory.hold(f"gestures {self._file}", None, gestures)
-            self.keep("starts", piece.parts, starts, piece.seed)
+            self.keep("starts", starts, piece.seed)
+
+    def beats(self, starts: Known) -> tuple[Sequence[float] | None, ...]:
+        """The beats alone; those of the same lines are the same object."""
+        name = f"beats {self._file}"
+        before = None if self._memory is None else self._memory.held_for(name, starts.values)
+        if before is not None:
+            return before  # type: ignore[no-any-return]
+        beats = tuple([own and own[0] for own in starts.values])
+        if self._memory is not None:
+            self._memory.hold(name, (starts.values,), beats)
+        return beats
 
 
 def _is_same(a: Gesture | None, b: Gesture | None) -> bool:

@@ -31,6 +31,7 @@ from ergon.scores.reading.rates import Rates
 from ergon.scores.reading.uses import Entry, Names, Uses, called
 
 _Made = TypeVar("_Made")
+_Part = TypeVar("_Part", Key, Instrument)
 
 MAX_MATS = 4_000_000  # of all instruments: about 1 GB of state and parameters
 
@@ -205,19 +206,20 @@ class PartsReader:
             part = self._part_names.parts[name]
             takes = self._names.tables["takes"]
             modules = self._resolved(part, takes)
-            total += sum(member_count(m.kind, m.fields) * m.fields.get("axes", 1) for m in modules)
-            for module in modules:
-                if isinstance(source := module.fields.get("from"), Name) and source in takes:
+            n_mats, sources = self._contents(name, modules)
+            total += n_mats
+            for source in sources:
+                if source in takes:
                     self._gestures_and_takes.take(source, takes[source])
             if isinstance(made, Key):
                 self._struck(made)
                 every = self._rates.of_key(values)
-                self.keys[name] = replace(made, modules=modules, every=every)
+                self.keys[name] = self._same(replace(made, modules=modules, every=every))
             else:
                 outputs = rules.outputs(part, made.outputs, self._part_names, self._layout)
                 every = self._rates.of_instrument(values)
-                self.instruments[name] = replace(
-                    made, modules=modules, outputs=outputs, every=every
+                self.instruments[name] = self._same(
+                    replace(made, modules=modules, outputs=outputs, every=every)
                 )
             todo += sorted(self._part_names.reached - done)
             if total > MAX_MATS:
@@ -228,13 +230,41 @@ class PartsReader:
         self.keys = {n: self.keys[n] for n in order if n in self.keys}
         self.instruments = {n: self.instruments[n] for n in order if n in self.instruments}
 
+    def _contents(self, name: str, modules: tuple[Module, ...]) -> tuple[int, tuple[str, ...]]:
+        """The number of masses of modules, and the takes that they name."""
+        memory = self._uses.files.memory
+        known = None if memory is None else memory.held_for(f"contents {name}", modules)
+        if known is None:
+            n_mats = sum(member_count(m.kind, m.fields) * m.fields.get("axes", 1) for m in modules)
+            sources = (module.fields.get("from") for module in modules)
+            known = n_mats, tuple([source for source in sources if isinstance(source, Name)])
+            if memory is not None:
+                memory.hold(f"contents {name}", (modules,), known)
+        return known
+
+    def _same(self, part: _Part) -> _Part:
+        """The part of the reading before, if it has the same modules and is equal."""
+        memory = self._uses.files.memory
+        if memory is None:
+            return part
+        before: _Part | None = memory.held_for(f"part {part.name}", part.modules)
+        # Pitches are not compared: two instruments may be one matter at two of them.
+        is_equal = before == part and getattr(before, "pitch", None) == getattr(part, "pitch", None)
+        if before is not None and is_equal:
+            return before
+        memory.hold(f"part {part.name}", (part.modules,), part)
+        return part
+
     def _resolved(self, part: Part, takes: dict[str, Entry]) -> tuple[Module, ...]:
         """The modules of a part with their names looked up."""
         entry, values = self._written[part.name]
-        laws = self.laws(self.by_name[part.name].modules, entry.home)
-        module_rules = rules.ModuleRules(part, self._part_names, laws, takes, _bodies(values))
+
+        def make_rules() -> rules.ModuleRules:
+            laws = self.laws(self.by_name[part.name].modules, entry.home)
+            return rules.ModuleRules(part, self._part_names, laws, takes, _bodies(values))
+
         memory = self._uses.files.memory
-        return resolve_names(part, self._part_names, module_rules, memory, self.by_name)
+        return resolve_names(part, self._part_names, make_rules, memory, self.by_name)
 
     def _struck(self, key: Key) -> None:
         names = {module.name: module for module in key.modules}

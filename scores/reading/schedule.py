@@ -33,16 +33,17 @@ def schedule(
     transformations lose (W315).
     """
     result = _starts(piece, begins, known, collector)
-    left, counts = float(MAX_STRIKES), known.recall("counts", piece.strikes, piece.seed)
-    if None not in counts and sum(counts) <= MAX_STRIKES:
+    counts = known.recall("counts", piece.strikes, piece.seed)
+    if not counts.unknown:
         return result
-    for number, strikes in enumerate(piece.strikes):
-        count, n_reports = counts[number], collector.told
-        if count is None or count > left:
-            count = _count(strikes, piece, left, collector)
-            counts[number] = count if collector.told == n_reports else None
+    left = float(MAX_STRIKES) - sum(count for count in counts.values if count is not None)
+    for number in counts.unknown:
+        n_reports = collector.told
+        count = _count(piece.strikes[number], piece, left, collector)
+        if collector.told == n_reports:
+            counts.values[number] = count
         left -= count
-    known.keep("counts", piece.strikes, counts, piece.seed)
+    known.keep("counts", counts, piece.seed)
     return result
 
 
@@ -50,19 +51,25 @@ def _starts(
     piece: Piece, begins: Sequence[float], known: KnownPlays, collector: Collector
 ) -> tuple[Sequence[float] | None, ...]:
     """Beats on which each line of the parts is played; lines in `known` are not computed again."""
-    lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
     starts = known.starts(piece)
-    room = MAX_OCCURRENCES - sum(own[1] for own in starts if own is not None)
-    result = [own and own[0] for own in starts]
-    for number in [number for number, own in enumerate(starts) if own is None]:
+    if not starts.unknown:
+        return known.beats(starts)
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
+    room = MAX_OCCURRENCES - sum(own[1] for own in starts.values if own is not None)
+    reported: dict[int, Sequence[float] | None] = {}
+    for number in starts.unknown:
         n_reports = collector.told
         beats = _line(piece, piece.parts[number], begins[number], lengths, room, collector)
-        result[number] = beats
-        room -= len(beats) if beats is not None else 0
+        n_beats = 0 if beats is None else len(beats)
+        room -= n_beats
         if collector.told == n_reports:
-            starts[number] = beats, 0 if beats is None else len(beats)
+            starts.values[number] = beats, n_beats
+        else:
+            reported[number] = beats
     known.keep_starts(piece, starts)
-    return tuple(result)
+    if not reported:
+        return known.beats(starts)
+    return tuple([own[0] if own else reported[number] for number, own in enumerate(starts.values)])
 
 
 def _line(

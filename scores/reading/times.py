@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ergon.common.changed import changed_part
@@ -127,19 +127,8 @@ class Times:
         for mark in self.marks:
             self._beats(mark.at, lambda mark=mark: mark.place)  # type: ignore[misc]
         begins = self._begins(piece)
-        entries: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
-        entries += score["automation"] or ()
-        checked = self.known.recall("checked", entries)
-        for number in [number for number, known in enumerate(checked) if known is None]:
-            values, n_reports = entries[number], self.collector.told
-            if isinstance(values, Values):
-                at, until = values["at"], values["until"]
-                start = self._beats(at, lambda v=values: v.place_of("at"))  # type: ignore[misc]
-                stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
-                self._order(start, stop, values.place_of("until"))
-            if self.collector.told == n_reports:
-                checked[number] = True
-        self.known.keep("checked", entries, checked)
+        sections = score["strikes"] or {}, score["duet"] or (), score["automation"] or ()
+        self._check_positions(*sections)
         for strikes in piece.strikes:
             for hit in strikes.hits:
                 if isinstance(hit.at, Position):
@@ -154,21 +143,43 @@ class Times:
                     self._beats(at, lambda m=module: m.places["at"])  # type: ignore[misc]
         return begins
 
+    def _check_positions(
+        self, strikes: Mapping[str, Any], duet: Sequence[Any], automation: Sequence[Any]
+    ) -> None:
+        """Check where the entries of these sections begin and end."""
+        for name, entries in (
+            ("strikes", (*strikes.values(),)),
+            ("duet", duet),
+            ("automation", automation),
+        ):
+            known = self.known.recall(f"checked {name}", entries)
+            for number in known.unknown:
+                values, n_reports = entries[number], self.collector.told
+                if isinstance(values, Values):
+                    at, until = values["at"], values["until"]
+                    start = self._beats(at, lambda v=values: v.place_of("at"))  # type: ignore[misc]
+                    stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
+                    self._order(start, stop, values.place_of("until"))
+                if self.collector.told == n_reports:
+                    known.values[number] = True
+            self.known.keep(f"checked {name}", known)
+
     def _begins(self, piece: Piece) -> list[float]:
         """The beats on which the lines of the parts begin; 0 if an error was reported."""
-        begins = self.known.recall("begins", piece.parts)
-        known = [*begins]
-        for number in [number for number, beat in enumerate(begins) if beat is None]:
+        known = self.known.recall("begins", piece.parts)
+        begins = known.values
+        for number in known.unknown:
             play, n_reports = piece.parts[number], self.collector.told
             start = self._beats(play.at, lambda play=play: play.at_place)  # type: ignore[misc]
-            begins[number] = start or 0.0
             if play.until is not None:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
                 self._order(start, stop, play.until_place or play.place)
             if self.collector.told == n_reports:
-                known[number] = begins[number]
-        self.known.keep("begins", piece.parts, known)
-        return begins
+                begins[number] = start or 0.0
+        self.known.keep("begins", known)
+        if all(begins[number] is not None for number in known.unknown):
+            return begins
+        return [beat or 0.0 for beat in begins]
 
     def _order(self, start: float | None, stop: float | None, place: Place) -> None:
         if start is not None and stop is not None and stop <= start:

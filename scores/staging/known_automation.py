@@ -47,7 +47,8 @@ class KnownAutomation:
 
     _tempo: TempoMap | None = None
     _lines: tuple[Automation, ...] = ()
-    _strikes: tuple[Strikes, ...] = ()
+    _all_strikes: tuple[Strikes, ...] = ()
+    _strikes: tuple[Strikes, ...] = ()  # those that have notes
     _tracks: dict[Where, Tracks] = field(default_factory=dict)
     # By the id of what they are made of, which is kept with them so that no other has its id.
     _notes: dict[int, tuple[Strikes, list[Automation]]] = field(default_factory=dict)
@@ -60,9 +61,13 @@ class KnownAutomation:
         """The entries of a piece by module; those of a module that did not change are the same
         object as before.
         """
+        is_same_tempo = self._tempo is not None and self._tempo.is_same(piece.tempo_map)
+        if is_same_tempo and piece.automation is self._lines and piece.strikes is self._all_strikes:
+            return self._tracks
+        self._all_strikes = piece.strikes
         strikes = tuple([line for line in piece.strikes if line.notes and line.pattern is not None])
         touched: set[Where] = set()
-        if self._tempo is None or not self._tempo.is_same(piece.tempo_map):
+        if not is_same_tempo:
             self._lines, self._strikes, self._notes = (), (), {}
             touched |= self._tracks.keys()
         self._tempo = piece.tempo_map

@@ -59,15 +59,19 @@ def stand_ins(piece: Piece) -> dict[str, None]:
     """Live players whose take moves the key as it was captured: they have no part, and their key no
     other player.
     """
+    players = [
+        player
+        for player in piece.players.values()
+        if player.hand == "live" and player.standin in piece.takes
+    ]
+    if not players:
+        return {}
     players_with_part = {play.player for play in piece.parts}
     keys = [player.key for player in piece.players.values()]
     return {
         player.name: None
-        for player in piece.players.values()
-        if player.hand == "live"
-        and player.standin in piece.takes
-        and player.name not in players_with_part
-        and keys.count(player.key) == 1
+        for player in players
+        if player.name not in players_with_part and keys.count(player.key) == 1
     }
 
 

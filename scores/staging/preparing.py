@@ -193,9 +193,10 @@ def _play(
     for played, window in spans:
         span_hands = hands if window is ALL else hands.other(played, window)
         span_hands.play_parts(played, live_keys, None if live_keys else memory.plays)
-    players_with_part = {*real} | {play.player for play in piece.parts}
-    for player in piece.players.values():
-        if player.hand == "live" and player.standin and player.name not in players_with_part:
+    players = [one for one in piece.players.values() if one.hand == "live" and one.standin]
+    players_with_part = {*real} | {play.player for play in piece.parts if players}
+    for player in players:
+        if player.name not in players_with_part:
             hands.standin(player)
     ends = [gesture.stop for gesture in hands.gestures]
     for played, window in spans:

@@ -1,0 +1,115 @@
+"""Earlier versions by number, each text kept as its difference from the one kept before it.
+
+A score grows by each line, so that whole texts would take memory in proportion to the square of
+their number.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator, MutableMapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ergon.repl.session.version import PastVersion
+    from ergon.scores.edits.texts import Texts
+
+# A whole text is kept after this many differences: 32 of them are put together in a millisecond.
+_DIFFERENCES = 32
+
+
+@dataclass(frozen=True, slots=True)
+class _Packed:
+    """A text: the `whole` one, compressed, or that of `before` with its characters from `start` to
+    `end` replaced by `text`.
+    """
+
+    number: int  # of the differences up to a whole text
+    whole: bytes = b""
+    before: _Packed | None = None
+    start: int = 0
+    end: int = 0
+    text: str = ""
+
+    def unpacked(self) -> str:
+        """The text."""
+        if self.before is None:
+            return zlib.decompress(self.whole).decode()
+        text = self.before.unpacked()
+        return text[: self.start] + self.text + text[self.end :]
+
+
+class PastVersionStore(MutableMapping[int, "PastVersion"]):
+    """What is needed to restore each earlier version, by its number."""
+
+    def __init__(self) -> None:
+        """Begin without versions."""
+        self._versions: dict[int, tuple[PastVersion, _Packed]] = {}
+        self._last: tuple[Texts, _Packed] | None = None
+
+    def __getitem__(self, number: int) -> PastVersion:
+        """A version with its texts."""
+        version, packed = self._versions[number]
+        return replace(version, texts=replace(version.texts, text=packed.unpacked()))
+
+    def __setitem__(self, number: int, version: PastVersion) -> None:
+        """Keep a version."""
+        texts = version.texts
+        packed = self._packed(texts)
+        self._last = texts, packed
+        self._versions[number] = replace(version, texts=replace(texts, text="")), packed
+
+    def __delitem__(self, number: int) -> None:
+        """Remove a version; others may still need its text."""
+        del self._versions[number]
+
+    def __iter__(self) -> Iterator[int]:
+        """The numbers, in the order in which the versions were first kept."""
+        return iter(self._versions)
+
+    def __len__(self) -> int:
+        """The number of versions."""
+        return len(self._versions)
+
+    def rebase(self, base: Texts) -> None:
+        """Note that the files hold these texts now."""
+        self._versions = {
+            number: (replace(version, base=base, renames=()), packed)
+            for number, (version, packed) in self._versions.items()
+        }
+
+    def _packed(self, texts: Texts) -> _Packed:
+        if self._last is None:
+            return _whole(texts.text)
+        before, packed = self._last
+        if before.text == texts.text:
+            return packed
+        if packed.number >= _DIFFERENCES:
+            return _whole(texts.text)
+        start, end, text = difference(before.text, texts.text)
+        return _Packed(packed.number + 1, b"", packed, start, end, text)
+
+
+def _whole(text: str) -> _Packed:
+    return _Packed(0, zlib.compress(text.encode(), 1))
+
+
+def difference(before: str, now: str) -> tuple[int, int, str]:
+    """The characters from one index to another that become a text, so that a text becomes `now`."""
+    shared = min(len(before), len(now))
+    start = _n_equal(before, now, shared)
+    after = _n_equal(before[::-1], now[::-1], shared - start)
+    return start, len(before) - after, now[start : len(now) - after]
+
+
+def _n_equal(one: str, other: str, most: int) -> int:
+    """The number of equal characters at the beginning of two texts, at most `most`."""
+    low, high = 0, most  # the texts are equal up to `low`
+    while low < high:
+        middle = (low + high + 1) // 2
+        if one[low:middle] == other[low:middle]:
+            low = middle
+        else:
+            high = middle - 1
+    return low
