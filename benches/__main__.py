@@ -16,6 +16,7 @@ from benches.bank import bank
 from benches.cluster import cluster
 from benches.duet import duet
 from benches.edits import edits
+from benches.enter import enter
 from benches.evening import evening
 from benches.gong import gong
 from benches.grains import grains
@@ -67,6 +68,7 @@ def main(arguments: list[str]) -> int:
         "admittance": admittance,
         "start": reading.start,
         "repl": repl,
+        "enter": enter,
         "evening": evening,
         "edits": edits,
         "cluster": cluster,
