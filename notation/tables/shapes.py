@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -20,6 +20,7 @@ from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.memory import Memory
 from ergon.notation.text.spelling import nearest
 from ergon.notation.text.values import Place
+from ergon.notation.text.window import is_plain
 
 MISSING: Final = object()  # read, found wrong, reported
 MAX_NAME = 64  # characters: names are said aloud
@@ -402,6 +403,43 @@ class Either(Shape):
         return ", or ".join(shape.words() for shape in shapes if shape)
 
 
+class _Entries:
+    """The values of a section's entries, kept while their texts stay the same; they keep the places
+    that they had then.
+    """
+
+    def __init__(self, node: document.Mapping, noun: str, memory: Memory | None) -> None:
+        """Take the section's node. Only a loose memory keeps entries."""
+        self._node, self._name = node, f"entries {noun} {node.document.file}"
+        is_kept = memory is not None and memory.is_loose and is_plain(node.document.text)
+        self._memory = memory if is_kept else None
+        self._before: Mapping[str, tuple[str, Any]] = {}
+        if self._memory is not None:
+            self._before = self._memory.held_for(self._name, node.document.let) or {}
+        self._now: dict[str, tuple[str, Any]] = {}
+
+    def _text(self, word: str) -> str:
+        key, child = self._node.entries[word]
+        return self._node.document.text[key.start : child.end]
+
+    def known(self, word: str) -> Any:
+        """The value of an entry; None if its text has changed."""
+        if (before := self._before.get(word)) is None or before[0] != self._text(word):
+            return None
+        self._now[word] = before
+        return before[1]
+
+    def keep(self, word: str, value: Any) -> None:
+        """Keep the value of an entry, whose reading made no report."""
+        if self._memory is not None:
+            self._now[word] = self._text(word), value
+
+    def hold(self) -> None:
+        """Hold what was kept for the next reading."""
+        if self._memory is not None:
+            self._memory.hold(self._name, (self._node.document.let,), self._now)
+
+
 @dataclass(frozen=True)
 class NamesOf(Shape):
     """Free names, each with the same shape; a broken one stays in the result as MISSING."""
@@ -420,9 +458,13 @@ class NamesOf(Shape):
         # The value of an entry in a line of its own is read once, unless the reading made a report.
         let = node.document.let
         known = id(self.item), context.name, let
+        entries = _Entries(node, self.noun, context.memory)
         for word, (key, child) in node.entries.items():
             if (line := node.lines.get(word)) is not None and known in line.values:
                 result[word] = line.values[known]
+                continue
+            if line is None and (before := entries.known(word)) is not None:
+                result[word] = before
                 continue
             if not NAME.fullmatch(word) or len(word) > MAX_NAME:
                 message = f"{quote(word)} is not a name for a {self.noun}: "
@@ -435,8 +477,13 @@ class NamesOf(Shape):
                 child.document.let, child.document.lets = let, node.document.lets
             told = context.collector.told
             value = result[word] = self.item.read(child, "", inner)
-            if line is not None and context.collector.told == told:
+            if context.collector.told > told:
+                continue
+            if line is None:
+                entries.keep(word, value)
+            else:
                 line.values[known] = value
+        entries.hold()
         return result
 
     def schema(self) -> dict[str, Any]:

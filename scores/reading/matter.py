@@ -91,7 +91,7 @@ class PartsReader:
         self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
     ) -> None:
         values = self._with_files(values)
-        part_object = called(self._made(section, entry, values), name)
+        part_object = called(self._made(section, name, entry, values), name)
         struck = part_object.struck if isinstance(part_object, Key) else None
         modules = {module.name: module for module in part_object.modules}
         broken = frozenset(values["modules"] or {}).difference(modules)
@@ -152,21 +152,44 @@ class PartsReader:
                 self._collector.error("E301", message, own.place, word=word, names=notes)
         for note in notes:
             part = f"{name}.{note}"
-            self._part("instruments", part, entry, overlay.at(values, note), selves | {name})
+            own = self._at_note(part, values, note)
+            self._part("instruments", part, entry, own, selves | {name})
 
-    def _made(self, section: str, entry: Entry, values: Values) -> Key | Instrument:
+    def _at_note(self, part: str, values: Values, note: str) -> Values:
+        """The values of an instrument at one of its notes."""
+        memory = self._uses.files.memory
+        known: Values | None = None if memory is None else memory.held_for(f"note {part}", values)
+        if known is not None:
+            return known
+        n_reports = self._collector.told
+        own = overlay.at(values, note)
+        if memory is not None and self._collector.told == n_reports:
+            memory.hold(f"note {part}", (values,), own)
+        return own
+
+    def _made(self, section: str, name: str, entry: Entry, values: Values) -> Key | Instrument:
         memory = self._uses.files.memory
         named = tuple(named_amounts(values.node.document).names.items())
         make: Callable[[Values], Key | Instrument] = partial(self._instrument, named)
         if section == "keys":
             make = partial(build.key, files=self._uses.files)
         is_file_read = section == "keys" and values["calib"] is not None
-        # Values that were merged (`like`, `from`) are new objects each time: they are not kept.
-        if memory is None or values is not entry.values or is_file_read:
+        if memory is None or is_file_read:
             return make(values)
         # The key has the name too, because one node may have several names (a YAML alias).
         key = section, values.node, values.context.name, named
-        return memory.made(key, partial(make, values))
+        if values is entry.values:
+            return memory.made(key, partial(make, values))
+        # Values that were merged (`like`, `from`) have the node of one of them.
+        place = f"made {section} {name} {values.node.document.file}"
+        before = memory.held(place, named)
+        if before is not None and before[0] is values:
+            return before[1]  # type: ignore[no-any-return]
+        n_reports = self._collector.told
+        made = make(values)
+        if self._collector.told == n_reports:
+            memory.hold(place, named, (values, made))
+        return made
 
     def _instrument(self, named: Hashable, values: Values) -> Instrument:
         """An instrument, of which only modules that have changed are read; `named` are the values

@@ -200,6 +200,18 @@ class Uses:
             if base is None:
                 return None, frozenset()
             entry = base
+        return self._merged(section, chain), frozenset(values.context.name for values in chain)
+
+    def _merged(self, section: str, chain: Sequence[Values]) -> Values:
+        """The last values of a chain, with those of the others over them; the same object as in the
+        reading before if none of them has changed.
+        """
+        memory = self.files.memory
+        name = f"merged {section} {chain[0].context.name} {chain[0].node.document.file}"
+        known: Values | None = None if memory is None else memory.held_for(name, *chain)
+        if known is not None:
+            return known
+        n_reports = self.collector.told
         result = chain[-1]
         is_instrument = section == "instruments"
         if is_instrument:
@@ -208,7 +220,9 @@ class Uses:
             if is_instrument:
                 result = at_own_pitch(result, values, is_root=False)
             result = overlay_fields(result, values)
-        return result, frozenset(values.context.name for values in chain)
+        if memory is not None and self.collector.told == n_reports:
+            memory.hold(name, chain, result)
+        return result
 
     def _base(self, section: str, values: Values, home: Names) -> Entry | None:
         has_from = "from" in values.record.by_name and isinstance(values["from"], Name)
