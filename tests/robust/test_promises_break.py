@@ -37,6 +37,11 @@ BREAKS = {
         "if is_one_of(path, inputs):",
         "if False:",
     ),
+    "robust/test_session_kills.py::test_six_kills_of_a_session": (
+        "repl/session/journal.py",
+        'path.open("xb", buffering=0)',
+        'path.open("xb")',
+    ),
     "repl/test_repl_saves.py::test_a_strangers_journal_writes_no_file": (
         "repl/session/journal_names.py",
         "    path = folder / _check_relative(name)\n    if not is_below(path, folder):\n",
