@@ -1,12 +1,28 @@
-"""The way to the engine: what it plays, and the changes that are under way to it."""
+"""The way to the engine: what it plays, and the changes that are under way to it.
+
+Changes are in the order in which they act. A change of gains needs no stage, so that it may be sent
+for a frame before that of a change that was sent earlier. The latter then follows a version with
+other faders, and its gains are sent again where they are no longer right.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import contextlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from ergon.repl.session.gains import all_gains_at, changed_ratios, faded, gains_at, with_faders
+from ergon._core import EngineError
+from ergon.repl.session.gains import (
+    all_gains_at,
+    can_move,
+    changed_ratios,
+    faded,
+    fader_ratios,
+    gains_at,
+    on_other_faders,
+    with_faders,
+)
 
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Change, Engine, EngineEvent
@@ -16,13 +32,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class UnderWay:
-    """A change that was sent to the engine: the lines in it, and the versions around it."""
+    """A change that was sent to the engine: its frame, the lines in it, and the versions around it.
+
+    `gains` are the ratios that the engine sets at its frame.
+    """
 
     ticket: int
     number: int
+    frame: int
     lines: Sequence[WaitingLine]
     before: RunningVersion
     after: RunningVersion
+    gains: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def is_gains(self) -> bool:
@@ -38,7 +59,7 @@ class Returned(NamedTuple):
 
 
 class Changes:
-    """Changes in the order in which they were sent.
+    """Changes in the order in which they act.
 
     `running` is the version after all of them, `done` has the numbers of their lines.
     """
@@ -52,6 +73,8 @@ class Changes:
         self._n_sent = 0
         # Changes that were taken back; one that was made before it could be is put back.
         self._withdrawn: dict[int, UnderWay] = {}
+        # Tickets of gains that were sent again, because they were no longer right.
+        self._corrections: set[int] = set()
 
     @property
     def playing(self) -> RunningVersion:
@@ -60,80 +83,128 @@ class Changes:
 
     def playing_at(self, frame: int) -> RunningVersion:
         """What the engine will play at a frame."""
-        playing = self.playing
-        for one in self.under_way:
-            if one.after.start <= frame:
-                playing = one.after
-        return playing
+        acts = [one for one in self.under_way if one.frame <= frame]
+        return acts[-1].after if acts else self.playing
 
     def send(self, change: Change, lines: Sequence[WaitingLine], after: RunningVersion) -> None:
-        """Send a change, after which the version `after` plays. Raises EngineError."""
+        """Send a change, after which the version `after` plays, made of the running version.
+
+        Raises EngineError.
+        """
+        before = self.running
+        is_last = all(one.frame <= change.frame for one in self.under_way)
+        if not is_last:  # gains that act later are under way
+            before = self.playing_at(change.frame)
+            after = on_other_faders(after, self.running.version, before.version, lines)
+            if lines:
+                change = replace(change, gains=changed_ratios(before, after))
         ticket = self._engine.change(change)
         self._n_sent += 1
-        self.under_way.append(UnderWay(ticket, self._n_sent, tuple(lines), self.running, after))
+        sent = UnderWay(
+            ticket, self._n_sent, change.frame, tuple(lines), before, after, change.gains
+        )
         self.done += [one.number for one in lines]
-        self.running = after
+        self._insert(sent)
+        if is_last:
+            self.running = after
+        else:
+            self.running = _with_faders_of(after, self.under_way[-1].after)
 
     def send_gains(self, frame: int, lines: Sequence[WaitingLine]) -> None:
         """Send the gains that lines change, for a frame that may come before changes under way.
 
-        Raises EngineError, or one of `REFUSALS` if the last version lacks what they name.
+        Raises EngineError, or one of `REFUSALS` if there is not what they name.
         """
-        after = with_faders(self.running, lines)
-        playing = self.playing_at(frame)
-        gains = changed_ratios(playing, faded(playing, lines))
-        earlier = [
-            replace(one, before=faded(one.before, lines), after=faded(one.after, lines))
-            for one in self.under_way
-        ]
-        self.send(gains_at(frame, after, gains), lines, after)
-        self.under_way[: len(earlier)] = earlier
-        self._note_overtaken(frame, lines)
-        for one in earlier:  # a new mixer would bring back the gains of before
-            if not one.is_gains:
-                self.send(all_gains_at(max(frame, one.after.start), one.after), (), after)
+        start = self.ready_frame(frame, lines)
+        with_faders(self.playing_at(start), lines)
+        self._n_sent += 1
+        self._send_gains(start, lines, self._n_sent)
+        self.done += [one.number for one in lines]
+        self._sort_done()
 
-    def _note_overtaken(self, frame: int, lines: Sequence[WaitingLine]) -> None:
-        """Put the numbers of lines that act at a frame before those that act later."""
-        later = [
-            line.number
-            for one in self.under_way
-            if one.after.start > frame and not one.is_gains
-            for line in one.lines
-        ]
-        numbers = [line.number for line in lines]
-        moved = {*later, *numbers}
-        self.done = [number for number in self.done if number not in moved] + numbers + later
+    def ready_frame(self, frame: int, lines: Sequence[WaitingLine]) -> int:
+        """The first frame from `frame` on at which there is what lines that move faders name."""
+        if can_move(self.playing_at(frame), lines):
+            return frame
+        later = (one for one in self.under_way if one.frame > frame)
+        return next((one.frame for one in later if can_move(one.after, lines)), frame)
+
+    def _send_gains(self, frame: int, lines: Sequence[WaitingLine], number: int) -> None:
+        before = self.playing_at(frame)
+        after = faded(before, lines)
+        gains = changed_ratios(before, after)
+        ticket = self._engine.change(gains_at(frame, after, gains))
+        self._insert(UnderWay(ticket, number, frame, tuple(lines), before, after, gains))
+        self.running = _with_faders_of(self.running, self.under_way[-1].after)
+
+    def _insert(self, sent: UnderWay) -> None:
+        """Insert a change behind those that act before it or at its frame."""
+        index = sum(one.frame <= sent.frame for one in self.under_way)
+        later = self.under_way[index:]
+        self.under_way[index:] = [sent]
+        self._follow(sent.after, later)
+        self._sort_done()
+
+    def _follow(self, before: RunningVersion, later: Sequence[UnderWay]) -> None:
+        """Append changes, the first of which now follows another version."""
+        for one in later:
+            if one.before is not before:
+                one = self._corrected(one, before)
+            self.under_way.append(one)
+            before = one.after
+
+    def _corrected(self, one: UnderWay, before: RunningVersion) -> UnderWay:
+        """A change that follows another version; the engine gets its gains again if they differ."""
+        if one.is_gains:
+            after = faded(before, one.lines)
+        else:
+            after = on_other_faders(one.after, one.before.version, before.version, one.lines)
+        ratios = fader_ratios(after)
+        wanted = changed_ratios(before, after)
+        gains = {group: ratios[group] for group in {*one.gains, *wanted} if group in ratios}
+        if gains != one.gains:
+            with contextlib.suppress(EngineError):  # too many changes wait
+                self._corrections.add(self._engine.change(gains_at(one.frame, after, gains)))
+        return replace(one, before=before, after=after, gains=gains)
+
+    def _sort_done(self) -> None:
+        """Let the numbers of lines be in the order in which they act."""
+        coming = [line.number for one in self.under_way for line in one.lines]
+        known = {*coming}
+        self.done = [number for number in self.done if number not in known] + coming
 
     def withdraw(self, frame: int) -> Returned:
         """Take back the changes from a frame on that were not made yet."""
-        index = next((i for i, one in enumerate(self.under_way) if one.after.start >= frame), None)
+        staged = (i for i, one in enumerate(self.under_way) if not one.is_gains)
+        index = next((i for i in staged if self.under_way[i].frame >= frame), None)
         if index is None:
             return Returned((), self.running)
         self._engine.revoke(frame)
-        return self._take_back(index, frame)
+        return self._take_back(index)
 
-    def _take_back(self, index: int, frame: int) -> Returned:
-        """Take back the changes from one on. Gains need no version, so that they act all the
-        same.
+    def _take_back(self, index: int) -> Returned:
+        """Take back the changes from one on. Gains need no version, so that they act all the same,
+        but for those of what is not there without the changes.
         """
         back = self.under_way[index:]
         del self.under_way[index:]
-        base = self.running = back[0].before
+        self.running = base = back[0].before
         lines: list[WaitingLine] = []
+        gains: list[UnderWay] = []
         for one in back:
+            if one.is_gains and can_move(base, one.lines):
+                gains.append(one)
+                continue
+            lines += one.lines
             if one.is_gains:
-                after = faded(base, one.lines)
-                self.under_way.append(replace(one, before=base, after=after))
-                base = after
+                gains.append(replace(one, lines=()))
             else:
                 self._withdrawn[one.ticket] = one
-                lines += one.lines
         numbers = {line.number for line in lines}
         self.done = [number for number in self.done if number not in numbers]
-        self.running = base
-        if any(one.is_gains for one in back):  # their gains were those of other groups
-            self.send(all_gains_at(frame, base), (), base)
+        self._follow(base, gains)
+        if gains:
+            self.running = self.under_way[-1].after
         return Returned(lines, base)
 
     def note_late(self, ticket: int, soonest: int) -> Returned:
@@ -141,25 +212,43 @@ class Changes:
 
         Gains are sent again for the frame `soonest`.
         """
-        index = next((i for i, one in enumerate(self.under_way) if one.ticket == ticket), None)
-        returned = Returned((), self.running)
-        if index is not None and self.under_way[index].is_gains:
-            late = self.under_way.pop(index)
-            again = self._engine.change(all_gains_at(soonest, self.running))
-            running = self.running
-            self.under_way.append(replace(late, ticket=again, before=running, after=running))
-        elif index is not None:
-            returned = self._take_back(index, soonest)
         self._withdrawn.pop(ticket, None)
-        return returned
+        if ticket in self._corrections:
+            self._corrections.remove(ticket)
+            again = all_gains_at(soonest, self.playing_at(soonest))
+            self._corrections.add(self._engine.change(again))
+            return Returned((), self.running)
+        index = next((i for i, one in enumerate(self.under_way) if one.ticket == ticket), None)
+        if index is None:
+            return Returned((), self.running)
+        if not self.under_way[index].is_gains:
+            return self._take_back(index)
+        late, later = self.under_way[index], self.under_way[index + 1 :]
+        del self.under_way[index:]
+        self._follow(late.before, later)
+        self._send_gains(self.ready_frame(soonest, late.lines), late.lines, late.number)
+        return Returned((), self.running)
 
     def note_done(self, event: EngineEvent) -> UnderWay | None:
         """Note that a change was made; returns it. None if the ticket is not known."""
+        self._corrections.discard(event.ticket or 0)
         for index, one in enumerate(self.under_way):
             if one.ticket == event.ticket:
                 return self.under_way.pop(index)
         withdrawn = self._withdrawn.pop(event.ticket or 0, None)
         if withdrawn is not None:  # it was made before it could be withdrawn
             self.done += [line.number for line in withdrawn.lines]
+            later, self.under_way = self.under_way, []
             self.running = withdrawn.after
+            self._follow(withdrawn.after, later)
+            if later:
+                self.running = self.under_way[-1].after
+            self._sort_done()
         return withdrawn
+
+
+def _with_faders_of(running: RunningVersion, last: RunningVersion) -> RunningVersion:
+    """A running version with the faders, and the last line, of another one."""
+    own = last.version
+    version = replace(running.version, faders=own.faders, number=own.number, line=own.line)
+    return replace(running, version=version)

@@ -11,6 +11,7 @@ from ergon.repl.session.waiting_lines import REFUSALS
 
 if TYPE_CHECKING:
     from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.version import Version
     from ergon.repl.session.waiting_lines import WaitingLine
 
 
@@ -48,7 +49,7 @@ def with_faders(running: RunningVersion, lines: Sequence[WaitingLine]) -> Runnin
     for one in lines:
         made = one.edit(version, one.beat)
         version = replace(version, faders=made.faders, number=made.number, line=made.line)
-    return replace(running, version=version)
+    return replace(running, version=version, skipped_from=None)
 
 
 def can_move(running: RunningVersion, lines: Sequence[WaitingLine]) -> bool:
@@ -66,3 +67,25 @@ def faded(running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersi
         return with_faders(running, lines)
     except REFUSALS:
         return running
+
+
+def on_other_faders(
+    made: RunningVersion, base: Version, before: Version, lines: Sequence[WaitingLine]
+) -> RunningVersion:
+    """A version that lines made of `base`, with the faders that they make of those of `before`."""
+    version = made.version
+    if not lines:  # the timeline is extended
+        number, line = before.number, before.line
+        return replace(
+            made, version=replace(version, faders=before.faders, number=number, line=line)
+        )
+    faders = before.faders
+    if any(one.sets_all for one in lines) or version.faders != base.faders:
+        try:
+            on = before
+            for one in lines:
+                on = one.edit(on, one.beat)
+            faders = on.faders
+        except REFUSALS:  # it was made from what `before` lacks
+            faders = version.faders
+    return replace(made, version=replace(version, faders=faders))

@@ -207,7 +207,7 @@ class Schedule:
             if request.n_drops != self.n_drops:
                 raise NotTakenError("a panic has dropped this line; nothing has changed")
             lines, running = self.lines, self.running
-            first = self._behind_fence(asked or self._asked(request))
+            first = self._behind_names(self._behind_fence(asked or self._asked(request)))
             soonest = self.soonest_frame()
         lines_after, line = lines.inserted(first, soonest)
         checked, made = replace(running, version=line.result()), None
@@ -252,6 +252,19 @@ class Schedule:
         if fence is None:
             return one
         return one.moved_to(fence.beat, fence.start)
+
+    def _behind_names(self, one: WaitingLine) -> WaitingLine:
+        """A line that moves faders, not before the change under way that makes what it names."""
+        if one.kind is not LineKind.FADERS or one.start is None:
+            return one
+        start = self.changes.ready_frame(one.start, (one,))
+        beats = (
+            line.beat
+            for change in self.changes.under_way
+            for line in change.lines
+            if change.frame == start
+        )
+        return one if start == one.start else one.moved_to(next(beats, one.beat), start)
 
     def _start_after_play(self, beat: float, lead: float) -> int | None:
         """The frame of a beat that is ahead, if the piece is about to start."""

@@ -277,3 +277,71 @@ def test_lines_typed_singly_before_play_are_as_good_as_a_block(tmp_path: Path) -
             heads.append(at.session.schedule.head.texts.text)
             assert not events(at, "dropped")
     assert heads[0] == heads[1]
+
+
+# --- 8: levels that act before what was sent earlier ----------------------------------------------
+
+
+def test_a_level_of_an_instrument_under_way(at: Delayed) -> None:
+    """It acted before the instrument was there, and the journal could not be rendered."""
+    at.delay = lambda: 0.1
+    at.ok("tempo 110")
+    at.ok("kick = skins/kick\nroute kick 1 2")
+    assert at.session.schedule.changes.under_way
+    at.ok("gain kick -3dB")
+    at.delay = lambda: 0.0
+    at.ok("play")
+    at.ok("rain strikes kick.skin.centre every 1 impulse 20mNs now")
+    at.run(2.0)
+    assert np.abs(at.sound).max() > 1e-6
+    check_render(at)
+
+
+def test_levels_act_in_the_order_of_their_frames(at: Delayed) -> None:
+    """`unmute` was done after `mute`, which had been typed before it and acted after it."""
+    at.ok("play")
+    at.ok("leo plays knock every 1/4 now")
+    at.run(1.0)
+    at.ok("mute drum")
+    at.run(0.8)
+    assert at.session.schedule.changes.under_way
+    at.ok("unmute now")
+    at.ok("couple k1 k2 K=40N/m Z=0.2Ns/m")
+    at.run(4.0)
+    assert at.session.schedule.head.faders.muted == {"drum"}
+    assert seconds_of(at, 1)[1] > 1e-6
+    assert seconds_of(at, 1)[-1] == 0.0
+    check_render(at)
+
+
+def test_a_level_of_the_next_bar_stays_there(at: Delayed) -> None:
+    """A version that took over before the bar had the level of after it."""
+    at.ok("play")
+    at.ok("leo plays knock every 1/4 now")
+    at.run(1.0)
+    at.ok("gain drum x0")
+    at.run(0.8)
+    assert at.session.schedule.changes.under_way
+    at.ok("couple k1 k2 K=40N/m Z=0.2Ns/m now")
+    at.run(3.0)
+    (level,) = [one["frame"] for one in events(at, "commit") if one["beat"] == 4.0]
+    assert np.abs(at.sound[level - 400 : level - 200, 1]).max() > 1e-6
+    check_render(at)
+
+
+def test_a_level_waits_with_the_instrument_that_was_taken_back(at: Delayed) -> None:
+    """It acted without the instrument, and was lost."""
+    at.ok("play")
+    at.ok("ada plays knock every 1/4 now")
+    at.run(1.75)
+    at.ok("kick = skins/kick\nroute kick 1 2")
+    at.ok("gain kick -3dB")
+    at.ok("gain bell -6dB")
+    assert len(at.session.schedule.changes.under_way) == 3
+    at.ok("hush now")
+    at.run(3.0)
+    assert at.session.schedule.head.faders.gains == pytest.approx(
+        {"kick": 0.708, "bell": 0.501}, abs=1e-3
+    )
+    assert not events(at, "dropped")
+    check_render(at)

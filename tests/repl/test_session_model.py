@@ -25,7 +25,16 @@ from tests.repl.test_repl_session import SCORE
 from ergon.repl.session.line_kinds import RULES, LineKind
 from ergon.scores.reading.load import load
 
-_QUICK = ("gain bell -6dB", "mute drum", "unmute", "solo bell", "hush", "damp 1s")
+_QUICK = (
+    "gain bell -6dB",
+    "gain chime -3dB",
+    "mute drum",
+    "unmute",
+    "solo bell",
+    "solo gong",
+    "hush",
+    "damp 1s",
+)
 _VALUES = (
     "set bell.m.t60 0.4s",
     "set drum.m.f 95Hz over 1",
@@ -34,6 +43,7 @@ _VALUES = (
     "rest ada",
     "tempo 150",
     "tempo 100 -> 130 over 1bar",
+    "gain drum -9dB\nset drum.m.t60 0.5s",
 )
 _STRUCTURE = (
     "ada plays knock every 1",
@@ -80,7 +90,8 @@ class SessionMachine(RuleBasedStateMachine):
         reply = self.at.type(line)
         self.story.append(f"{frame} {line!r}: {reply.text}")
         assert "internal error" not in reply.text, self.story
-        if reply.taken and line.split()[-1] == "now":
+        is_late = "chime" in line or "gong" in line  # it may wait for what it names
+        if reply.taken and line.split()[-1] == "now" and not is_late:
             self.at_submit[self.at.session._n_lines] = frame
         return reply.taken
 
