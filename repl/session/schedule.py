@@ -419,7 +419,11 @@ class Schedule:
         start = group[0].start
         assert start is not None
         returned = self.changes.withdraw(start)
-        rest = [*returned.lines, *(one for one in self.waiting if one not in group)]
+        lines = [*returned.lines, *(one for one in self.waiting if one not in group)]
+        # One of the same frame that was under way ends together with these.
+        also = [one for one in lines if one.kind is LineKind.ENDS and one.start == start]
+        rest = [one for one in lines if one not in also]
+        group = sorted((*also, *group), key=lambda one: one.number)
         if any(one.sets_running is False for one in group):
             rest = self._without_start(rest)
         running = self.running

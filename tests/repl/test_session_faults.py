@@ -345,3 +345,22 @@ def test_a_level_waits_with_the_instrument_that_was_taken_back(at: Delayed) -> N
     )
     assert not events(at, "dropped")
     check_render(at)
+
+
+# --- 9: two lines that end what plays, on one frame -----------------------------------------------
+
+
+@pytest.mark.parametrize("lines", [("hush", "damp 1s"), ("damp 1s", "damp 2s", "hush")])
+def test_ends_of_one_frame_act_together(at: Delayed, lines: tuple[str, ...]) -> None:
+    """Each took the other back from the engine, without end."""
+    at.ok("play")
+    at.ok("leo plays knock every 1/4 now")
+    at.run(1.8)
+    for line in lines:
+        assert at.ok(line).text.startswith("ok 2|1")
+        assert at.session.schedule.changes.under_way
+    at.run(1.0)
+    done = [one["frame"] for one in events(at, "commit") if one["beat"] == 4.0]
+    assert len(done) == len(lines)
+    assert len(set(done)) == 1
+    check_render(at)
