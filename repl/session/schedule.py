@@ -31,6 +31,7 @@ from ergon.repl.session.places import BAR, Place, Present, frame_of, place_of
 from ergon.repl.session.reports import Done, Dropped, Moved, Report, Slipped, Unable
 from ergon.repl.session.running import RunningVersion, horizon
 from ergon.repl.session.takeover import Takeovers
+from ergon.repl.session.unheard import check_unheard
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
 from ergon.repl.session.waiting_lines import REFUSALS, WaitingLine, WaitingLines
 
@@ -220,6 +221,8 @@ class Schedule:
             else:  # it waits for others, so that it is only checked
                 start = soonest if line.start is None else line.start
                 result = self._stage_lines(running, [replace(line, start=start)])
+            if line.base is not None and not (line.reads_files or line.sets_all):
+                check_unheard(line.base.sounding, result.stage)
             checked = replace(result, version=line.result())
             self.making_time.add(began)
         return Draft(lines, lines_after, first, line, checked, made)

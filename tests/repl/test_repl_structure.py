@@ -274,3 +274,17 @@ def test_what_is_referred_to_is_not_removed_and_all_that_does_is_named(tmp_path:
         own.run(3.0)
         assert own.session.schedule.head.piece.strikes == ()
     assert np.array_equal(own.again(), own.sound)
+
+
+def test_a_part_that_nobody_hears_is_refused_by_its_own_line(at: Stepped) -> None:
+    """It was taken, and the next line was refused for it."""
+    vibraphone = "vib = bars/vibraphone notes=C3..C6"
+    for line in (vibraphone, f"{vibraphone}\nroute vib 1 2"):
+        reply = at.type(line)
+        assert not reply.taken
+        assert reply.text.startswith("vib.D3.five: its frequency is 4229 Hz, above half the rate")
+    at.ok("route bell 1 2")
+    at.ok("cup = bell transpose 3st")
+    assert "above half the rate" in at.type("set cup.m.f 9kHz").text
+    at.ok("set cup.m.f 200Hz")
+    at.ok("route cup 2")

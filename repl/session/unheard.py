@@ -1,0 +1,49 @@
+"""Parts that nobody hears yet: a line that makes or changes one is refused if it cannot be played.
+
+A plan leaves out what nobody hears, so that the engine first looks at such a part when a later
+line lets it be heard. That line would be refused for a mistake of the earlier one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ergon._core import EngineError, UnstableError
+from ergon.notation.text.errors import Collector
+from ergon.scores.reading.piece import Piece, is_same
+from ergon.scores.staging.refusals import refused
+
+if TYPE_CHECKING:
+    from ergon.scores.staging.stage import Stage
+
+
+def check_unheard(before: Piece, made: Stage) -> None:
+    """Check the instruments of a stage that nobody hears and that the piece `before` lacks, or has
+    with other values. Raises StageError for each module that the engine refuses.
+    """
+    piece, known = made.piece, before.instruments
+    rows = () if made.plan is None else made.plan.rows()
+    changed = [
+        name
+        for row in rows
+        if row.what == "unheard"
+        for name in row.parts
+        if name in piece.instruments
+        and not (name in known and is_same(known[name], piece.instruments[name]))
+    ]
+    if not changed:
+        return
+    try:
+        made.network.certify(made.rate)
+    except UnstableError:  # where it is heard, the plan takes a method that is stable
+        return
+    except EngineError as error:
+        found = [one for one in error.refusals or [error] if _is_in(changed, one.module)]
+        if found:
+            error.refusals = found
+            raise refused(piece, Collector(), error) from error
+
+
+def _is_in(parts: Sequence[str], module: str | None) -> bool:
+    return module is not None and any(module.startswith(f"{part}.") for part in parts)
