@@ -18,8 +18,6 @@ from ergon.live.osc_in import (
 from ergon.live.osc_out import OscSender, beat_events, frame_of
 from ergon.live.osc_values import InputValues
 from ergon.repl.language import commands as c
-from ergon.repl.language.parse import parse
-from ergon.repl.language.refusal import Refusal
 from ergon.repl.line_queue import LineQueue
 from ergon.repl.session.played_versions import PlayedVersions
 from ergon.scores.staging.drives import input_number
@@ -41,7 +39,10 @@ _INPUT = "/ergon/input/"
 _WAITING_MAX = 64  # lines that may wait to be done
 # OSC has no passwords: lines that read or write files, run Python or end the session must be typed.
 # A scene lies beside the score and is called in the midst of a performance, so it may come by OSC.
-_TYPED_ONLY = (c.Py, c.Save, c.Keep, c.Load, c.Reload, c.Record, c.RecordOff, c.RecordAudio, c.Quit)
+_TYPED_ONLY = dict.fromkeys(
+    (c.Py, c.Save, c.Keep, c.Load, c.Reload, c.Record, c.RecordOff, c.RecordAudio, c.Quit),
+    "this line has to be typed at a prompt: OSC has no passwords",
+)
 
 
 class SessionOsc:
@@ -116,15 +117,7 @@ class SessionOsc:
                 queued.sender(address, said)
 
     def _do_line(self, line: str, releases: bool) -> tuple[str, str]:
-        session = self._session
-        with session.lock:  # names do not change between the look and the line
-            try:
-                commands = parse(line, session.scope)
-            except Refusal:
-                commands = ()  # it is refused with its sentence below
-            if any(isinstance(one, _TYPED_ONLY) for one in commands):
-                return "/ergon/error", "this line has to be typed at a prompt: OSC has no passwords"
-            reply = session.submit(line, releases=releases)
+        reply = self._session.submit(line, releases=releases, barred=_TYPED_ONLY)
         if reply.taken:
             return "/ergon/reply", "\n".join([reply.text, *reply.lines])
         return "/ergon/error", reply.text + (f"; try: {reply.try_}" if reply.try_ else "")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
@@ -25,10 +26,12 @@ from ergon.repl.session_protocol import Reply, State
 from ergon.scores.staging.refusals import StageError
 
 if TYPE_CHECKING:
+    from ergon.repl.language.commands import Command
     from ergon.repl.session_protocol import Suggestion
 
 _CHECK_PERIOD = 0.02  # [s] between two turns of a thread
 _CHECKS_PER_FILE_CHECK = 15  # turns between two looks at the score's files
+_NONE_BARRED: Mapping[type[Command], str] = MappingProxyType({})
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
@@ -59,11 +62,20 @@ class Session(SessionCore):
         if turn is not None:
             self._turns.append(turn)
 
-    def submit(self, text: str, *, releases: bool = True) -> Reply:
-        """Do a line, or a block of lines as one version. Raises nothing; the music goes on."""
+    def submit(
+        self,
+        text: str,
+        *,
+        releases: bool = True,
+        barred: Mapping[type[Command], str] = _NONE_BARRED,
+    ) -> Reply:
+        """Do a line, or a block of lines as one version. Raises nothing; the music goes on.
+
+        A text with a command of a `barred` kind is refused with the sentence of that kind.
+        """
         self.stops.note_line(releases)
         try:
-            reply = self._do_lines(text)
+            reply = self._do_lines(text, barred)
         except Refusal as refusal:
             reply = _not_taken(refusal.message, refusal.try_)
         except NotTakenError as error:
@@ -89,12 +101,15 @@ class Session(SessionCore):
             )
 
     @without_gc
-    def _do_lines(self, text: str) -> Reply:
+    def _do_lines(self, text: str, barred: Mapping[type[Command], str]) -> Reply:
         if _LONE_SURROGATE.search(text):  # a journal with it could not be read
             raise NotTakenError("this line contains half of a character (a lone surrogate)")
         commands = parse(text, self.scope)
         if not commands:
             return Reply(True, "")
+        for command in commands:
+            if type(command) in barred:
+                raise NotTakenError(barred[type(command)])
         music = [command for command in commands if type(command) in version_edits.VERSION_EDITS]
         others = [
             command for command in commands if type(command) not in version_edits.VERSION_EDITS
