@@ -1,0 +1,140 @@
+"""One session by a call, a pipe, a socket and OSC, line by line and in blocks: the same journal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from session_doors import DOORS, Door, by_osc, events
+from sessions import Stepped
+from tests.repl.test_repl_session import SCORE
+
+from ergon.repl.session import takeover
+from ergon.scores.staging.stage import Stage
+
+TEXT = SCORE.replace("bpm: 120", "bpm: 240")  # a bar is a second
+# Lines that are typed at one instant, and for how long the session then goes on [s]. The lines of
+# a step take effect together, so that they may also be typed as a block. They are typed at least
+# 0.3 s before their bar: later, the first of them is under way at once, and others miss it.
+STEPS: Sequence[tuple[Sequence[str], float]] = (
+    (("kick = skins/kick", "route kick 1 2", "gain kick -3dB"), 0.1),
+    (("vib = bars/vibraphone notes=C2..D2", "route vib 2"), 0.1),
+    (("tap = 0@0 smooth 3@1/8 smooth 0@1/4", "leo plays tap every 1"), 0.1),
+    (("def fill:\n  leo plays tap every 1/2 times 4\nend", "fill at 3|1"), 0.1),
+    (("play",), 0.2),
+    (
+        (
+            "ada plays knock every 1",
+            "ada do scale 0.9",
+            "rain strikes vib.D2.one every 1 impulse 2mNs",
+        ),
+        1.0,
+    ),
+    (("set bell.m.K x1.3", "leo plays lean every 2"), 1.0),
+    (("gain bell -6dB", "mute drum"), 0.4),
+    (("ada plays nobody",), 0.1),
+    (("solo bell now", "unmute now"), 0.3),
+    (("couple k1 k2 K=40N/m Z=0.2Ns/m",), 1.0),
+    (("undo",), 0.6),
+    (("knock = 0@0 smooth 5@1/8 smooth 0@1/2", "tempo 220"), 1.4),
+    (("set bell.m.f 200Hz over 1bar now",), 0.3),
+    (("tempo 180 at 9|1", "rest leo at 9|1"), 0.4),
+    (("damp 1s now",), 0.3),
+    (("stop",), 0.2),
+    (("leo plays lean every 1",), 0.1),
+    (("play",), 2.0),
+)
+
+
+@dataclass
+class Session:
+    """What a session has become: its journal, its texts after each step, its sound."""
+
+    journal: list[dict[str, Any]]
+    texts: list[str] = field(default_factory=list)
+    faders: list[object] = field(default_factory=list)
+    sound: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+
+def play(
+    folder: Path, door: Door, *, in_blocks: bool = False, is_rendered: bool = False
+) -> Session:
+    """The session of `STEPS`, whose lines come by a door; its journal is rendered on request."""
+    folder.mkdir()
+    found = Session([])
+    with closing(Stepped(TEXT, folder)) as at:
+        with door(at, folder) as enter:
+            for lines, seconds in STEPS:
+                for line in ["\n".join(lines)] if in_blocks else lines:
+                    enter(line)
+                at.run(seconds)
+                head = at.session.schedule.head
+                found.texts.append(head.texts.text)
+                found.faders.append(head.faders)
+        at.close()
+        found.sound, found.journal = at.sound, events(at)
+        if is_rendered:
+            assert np.array_equal(at.again(), at.sound)
+    return found
+
+
+@pytest.fixture(scope="module")
+def typed(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    return play(tmp_path_factory.mktemp("typed") / "session", DOORS["call"], is_rendered=True)
+
+
+def test_the_session_does_what_its_lines_say(typed: Session) -> None:
+    said = [(one["line"], one["taken"]) for one in typed.journal if one["event"] == "said"]
+    assert [line for line, taken in said if not taken] == ["ada plays nobody"]
+    assert len(said) == sum(len(lines) for lines, _ in STEPS)
+    assert not [one for one in typed.journal if one["event"] in ("dropped", "skip")]
+    assert np.abs(typed.sound).max(axis=0).min() > 1e-6
+
+
+@pytest.mark.parametrize("door", [name for name in DOORS if name != "call"])
+def test_a_journal_is_the_same_by_every_door(typed: Session, tmp_path: Path, door: str) -> None:
+    found = play(tmp_path / "session", DOORS[door])
+    assert [one["event"] for one in found.journal] == [one["event"] for one in typed.journal]
+    # The first event has the folder of the score.
+    assert found.journal[1:] == typed.journal[1:]
+    assert found.texts == typed.texts
+    assert np.array_equal(found.sound, typed.sound)
+
+
+@pytest.mark.parametrize("door", [name for name in DOORS if name != "pipe"])
+def test_blocks_do_what_their_lines_do_singly(typed: Session, tmp_path: Path, door: str) -> None:
+    is_rendered = door == "call"
+    found = play(tmp_path / "session", DOORS[door], in_blocks=True, is_rendered=is_rendered)
+    assert found.texts == typed.texts
+    assert found.faders == typed.faders
+    assert _places(found) == _places(typed)
+    assert np.array_equal(found.sound, typed.sound)
+
+
+def _places(session: Session) -> list[tuple[int, float]]:
+    """Frames and beats at which the session changed after its first `play`."""
+    lines = {one["number"]: one["line"] for one in session.journal if one["event"] == "line"}
+    done = [one for one in session.journal if one["event"] == "commit"]
+    first = next(place for place, one in enumerate(done) if lines[one["number"]] == "play")
+    return list(dict.fromkeys((one["frame"], one["beat"]) for one in done[first:]))
+
+
+def test_a_line_by_osc_leaves_the_session_free_while_it_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The session could hand over nothing meanwhile, so that other lines came too late."""
+    is_held, staged = [], takeover.staged
+    with closing(Stepped(TEXT, tmp_path)) as at, by_osc(at, tmp_path) as enter:
+
+        def look(*given: Any, **named: Any) -> Stage:
+            is_held.append(at.session.schedule.lock._is_owned())
+            return staged(*given, **named)
+
+        monkeypatch.setattr(takeover, "staged", look)
+        enter("ada plays knock every 1")
+        assert is_held == [False]
