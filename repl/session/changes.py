@@ -95,7 +95,7 @@ class Changes:
         is_last = all(one.frame <= change.frame for one in self.under_way)
         if not is_last:  # gains that act later are under way
             before = self.playing_at(change.frame)
-            after = on_other_faders(after, self.running.version, before.version, lines)
+            after = on_other_faders(after, before.version, lines)
             if lines:
                 change = replace(change, gains=changed_ratios(before, after))
         ticket = self._engine.change(change)
@@ -158,7 +158,7 @@ class Changes:
         if one.is_gains:
             after = faded(before, one.lines)
         else:
-            after = on_other_faders(one.after, one.before.version, before.version, one.lines)
+            after = on_other_faders(one.after, before.version, one.lines)
         ratios = fader_ratios(after)
         wanted = changed_ratios(before, after)
         gains = {group: ratios[group] for group in {*one.gains, *wanted} if group in ratios}

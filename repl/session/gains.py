@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon.repl.session.engine import Change
+from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.waiting_lines import REFUSALS
 
 if TYPE_CHECKING:
     from ergon.repl.session.running import RunningVersion
-    from ergon.repl.session.version import Version
+    from ergon.repl.session.version import Faders, Version
     from ergon.repl.session.waiting_lines import WaitingLine
 
 
@@ -70,22 +71,28 @@ def faded(running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersi
 
 
 def on_other_faders(
-    made: RunningVersion, base: Version, before: Version, lines: Sequence[WaitingLine]
+    made: RunningVersion, before: Version, lines: Sequence[WaitingLine]
 ) -> RunningVersion:
-    """A version that lines made of `base`, with the faders that they make of those of `before`."""
+    """A version that lines made, with the faders that they make of those of `before`."""
     version = made.version
     if not lines:  # the timeline is extended
         number, line = before.number, before.line
-        return replace(
-            made, version=replace(version, faders=before.faders, number=number, line=line)
-        )
-    faders = before.faders
-    if any(one.sets_all for one in lines) or version.faders != base.faders:
-        try:
-            on = before
-            for one in lines:
-                on = one.edit(on, one.beat)
-            faders = on.faders
-        except REFUSALS:  # it was made from what `before` lacks
-            faders = version.faders
-    return replace(made, version=replace(version, faders=faders))
+        version = replace(version, faders=before.faders, number=number, line=line)
+    else:
+        *_, faders = faders_after(before, lines)
+        version = replace(version, faders=faders)
+    return replace(made, version=version)
+
+
+def faders_after(before: Version, lines: Sequence[WaitingLine]) -> Iterator[Faders]:
+    """The faders after each of the lines that follow a version."""
+    version = before
+    for one in lines:
+        base, made = one.base, one.version
+        keeps = base is not None and made is not None and base.faders == made.faders
+        if not keeps or one.sets_all or one.kind is LineKind.FADERS:
+            try:
+                version = replace(version, faders=one.edit(version, one.beat).faders)
+            except REFUSALS:  # it was made of what this version lacks
+                version = version if made is None else replace(version, faders=made.faders)
+        yield version.faders

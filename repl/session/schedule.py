@@ -19,10 +19,10 @@ from ergon._core import FORCE_FALL_TIME, EngineError, StoppedError
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
 from ergon.repl.language.commands import NOW, When
-from ergon.repl.session.changes import Changes, Returned
+from ergon.repl.session.changes import Changes, Returned, UnderWay
 from ergon.repl.session.clock import Timing, next_boundary
 from ergon.repl.session.engine import Change
-from ergon.repl.session.gains import can_move, changed_ratios
+from ergon.repl.session.gains import can_move, changed_ratios, faders_after
 from ergon.repl.session.groups import StagedGroup, group_of, staged_group_of
 from ergon.repl.session.line_kinds import RULES, LineKind
 from ergon.repl.session.making_time import MakingTime
@@ -161,7 +161,11 @@ class Schedule:
         """The place of a line that is typed now. Raises NotTakenError where its beat is past."""
         lead = self.timing.lead_of(kind is LineKind.ENDS)
         frames = self.first_frame(0.0, kind), self.soonest_frame(kind)
-        return place_of(when, grid, self._present(), frames, lead)
+        beat, start = place_of(when, grid, self._present(), frames, lead)
+        is_now = when is NOW or (when is None and grid is None)
+        if kind is LineKind.FADERS and is_now and start is not None:
+            start = frames[1]  # they need not wait for the beginning of the piece
+        return Place(beat, start)
 
     def frame_of(self, beat: float) -> int:
         """The first frame of the tick of a beat; the soonest frame where the piece stands."""
@@ -415,7 +419,18 @@ class Schedule:
         start = group[0].start
         assert start is not None
         self.changes.send_gains(start, group)
+        self._note_faders(self.changes.under_way)
         self._let_wait([one for one in self.waiting if one not in group])
+
+    def _note_faders(self, changes: Sequence[UnderWay]) -> None:
+        """Let the versions that `undo` restores have the faders of the order of effect."""
+        for one in changes:
+            for line, faders in zip(
+                one.lines, faders_after(one.before.version, one.lines), strict=True
+            ):
+                past = self.past_versions.get(line.number)
+                if past is not None and past.faders != faders:
+                    self.past_versions[line.number] = replace(past, faders=faders)
 
     def _end(self, group: Sequence[WaitingLine]) -> None:
         """End what plays: a cut of the running stage, before all that waits."""
@@ -469,6 +484,7 @@ class Schedule:
             force_bounds=after.force_bounds,
         )
         self.changes.send(change, group, after)
+        self._note_faders(self.changes.under_way)
 
     def note_event(self, event: EngineEvent) -> None:
         """Note that a change took effect, or came too late."""

@@ -347,6 +347,35 @@ def test_a_level_waits_with_the_instrument_that_was_taken_back(at: Delayed) -> N
     check_render(at)
 
 
+def test_undo_keeps_the_levels_that_acted_before(at: Delayed) -> None:
+    """The version after a line lacked the levels that had overtaken it."""
+    at.delay = lambda: 0.1
+    at.ok("tempo 110")
+    at.ok("set bell.m.t60 0.4s")
+    at.ok("mute drum")
+    assert len(at.session.schedule.changes.under_way) == 2
+    at.run(0.5)
+    at.ok("knock = 0@0 smooth 5@1/8 smooth 0@1/2")
+    at.run(0.5)
+    at.ok("undo")
+    at.run(0.5)
+    assert at.session.schedule.head.faders.muted == {"drum"}
+    check_render(at)
+
+
+def test_a_level_acts_before_the_piece_begins(at: Delayed) -> None:
+    """It waited for the beginning of the piece, though it acts with the next tick."""
+    at.delay = lambda: 0.1
+    at.ok("tempo 110")
+    at.ok("play")
+    frame = at.engine.frame
+    at.ok("gain bell -6dB now")
+    at.run(0.5)
+    (done,) = [one["frame"] for one in events(at, "commit") if one["number"] == 3]
+    assert done == frame + MARGIN
+    check_render(at)
+
+
 # --- 9: two lines that end what plays, on one frame -----------------------------------------------
 
 
