@@ -8,6 +8,7 @@ while the lock is held, except a cut.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 from collections import deque
@@ -211,6 +212,8 @@ class Schedule:
         with self.lock:
             if request.n_drops != self.n_drops:
                 raise NotTakenError("a panic has dropped this line; nothing has changed")
+            if asked is None:
+                self._let_join(request)
             lines, running = self.lines, self.running
             first = self._behind_names(self._behind_fence(asked or self._asked(request)))
             soonest = self.soonest_frame()
@@ -259,6 +262,28 @@ class Schedule:
         if fence is None:
             return one
         return one.moved_to(fence.beat, fence.start)
+
+    def _let_join(self, request: Request) -> None:
+        """Take back the lines that are under way to the beat of a line, if there is time to make
+        all of them: lines of one beat take effect together.
+        """
+        entry, timing = request.entry, self.timing
+        staged = [one for one in self.changes.under_way if not one.is_gains]
+        if not staged or RULES[entry.kind].is_quick or entry.sets_running is not None:
+            return
+        last, tick = staged[-1], timing.tick_frames
+        seconds = _MAKING_FACTOR * self.making_time.seconds + _PASSES
+        ready = -(-(self.engine.frame + self.margin + int(seconds * self.rate)) // tick) * tick
+        clock = self.running.clock
+        if not last.lines or not clock.is_running or last.frame < ready:
+            return
+        if any(one.sets_running is not None or one.resets for one in last.lines):
+            return
+        with contextlib.suppress(NotTakenError):
+            frames, lead = (ready, ready), timing.lead_of(False)
+            beat, _ = place_of(entry.when, request.grid, self._present(), frames, lead)
+            if abs(beat - last.lines[-1].beat) <= SAME:
+                self._wait_again(self.changes.withdraw(last.frame))
 
     def _behind_names(self, one: WaitingLine) -> WaitingLine:
         """A line that moves faders, not before the change under way that makes what it names."""

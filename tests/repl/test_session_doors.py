@@ -19,8 +19,7 @@ from ergon.scores.staging.stage import Stage
 
 TEXT = SCORE.replace("bpm: 120", "bpm: 240")  # a bar is a second
 # Lines that are typed at one instant, and for how long the session then goes on [s]. The lines of
-# a step take effect together, so that they may also be typed as a block. They are typed at least
-# 0.3 s before their bar: later, the first of them is under way at once, and others miss it.
+# a step take effect together, so that they may also be typed as a block.
 STEPS: Sequence[tuple[Sequence[str], float]] = (
     (("kick = skins/kick", "route kick 1 2", "gain kick -3dB"), 0.1),
     (("vib = bars/vibraphone notes=C2..D2", "route vib 2"), 0.1),
@@ -40,8 +39,8 @@ STEPS: Sequence[tuple[Sequence[str], float]] = (
     (("ada plays nobody",), 0.1),
     (("solo bell now", "unmute now"), 0.3),
     (("couple k1 k2 K=40N/m Z=0.2Ns/m",), 1.0),
-    (("undo",), 0.6),
-    (("knock = 0@0 smooth 5@1/8 smooth 0@1/2", "tempo 220"), 1.4),
+    (("undo",), 0.8),
+    (("knock = 0@0 smooth 5@1/8 smooth 0@1/2", "tempo 220"), 1.2),
     (("set bell.m.f 200Hz over 1bar now",), 0.3),
     (("tempo 180 at 9|1", "rest leo at 9|1"), 0.4),
     (("damp 1s now",), 0.3),

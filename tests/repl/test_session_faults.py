@@ -393,3 +393,32 @@ def test_ends_of_one_frame_act_together(at: Delayed, lines: tuple[str, ...]) -> 
     assert len(done) == len(lines)
     assert len(set(done)) == 1
     check_render(at)
+
+
+# --- 10: lines that are typed just before their bar -----------------------------------------------
+
+
+@pytest.mark.parametrize("second", ["tempo 100", "ada plays nobody", "undo"])
+def test_a_line_joins_those_under_way_to_its_bar(at: Delayed, second: str) -> None:
+    """It took effect a bar after a line that was typed at the same instant."""
+    at.ok("play")
+    at.ok("leo plays knock every 1/4 now")
+    at.run(1.8)
+    at.ok("ada plays knock every 1")
+    assert at.session.schedule.changes.under_way
+    assert at.type(second).taken == (second != "ada plays nobody")
+    at.run(3.0)
+    done = [one["beat"] for one in events(at, "commit")][2:]
+    assert done == [4.0] * (1 if second == "ada plays nobody" else 2)
+    check_render(at)
+
+
+def test_a_line_joins_no_others_where_there_is_no_time(at: Delayed) -> None:
+    at.ok("play")
+    at.ok("leo plays knock every 1/4 now")
+    at.run(1.97)
+    at.ok("ada plays knock every 1")
+    at.ok("tempo 100")
+    at.run(4.0)
+    assert [one["beat"] for one in events(at, "commit")][2:] == [4.0, 8.0]
+    check_render(at)
