@@ -215,7 +215,7 @@ class Schedule:
             if asked is None:
                 self._let_join(request)
             lines, running = self.lines, self.running
-            first = self._behind_names(self._behind_fence(asked or self._asked(request)))
+            first = self._behind_changes(self._behind_fence(asked or self._asked(request)))
             soonest = self.soonest_frame()
         lines_after, line = lines.inserted(first, soonest)
         checked, made = replace(running, version=line.result()), None
@@ -285,18 +285,23 @@ class Schedule:
             if abs(beat - last.lines[-1].beat) <= SAME:
                 self._wait_again(self.changes.withdraw(last.frame))
 
-    def _behind_names(self, one: WaitingLine) -> WaitingLine:
-        """A line that moves faders, not before the change under way that makes what it names."""
-        if one.kind is not LineKind.FADERS or one.start is None:
+    def _behind_changes(self, one: WaitingLine) -> WaitingLine:
+        """A line that moves faders, not before the change under way that makes what it names; one
+        that restores a version, not before any.
+        """
+        if one.start is None:
             return one
-        start = self.changes.ready_frame(one.start, (one,))
-        beats = (
-            line.beat
-            for change in self.changes.under_way
-            for line in change.lines
-            if change.frame == start
+        sent, start = [change for change in self.changes.under_way if change.lines], one.start
+        if one.sets_all:
+            start = max([start, *(change.frame for change in sent)])
+        elif one.kind is LineKind.FADERS:
+            start = self.changes.ready_frame(start, (one,))
+        if start == one.start:
+            return one
+        beat = next(
+            (line.beat for own in sent for line in own.lines if own.frame == start), one.beat
         )
-        return one if start == one.start else one.moved_to(next(beats, one.beat), start)
+        return one.moved_to(beat, start)
 
     def _start_after_play(self, beat: float, lead: float) -> int | None:
         """The frame of a beat that is ahead, if the piece is about to start."""

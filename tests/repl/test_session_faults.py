@@ -363,6 +363,20 @@ def test_undo_keeps_the_levels_that_acted_before(at: Delayed) -> None:
     check_render(at)
 
 
+def test_undo_acts_after_a_level_under_way(at: Delayed) -> None:
+    """It acted before the level that it took back, which then stayed."""
+    at.ok("play")
+    at.run(1.0)
+    at.ok("mute drum")
+    at.run(0.8)
+    assert at.session.schedule.changes.under_way
+    at.ok("undo now")
+    at.run(1.0)
+    assert not at.session.schedule.head.faders.muted
+    assert not at.session.schedule.running.version.faders.muted
+    check_render(at)
+
+
 def test_a_level_acts_before_the_piece_begins(at: Delayed) -> None:
     """It waited for the beginning of the piece, though it acts with the next tick."""
     at.delay = lambda: 0.1
