@@ -137,6 +137,7 @@ def by_socket(folder: Path, chance: random.Random, is_early: bool) -> Killed:
         _repl(folder, *words, stdin=DEVNULL, stdout=DEVNULL) as process,
         contextlib.ExitStack() as at,
     ):
+        at.callback(process.kill)
         if is_early:
             time.sleep(chance.uniform(0.0, SECONDS))
             process.kill()
