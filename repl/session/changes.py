@@ -83,7 +83,7 @@ class Changes:
 
     def playing_at(self, frame: int) -> RunningVersion:
         """What the engine will play at a frame."""
-        acts = [one for one in self.under_way if one.frame <= frame]
+        acts = [change for change in self.under_way if change.frame <= frame]
         return acts[-1].after if acts else self.playing
 
     def send(self, change: Change, lines: Sequence[WaitingLine], after: RunningVersion) -> None:
@@ -92,7 +92,7 @@ class Changes:
         Raises EngineError.
         """
         before = self.running
-        is_last = all(one.frame <= change.frame for one in self.under_way)
+        is_last = all(sent.frame <= change.frame for sent in self.under_way)
         if not is_last:  # gains that act later are under way
             before = self.playing_at(change.frame)
             after = on_other_faders(after, before.version, lines)
@@ -103,7 +103,7 @@ class Changes:
         sent = UnderWay(
             ticket, self._n_sent, change.frame, tuple(lines), before, after, change.gains
         )
-        self.done += [one.number for one in lines]
+        self.done += [line.number for line in lines]
         self._insert(sent)
         if is_last:
             self.running = after
@@ -119,15 +119,15 @@ class Changes:
         with_faders(self.playing_at(start), lines)
         self._n_sent += 1
         self._send_gains(start, lines, self._n_sent)
-        self.done += [one.number for one in lines]
+        self.done += [line.number for line in lines]
         self._sort_done()
 
     def ready_frame(self, frame: int, lines: Sequence[WaitingLine]) -> int:
         """The first frame from `frame` on at which there is what lines that move faders name."""
         if can_move(self.playing_at(frame), lines):
             return frame
-        later = (one for one in self.under_way if one.frame > frame)
-        return next((one.frame for one in later if can_move(one.after, lines)), frame)
+        later = (change for change in self.under_way if change.frame > frame)
+        return next((change.frame for change in later if can_move(change.after, lines)), frame)
 
     def _send_gains(self, frame: int, lines: Sequence[WaitingLine], number: int) -> None:
         before = self.playing_at(frame)
@@ -139,7 +139,7 @@ class Changes:
 
     def _insert(self, sent: UnderWay) -> None:
         """Insert a change behind those that act before it or at its frame."""
-        index = sum(one.frame <= sent.frame for one in self.under_way)
+        index = sum(change.frame <= sent.frame for change in self.under_way)
         later = self.under_way[index:]
         self.under_way[index:] = [sent]
         self._follow(sent.after, later)
@@ -147,35 +147,35 @@ class Changes:
 
     def _follow(self, before: RunningVersion, later: Sequence[UnderWay]) -> None:
         """Append changes, the first of which now follows another version."""
-        for one in later:
-            if one.before is not before:
-                one = self._corrected(one, before)
-            self.under_way.append(one)
-            before = one.after
+        for change in later:
+            if change.before is not before:
+                change = self._corrected(change, before)
+            self.under_way.append(change)
+            before = change.after
 
-    def _corrected(self, one: UnderWay, before: RunningVersion) -> UnderWay:
+    def _corrected(self, change: UnderWay, before: RunningVersion) -> UnderWay:
         """A change that follows another version; the engine gets its gains again if they differ."""
-        if one.is_gains:
-            after = faded(before, one.lines)
+        if change.is_gains:
+            after = faded(before, change.lines)
         else:
-            after = on_other_faders(one.after, before.version, one.lines)
+            after = on_other_faders(change.after, before.version, change.lines)
         ratios = fader_ratios(after)
         wanted = changed_ratios(before, after)
-        gains = {group: ratios[group] for group in {*one.gains, *wanted} if group in ratios}
-        if gains != one.gains:
+        gains = {group: ratios[group] for group in {*change.gains, *wanted} if group in ratios}
+        if gains != change.gains:
             with contextlib.suppress(EngineError):  # too many changes wait
-                self._corrections.add(self._engine.change(gains_at(one.frame, after, gains)))
-        return replace(one, before=before, after=after, gains=gains)
+                self._corrections.add(self._engine.change(gains_at(change.frame, after, gains)))
+        return replace(change, before=before, after=after, gains=gains)
 
     def _sort_done(self) -> None:
         """Let the numbers of lines be in the order in which they act."""
-        coming = [line.number for one in self.under_way for line in one.lines]
+        coming = [line.number for change in self.under_way for line in change.lines]
         known = {*coming}
         self.done = [number for number in self.done if number not in known] + coming
 
     def withdraw(self, frame: int) -> Returned:
         """Take back the changes from a frame on that were not made yet."""
-        staged = (i for i, one in enumerate(self.under_way) if not one.is_gains)
+        staged = (i for i, change in enumerate(self.under_way) if not change.is_gains)
         index = next((i for i in staged if self.under_way[i].frame >= frame), None)
         if index is None:
             return Returned((), self.running)
@@ -191,15 +191,15 @@ class Changes:
         self.running = base = back[0].before
         lines: list[WaitingLine] = []
         gains: list[UnderWay] = []
-        for one in back:
-            if one.is_gains and can_move(base, one.lines):
-                gains.append(one)
+        for change in back:
+            if change.is_gains and can_move(base, change.lines):
+                gains.append(change)
                 continue
-            lines += one.lines
-            if one.is_gains:
-                gains.append(replace(one, lines=()))
+            lines += change.lines
+            if change.is_gains:
+                gains.append(replace(change, lines=()))
             else:
-                self._withdrawn[one.ticket] = one
+                self._withdrawn[change.ticket] = change
         numbers = {line.number for line in lines}
         self.done = [number for number in self.done if number not in numbers]
         self._follow(base, gains)
@@ -218,7 +218,8 @@ class Changes:
             again = all_gains_at(soonest, self.playing_at(soonest))
             self._corrections.add(self._engine.change(again))
             return Returned((), self.running)
-        index = next((i for i, one in enumerate(self.under_way) if one.ticket == ticket), None)
+        tickets = [change.ticket for change in self.under_way]
+        index = tickets.index(ticket) if ticket in tickets else None
         if index is None:
             return Returned((), self.running)
         if not self.under_way[index].is_gains:
@@ -249,6 +250,6 @@ class Changes:
 
 def _with_faders_of(running: RunningVersion, last: RunningVersion) -> RunningVersion:
     """A running version with the faders, and the last line, of another one."""
-    own = last.version
-    version = replace(running.version, faders=own.faders, number=own.number, line=own.line)
+    number, line = last.version.number, last.version.line
+    version = replace(running.version, faders=last.version.faders, number=number, line=line)
     return replace(running, version=version)

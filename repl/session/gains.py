@@ -71,28 +71,28 @@ def faded(running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersi
 
 
 def on_other_faders(
-    made: RunningVersion, before: Version, lines: Sequence[WaitingLine]
+    result: RunningVersion, before: Version, lines: Sequence[WaitingLine]
 ) -> RunningVersion:
     """A version that lines made, with the faders that they make of those of `before`."""
-    version = made.version
+    version = result.version
     if not lines:  # the timeline is extended
-        number, line = before.number, before.line
-        version = replace(version, faders=before.faders, number=number, line=line)
+        number, text = before.number, before.line
+        version = replace(version, faders=before.faders, number=number, line=text)
     else:
         *_, faders = faders_after(before, lines)
         version = replace(version, faders=faders)
-    return replace(made, version=version)
+    return replace(result, version=version)
 
 
 def faders_after(before: Version, lines: Sequence[WaitingLine]) -> Iterator[Faders]:
     """The faders after each of the lines that follow a version."""
     version = before
-    for one in lines:
-        base, made = one.base, one.version
-        keeps = base is not None and made is not None and base.faders == made.faders
-        if not keeps or one.sets_all or one.kind is LineKind.FADERS:
+    for line in lines:
+        base, result = line.base, line.version
+        keeps = base is not None and result is not None and base.faders == result.faders
+        if not keeps or line.sets_all or line.kind is LineKind.FADERS:
             try:
-                version = replace(version, faders=one.edit(version, one.beat).faders)
+                version = replace(version, faders=line.edit(version, line.beat).faders)
             except REFUSALS:  # it was made of what this version lacks
-                version = version if made is None else replace(version, faders=made.faders)
+                version = version if result is None else replace(version, faders=result.faders)
         yield version.faders

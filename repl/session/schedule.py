@@ -268,7 +268,7 @@ class Schedule:
         all of them: lines of one beat take effect together.
         """
         entry, timing = request.entry, self.timing
-        staged = [one for one in self.changes.under_way if not one.is_gains]
+        staged = [change for change in self.changes.under_way if not change.is_gains]
         if not staged or RULES[entry.kind].is_quick or entry.sets_running is not None:
             return
         last, tick = staged[-1], timing.tick_frames
@@ -277,7 +277,7 @@ class Schedule:
         clock = self.running.clock
         if not last.lines or not clock.is_running or last.frame < ready:
             return
-        if any(one.sets_running is not None or one.resets for one in last.lines):
+        if any(line.sets_running is not None or line.resets for line in last.lines):
             return
         with contextlib.suppress(NotTakenError):
             frames, lead = (ready, ready), timing.lead_of(False)
@@ -285,23 +285,24 @@ class Schedule:
             if abs(beat - last.lines[-1].beat) <= SAME:
                 self._wait_again(self.changes.withdraw(last.frame))
 
-    def _behind_changes(self, one: WaitingLine) -> WaitingLine:
+    def _behind_changes(self, line: WaitingLine) -> WaitingLine:
         """A line that moves faders, not before the change under way that makes what it names; one
         that restores a version, not before any.
         """
-        if one.start is None:
-            return one
-        sent, start = [change for change in self.changes.under_way if change.lines], one.start
-        if one.sets_all:
+        if line.start is None:
+            return line
+        sent, start = [change for change in self.changes.under_way if change.lines], line.start
+        if line.sets_all:
             start = max([start, *(change.frame for change in sent)])
-        elif one.kind is LineKind.FADERS:
-            start = self.changes.ready_frame(start, (one,))
-        if start == one.start:
-            return one
+        elif line.kind is LineKind.FADERS:
+            start = self.changes.ready_frame(start, (line,))
+        if start == line.start:
+            return line
         beat = next(
-            (line.beat for own in sent for line in own.lines if own.frame == start), one.beat
+            (waits.beat for change in sent for waits in change.lines if change.frame == start),
+            line.beat,
         )
-        return one.moved_to(beat, start)
+        return line.moved_to(beat, start)
 
     def _start_after_play(self, beat: float, lead: float) -> int | None:
         """The frame of a beat that is ahead, if the piece is about to start."""
@@ -454,9 +455,9 @@ class Schedule:
 
     def _note_faders(self, changes: Sequence[UnderWay]) -> None:
         """Let the versions that `undo` restores have the faders of the order of effect."""
-        for one in changes:
+        for change in changes:
             for line, faders in zip(
-                one.lines, faders_after(one.before.version, one.lines), strict=True
+                change.lines, faders_after(change.before.version, change.lines), strict=True
             ):
                 past = self.past_versions.get(line.number)
                 if past is not None and past.faders != faders:
@@ -467,11 +468,11 @@ class Schedule:
         start = group[0].start
         assert start is not None
         returned = self.changes.withdraw(start)
-        lines = [*returned.lines, *(one for one in self.waiting if one not in group)]
+        lines = [*returned.lines, *(line for line in self.waiting if line not in group)]
         # One of the same frame that was under way ends together with these.
-        also = [one for one in lines if one.kind is LineKind.ENDS and one.start == start]
-        rest = [one for one in lines if one not in also]
-        group = sorted((*also, *group), key=lambda one: one.number)
+        also = [line for line in lines if line.kind is LineKind.ENDS and line.start == start]
+        rest = [line for line in lines if line not in also]
+        group = sorted((*also, *group), key=lambda line: line.number)
         if any(one.sets_running is False for one in group):
             rest = self._without_start(rest)
         running = self.running

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 
-def check_unheard(before: Piece, made: Stage) -> None:
+def check_unheard(before: Piece, stage: Stage) -> None:
     """Check the instruments of a stage that nobody hears and that the piece `before` lacks, or has
     with other values. Raises StageError for each module that the engine refuses.
     """
-    piece, known = made.piece, before.instruments
-    rows = () if made.plan is None else made.plan.rows()
+    piece, known = stage.piece, before.instruments
+    rows = () if stage.plan is None else stage.plan.rows()
     changed = [
         name
         for row in rows
@@ -35,13 +35,13 @@ def check_unheard(before: Piece, made: Stage) -> None:
     if not changed:
         return
     try:
-        made.network.certify(made.rate)
+        stage.network.certify(stage.rate)
     except UnstableError:  # where it is heard, the plan takes a method that is stable
         return
     except EngineError as error:
-        found = [one for one in error.refusals or [error] if _is_in(changed, one.module)]
-        if found:
-            error.refusals = found
+        refusals = [each for each in error.refusals or [error] if _is_in(changed, each.module)]
+        if refusals:
+            error.refusals = refusals
             raise refused(piece, Collector(), error) from error
 
 

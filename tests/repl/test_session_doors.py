@@ -65,21 +65,21 @@ def play(
 ) -> Session:
     """The session of `STEPS`, whose lines come by a door; its journal is rendered on request."""
     folder.mkdir()
-    found = Session([])
-    with closing(Stepped(TEXT, folder)) as at:
-        with door(at, folder) as enter:
+    result = Session([])
+    with closing(Stepped(TEXT, folder)) as stepped:
+        with door(stepped, folder) as enter:
             for lines, seconds in STEPS:
                 for line in ["\n".join(lines)] if in_blocks else lines:
                     enter(line)
-                at.run(seconds)
-                head = at.session.schedule.head
-                found.texts.append(head.texts.text)
-                found.faders.append(head.faders)
-        at.close()
-        found.sound, found.journal = at.sound, events(at)
+                stepped.run(seconds)
+                head = stepped.session.schedule.head
+                result.texts.append(head.texts.text)
+                result.faders.append(head.faders)
+        stepped.close()
+        result.sound, result.journal = stepped.sound, events(stepped)
         if is_rendered:
-            assert np.array_equal(at.again(), at.sound)
-    return found
+            assert np.array_equal(stepped.again(), stepped.sound)
+    return result
 
 
 @pytest.fixture(scope="module")
@@ -88,39 +88,45 @@ def typed(tmp_path_factory: pytest.TempPathFactory) -> Session:
 
 
 def test_the_session_does_what_its_lines_say(typed: Session) -> None:
-    said = [(one["line"], one["taken"]) for one in typed.journal if one["event"] == "said"]
-    assert [line for line, taken in said if not taken] == ["ada plays nobody"]
-    assert len(said) == sum(len(lines) for lines, _ in STEPS)
-    assert not [one for one in typed.journal if one["event"] in ("dropped", "skip")]
+    answers = [
+        (event["line"], event["taken"]) for event in typed.journal if event["event"] == "said"
+    ]
+    assert [line for line, taken in answers if not taken] == ["ada plays nobody"]
+    assert len(answers) == sum(len(lines) for lines, _ in STEPS)
+    assert not [event for event in typed.journal if event["event"] in ("dropped", "skip")]
     assert np.abs(typed.sound).max(axis=0).min() > 1e-6
 
 
 @pytest.mark.parametrize("door", [name for name in DOORS if name != "call"])
 def test_a_journal_is_the_same_by_every_door(typed: Session, tmp_path: Path, door: str) -> None:
-    found = play(tmp_path / "session", DOORS[door])
-    assert [one["event"] for one in found.journal] == [one["event"] for one in typed.journal]
+    result = play(tmp_path / "session", DOORS[door])
+    assert [event["event"] for event in result.journal] == [
+        event["event"] for event in typed.journal
+    ]
     # The first event has the folder of the score.
-    assert found.journal[1:] == typed.journal[1:]
-    assert found.texts == typed.texts
-    assert np.array_equal(found.sound, typed.sound)
+    assert result.journal[1:] == typed.journal[1:]
+    assert result.texts == typed.texts
+    assert np.array_equal(result.sound, typed.sound)
 
 
 @pytest.mark.parametrize("door", [name for name in DOORS if name != "pipe"])
 def test_blocks_do_what_their_lines_do_singly(typed: Session, tmp_path: Path, door: str) -> None:
     is_rendered = door == "call"
-    found = play(tmp_path / "session", DOORS[door], in_blocks=True, is_rendered=is_rendered)
-    assert found.texts == typed.texts
-    assert found.faders == typed.faders
-    assert _places(found) == _places(typed)
-    assert np.array_equal(found.sound, typed.sound)
+    result = play(tmp_path / "session", DOORS[door], in_blocks=True, is_rendered=is_rendered)
+    assert result.texts == typed.texts
+    assert result.faders == typed.faders
+    assert _places(result) == _places(typed)
+    assert np.array_equal(result.sound, typed.sound)
 
 
 def _places(session: Session) -> list[tuple[int, float]]:
     """Frames and beats at which the session changed after its first `play`."""
-    lines = {one["number"]: one["line"] for one in session.journal if one["event"] == "line"}
-    done = [one for one in session.journal if one["event"] == "commit"]
-    first = next(place for place, one in enumerate(done) if lines[one["number"]] == "play")
-    return list(dict.fromkeys((one["frame"], one["beat"]) for one in done[first:]))
+    lines = {
+        event["number"]: event["line"] for event in session.journal if event["event"] == "line"
+    }
+    done = [event for event in session.journal if event["event"] == "commit"]
+    first = next(place for place, event in enumerate(done) if lines[event["number"]] == "play")
+    return list(dict.fromkeys((event["frame"], event["beat"]) for event in done[first:]))
 
 
 def test_a_line_by_osc_leaves_the_session_free_while_it_is_made(
@@ -128,10 +134,10 @@ def test_a_line_by_osc_leaves_the_session_free_while_it_is_made(
 ) -> None:
     """The session could hand over nothing meanwhile, so that other lines came too late."""
     is_held, staged = [], takeover.staged
-    with closing(Stepped(TEXT, tmp_path)) as at, by_osc(at, tmp_path) as enter:
+    with closing(Stepped(TEXT, tmp_path)) as stepped, by_osc(stepped, tmp_path) as enter:
 
         def look(*given: Any, **named: Any) -> Stage:
-            is_held.append(at.session.schedule.lock._is_owned())
+            is_held.append(stepped.session.schedule.lock._is_owned())
             return staged(*given, **named)
 
         monkeypatch.setattr(takeover, "staged", look)

@@ -324,7 +324,7 @@ def test_a_level_of_the_next_bar_stays_there(at: Delayed) -> None:
     assert at.session.schedule.changes.under_way
     at.ok("couple k1 k2 K=40N/m Z=0.2Ns/m now")
     at.run(3.0)
-    (level,) = [one["frame"] for one in events(at, "commit") if one["beat"] == 4.0]
+    (level,) = [event["frame"] for event in events(at, "commit") if event["beat"] == 4.0]
     assert np.abs(at.sound[level - 400 : level - 200, 1]).max() > 1e-6
     check_render(at)
 
@@ -385,7 +385,7 @@ def test_a_level_acts_before_the_piece_begins(at: Delayed) -> None:
     frame = at.engine.frame
     at.ok("gain bell -6dB now")
     at.run(0.5)
-    (done,) = [one["frame"] for one in events(at, "commit") if one["number"] == 3]
+    (done,) = [event["frame"] for event in events(at, "commit") if event["number"] == 3]
     assert done == frame + MARGIN
     check_render(at)
 
@@ -403,7 +403,7 @@ def test_ends_of_one_frame_act_together(at: Delayed, lines: tuple[str, ...]) -> 
         assert at.ok(line).text.startswith("ok 2|1")
         assert at.session.schedule.changes.under_way
     at.run(1.0)
-    done = [one["frame"] for one in events(at, "commit") if one["beat"] == 4.0]
+    done = [event["frame"] for event in events(at, "commit") if event["beat"] == 4.0]
     assert len(done) == len(lines)
     assert len(set(done)) == 1
     check_render(at)
@@ -422,7 +422,7 @@ def test_a_line_joins_those_under_way_to_its_bar(at: Delayed, second: str) -> No
     assert at.session.schedule.changes.under_way
     assert at.type(second).taken == (second != "ada plays nobody")
     at.run(3.0)
-    done = [one["beat"] for one in events(at, "commit")][2:]
+    done = [event["beat"] for event in events(at, "commit")][2:]
     assert done == [4.0] * (1 if second == "ada plays nobody" else 2)
     check_render(at)
 
@@ -434,5 +434,5 @@ def test_a_line_joins_no_others_where_there_is_no_time(at: Delayed) -> None:
     at.ok("ada plays knock every 1")
     at.ok("tempo 100")
     at.run(4.0)
-    assert [one["beat"] for one in events(at, "commit")][2:] == [4.0, 8.0]
+    assert [event["beat"] for event in events(at, "commit")][2:] == [4.0, 8.0]
     check_render(at)

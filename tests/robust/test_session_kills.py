@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import ERGON
+from commands import PATIENT
 from patience import PATIENCE, until
 from sessions import Stepped
 
@@ -102,28 +102,30 @@ class Killed:
 
 
 def _repl(folder: Path, *words: str, **pipes: int) -> subprocess.Popen[bytes]:
-    command = [*ERGON, "repl", "score.yaml", "--gain", "0dB", *words]
+    command = [*PATIENT, "repl", "score.yaml", "--gain", "0dB", *words]
     return subprocess.Popen(command, cwd=folder, stderr=DEVNULL, bufsize=0, **pipes)
 
 
 def by_pipe(folder: Path, chance: random.Random, is_early: bool) -> Killed:
     """A session that gets its lines through a pipe."""
-    killed, said, waits = Killed(), b"", not is_early and chance.random() < 0.5
+    killed, output, waits = Killed(), b"", not is_early and chance.random() < 0.5
     audio = chance.choice(("null", "null:fast"))
     with _repl(folder, "--plain", "--audio", audio, stdin=PIPE, stdout=PIPE) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         source = process.stdin
-        while not (is_early or said.endswith(b" > ")):
-            said += (more := process.stdout.read(1))
+        while not (is_early or output.endswith(b" > ")):
+            output += (more := process.stdout.read(1))
             assert more, "the session ended"
         killed.feed(lambda line: source.write(f"{line}\n".encode()), chance.uniform(0.0, SECONDS))
-        while killed.sent and waits and not re.search(b"^(ok|not taken:) .*\n", said, re.MULTILINE):
-            said += (more := os.read(process.stdout.fileno(), 1 << 16))
+        while (
+            killed.sent and waits and not re.search(b"^(ok|not taken:) .*\n", output, re.MULTILINE)
+        ):
+            output += (more := os.read(process.stdout.fileno(), 1 << 16))
             assert more, "the session ended"
         process.kill()
-        said += process.stdout.read()
-    for row in said.decode().split("\n")[:-1]:
+        output += process.stdout.read()
+    for row in output.decode().split("\n")[:-1]:
         if row.startswith(("ok ", "not taken: ")):
             killed.answers.append((row.startswith("ok "), row.removeprefix("not taken: ")))
     return killed
@@ -131,13 +133,13 @@ def by_pipe(folder: Path, chance: random.Random, is_early: bool) -> Killed:
 
 def by_socket(folder: Path, chance: random.Random, is_early: bool) -> Killed:
     """A session that gets its lines at its socket."""
-    killed, said, waits = Killed(), b"", chance.random() < 0.5
+    killed, output, waits = Killed(), b"", chance.random() < 0.5
     words = ("--audio", "null", "--engine", "--socket", "s")
     with (
         _repl(folder, *words, stdin=DEVNULL, stdout=DEVNULL) as process,
-        contextlib.ExitStack() as at,
+        contextlib.ExitStack() as stack,
     ):
-        at.callback(process.kill)
+        stack.callback(process.kill)
         if is_early:
             time.sleep(chance.uniform(0.0, SECONDS))
             process.kill()
@@ -151,19 +153,19 @@ def by_socket(folder: Path, chance: random.Random, is_early: bool) -> Killed:
             return False
 
         until(is_there, "a session")
-        prompt = at.enter_context(local_socket.connect(folder / "s"))
+        prompt = stack.enter_context(local_socket.connect(folder / "s"))
         prompt.settimeout(PATIENCE)
         killed.feed(
             lambda line: prompt.sendall(encode(id=len(killed.sent), do="submit", text=line)),
             chance.uniform(0.0, SECONDS),
         )
-        while killed.sent and waits and b'{"id":' not in said:
-            said += prompt.recv(1 << 16)
+        while killed.sent and waits and b'{"id":' not in output:
+            output += prompt.recv(1 << 16)
         process.kill()
         with contextlib.suppress(ConnectionResetError):  # after the last byte that it wrote
             while more := prompt.recv(1 << 16):
-                said += more
-    for row in map(json.loads, said.split(b"\n")[:-1]):
+                output += more
+    for row in map(json.loads, output.split(b"\n")[:-1]):
         if "id" in row:
             assert row["id"] == len(killed.answers)
             killed.answers.append((row["is"]["taken"], _first(row["is"]["text"])))
@@ -178,27 +180,27 @@ def check(folder: Path, killed: Killed, *, by_command: bool) -> None:
     """What was answered is in the journal, which can be rendered and resumed."""
     path = folder / "session.jsonl"
     try:
-        found = read_journal(path, resumes=True, score=str(folder / "score.yaml"))
+        content = read_journal(path, resumes=True, score=str(folder / "score.yaml"))
     except JournalError:
         if killed.answers:
             raise
         return  # it had not begun
-    events = [(one.name, one.fields) for one in read_events(path)]
+    events = [(event.name, event.fields) for event in read_events(path)]
     assert [fields["n"] for _, fields in events] == list(range(1, len(events) + 1))
-    said = [fields for name, fields in events if name == "said"]
-    assert [one["line"] for one in said] == killed.sent[: len(said)]
-    replies = [(one["taken"], _first(one["reply"])) for one in said]
+    output = [fields for name, fields in events if name == "said"]
+    assert [answer["line"] for answer in output] == killed.sent[: len(output)]
+    replies = [(answer["taken"], _first(answer["reply"])) for answer in output]
     assert replies[: len(killed.answers)] == killed.answers
-    kept = [fields["line"] for name, fields in events if name == "line"]
-    taken = [one["line"] for one in said if one["taken"]]
+    noted = [fields["line"] for name, fields in events if name == "line"]
+    taken = [answer["line"] for answer in output if answer["taken"]]
     # The last line may be noted before its answer.
-    assert kept in (taken, taken + killed.sent[len(said) : len(said) + 1])
+    assert noted in (taken, taken + killed.sent[len(output) : len(output) + 1])
     again = ReplayedSession(read_journal(path))
     sound = np.zeros((again.n_frames, again.n_channels))
     if again.n_frames:
         again.process(sound)
     assert np.isfinite(sound).all()
-    has_effects(resumed_state(found)[0], events)
+    has_effects(resumed_state(content)[0], events)
     resumes(path, by_command=by_command)
 
 
@@ -238,14 +240,14 @@ def resumes(path: Path, *, by_command: bool) -> None:
             path.parent, "--resume", path.name, "--audio", "null", "--plain", "--strict",
             stdin=PIPE, stdout=PIPE,
         ) as process:  # fmt: skip
-            said, _ = process.communicate(b"play\nlast = 0@0 smooth 1@1/2\n", timeout=PATIENCE)
-        assert process.returncode == 0, said
+            output, _ = process.communicate(b"play\nlast = 0@0 smooth 1@1/2\n", timeout=PATIENCE)
+        assert process.returncode == 0, output
         return
-    at = Stepped.resumed(path)
-    at.ok("play")
-    at.ok("last = 0@0 smooth 1@1/2")
-    at.run(0.1)
-    at.close()
+    resumed = Stepped.resumed(path)
+    resumed.ok("play")
+    resumed.ok("last = 0@0 smooth 1@1/2")
+    resumed.run(0.1)
+    resumed.close()
 
 
 DOORS = (by_pipe, by_socket)
@@ -268,7 +270,7 @@ def kill(number: int) -> str:
 
 def kill_all(numbers: range) -> None:
     with ThreadPoolExecutor(2) as pool:
-        wrong = [found for found in pool.map(kill, numbers) if found]
+        wrong = [report for report in pool.map(kill, numbers) if report]
     assert not wrong, f"{len(wrong)} of {len(numbers)}\n" + "\n".join(wrong[:5])
 
 

@@ -33,53 +33,53 @@ Enter = Callable[[str], object]
 Door = Callable[[Stepped, Path], contextlib.AbstractContextManager[Enter]]
 
 
-def events(at: Stepped, name: str = "") -> list[dict[str, Any]]:
+def events(stepped: Stepped, name: str = "") -> list[dict[str, Any]]:
     """The events of a session's journal, or those of a name."""
-    found = [json.loads(row) for row in at.journal.read_text().splitlines()]
-    return [event for event in found if name in ("", event["event"])]
+    rows = [json.loads(row) for row in stepped.journal.read_text().splitlines()]
+    return [event for event in rows if name in ("", event["event"])]
 
 
-def _answered(at: Stepped, enter: Enter) -> Enter:
+def _answered(stepped: Stepped, enter: Enter) -> Enter:
     """Enter a line, and wait until it is answered."""
 
     def wait(line: str) -> None:
-        count = len(events(at, "said")) + 1
+        count = len(events(stepped, "said")) + 1
         enter(line)
-        until(lambda: len(events(at, "said")) >= count, f"an answer to {line!r}")
+        until(lambda: len(events(stepped, "said")) >= count, f"an answer to {line!r}")
 
     return wait
 
 
 @contextlib.contextmanager
-def by_call(at: Stepped, folder: Path) -> Iterator[Enter]:
+def by_call(stepped: Stepped, folder: Path) -> Iterator[Enter]:
     """As `ergon.Session` does lines."""
-    yield at.type
+    yield stepped.type
 
 
 @contextlib.contextmanager
-def by_pipe(at: Stepped, folder: Path) -> Iterator[Enter]:
+def by_pipe(stepped: Stepped, folder: Path) -> Iterator[Enter]:
     """Through the prompt without a screen."""
     source, sink = os.pipe()
     with open(source, encoding="utf-8") as end, open(sink, "w", encoding="utf-8") as lines:
-        prompt = PlainPrompt(ErrorBoundary(at.session), end, io.StringIO(), watch_nothing)
+        prompt = PlainPrompt(ErrorBoundary(stepped.session), end, io.StringIO(), watch_nothing)
         thread = threading.Thread(target=prompt.run)
         thread.start()
-        yield _answered(at, lambda line: print(line, file=lines, flush=True))
+        yield _answered(stepped, lambda line: print(line, file=lines, flush=True))
         lines.close()
         thread.join(PATIENCE)
 
 
 @contextlib.contextmanager
-def by_socket(at: Stepped, folder: Path) -> Iterator[Enter]:
+def by_socket(stepped: Stepped, folder: Path) -> Iterator[Enter]:
     """Through the socket that editors and prompts of other processes use."""
     path = folder / "s"
-    served = SessionServer(at.session, ServerSocket(path), {})
+    served = SessionServer(stepped.session, ServerSocket(path), {})
     thread = threading.Thread(target=served.run)
     thread.start()
 
     def is_served() -> bool:
-        with contextlib.suppress(NoSessionError), raw(path) as found:
-            return found.greeting is not None
+        with contextlib.suppress(NoSessionError), raw(path) as prompt:
+            return prompt.greeting is not None
         return False
 
     until(is_served, "the session")
@@ -90,18 +90,20 @@ def by_socket(at: Stepped, folder: Path) -> Iterator[Enter]:
 
 
 @contextlib.contextmanager
-def by_osc(at: Stepped, folder: Path) -> Iterator[Enter]:
+def by_osc(stepped: Stepped, folder: Path) -> Iterator[Enter]:
     """Through the address `/ergon/cmd`."""
     osc = OscServer(("127.0.0.1", 0), None)
     performance = SimpleNamespace(status=lambda: SimpleNamespace(hands=()))
     assert osc.place is not None
     with (
-        contextlib.closing(SessionOsc(at.session, osc, performance)),
+        contextlib.closing(SessionOsc(stepped.session, osc, performance)),
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
     ):
         place = osc.place
         sender.bind(("127.0.0.1", 0))
-        yield _answered(at, lambda line: sender.sendto(encode_message("/ergon/cmd", [line]), place))
+        yield _answered(
+            stepped, lambda line: sender.sendto(encode_message("/ergon/cmd", [line]), place)
+        )
 
 
 DOORS: dict[str, Door] = {"call": by_call, "pipe": by_pipe, "socket": by_socket, "osc": by_osc}
