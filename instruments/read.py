@@ -8,6 +8,7 @@ from functools import partial, reduce
 from itertools import chain
 from typing import Any
 
+from ergon import _core
 from ergon.instruments import checks
 from ergon.instruments.matter import MATTER, from_material
 from ergon.instruments.modal import listed, placed, retuned_modes
@@ -39,6 +40,8 @@ from ergon.notation.text.document import Node
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.memory import Recall, make_anew
 
+# Steps of work for a module that is written: it is read, looked up, and put into the network.
+_MODULE_STEPS = 80_000
 MODULES_DOC = "the network: names, each with one kind of module"
 
 
@@ -223,6 +226,7 @@ def modules(values: Values, axes: int = 1, recall: Recall = make_anew) -> tuple[
 
 def _with_modules(name: str, values: Values, axes: int) -> tuple[Values, tuple[Module, ...]]:
     """The values of a module, and the modules that they make: none if they were refused."""
+    _core.poll(_MODULE_STEPS)
     body = _followed(values.kind, values.given[values.kind], axes)
     if body is None or not whole(values.kind, body, axes):
         return values, ()

@@ -1,4 +1,6 @@
-"""Time limits of lines: a computation ends at its limit, or when another thread cancels it."""
+"""Limits of what lines compute: a computation ends at a number of steps, or when another thread
+cancels it.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,9 @@ from collections.abc import Iterator
 
 from ergon._core import StoppedError, Work
 
-LINE_SECONDS = 2.0  # [s] for a line
-FILES_SECONDS = 30.0  # [s] for a line that reads files, restores a version or starts the piece
+# Steps of work, which are counted: some two seconds and half a minute on a machine of 2024.
+LINE_STEPS = 1_500_000_000  # for a line
+FILES_STEPS = 20_000_000_000  # for a line that reads files, restores a version or starts the piece
 
 
 class Computing:
@@ -17,14 +20,14 @@ class Computing:
 
     def __init__(self) -> None:
         """Begin with no computation."""
-        self._limit = threading.local()  # of the last computation of each thread [s]
+        self._limit = threading.local()  # of the last computation of each thread
         self._works: list[Work] = []
 
     @contextlib.contextmanager
-    def limited(self, seconds: float | None) -> Iterator[None]:
-        """Limit the computation in this block [s]. Raises StoppedError beyond the limit."""
-        self._limit.seconds = seconds
-        work = Work(seconds)
+    def limited(self, steps: int | None) -> Iterator[None]:
+        """Limit the computation in this block. Raises StoppedError beyond the limit."""
+        self._limit.steps = steps
+        work = Work(steps)
         self._works.append(work)
         try:
             with work:
@@ -43,11 +46,18 @@ class Computing:
         """Why a line is not taken whose computation was stopped."""
         if error.why == "cancelled":
             return "cancelled; nothing has changed"
-        seconds: float = self._limit.seconds
-        said = f"this line takes more than {seconds:g} s to compute; nothing has changed"
-        if seconds != LINE_SECONDS:
-            return said
-        return (
-            f"{said} (make it smaller, or write it into the score and type "
-            f"`reload`, which has {FILES_SECONDS:g} s)"
+        steps: int = self._limit.steps
+        sentence = (
+            f"this line takes more than {_millions(steps)} steps to compute (visits of modules, "
+            "numbers of matrices, points); nothing has changed"
         )
+        if steps != LINE_STEPS:
+            return sentence
+        return (
+            f"{sentence}: make it smaller, or write it into the score and type `reload`, which has "
+            f"{_millions(FILES_STEPS)}"
+        )
+
+
+def _millions(steps: int) -> str:
+    return f"{steps / 1e6:,.0f} million"

@@ -181,7 +181,7 @@ class SessionCore:
             number = self._n_lines
 
         request = Request(entry, number, self.quant, self.schedule.n_drops)
-        with self.computing.limited(entry.seconds):
+        with self.computing.limited(entry.steps):
             draft = self.schedule.insert(request, lambda draft: self._note_line(entry, draft))
         self.log.note_thawed(draft.checked)
         self.attend()

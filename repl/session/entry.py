@@ -55,9 +55,9 @@ class Entry:
         return self.resets or self.sets_running is False
 
     @property
-    def seconds(self) -> float | None:
-        """The time limit of its computation [s]; None for a stop."""
+    def steps(self) -> int | None:
+        """The limit of its computation; None for a stop."""
         if self.resets:
             return None
         takes_long = self.reads_files or self.restores is not None or self.sets_running is not None
-        return computing.FILES_SECONDS if takes_long else computing.LINE_SECONDS
+        return computing.FILES_STEPS if takes_long else computing.LINE_STEPS

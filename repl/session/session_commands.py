@@ -237,7 +237,7 @@ def _look(session: SessionCore, command: c.Look) -> Reply:
         return Reply(
             True, "", lines=tuple(bars.draw_bars(schedule.head.piece, playing, schedule.beat_now()))
         )
-    with session.computing.limited(computing.LINE_SECONDS):
+    with session.computing.limited(computing.LINE_STEPS):
         return Reply(
             True,
             "",
@@ -247,7 +247,7 @@ def _look(session: SessionCore, command: c.Look) -> Reply:
 
 @_executes(c.Trace)
 def _scope(session: SessionCore, command: c.Trace) -> Reply:
-    with session.computing.limited(computing.LINE_SECONDS):
+    with session.computing.limited(computing.LINE_STEPS):
         lines = inspection.draw_trace(
             session.schedule.running,
             session.schedule.engine.frame,

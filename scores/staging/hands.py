@@ -38,6 +38,8 @@ _DRAWN = ("jitter",)  # transformations that each occurrence draws anew
 # The most that is put on a timeline: 1.4 kB for each occurrence, and 0.1 kB for each of its points.
 MAX_PLAYED = 200_000
 MAX_POINTS = 750_000
+# Steps of work for a place of a pattern, an occurrence, and each of its points.
+_PLACE_STEPS, _OCCURRENCE_STEPS, _POINT_STEPS = 1_000, 10_000, 500
 
 
 class _Options(TypedDict):
@@ -238,7 +240,7 @@ class Hands:
         due: list[tuple[Play, float, int]] = []
         for place in range(first, last):
             if not place % 1024:
-                _core.poll()
+                _core.poll(_PLACE_STEPS * 1024)
             if (name := course.played(place)) is not None:
                 key = name, course.do(place)
                 if key not in own:
@@ -269,7 +271,7 @@ class Hands:
 
     def _room(self, play: Play, starts: Sequence[float], points: int = 1) -> Sequence[float]:
         """The starts, if the timeline has room for them; none if an error was reported."""
-        _core.poll()
+        _core.poll(len(starts) * (_OCCURRENCE_STEPS + _POINT_STEPS * points))
         self._played["occurrences"] += len(starts)
         self._played["points"] += len(starts) * points
         for noun, most in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):

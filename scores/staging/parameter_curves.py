@@ -25,6 +25,7 @@ GLIDE = 0.02
 GRID = _core.GRID  # frames between the instants of the engine's points
 # How many places of its pattern are searched backward for the value that holds at a beat.
 _BACK = 256
+_PLACE_STEPS = 2_000  # of work, for a place of a pattern
 _MOST = 200_000  # points of a swing
 _FARTHEST = 1 << 24  # segments of a swing that are searched
 # A swing is approximated by straight segments, sixteen in each quarter: sin(j π / 32).
@@ -98,7 +99,7 @@ def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> flo
     first, last = held_places(places, extent.since, min(entry.stop, extent.until))
     for place in range(first, last):
         if not place % 1024:
-            _core.poll()
+            _core.poll(_PLACE_STEPS * 1024)
         name, instant = course.played(place), tempo.seconds(places[place])
         if instant >= NEVER:
             break

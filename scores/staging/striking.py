@@ -21,6 +21,7 @@ from ergon.scores.reading.sweep_fields import Passing
 from ergon.scores.staging.sweep_members import visits
 
 ALL_TIME = (-math.inf, math.inf)
+_STRIKE_STEPS = 2_000  # of work, for a strike
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +141,7 @@ class Striking:
         for turn, start in enumerate(strikes.rounds(tempo)):
             lasting = tempo.after(start, strikes.length) - start
             end = max(end, tempo.seconds(start + lasting))
-            _core.poll()
+            _core.poll(_STRIKE_STEPS * len(way))
             for number, (share, member) in enumerate(way, turn * len(way)):
                 instant = tempo.seconds(start + share * lasting)
                 if not self.within[0] <= instant < self.within[1]:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 # The length of a chord of a path: with 2° it leaves the circle by 1.5e-4 of its radius.
 _STEP = 2.0  # [degrees]
+_MEMBER_STEPS = 20  # of work, for a member that is looked at
 
 Visit = tuple[float, int]  # share of the way, from 0 to 1, and index of the member
 
@@ -97,7 +98,7 @@ def _by_path(path: tuple[Point, ...], width: float, places: _Floats) -> list[Vis
     least = np.full(len(places), np.inf)
     share = np.zeros(len(places))
     for (t0, x0, y0), (t1, x1, y1) in pairwise(_corners(path)):
-        _core.poll()
+        _core.poll(_MEMBER_STEPS * len(places))
         dx, dy = x1 - x0, y1 - y0
         length = dx * dx + dy * dy
         s = ((x - x0) * dx + (y - y0) * dy) / length if length > 0.0 else np.zeros(len(places))

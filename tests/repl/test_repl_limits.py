@@ -1,14 +1,20 @@
-"""A line of a session has a time, and can be dropped; the music goes on."""
+"""What a line of a session may compute is limited, and it can be dropped; the music goes on."""
 
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import pytest
 from patience import PATIENCE
 from sessions import Stepped
 
+from ergon._core import StoppedError, Work
+from ergon.notation.text.memory import Memory
 from ergon.repl.session import computing
+from ergon.repl.session.version import piece_of
+from ergon.scores.edits.texts import Texts
+from ergon.scores.staging.stage import stage
 
 SCORE = """\
 ergon: 1
@@ -31,37 +37,60 @@ def stepped(tmp_path):
     at.close()
 
 
-def test_a_line_that_is_late_is_not_taken(stepped, monkeypatch):
+def test_line_above_its_limit_is_not_taken(stepped, monkeypatch):
     stepped.ok("play")
     text = stepped.session.schedule.head.texts.text
-    monkeypatch.setattr(computing, "LINE_SECONDS", 0.0)
-    monkeypatch.setattr(computing, "FILES_SECONDS", 30.0)
+    monkeypatch.setattr(computing, "LINE_STEPS", 0)
+    monkeypatch.setattr(computing, "FILES_STEPS", 30_000_000)
     reply = stepped.type("ada plays knock")
     assert not reply.taken
-    assert "more than 0 s to compute; nothing has changed" in reply.text
-    assert "`reload`, which has 30 s" in reply.text
+    assert "takes more than 0 million steps to compute" in reply.text
+    assert "nothing has changed" in reply.text
+    assert "`reload`, which has 30 million" in reply.text
     assert stepped.session.schedule.head.texts.text == text
     assert not stepped.session.schedule.waiting
     frame = stepped.engine.frame
     stepped.run(0.001)
     assert stepped.engine.frame == frame + 2000  # it goes on
-    monkeypatch.setattr(computing, "LINE_SECONDS", 1e3)
+    monkeypatch.setattr(computing, "LINE_STEPS", 1 << 60)
     stepped.ok("ada plays knock")
 
 
-def test_what_reads_files_has_longer(stepped, monkeypatch):
-    monkeypatch.setattr(computing, "LINE_SECONDS", 0.0)
+def test_line_that_reads_files_has_more(stepped, monkeypatch):
+    monkeypatch.setattr(computing, "LINE_STEPS", 0)
     stepped.ok("reload")
     stepped.ok("play")
-    monkeypatch.setattr(computing, "FILES_SECONDS", 0.0)
+    monkeypatch.setattr(computing, "FILES_STEPS", 0)
     reply = stepped.type("reload")
     assert not reply.taken
-    assert "more than 0 s" in reply.text
+    assert "more than 0 million steps" in reply.text
+
+
+def test_steps_of_a_line_are_the_same_each_time(tmp_path):
+    """The least limit that suffices is found by halving, twice."""
+
+    def least(folder) -> int:
+        texts = Texts(str(folder / "s.yaml"), SCORE)
+        low, high = 0, 1 << 40
+        while high - low > 1:
+            middle = (low + high) // 2
+            try:
+                with Work(middle):
+                    stage(piece_of(replace(texts, memory=Memory())), planned=True, store=None)
+            except StoppedError:
+                low = middle
+            else:
+                high = middle
+        return high
+
+    first = least(tmp_path)
+    assert 0 < first < 1 << 40
+    assert least(tmp_path) == first
 
 
 @pytest.mark.parametrize("how", ["cancel", "panic"])
 def test_a_line_is_dropped_while_it_is_computed(stepped, monkeypatch, how):
-    monkeypatch.setattr(computing, "LINE_SECONDS", 1e6)
+    monkeypatch.setattr(computing, "LINE_STEPS", 1 << 60)
     stepped.ok("play")
     text = stepped.session.schedule.head.texts.text
     begun = threading.Event()

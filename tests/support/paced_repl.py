@@ -98,7 +98,7 @@ def by_frames(config: PlaybackConfig) -> PlaybackConfig:
 
 
 if __name__ == "__main__":
-    computing.LINE_SECONDS = computing.FILES_SECONDS = 1e3
+    computing.LINE_STEPS = computing.FILES_STEPS = 1 << 60
     schedule._MAKING_FACTOR = 0.0  # time stands still while a line is computed
     hand = {"stiffness": 900.0, "sine": 5e-3}
     with paced(hertz=2.0, **hand) as one, paced(hertz=3.0, **hand) as two:

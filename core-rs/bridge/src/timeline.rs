@@ -68,7 +68,7 @@ impl Timeline {
         layer: bool,
         sources: Vec<u32>,
     ) -> PyResult<usize> {
-        work::poll()?; // a timeline may have many gestures
+        work::poll(0)?; // a timeline may have many gestures
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let approaches = curve
             .iter()
@@ -119,7 +119,7 @@ impl Timeline {
         layer: bool,
         source: u32,
     ) -> PyResult<usize> {
-        work::poll()?;
+        work::poll(0)?;
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let path = take
             .0
@@ -142,7 +142,7 @@ impl Timeline {
         speed: Option<f64>,
         source: u32,
     ) -> PyResult<()> {
-        work::poll()?;
+        work::poll(0)?;
         self.check_mat("strike", mat)?;
         match (impulse, mass, speed) {
             (Some(impulse), None, None) => {

@@ -1,7 +1,7 @@
-//! Work that can be stopped: by Ctrl-C, by a time limit, or by another thread.
+//! Work that can be stopped: by Ctrl-C, by a limit of its steps, or by another thread.
 
 use std::cell::RefCell;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -14,30 +14,32 @@ create_exception!(
     ergon._core,
     StoppedError,
     PyException,
-    "A computation was ended before it was done; `why` is 'late' or 'cancelled'."
+    "A computation was ended before it was done; `why` is 'costly' or 'cancelled'."
 );
 
 /// Time between two checks of limits and signals; a check of signals takes the GIL.
 const CHECK_INTERVAL: Duration = Duration::from_millis(20);
-/// Longest time limit [s]; a longer one is shortened.
-const SECONDS_MAX: f64 = 1e6;
 
-/// A limit on the work of a thread: a time limit, or a cancellation.
+/// A limit on the work of a thread: a number of steps ([`interrupt::spend`]), or a cancellation.
 #[derive(Debug)]
 struct Limit {
-    until: Option<Instant>,
+    most: Option<u64>,
+    /// The steps of computations that have ended, and of Python.
+    spent: AtomicU64,
     /// Set by [`Work::cancel`].
     is_cancelled: Arc<AtomicBool>,
 }
 
 impl Limit {
-    /// Why the work must end; None if it may go on.
-    fn why(&self) -> Option<&'static str> {
+    /// Why the work must end, of which a computation has `more` steps; None if it may go on.
+    fn why(&self, more: u64) -> Option<&'static str> {
         if self.is_cancelled.load(Ordering::Relaxed) {
             return Some("cancelled");
         }
-        let is_late = self.until.is_some_and(|until| Instant::now() >= until);
-        is_late.then_some("late")
+        let spent = self.spent.load(Ordering::Relaxed).saturating_add(more);
+        self.most
+            .is_some_and(|most| spent > most)
+            .then_some("costly")
     }
 }
 
@@ -46,14 +48,21 @@ thread_local! {
     static LIMITS: RefCell<Vec<Arc<Limit>>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Why the work of this thread must end; None if it may go on.
-fn stop_reason(limits: &[Arc<Limit>]) -> Option<&'static str> {
-    limits.iter().find_map(|limit| limit.why())
+/// Why the work of a thread must end, of which a computation has `more` steps; None if it may go on.
+fn stop_reason(limits: &[Arc<Limit>], more: u64) -> Option<&'static str> {
+    limits.iter().find_map(|limit| limit.why(more))
+}
+
+/// Count steps of work that is done.
+fn count(limits: &[Arc<Limit>], steps: u64) {
+    for limit in limits {
+        limit.spent.fetch_add(steps, Ordering::Relaxed);
+    }
 }
 
 fn stopped(why: &'static str) -> PyErr {
     let message = match why {
-        "late" => "the computation exceeded its time limit",
+        "costly" => "the computation exceeded its limit of steps",
         _ => "the computation was cancelled",
     };
     let error = StoppedError::new_err(message);
@@ -61,21 +70,21 @@ fn stopped(why: &'static str) -> PyErr {
     set.err().unwrap_or(error)
 }
 
-/// A limit for the computations of one thread, a context manager: work ends `seconds` [s] after it was entered, or once
-/// it is cancelled.
+/// A limit for the computations of one thread, a context manager: work ends after `steps` of about a nanosecond, which
+/// are counted, not timed, or once it is cancelled.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Work {
-    seconds: Option<f64>,
+    most: Option<u64>,
     is_cancelled: Arc<AtomicBool>,
 }
 
 #[pymethods]
 impl Work {
     #[new]
-    #[pyo3(signature = (seconds=None))]
-    fn new(seconds: Option<f64>) -> Self {
+    #[pyo3(signature = (steps=None))]
+    fn new(steps: Option<u64>) -> Self {
         Self {
-            seconds,
+            most: steps,
             is_cancelled: Arc::default(),
         }
     }
@@ -87,17 +96,9 @@ impl Work {
 
     fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
         let own = slf.get();
-        let until = own.seconds.map(|seconds| {
-            // 0 for NaN too.
-            let seconds = if seconds > 0.0 {
-                seconds.min(SECONDS_MAX)
-            } else {
-                0.0
-            };
-            Instant::now() + Duration::from_secs_f64(seconds)
-        });
         let limit = Arc::new(Limit {
-            until,
+            most: own.most,
+            spent: AtomicU64::new(0),
             is_cancelled: own.is_cancelled.clone(),
         });
         LIMITS.with_borrow_mut(|limits| limits.push(limit));
@@ -115,17 +116,23 @@ impl Work {
     }
 }
 
-/// Raise StoppedError if this thread is within a Work that ends; for long loops in Python, which Ctrl-C interrupts by
-/// itself.
+/// Count steps of work in Python, and raise StoppedError if this thread is within a Work that ends; for long loops in
+/// Python, which Ctrl-C interrupts by itself.
 #[pyfunction]
-pub(crate) fn poll() -> PyResult<()> {
-    match LIMITS.with_borrow(|limits| stop_reason(limits)) {
+#[pyo3(signature = (steps=0))]
+pub(crate) fn poll(steps: u64) -> PyResult<()> {
+    let why = LIMITS.with_borrow(|limits| {
+        count(limits, steps);
+        stop_reason(limits, 0)
+    });
+    match why {
         Some(why) => Err(stopped(why)),
         None => Ok(()),
     }
 }
 
 /// Run `compute` without the GIL, until a limit of this thread is reached or a signal's handler raises.
+/// Whether a limit is reached depends on the steps alone, also where it is looked at less often.
 ///
 /// Fails with StoppedError, or with the exception of the handler. An object that `compute` was changing is then in an
 /// undefined state.
@@ -133,18 +140,28 @@ pub(crate) fn computing<T: Send>(
     py: Python<'_>,
     compute: impl FnOnce() -> T + Send,
 ) -> PyResult<T> {
-    poll()?; // a computation shorter than CHECK_INTERVAL never checks by itself
-    let raised = Arc::new(Mutex::new(None));
+    poll(0)?; // a computation shorter than CHECK_INTERVAL never checks by itself
+    let (raised, spent) = (Arc::new(Mutex::new(None)), Arc::<AtomicU64>::default());
     let limits = LIMITS.with_borrow(Clone::clone);
-    let to_raise = raised.clone();
-    py.detach(move || interrupt::until(stop_check(limits, to_raise), compute))
-        .map_err(|interrupt::Stopped| {
-            let mut raised = raised.lock().unwrap_or_else(PoisonError::into_inner);
-            raised.take().unwrap_or_else(|| stopped("cancelled"))
-        })
+    let (to_raise, of_work, to_ask) = (raised.clone(), spent.clone(), limits.clone());
+    let done = py.detach(move || {
+        let ask = stop_check(to_ask, of_work.clone(), to_raise);
+        interrupt::until_counted(ask, of_work, compute)
+    });
+    count(&limits, spent.load(Ordering::Relaxed));
+    let done = done.map_err(|interrupt::Stopped| {
+        let mut raised = raised.lock().unwrap_or_else(PoisonError::into_inner);
+        raised.take().unwrap_or_else(|| stopped("cancelled"))
+    })?;
+    poll(0)?;
+    Ok(done)
 }
 
-fn stop_check(limits: Vec<Arc<Limit>>, raised: Arc<Mutex<Option<PyErr>>>) -> Ask {
+fn stop_check(
+    limits: Vec<Arc<Limit>>,
+    spent: Arc<AtomicU64>,
+    raised: Arc<Mutex<Option<PyErr>>>,
+) -> Ask {
     let mut next = Instant::now() + CHECK_INTERVAL;
     Box::new(move || {
         let now = Instant::now();
@@ -152,7 +169,7 @@ fn stop_check(limits: Vec<Arc<Limit>>, raised: Arc<Mutex<Option<PyErr>>>) -> Ask
             return false;
         }
         next = now + CHECK_INTERVAL;
-        let why = match stop_reason(&limits) {
+        let why = match stop_reason(&limits, spent.load(Ordering::Relaxed)) {
             Some(why) => Some(stopped(why)),
             // Signal handlers run only in the main thread; in other threads this does nothing.
             None => Python::attach(|py| py.check_signals()).err(),

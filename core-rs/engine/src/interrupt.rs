@@ -4,17 +4,22 @@
 //! few milliseconds of work; if the function then returns true, it unwinds to [`until`]. In a thread outside [`until`],
 //! such as the one that plays, a poll only reads a thread-local flag. Threads that share a computation
 //! ([`on_threads`]) end with it.
+//!
+//! A computation also counts its work ([`spend`]) in steps of about a nanosecond on a machine of 2024: the entries of
+//! matrices that it visits, and its visits of modules. The count is the same on every machine, however busy it is.
 
 use std::cell::{Cell, RefCell};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
 /// Steps of a long loop from poll to poll, of less than a microsecond each.
 const STRIDE: usize = 4096;
+/// Steps that a visit of a module counts.
+const VISIT: usize = 16;
 /// Time between two polls of a thread that waits for others.
 const WAIT: Duration = Duration::from_millis(5);
 
@@ -28,6 +33,17 @@ pub struct Stopped;
 thread_local! {
     static IS_ASKED: Cell<bool> = const { Cell::new(false) };
     static ASK: RefCell<Option<Ask>> = const { RefCell::new(None) };
+    /// The count of this thread's computation.
+    static SPENT: RefCell<Arc<AtomicU64>> = RefCell::default();
+}
+
+/// On drop, restores the count of an outer computation.
+struct OuterCount(Arc<AtomicU64>);
+
+impl Drop for OuterCount {
+    fn drop(&mut self) {
+        SPENT.set(std::mem::take(&mut self.0));
+    }
 }
 
 /// On drop, restores the `Ask` of an outer computation.
@@ -59,6 +75,19 @@ fn set(ask: Option<Ask>) -> Option<Ask> {
 /// # Errors
 /// [`Stopped`] if `ask` returns true at a poll of `work`.
 pub fn until<T>(ask: Ask, work: impl FnOnce() -> T) -> Result<T, Stopped> {
+    until_counted(ask, Arc::default(), work)
+}
+
+/// [`until`], with the count of steps that `work` spends.
+///
+/// # Errors
+/// [`Stopped`] if `ask` returns true at a poll of `work`.
+pub fn until_counted<T>(
+    ask: Ask,
+    spent: Arc<AtomicU64>,
+    work: impl FnOnce() -> T,
+) -> Result<T, Stopped> {
+    let _count = OuterCount(SPENT.replace(spent));
     let outer = Outer(set(Some(ask)));
     let done = catch_unwind(AssertUnwindSafe(work));
     drop(outer);
@@ -77,20 +106,38 @@ pub fn poll() {
     }
 }
 
-/// [`poll`], if a step over `n` modules takes longer than polls should.
+/// Count steps of work that follows or is done, and [`poll`].
+#[inline]
+pub fn spend(steps: usize) {
+    if IS_ASKED.get() {
+        count(steps);
+        ask();
+    }
+}
+
+#[cold]
+fn count(steps: usize) {
+    SPENT.with_borrow(|spent| spent.fetch_add(steps as u64, Ordering::Relaxed));
+}
+
+/// Count a step over `n` modules, and [`poll`] if it takes longer than polls should.
 #[inline]
 pub fn poll_for(n: usize) {
-    if n >= STRIDE {
-        poll();
+    if IS_ASKED.get() {
+        count(n);
+        if n >= STRIDE {
+            ask();
+        }
     }
 }
 
 /// The numbers of a range, with a [`poll`] at every 4,096th: for loops over all modules of a network.
 #[inline]
 pub fn steps(range: Range<usize>) -> impl Iterator<Item = usize> + Clone {
-    range.inspect(|step| {
+    let end = range.end;
+    range.inspect(move |&step| {
         if step.is_multiple_of(STRIDE) {
-            poll();
+            spend(VISIT * STRIDE.min(end - step));
         }
     })
 }
@@ -100,7 +147,7 @@ pub fn steps(range: Range<usize>) -> impl Iterator<Item = usize> + Clone {
 pub fn each<T>(all: &[T]) -> impl Iterator<Item = &T> + Clone {
     all.iter().zip(0_usize..).map(|(item, step)| {
         if step.is_multiple_of(STRIDE) {
-            poll();
+            spend(VISIT * STRIDE.min(all.len() - step));
         }
         item
     })
@@ -111,6 +158,7 @@ pub fn each<T>(all: &[T]) -> impl Iterator<Item = &T> + Clone {
 pub fn on_threads(threads: usize, work: impl Fn() + Sync) {
     let is_over = Arc::new(AtomicBool::new(false));
     let is_asked = IS_ASKED.get();
+    let spent = SPENT.with_borrow(Arc::clone);
     let leader = thread::current();
     thread::scope(|scope| {
         let _end = OnEnd(&is_over); // dropped before the scope waits, also where this thread unwinds
@@ -118,7 +166,7 @@ pub fn on_threads(threads: usize, work: impl Fn() + Sync) {
             let is_over = is_over.clone();
             let ask = Box::new(move || is_over.load(Ordering::Relaxed));
             if is_asked {
-                let _ = until(ask, &work); // stopped only where the leader unwinds
+                let _ = until_counted(ask, spent.clone(), &work); // stopped only where the leader unwinds
             } else {
                 work();
             }

@@ -26,6 +26,8 @@ use parameter::Parameter;
 const DELAY_MAX: f64 = 1.0;
 /// Ticks between two polls of an interruption.
 const POLL_EVERY: usize = 1024;
+/// Steps of work that a tick counts.
+const TICK_STEPS: usize = 64;
 /// Number of derivatives with respect to forces that are computed together, and the fraction of their maximum below
 /// which they are taken to have died away.
 const FORCE_COLUMNS: usize = 16;
@@ -192,7 +194,7 @@ impl KeyModel {
         let mut path = Vec::with_capacity(forces.len());
         for (n, &force) in forces.iter().enumerate() {
             if n % POLL_EVERY == 0 {
-                interrupt::poll();
+                interrupt::spend(TICK_STEPS * POLL_EVERY);
             }
             path.push(motion.position());
             motion.tick(force, 0.0);
@@ -251,7 +253,7 @@ impl KeyModel {
             let mut greatest = 0.0_f64;
             for (n, &force) in forces.iter().enumerate().skip(at) {
                 if n % POLL_EVERY == 0 {
-                    interrupt::poll();
+                    interrupt::spend(TICK_STEPS * POLL_EVERY);
                 }
                 let row = &wide.dx[..group.len()];
                 let most = row.iter().fold(0.0_f64, |most, dx| most.max(dx.abs()));
@@ -279,7 +281,7 @@ impl KeyModel {
         let mut jacobian = Vec::with_capacity(forces.len() * columns.len());
         for (n, &force) in forces.iter().enumerate() {
             if n % POLL_EVERY == 0 {
-                interrupt::poll();
+                interrupt::spend(TICK_STEPS * POLL_EVERY);
             }
             path.push(motion.position());
             jacobian.extend_from_slice(&motion.dx[..columns.len()]);

@@ -32,6 +32,9 @@ pub use takeover::Takeover;
 
 use group::{GROUPS_MAX, Group, RunningUnit, THREADED_BLOCK, UNIT_BLOCK};
 
+/// Steps of work that a frame counts at least; trials count their work by the table of costs.
+const FRAME_STEPS: usize = 16;
+
 /// A running simulation of a plan.
 #[derive(Clone, Debug)]
 pub struct Simulation {
@@ -229,7 +232,7 @@ impl Simulation {
 
     /// Advance every group by `n_frames` frames. Of several faults the one with the first frame is returned.
     fn advance_groups(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
-        interrupt::poll();
+        interrupt::spend(FRAME_STEPS * n_frames);
         let plan = &*self.plan;
         let n_out = plan.network.outputs().len();
         let frames = (self.frame, n_frames);

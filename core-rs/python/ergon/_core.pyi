@@ -69,9 +69,9 @@ class DivergedError(EngineError):
     frame: int
 
 class StoppedError(Exception):
-    """A computation was stopped: its time limit has passed (late), or it was cancelled."""
+    """A computation was stopped: it is above its limit of steps (costly), or it was cancelled."""
 
-    why: Literal["late", "cancelled"]
+    why: Literal["costly", "cancelled"]
 
 # --- work that can be ended ----------------------------------------------------------------------
 
@@ -79,23 +79,24 @@ class StoppedError(Exception):
 class Work:
     """A limit for the computations of one thread, a context manager.
 
-    Within it the computations of the core, and `poll`, raise StoppedError `seconds` [s] after it
-    was entered (None: no time limit), or once it is cancelled. An object that a stopped computation
-    was changing is then in an undefined state. In the main thread an exception that a signal's
-    handler raises stops computations as well.
+    Within it the computations of the core, and `poll`, raise StoppedError after a number of `steps`
+    (None: no limit), or once it is cancelled. A step is about a nanosecond of work on a machine of
+    2024; steps are counted, so that the same work is stopped on every machine. An object that a
+    stopped computation was changing is then in an undefined state. In the main thread an exception
+    that a signal's handler raises stops computations as well.
     """
 
-    def __new__(cls, seconds: float | None = None) -> Self: ...
+    def __new__(cls, steps: int | None = None) -> Self: ...
     def cancel(self) -> None:
         """Cancel the work, from any thread, also before it is entered."""
     def __enter__(self) -> Self:
-        """Begin: the time limit counts from here."""
+        """Begin: steps are counted from here."""
     def __exit__(self, *how: object) -> None:
         """End: computations of this thread no longer stop for this limit."""
 
-def poll() -> None:
-    """Raise StoppedError if this thread is within a Work that ends; for long loops in Python, which
-    Ctrl-C interrupts by itself.
+def poll(steps: int = 0) -> None:
+    """Count steps of work in Python, and raise StoppedError if this thread is within a Work that
+    ends; for long loops in Python, which Ctrl-C interrupts by itself.
     """
 
 # --- arithmetic whose last bit does not depend on the machine -----------------------------------

@@ -25,7 +25,7 @@ pub(super) fn eigen(mut matrix: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
     for _ in 0..SWEEPS {
         let mut still = true;
         for p in 0..n {
-            interrupt::poll();
+            interrupt::spend(4 * n * (n - p));
             for q in p + 1..n {
                 still &= !rotate(&mut matrix, &mut vectors, p, q);
             }

@@ -41,7 +41,7 @@ pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest 
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let (mut alphas, mut betas): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     loop {
-        interrupt::poll();
+        interrupt::spend(n * (2 * basis.len() + 16));
         let mut image = vec![0.0; n];
         apply(&next, &mut image);
         let alpha = dot(&next, &image);

@@ -196,9 +196,10 @@ impl<'a, T: Scalar> Factor<'a, T> {
         let mut ends = pattern.column_starts.clone();
         let (mut row, mut seen) = (vec![zero; n], vec![NONE; n]);
         let (mut path, mut reach) = (Vec::new(), Vec::new());
+        let mut visited = 0;
         for k in 0..n {
             if k % 256 == 0 {
-                interrupt::poll();
+                interrupt::spend(std::mem::take(&mut visited));
             }
             seen[k] = k as u32;
             reach.clear();
@@ -224,6 +225,7 @@ impl<'a, T: Scalar> Factor<'a, T> {
                 let value = row[i];
                 row[i] = zero;
                 let column = pattern.column_starts[i]..ends[i];
+                visited += column.len() + 8;
                 for (&j, &l) in rows[column.clone()].iter().zip(&values[column]) {
                     row[j as usize] = row[j as usize] - l * value;
                 }
@@ -248,8 +250,8 @@ impl<'a, T: Scalar> Factor<'a, T> {
 
     /// x of (A − shift·1) x = `right`.
     pub(crate) fn solve(&self, right: &[T]) -> Vec<T> {
-        interrupt::poll();
         let pattern = self.pattern;
+        interrupt::spend(2 * (self.values.len() + pattern.n()));
         let mut x: Vec<T> = pattern.order.iter().map(|&i| right[i as usize]).collect();
         for k in 0..x.len() {
             let column = pattern.column_starts[k]..pattern.column_starts[k + 1];

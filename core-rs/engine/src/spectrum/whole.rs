@@ -64,7 +64,7 @@ fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec
     let (mut v, mut w, mut u, mut p) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let zero = vec![0.0; n];
     for k in 0..n {
-        interrupt::poll();
+        interrupt::spend((n - k) * (n - k));
         let row = &mut matrix[k * n..(k + 1) * n];
         update(&mut row[k..], v[k], &w[k..], w[k], &v[k..], &zero[k..]);
         diagonal[k] = row[k];
@@ -121,7 +121,7 @@ fn iterate(d: &mut [f64], e: &mut [f64], rotated: &mut [f64], k: usize) -> Optio
     e.rotate_left(1); // e[i] now couples i and i + 1
     for l in 0..n {
         for round in 0.. {
-            interrupt::poll();
+            interrupt::spend((n - l) * (k + 8));
             let is_small = |m: usize| e[m].abs() <= f64::EPSILON * (d[m].abs() + d[m + 1].abs());
             let m = (l..n - 1).find(|&m| is_small(m)).unwrap_or(n - 1);
             if m == l {

@@ -20,6 +20,8 @@ const ROUNDS_MAX: usize = 40;
 
 /// Frames between two polls for an interrupt in a trial run: some 50 µs.
 const LOOK: u64 = 4096;
+/// Steps of work that a step of a free hand counts.
+const STEP_STEPS: usize = 64;
 
 /// A key that a strike moves by less than this share of what it would move a free mass comes back to where it was
 /// (after a multiple of half its period), or never gets there: the rest is rounding.
@@ -219,7 +221,7 @@ impl FreeKey {
         let push = 1e-6 / self.scheme.w[self.struck];
         (0..2 * steps).any(|n| {
             if n.is_multiple_of(LOOK) {
-                interrupt::poll();
+                interrupt::spend(STEP_STEPS * LOOK as usize);
             }
             free.forces(&mut motion, n, &mut laws, &mut targets);
             let push = if n == 0 { push } else { 0.0 };
@@ -330,7 +332,7 @@ impl FreeKey {
         };
         for k in n..stop {
             if (k - n).is_multiple_of(LOOK) {
-                interrupt::poll();
+                interrupt::spend(STEP_STEPS * LOOK as usize);
             }
             self.forces(coast, k, laws, targets);
             self.strike_and_move(coast, k, if k == n { force } else { 0.0 }, targets);

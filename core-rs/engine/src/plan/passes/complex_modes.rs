@@ -351,7 +351,7 @@ fn rotate_group(
 fn coupling(rows: &[Vec<f64>], signs: &[f64], n: usize) -> Vec<f64> {
     let mut sum = vec![0.0; n * n];
     for (row, sign) in rows.iter().zip(signs) {
-        crate::interrupt::poll();
+        crate::interrupt::spend(row.iter().filter(|by| **by != 0.0).count() * n);
         for (i, by) in row.iter().enumerate().filter(|(_, by)| **by != 0.0) {
             let into = &mut sum[i * n..(i + 1) * n];
             let by = sign * by;

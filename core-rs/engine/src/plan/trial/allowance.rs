@@ -4,6 +4,7 @@
 
 use std::cell::Cell;
 
+use crate::interrupt;
 use crate::network::Error;
 
 /// Allowance of a plan of at most `SMALL.0` modules, and of one of `LARGE.0` [s]: linear in between, proportional to
@@ -169,6 +170,7 @@ impl Allowance {
         }
         self.needed.set(self.needed.get().max(drawn));
         self.drawn.set(drawn);
+        interrupt::spend((seconds * 1e9) as usize); // a step is a nanosecond
         Ok(())
     }
 

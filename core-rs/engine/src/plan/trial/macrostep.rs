@@ -31,6 +31,8 @@ const WORK_MAX: f64 = 0.5;
 /// Work of the eigenvalues, for the cube of the state's size; work of a number of the state or a link in a frame [s].
 const EIGENVALUES: f64 = 8e-9;
 const NUMBER: f64 = 0.4e-9;
+/// Steps of work that a frame counts for each number of the state.
+const FRAME_STEPS: usize = 4;
 
 /// How much an island grows from kick to kick.
 #[derive(Clone, Copy, Debug)]
@@ -298,7 +300,7 @@ impl<'a> Map<'a> {
         let mut column = vec![0.0; n];
         let mut is_finite = true;
         for j in 0..n {
-            interrupt::poll();
+            interrupt::spend(n * (n + FRAME_STEPS * self.frames as usize));
             column.fill(0.0);
             column[j] = 1.0;
             self.apply(&mut column);
@@ -324,7 +326,7 @@ impl<'a> Map<'a> {
         let n_applications = self.n_applications();
         let mut quarters = [0.0_f64; 4];
         for step in 0..n_applications {
-            interrupt::poll();
+            interrupt::spend(FRAME_STEPS * self.frames as usize * self.len());
             self.place();
             for n in 0..self.frames {
                 self.frame(n);

@@ -12,7 +12,7 @@ pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
     }
     let (mut mirror, mut along) = (vec![0.0; n], vec![0.0; n]);
     for k in 0..n.saturating_sub(2) {
-        interrupt::poll();
+        interrupt::spend(4 * n * n);
         let below = k + 1..n;
         for i in below.clone() {
             mirror[i] = matrix[i * n + k];

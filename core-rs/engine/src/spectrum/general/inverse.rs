@@ -11,7 +11,7 @@ pub(crate) fn inverse(mut matrix: Vec<f64>) -> Option<Vec<f64>> {
         found[i * n + i] = 1.0;
     }
     for k in 0..n {
-        interrupt::poll();
+        interrupt::spend(4 * n * n);
         let size = |row: usize| matrix[row * n + k].abs();
         let best = (k..n).fold(
             k,

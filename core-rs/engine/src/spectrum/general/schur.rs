@@ -13,7 +13,7 @@ pub(super) fn iterate(h: &mut [f64], n: usize, turned: &mut [f64]) -> Option<Vec
     let size: f64 = h.iter().map(|x| x.abs()).sum();
     let (mut end, mut round) = (n, 0);
     while end > 0 {
-        interrupt::poll();
+        interrupt::spend(8 * n * n);
         let last = end - 1;
         let first = split(h, n, last, size);
         if first == last {

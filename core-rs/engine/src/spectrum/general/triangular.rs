@@ -10,7 +10,7 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]
     let mut found = vec![0.0; n * n];
     let (mut re, mut im) = (vec![0.0; n], vec![0.0; n]);
     for last in (0..n).rev() {
-        interrupt::poll();
+        interrupt::spend(n * n);
         let (value, imaginary) = values[last];
         // A pair is solved when its second eigenvalue comes.
         if imaginary > 0.0 {
