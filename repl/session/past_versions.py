@@ -7,7 +7,7 @@ their number.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, MutableMapping
+from collections.abc import Callable, Iterator, MutableMapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -98,17 +98,20 @@ def _whole(text: str) -> _Packed:
 def difference(before: str, now: str) -> tuple[int, int, str]:
     """The characters from one index to another that become a text, so that a text becomes `now`."""
     shared = min(len(before), len(now))
-    start = _n_equal(before, now, shared)
-    after = _n_equal(before[::-1], now[::-1], shared - start)
-    return start, len(before) - after, now[start : len(now) - after]
+    start = _n_equal(shared, lambda a, b: before[a:b] == now[a:b])
+    one, other = len(before), len(now)
+    after = _n_equal(
+        shared - start, lambda a, b: before[one - b : one - a] == now[other - b : other - a]
+    )
+    return start, one - after, now[start : other - after]
 
 
-def _n_equal(one: str, other: str, most: int) -> int:
-    """The number of equal characters at the beginning of two texts, at most `most`."""
-    low, high = 0, most  # the texts are equal up to `low`
+def _n_equal(count: int, is_equal: Callable[[int, int], bool]) -> int:
+    """The number of characters, of at most `count`, up to which two texts are equal."""
+    low, high = 0, count  # the texts are equal up to `low`
     while low < high:
         middle = (low + high + 1) // 2
-        if one[low:middle] == other[low:middle]:
+        if is_equal(low, middle):
             low = middle
         else:
             high = middle - 1

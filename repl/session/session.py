@@ -62,6 +62,7 @@ class Session(SessionCore):
         if turn is not None:
             self._turns.append(turn)
 
+    @without_gc  # garbage is collected when the line has its answer
     def submit(
         self,
         text: str,
@@ -100,7 +101,6 @@ class Session(SessionCore):
                 "said", line=text[:10_000], taken=reply.taken, reply=reply.text, frame=frame
             )
 
-    @without_gc
     def _do_lines(self, text: str, barred: Mapping[type[Command], str]) -> Reply:
         if _LONE_SURROGATE.search(text):  # a journal with it could not be read
             raise NotTakenError("this line contains half of a character (a lone surrogate)")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.tables import quantities as q
@@ -53,7 +53,7 @@ def glide(
     """
     head, _, parameter = target.rpartition(".")
     check(piece, target)
-    if value.startswith("x") and any(True for _ in _of(piece, target)):
+    if value.startswith("x") and any(True for _ in _of(texts, piece, target)):
         known = automatable.found(head, piece.keys, piece.instruments)
         assert known is not None
         part, module, _ = known
@@ -127,7 +127,7 @@ def ending(piece: Piece, one: Automation) -> float:
 
 def _ended(texts: Texts, piece: Piece, at: float, target: str) -> tuple[Texts, int]:
     tempo, count = piece.tempo_map, 0
-    for number in reversed(_of(piece, target)):
+    for number in reversed(_of(texts, piece, target)):
         one = piece.automation[number]
         is_over = one.until is not None and tempo.resolve(one.until) <= at + SAME
         if not (is_over and tempo.resolve(one.at) < at - SAME):
@@ -135,14 +135,18 @@ def _ended(texts: Texts, piece: Piece, at: float, target: str) -> tuple[Texts, i
     return texts, count
 
 
-def _of(piece: Piece, target: str) -> list[int]:
+def _of(texts: Texts, piece: Piece, target: str) -> Sequence[int]:
     """The numbers of the automation entries of a parameter."""
+    with texts.memory.lock:
+        known = texts.memory.held_for("automation by target", piece.automation)
+        if known is None:
+            known = {}
+            for number, one in enumerate(piece.automation):
+                known.setdefault((one.target.text, one.parameter), []).append(number)
+            texts.memory.hold("automation by target", (piece.automation,), known)
     head, _, parameter = target.rpartition(".")
-    return [
-        number
-        for number, one in enumerate(piece.automation)
-        if one.parameter == parameter and one.target.text == head
-    ]
+    numbers: Sequence[int] = known.get((head, parameter), ())
+    return numbers
 
 
 def _ended_one(texts: Texts, piece: Piece, at: float, number: int) -> Texts:
