@@ -30,7 +30,7 @@ _TICK = 64  # frames
 _LOOK = 0.25
 _APART = 9.0  # [s] between measured lines: each has taken effect before the next
 _TARGET = 1.3  # ratio of costs
-_ROUNDS = 5  # of the measured lines, at the beginning and at the end
+_ROUNDS = 9  # of the measured lines
 _ALONE = ("rest all", "p0 plays knock every 1")
 # What is typed again and again: `m` and `n` are modules, `p` is a player, `k` a small number.
 _EVENING = (
@@ -114,20 +114,6 @@ class _Evening:
             _ = self.session.scope
             self.engine.pass_frames(ticks * _TICK)
 
-    def measured(self) -> dict[str, float]:
-        """The median cost of each measured line [ms], while one player plays."""
-        taken: dict[str, list[float]] = {}
-        for line in _ALONE:
-            self.typed(line)
-            self.passes(_APART)
-        gc.collect()
-        for _ in range(_ROUNDS):
-            for line in _MEASURED:
-                self.passes(_APART)
-                taken.setdefault(line, []).append(self.typed(line))
-        self.passes(_APART)
-        return {line: median(times) for line, times in taken.items()}
-
     def size(self) -> tuple[int, int]:
         """Bytes of the journal, and of memory."""
         gc.collect()
@@ -146,23 +132,43 @@ def _lines() -> Iterator[str]:
 
 
 def evening(count: int = _LINES, seconds: float = _SECONDS) -> list[Row]:
-    """Processor time of the same lines at the beginning and at the end of an evening, and what a
-    line adds to the journal and to memory.
+    """Processor time of the same lines at the end of an evening and in a fresh session, in turns;
+    and what a line adds to the journal and to memory.
     """
-    with tempfile.TemporaryDirectory() as name:
-        found = _Evening(Path(name))
-        with closing(found.session):
-            found.typed("play")
-            first = found.measured()
-            sizes = [found.size()]
+    with tempfile.TemporaryDirectory() as late, tempfile.TemporaryDirectory() as early:
+        old, fresh = _Evening(Path(late)), _Evening(Path(early))
+        with closing(old.session), closing(fresh.session):
+            old.typed("play")
+            sizes = [old.size()]
             for number, line in enumerate(islice(_lines(), count), start=1):
-                found.typed(line)
-                found.passes(seconds / count)
+                old.typed(line)
+                old.passes(seconds / count)
                 if number % (count // 4) == 0:
-                    sizes.append(found.size())
-            last = found.measured()
+                    sizes.append(old.size())
+            fresh.typed("play")
+            first, last = _measured(fresh, old)
     what = f"of {count:,} lines over {seconds / 3600:g} virtual hours"
     return [_costs(what, first, last), _growth(what, sizes, count // 4)]
+
+
+def _measured(fresh: _Evening, old: _Evening) -> tuple[dict[str, float], dict[str, float]]:
+    """The median cost of each measured line in two sessions [ms], while one player plays. The
+    sessions take turns, so that other load on the machine affects both alike.
+    """
+    sessions = (fresh, old)
+    for line in _ALONE:
+        for one in sessions:
+            one.typed(line)
+            one.passes(_APART)
+    gc.collect()
+    taken: tuple[dict[str, list[float]], dict[str, list[float]]] = ({}, {})
+    for _ in range(_ROUNDS):
+        for line in _MEASURED:
+            for one, times in zip(sessions, taken, strict=True):
+                one.passes(_APART)
+                times.setdefault(line, []).append(one.typed(line))
+    early, late = ({line: median(t) for line, t in times.items()} for times in taken)
+    return early, late
 
 
 def _costs(what: str, first: dict[str, float], last: dict[str, float]) -> Row:
@@ -170,10 +176,10 @@ def _costs(what: str, first: dict[str, float], last: dict[str, float]) -> Row:
     each = ", ".join(f"{line.split()[0]} {first[line]:.1f} and {last[line]:.1f}" for line in first)
     return Row(
         f"the same lines at the end of an evening {what} (target at most {_TARGET:g})",
-        f"{late:.1f} ms of CPU time a line; at the beginning and at the end: {each} ms",
-        f"at the beginning: {early:.1f} ms",
+        f"{late:.1f} ms of CPU time a line; in a fresh session and at the end: {each} ms",
+        f"in a fresh session: {early:.1f} ms",
         late / early,
-        "of the time at the beginning",
+        "of the time in a fresh session",
         {"first_ms": early, "last_ms": late},
     )
 
