@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
+from ergon.common.changed import changed_part
 from ergon.notation.clock.meter import SAME
 from ergon.notation.tables import quantities as q
 from ergon.notation.text import edit
@@ -138,12 +139,14 @@ def _ended(texts: Texts, piece: Piece, at: float, target: str) -> tuple[Texts, i
 def _of(texts: Texts, piece: Piece, target: str) -> Sequence[int]:
     """The numbers of the automation entries of a parameter."""
     with texts.memory.lock:
-        known = texts.memory.held_for("automation by target", piece.automation)
-        if known is None:
-            known = {}
-            for number, one in enumerate(piece.automation):
+        known: dict[tuple[str, str], list[int]]
+        before, known = texts.memory.held("automation by target", None) or ((), {})
+        if changed := changed_part(before, piece.automation):
+            first = changed.start  # those behind it are counted anew
+            known = {key: [n for n in numbers if n < first] for key, numbers in known.items()}
+            for number, one in enumerate(piece.automation[first:], first):
                 known.setdefault((one.target.text, one.parameter), []).append(number)
-            texts.memory.hold("automation by target", (piece.automation,), known)
+        texts.memory.hold("automation by target", None, (piece.automation, known))
     head, _, parameter = target.rpartition(".")
     numbers: Sequence[int] = known.get((head, parameter), ())
     return numbers

@@ -5,12 +5,13 @@ nothing acts any more. A new line changes little of both.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import NamedTuple
 
-from ergon.common.changed import changed_part
+from ergon.common.changed import Changed, changed_part
 from ergon.instruments.model import Instrument, Module
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
@@ -49,6 +50,9 @@ class KnownAutomation:
     _lines: tuple[Automation, ...] = ()
     _all_strikes: tuple[Strikes, ...] = ()
     _strikes: tuple[Strikes, ...] = ()  # those that have notes
+    # The lines of each module, and those of strikes with notes.
+    _lines_of: dict[Where, list[Automation]] = field(default_factory=dict)
+    _noted: dict[Where, list[Automation]] = field(default_factory=dict)
     _tracks: dict[Where, Tracks] = field(default_factory=dict)
     # By the id of what they are made of, which is kept with them so that no other has its id.
     _notes: dict[int, tuple[Strikes, list[Automation]]] = field(default_factory=dict)
@@ -80,23 +84,49 @@ class KnownAutomation:
         notes = (notes for _, notes in (*gone_notes, *new_notes))
         changed = chain(lines.before, lines.now, *notes)
         touched |= {_where(line) for line in changed}
+        is_at_end = lines.start + len(lines.now) == len(piece.automation)
+        if is_same_tempo and is_at_end:
+            self._set_last_lines(lines)
+        elif touched:
+            self._set_lines(touched)
+        if struck or not is_same_tempo:
+            self._noted = {}
+            for line in chain.from_iterable(self._notes[id(own)][1] for own in strikes):
+                self._noted.setdefault(_where(line), []).append(line)
         if touched:
-            self._set_tracks(piece, touched)
+            self._set_tracks(piece.tempo_map, touched)
         return self._tracks
 
-    def _set_tracks(self, piece: Piece, touched: set[Where]) -> None:
-        """Set the entries of modules whose automation has changed."""
-        notes = chain.from_iterable(self._notes[id(line)][1] for line in self._strikes)
-        lines: dict[Where, dict[str, list[Automation]]] = {}
-        for line in (*piece.automation, *notes):
+    def _set_last_lines(self, changed: Changed[Automation]) -> None:
+        """Set the lines of modules of which only the last ones have changed."""
+        gone = Counter(map(_where, changed.before))
+        new: dict[Where, list[Automation]] = {}
+        for line in changed.now:
+            new.setdefault(_where(line), []).append(line)
+        for where in {*gone, *new}:
+            before = self._lines_of.get(where, [])
+            self._lines_of[where] = before[: len(before) - gone[where]] + new.get(where, [])
+
+    def _set_lines(self, touched: set[Where]) -> None:
+        """Set the lines of modules whose automation has changed."""
+        found: dict[Where, list[Automation]] = {where: [] for where in touched}
+        for line in self._lines:
             if (where := _where(line)) in touched:
-                lines.setdefault(where, {}).setdefault(line.parameter, []).append(line)
+                found[where].append(line)
+        self._lines_of |= found
+
+    def _set_tracks(self, tempo: TempoMap, touched: set[Where]) -> None:
+        """Set the entries of modules whose lines have changed."""
         before, self._tracks = self._tracks, dict(self._tracks)
         for where in touched:
-            if where not in lines:
+            lines = [*self._lines_of.get(where, ()), *self._noted.get(where, ())]
+            if not lines:
                 self._tracks.pop(where, None)
                 continue
-            track = self._track(piece.tempo_map, lines[where])
+            parameters: dict[str, list[Automation]] = {}
+            for line in lines:
+                parameters.setdefault(line.parameter, []).append(line)
+            track = self._track(tempo, parameters)
             known = before.get(where)
             self._tracks[where] = known if known is not None and known == track else track
 
