@@ -30,6 +30,12 @@ class Dropped(NamedTuple):
     why: str
 
 
+class Superseded(NamedTuple):
+    """A line will not take effect, because one that was typed later does its work before it."""
+
+    line: WaitingLine
+
+
 class Done(NamedTuple):
     """Lines took effect at a frame, as change number `change`, in the version `after` them.
 
@@ -48,4 +54,4 @@ class Unable(NamedTuple):
     sentence: str
 
 
-Report = Moved | Slipped | Dropped | Done | Unable
+Report = Moved | Slipped | Dropped | Superseded | Done | Unable

@@ -29,7 +29,7 @@ from ergon.repl.session.line_kinds import RULES, LineKind
 from ergon.repl.session.making_time import MakingTime
 from ergon.repl.session.past_versions import PastVersionStore
 from ergon.repl.session.places import BAR, Place, Present, frame_of, place_of
-from ergon.repl.session.reports import Done, Dropped, Moved, Report, Slipped, Unable
+from ergon.repl.session.reports import Done, Dropped, Moved, Report, Slipped, Superseded, Unable
 from ergon.repl.session.running import RunningVersion, horizon
 from ergon.repl.session.takeover import Takeovers
 from ergon.repl.session.unheard import check_unheard
@@ -342,17 +342,18 @@ class Schedule:
             self._wait_again(self.changes.withdraw(self.first_frame(0.0, LineKind.ENDS)))
             waited = [*self.waiting]
             self.n_drops += 1
-            self._set_lines(replace(self.lines, lines=()))
+            self._set_lines(replace(self.lines, lines=(), superseded=()))
             return waited
 
     def _set_lines(self, lines: WaitingLines) -> None:
-        """Replace the waiting lines; report which of those that waited have moved."""
+        """Replace the waiting lines; report which of them have moved, and which are left out."""
         starts = {one.number: one.start for one in self.lines.lines}
         for one in lines.lines:
             where = one.result().piece.tempo_map.written(one.beat)
             self.past_versions[one.number] = PastVersion.from_version(one.result(), where)
             if starts.get(one.number, one.start) != one.start:
                 self.reports.append(Moved(one))
+        self.reports.extend(Superseded(one) for one in lines.superseded)
         self.lines = lines
 
     def _let_wait(self, lines: Sequence[WaitingLine]) -> None:

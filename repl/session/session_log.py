@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ergon.live.display import force_sentence
 from ergon.repl.session.journal_content import effect_fields, text_fields
-from ergon.repl.session.reports import Done, Dropped, Moved, Report, Slipped, Unable
+from ergon.repl.session.reports import Done, Dropped, Moved, Report, Slipped, Superseded, Unable
 from ergon.repl.session.version import Version, first_line
 from ergon.scores.edits import merging
 
@@ -93,6 +93,8 @@ class SessionLog:
                     f"line {line.number} '{first_line(line.line)}' could not take effect and is "
                     f"dropped: {why}"
                 )
+                self.note_dropped(line)
+            case Superseded(line):
                 self.note_dropped(line)
             case Done(frame, change, lines, after):
                 self._note_done(frame, change, lines, after)

@@ -107,12 +107,17 @@ class LostLine(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WaitingLines:
-    """Lines in the order of effect, which follow the version `base` with its `clock`."""
+    """Lines in the order of effect, which follow the version `base` with its `clock`.
+
+    `superseded` are those that were left out when the lines were last arranged: each would
+    restore a version after a line typed later has restored another.
+    """
 
     base: Version
     clock: Clock
     timing: Timing
     lines: tuple[WaitingLine, ...] = ()
+    superseded: tuple[WaitingLine, ...] = ()
 
     @property
     def head(self) -> Version:
@@ -250,8 +255,12 @@ class WaitingLines:
         tempo = version.piece.tempo_map
         framed = [self._framed(one, clock, tempo, soonest) for one in after]
         framed.sort(key=_effect_key)
-        lines, lost = [*before], []
+        lines, lost, superseded = [*before], [], []
+        restored = max((one.number for one in before if one.sets_all), default=-1)
         for one in framed:
+            if one.sets_all and one.number < restored:
+                superseded.append(one)
+                continue
             try:
                 line = self._follow(one, version, clock)
             except REFUSALS as error:
@@ -259,7 +268,9 @@ class WaitingLines:
                 continue
             lines.append(line)
             version, clock = self._state_after(lines)
-        return replace(self, lines=tuple(lines)), lost
+            if one.sets_all:
+                restored = one.number
+        return replace(self, lines=tuple(lines), superseded=tuple(superseded)), lost
 
     def _framed(self, one: WaitingLine, clock: Clock, tempo: TempoMap, soonest: int) -> WaitingLine:
         """A line with the frame of its beat; if that is past, it takes over as soon as it can."""

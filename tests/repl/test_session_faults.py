@@ -436,3 +436,58 @@ def test_a_line_joins_no_others_where_there_is_no_time(at: Delayed) -> None:
     at.run(4.0)
     assert [event["beat"] for event in events(at, "commit")][2:] == [4.0, 8.0]
     check_render(at)
+
+
+# --- 11: lines that restore a version, one while another waits ------------------------------------
+
+
+def check_beginning(at: Delayed) -> None:
+    """The beginning plays, and no line waits that would bring back anything else."""
+    at.run(6.0)
+    head = at.session.schedule.head
+    assert not at.session.schedule.waiting
+    assert head.texts.text == at.session.schedule.past_versions[0].texts.text
+    assert not head.faders.muted
+    assert not at.session.messages()
+    check_render(at)
+
+
+@pytest.mark.parametrize("first", ["undo", "undo at 4|1"])
+def test_an_undo_takes_the_place_of_one_that_waits(at: Delayed, first: str) -> None:
+    """The first acted after the second, and brought back the level."""
+    at.ok("play")
+    at.ok("mute drum now")
+    at.run(0.4)
+    at.ok("ada plays knock every 1 now")
+    at.run(0.4)
+    at.ok(first)
+    at.ok("undo now")
+    assert [event["number"] for event in events(at, "dropped")] == [4]
+    check_beginning(at)
+
+
+@pytest.mark.parametrize("line", ["mute drum now", "ada plays knock every 1 now"])
+def test_an_undo_takes_the_place_of_a_redo_that_waits(at: Delayed, line: str) -> None:
+    """The redo acted after it."""
+    at.ok("play")
+    at.ok(line)
+    at.run(0.4)
+    at.ok("undo now")
+    at.run(0.4)
+    at.ok("redo")
+    at.ok("undo now")
+    check_beginning(at)
+
+
+def test_an_undo_that_cannot_be_made_leaves_the_one_that_waits(at: Delayed) -> None:
+    at.ok("play")
+    at.ok("mute drum now")
+    at.run(0.4)
+    at.ok("ada plays knock every 1 now")
+    at.run(0.4)
+    at.ok("undo")
+    assert not at.type("undo at 1|1").taken
+    at.run(2.0)
+    (done,) = [event for event in events(at, "commit") if event["number"] == 4]
+    assert done["beat"] == 4.0
+    check_render(at)

@@ -86,12 +86,13 @@ class SessionMachine(RuleBasedStateMachine):
         return self.pace[self.n_made % len(self.pace)]
 
     def type(self, line: str) -> bool:
-        frame = self.at.engine.frame
+        frame, n_lines = self.at.engine.frame, self.at.session._n_lines
         reply = self.at.type(line)
         self.story.append(f"{frame} {line!r}: {reply.text}")
         assert "internal error" not in reply.text, self.story
         is_late = "chime" in line or "gong" in line  # it may wait for what it names
-        if reply.taken and line.split()[-1] == "now" and not is_late:
+        is_new = self.at.session._n_lines > n_lines  # an undo may cancel lines alone
+        if reply.taken and is_new and line.split()[-1] == "now" and not is_late:
             self.at_submit[self.at.session._n_lines] = frame
         return reply.taken
 
@@ -181,10 +182,14 @@ class SessionMachine(RuleBasedStateMachine):
             for frame, number in done
             if RULES[LineKind[lines[number]["kind"].upper()]].is_fenced
         ]
+        starts = _starts_at_typing(events)
         for place, (_, later) in enumerate(fenced):
             for _, earlier in fenced[place + 1 :]:
-                if earlier["number"] < later["number"] and _is_asked_before(earlier, later):
+                asked = starts[later["number"]]
+                if earlier["number"] < later["number"] and _is_asked_before(asked, earlier, later):
                     raise AssertionError([self.story, earlier, later])
+        restoring = [line["number"] for _, line in fenced if line["restores"] not in (None, -1)]
+        assert restoring == sorted(restoring), self.story
 
     def check_quick(self, events: list[dict[str, Any]]) -> None:
         """Faders and ends that act now take effect with the next tick."""
@@ -201,10 +206,24 @@ def _numbers(change: Any) -> list[int]:
     return [line.number for line in change.lines]
 
 
-def _is_asked_before(earlier: dict[str, Any], later: dict[str, Any]) -> bool:
-    """Whether a line that was typed before another was asked for no later frame."""
-    starts = earlier.get("start"), later.get("start")
-    return None not in starts and starts[0] <= starts[1]
+def _starts_at_typing(events: list[dict[str, Any]]) -> dict[int, dict[int, int | None]]:
+    """By the number of each line, the frames of all lines when it was typed."""
+    starts: dict[int, int | None] = {}
+    found = {}
+    for one in events:
+        if one["event"] in ("line", "late"):
+            starts[one["number"]] = one.get("start")
+        if one["event"] == "line":
+            found[one["number"]] = {**starts}
+    return found
+
+
+def _is_asked_before(
+    starts: dict[int, int | None], earlier: dict[str, Any], later: dict[str, Any]
+) -> bool:
+    """Whether a line that was typed before another was then to act at no later frame."""
+    first, second = starts[earlier["number"]], starts[later["number"]]
+    return first is not None and second is not None and first <= second
 
 
 def machine(n_examples: int, n_steps: int) -> Any:
