@@ -176,8 +176,7 @@ class ReplayedSession:
                 continue
             lines = [self._line(one) for one in change.commits]
             with _as_journal_errors(change.commits[0].line):
-                for line in schedule.perform(lines):
-                    self._versions[line.number] = PastVersion.from_version(line.result())
+                schedule.perform(lines, self._versions)
             self._done = change.commits[-1].line
         with _as_journal_errors(self._done):
             schedule.extend()

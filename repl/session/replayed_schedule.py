@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from typing import TYPE_CHECKING
 
 from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.schedule import Schedule
+from ergon.repl.session.version import PastVersion
 from ergon.repl.session.waiting_lines import WaitingLine, WaitingLines
 
 if TYPE_CHECKING:
@@ -19,14 +20,18 @@ class ReplayedSchedule(Schedule):
 
     next_frame: float = math.inf  # of the next change in the journal
 
-    def perform(self, lines: Sequence[WaitingLine]) -> Sequence[WaitingLine]:
-        """Let lines take effect together at their frame; the lines with their versions.
+    def perform(
+        self, lines: Sequence[WaitingLine], versions: MutableMapping[int, PastVersion]
+    ) -> None:
+        """Let lines take effect together at their frame, and keep their versions: a line may
+        restore that of one before it.
 
         Raises one of `REFUSALS`.
         """
         begun = WaitingLines(self.running.version, self.running.clock, self.timing)
         for one in lines:
-            begun, _ = begun.inserted(one, 0)
+            begun, line = begun.inserted(one, 0)
+            versions[line.number] = PastVersion.from_version(line.result())
         group, running = begun.lines, self.running
         kinds = {one.kind for one in group}
         if kinds == {LineKind.FADERS}:
@@ -36,7 +41,6 @@ class ReplayedSchedule(Schedule):
         else:
             self._hand(group, self._stage_lines(running, group))
         self.reports.clear()
-        return group
 
     def skip(self, frame: int) -> None:
         """Go on at a frame, where the session could not play for a while before."""
