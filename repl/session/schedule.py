@@ -20,7 +20,7 @@ from ergon._core import FORCE_FALL_TIME, EngineError, StoppedError
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
 from ergon.repl.language.commands import NOW, When
-from ergon.repl.session.changes import Changes, Returned, UnderWay
+from ergon.repl.session.changes import Changes, Returned
 from ergon.repl.session.clock import Timing, next_boundary
 from ergon.repl.session.engine import Change
 from ergon.repl.session.gains import can_move, changed_ratios, faders_after
@@ -261,7 +261,7 @@ class Schedule:
         fence = self.lines.fence(one)
         if fence is None:
             return one
-        return one.moved_to(fence.beat, fence.start)
+        return replace(one.moved_to(fence.beat, fence.start), is_now=fence.is_now)
 
     def _let_join(self, request: Request) -> None:
         """Take back the lines that are under way to the beat of a line, if there is time to make
@@ -345,9 +345,12 @@ class Schedule:
             self._set_lines(replace(self.lines, lines=(), superseded=()))
             return waited
 
-    def _set_lines(self, lines: WaitingLines) -> None:
-        """Replace the waiting lines; report which of them have moved, and which are left out."""
-        starts = {one.number: one.start for one in self.lines.lines}
+    def _set_lines(self, lines: WaitingLines, before: Sequence[WaitingLine] | None = None) -> None:
+        """Replace the waiting lines; report which of them have moved, and which are left out.
+
+        Lines that were under way are among those `before`.
+        """
+        starts = {one.number: one.start for one in (self.waiting if before is None else before)}
         for one in lines.lines:
             where = one.result().piece.tempo_map.written(one.beat)
             self.past_versions[one.number] = PastVersion.from_version(one.result(), where)
@@ -362,12 +365,13 @@ class Schedule:
         begun = WaitingLines(running.version, running.clock, self.timing)
         arranged, lost = begun.followed_by(lines, self.soonest_frame())
         self.reports.extend(Dropped(one.line, one.why) for one in lost)
-        self._set_lines(arranged)
+        self._set_lines(arranged, lines)
 
     def _wait_again(self, returned: Returned) -> None:
         """Let lines that were under way wait again, before the others."""
         if returned.before.version is not self.lines.base or returned.lines:
             self._let_wait([*returned.lines, *self.waiting])
+        self._note_under_way()
 
     def _fail(self, failed: Sequence[WaitingLine], why: str) -> None:
         """Drop waiting lines."""
@@ -413,7 +417,11 @@ class Schedule:
             if kind is LineKind.FADERS:
                 is_due = is_first or can_move(self.running, group)
             elif kind is LineKind.ENDS:
-                is_due = is_first or start <= soon
+                before = self.waiting[: len(self.waiting) - len(rest)]
+                # A beat counts from the beginning of the piece, which then comes first.
+                begins = any(one.sets_running for one in before)
+                can_pass = not begins or any(one.is_now for one in group)
+                is_due = is_first or (start <= soon and can_pass)
             else:
                 is_due = is_first and (self._is_staged(group) or start < self.first_frame(0.0))
             if is_due:
@@ -451,18 +459,25 @@ class Schedule:
         start = group[0].start
         assert start is not None
         self.changes.send_gains(start, group)
-        self._note_faders(self.changes.under_way)
+        self._note_under_way()
         self._let_wait([one for one in self.waiting if one not in group])
 
-    def _note_faders(self, changes: Sequence[UnderWay]) -> None:
-        """Let the versions that `undo` restores have the faders of the order of effect."""
-        for change in changes:
-            for line, faders in zip(
-                change.lines, faders_after(change.before.version, change.lines), strict=True
-            ):
+    def _note_under_way(self) -> None:
+        """Let the versions that `undo` restores be those of the order of effect: gains may act
+        before lines that were typed earlier.
+        """
+        for change in self.changes.under_way:
+            before = change.before.version
+            for line, faders in zip(change.lines, faders_after(before, change.lines), strict=True):
                 past = self.past_versions.get(line.number)
-                if past is not None and past.faders != faders:
-                    self.past_versions[line.number] = replace(past, faders=faders)
+                if past is None:
+                    continue
+                after = past
+                if change.is_gains:
+                    after = PastVersion.from_version(before, past.where, past.line)
+                after = replace(after, number=past.number, faders=faders)
+                if after != past:
+                    self.past_versions[line.number] = after
 
     def _end(self, group: Sequence[WaitingLine]) -> None:
         """End what plays: a cut of the running stage, before all that waits."""
@@ -480,12 +495,15 @@ class Schedule:
         begun = WaitingLines(running.version, running.clock, self.timing)
         ending, lost = begun.followed_by(group, start)
         self.reports.extend(Dropped(one.line, one.why) for one in lost)
+        ends = [one for one in ending.lines if one.start is not None]
+        # Without what was taken back, the piece may stand, and has not reached the beat of some.
+        rest += [one for one in ending.lines if one.start is None]
         try:
-            if ending.lines:
-                cut = self._checked(running, self.takeovers.cut(running, ending.lines))
-                self._hand(ending.lines, cut)
+            if ends:
+                cut = self._checked(running, self.takeovers.cut(running, ends))
+                self._hand(ends, cut)
         except REFUSALS as error:
-            self.reports.extend(Dropped(one, str(error)) for one in ending.lines)
+            self.reports.extend(Dropped(one, str(error)) for one in ends)
         self._let_wait(rest)
 
     def _without_start(self, lines: Sequence[WaitingLine]) -> list[WaitingLine]:
@@ -516,7 +534,7 @@ class Schedule:
             force_bounds=after.force_bounds,
         )
         self.changes.send(change, group, after)
-        self._note_faders(self.changes.under_way)
+        self._note_under_way()
 
     def note_event(self, event: EngineEvent) -> None:
         """Note that a change took effect, or came too late."""

@@ -253,6 +253,8 @@ class WaitingLines:
         """
         version, clock = self._state_after(before)
         tempo = version.piece.tempo_map
+        if before and before[-1].start is not None:
+            soonest = max(soonest, before[-1].start)
         framed = [self._framed(one, clock, tempo, soonest) for one in after]
         framed.sort(key=_effect_key)
         lines, lost, superseded = [*before], [], []

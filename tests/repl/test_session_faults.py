@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import threading
 from collections.abc import Iterator
@@ -490,4 +491,89 @@ def test_an_undo_that_cannot_be_made_leaves_the_one_that_waits(at: Delayed) -> N
     at.run(2.0)
     (done,) = [event for event in events(at, "commit") if event["number"] == 4]
     assert done["beat"] == 4.0
+    check_render(at)
+
+
+def test_a_render_restores_the_version_of_a_line_of_the_same_stage(at: Delayed) -> None:
+    """It knew the versions of earlier stages alone, so that `undo` did nothing there."""
+    at.ok("play")
+    at.run(1.8)
+    for line in ("mute bell", "tempo 110", "leo plays knock every 1/2", "undo"):
+        assert at.ok(line).text.startswith("ok 2|1")
+    at.run(3.0)
+    done = [event["frame"] for event in events(at, "commit") if event["number"] in (3, 4, 5)]
+    assert len(done) == 3
+    assert len(set(done)) == 1
+    check_render(at)
+
+
+def test_undo_leaves_out_what_a_level_of_its_bar_overtook(at: Delayed) -> None:
+    """The version of the level had the line that was typed before it and acted after it."""
+    at.delay = lambda: 0.02
+    at.ok("play")
+    at.run(7.0)
+    at.ok("rain strikes drum.m euclid 3 8 impulse 0.2mNs")
+    at.ok("gain bell -6dB")
+    at.ok("knock = 0@0 smooth 5@1/8 smooth 0@1/2 now")
+    at.run(1.0)
+    assert [event["number"] for event in events(at, "commit")] == [1, 4, 3, 2]
+    at.ok("undo now")
+    at.run(1.0)
+    head = at.session.schedule.head
+    assert "rain" not in head.texts.text
+    assert head.faders.gains == pytest.approx({"bell": 0.501}, abs=1e-3)
+    check_render(at)
+
+
+# --- 12: lines that count from a beginning of the piece that is still to come ---------------------
+
+
+def test_a_line_that_waits_for_a_late_play_acts_after_it(at: Delayed) -> None:
+    """Its beat was past by the clock of before, so that it acted at once."""
+    at.ok("play from 8|1")
+    at.run(0.5)
+    at.delay = lambda: 4.0
+    at.ok("play from 7|1")
+    at.delay = lambda: 0.0
+    assert at.ok("chime = bell transpose 3st in 1bar\nroute chime 1").text.startswith("ok 7|1")
+    at.ok("mute drum in 2")
+    at.run(6.0)
+    frames = {one["number"]: one["frame"] for one in events(at, "commit")}
+    assert frames[2] <= frames[3]
+    check_render(at)
+
+
+def paced(at: Delayed, *seconds: float) -> None:
+    """Let makings take these times in turn, from the second on."""
+    turns = itertools.cycle((*seconds[1:], seconds[0]))
+    at.delay = lambda: next(turns)
+
+
+def test_what_ends_at_a_beat_passes_no_play_that_is_to_begin(at: Delayed) -> None:
+    """It acted before the piece began, and was an error for a piece that stands."""
+    paced(at, 0.0, 0.004, 1.2, 1.2, 0.0)
+    at.ok("tempo 100 -> 130 over 1bar")
+    at.ok("play from 11|1")
+    at.ok("rest ada")
+    at.advance(int(3.0 * at.rate) // EVERY * EVERY)
+    at.ok("lfo bell.m.K 0.9..1.1 period 1bar")
+    at.ok("damp 1s at 4|3.5")
+    at.run(1.0)
+    assert {2, 5} <= {one.number for one in at.session.schedule.waiting}
+    check_render(at)
+
+
+def test_a_stop_passes_a_play_that_others_wait_for(at: Delayed) -> None:
+    """Lines for beats of the piece were in the way, though they were to act after it began."""
+    paced(at, 0.004, 0.02, 4.0, 1.2, 0.0, 0.0)
+    at.ok("rest ada")
+    at.ok("ada plays knock every 1")
+    at.run(1.7)
+    at.ok("set drum.m.f 95Hz over 1 in 2")
+    at.ok("play from 12|1")
+    frame = at.engine.frame
+    at.ok("stop now")
+    at.run(2.0)
+    (done,) = [event["frame"] for event in events(at, "commit") if event["number"] == 5]
+    assert done <= frame + MARGIN + 2 * EVERY
     check_render(at)
