@@ -183,10 +183,13 @@ class SessionMachine(RuleBasedStateMachine):
             if RULES[LineKind[lines[number]["kind"].upper()]].is_fenced
         ]
         starts = _starts_at_typing(events)
+        plays = [number for number, one in lines.items() if one["goes"] is True]
         for place, (_, later) in enumerate(fenced):
             for _, earlier in fenced[place + 1 :]:
-                asked = starts[later["number"]]
-                if earlier["number"] < later["number"] and _is_asked_before(asked, earlier, later):
+                first, last = earlier["number"], later["number"]
+                # A line at a beat follows the piece where that jumps.
+                follows = _is_at_beat(earlier) and any(first < one <= last for one in plays)
+                if first < last and not follows and _is_asked_before(starts[last], first, last):
                     raise AssertionError([self.story, earlier, later])
         restoring = [line["number"] for _, line in fenced if line["restores"] not in (None, -1)]
         assert restoring == sorted(restoring), self.story
@@ -218,12 +221,15 @@ def _starts_at_typing(events: list[dict[str, Any]]) -> dict[int, dict[int, int |
     return found
 
 
-def _is_asked_before(
-    starts: dict[int, int | None], earlier: dict[str, Any], later: dict[str, Any]
-) -> bool:
-    """Whether a line that was typed before another was then to act at no later frame."""
-    first, second = starts[earlier["number"]], starts[later["number"]]
-    return first is not None and second is not None and first <= second
+def _is_at_beat(line: dict[str, Any]) -> bool:
+    """Whether a line names the beat on which it acts."""
+    return " at " in line["line"] or " in " in line["line"]
+
+
+def _is_asked_before(starts: dict[int, int | None], first: int, last: int) -> bool:
+    """Whether a line was to act at no later frame than another when that was typed."""
+    before, after = starts[first], starts[last]
+    return before is not None and after is not None and before <= after
 
 
 def machine(n_examples: int, n_steps: int) -> Any:
