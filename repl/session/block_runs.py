@@ -72,7 +72,7 @@ class BlockRuns:
             yield from one.result().rules.items()
 
     def _is_in_force(self, name: str, rule: Rule, beat: float) -> bool:
-        return self._schedule.version_at(beat).rules.get(name) == rule
+        return self._schedule.lines.version_at(beat).rules.get(name) == rule
 
     def _queue_next(self, name: str, rule: Rule) -> None:
         """Queue the next run of a block if it is due and not yet queued."""

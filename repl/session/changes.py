@@ -8,7 +8,7 @@ other faders, and its gains are sent again where they are no longer right.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,10 +19,12 @@ from ergon.repl.session.gains import (
     changed_ratios,
     faded,
     fader_ratios,
+    faders_after,
     gains_at,
     on_other_faders,
     with_faders,
 )
+from ergon.repl.session.version import PastVersion
 
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Change, Engine, EngineEvent
@@ -172,6 +174,23 @@ class Changes:
         coming = [line.number for change in self.under_way for line in change.lines]
         known = {*coming}
         self.done = [number for number in self.done if number not in known] + coming
+
+    def past_versions(self, past: Mapping[int, PastVersion]) -> Iterator[tuple[int, PastVersion]]:
+        """Those of the versions for `undo` that are others in the order of effect, by their number:
+        gains may act before lines that were typed earlier.
+        """
+        for change in self.under_way:
+            before = change.before.version
+            for line, faders in zip(change.lines, faders_after(before, change.lines), strict=True):
+                known = past.get(line.number)
+                if known is None:
+                    continue
+                after = known
+                if change.is_gains:
+                    after = PastVersion.from_version(before, known.where, known.line)
+                after = replace(after, number=known.number, faders=faders)
+                if after != known:
+                    yield line.number, after
 
     def withdraw(self, frame: int) -> Returned:
         """Take back the changes from a frame on that were not made yet."""

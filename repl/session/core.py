@@ -17,6 +17,7 @@ from ergon.repl.session.block_runs import BlockRuns
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.disk import Disk, folder_of
+from ergon.repl.session.drafting import Draft, Request
 from ergon.repl.session.entry import Entry
 from ergon.repl.session.fast_values import FastValues
 from ergon.repl.session.gains import fader_ratios
@@ -27,7 +28,7 @@ from ergon.repl.session.journal_content import effect_fields, text_fields
 from ergon.repl.session.line_kinds import kind_of
 from ergon.repl.session.midi_input import MidiInput
 from ergon.repl.session.running import RunningVersion, stage_first
-from ergon.repl.session.schedule import Draft, Request, Schedule
+from ergon.repl.session.schedule import Schedule
 from ergon.repl.session.session_log import SessionLog
 from ergon.repl.session.sound_file import SoundFile
 from ergon.repl.session.stops import Stops

@@ -99,7 +99,7 @@ class Guidance:
             return None
         began = self._making.began()
         at, rate, every = (
-            schedule.first_frame(2.0 * self._making.seconds),
+            schedule.moments.first_frame(self._making.expected),
             schedule.rate,
             schedule.engine.tick_frames,
         )

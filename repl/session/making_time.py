@@ -10,6 +10,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
 
+# A change is given twice the time that the last makings took.
+_FACTOR = 2.0
+# Shortest and longest time by which a line is put off because it was late [s].
+_SLIP_MIN, _SLIP_MAX = 0.005, 30.0
+
 
 @dataclass(slots=True)
 class MakingTime:
@@ -23,6 +28,18 @@ class MakingTime:
     rate: float  # frames a second
     seconds: float = 0.0
     _last: float = 0.0
+
+    @property
+    def expected(self) -> float:
+        """The time that a change is given [s]."""
+        return _FACTOR * self.seconds
+
+    def after_slips(self, count: int) -> float:
+        """The time that a line is given which was late `count` times before [s].
+
+        It is longer each time, whatever was measured.
+        """
+        return _FACTOR * min(_SLIP_MAX, max(self.seconds, _SLIP_MIN) * 2.0 ** min(count, 20))
 
     def began(self) -> int:
         """The frame at which a making begins."""

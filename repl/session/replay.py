@@ -159,9 +159,9 @@ class ReplayedSession:
         schedule, coming = self._schedule, self._coming
         schedule.next_frame = coming[0].frame if coming else math.inf
         staged = next((one for one in coming if one.is_staged), None)
-        schedule.latest = math.inf
+        schedule.makings.latest = math.inf
         if staged is not None and staged.skipped_from is not None:
-            schedule.latest = staged.skipped_from
+            schedule.makings.latest = staged.skipped_from
 
     def _do_due(self) -> None:
         """Hand the engine the changes and acts that take effect at this frame."""

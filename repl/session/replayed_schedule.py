@@ -37,17 +37,14 @@ class ReplayedSchedule(Schedule):
         if kinds == {LineKind.FADERS}:
             self._move_faders(group)
         elif kinds == {LineKind.ENDS}:
-            self._hand(group, self._checked(running, self.takeovers.cut(running, group)))
+            self._hand(group, self.makings.cut(running, group))
         else:
-            self._hand(group, self._stage_lines(running, group))
+            self._hand(group, self.makings.stage(running, group))
         self.reports.clear()
 
     def skip(self, frame: int) -> None:
         """Go on at a frame, where the session could not play for a while before."""
-        after = self._checked(
-            self.running, self.takeovers.extended(self.running, frame, self.latest)
-        )
-        self._send_extension(after)
+        self._extensions.send(self.makings.extended(self.running, frame))
 
     def take_events(self) -> Sequence[EngineEvent]:
         """The events of the engine; changes are noted."""
@@ -61,5 +58,5 @@ class ReplayedSchedule(Schedule):
     def _extension_frame(self) -> int | None:
         """The frame of the next extension: before the next change, which may extend it too."""
         start = super()._extension_frame()
-        is_over = self.running.timeline_end >= self.latest
+        is_over = self.running.timeline_end >= self.makings.latest
         return None if start is None or is_over or start >= self.next_frame else start

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -65,6 +66,15 @@ class RunningVersion:
     def beat(self, frame: int) -> float:
         """The beat of the piece at a frame."""
         return self.clock.beat(self.version.piece.tempo_map, frame / self.stage.rate)
+
+    def is_ending(self, beat: float) -> bool:
+        """Whether more than half of the timeline's bars is over at a beat."""
+        if not self.clock.is_running or self.timeline_end == math.inf:
+            return False
+        tempo = self.version.piece.tempo_map
+        n_bars = horizon(tempo, beat)[1]
+        end = tempo.bars.bar_beat(self.timeline_end)[0]
+        return beat > tempo.bars.start(end - n_bars // 2)
 
     def in_flight(self, frame: int) -> tuple[tuple[str, str], ...]:
         """Who plays what at a frame."""

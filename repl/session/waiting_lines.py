@@ -124,6 +124,11 @@ class WaitingLines:
         """The version after all lines."""
         return self.lines[-1].result() if self.lines else self.base
 
+    def version_at(self, beat: float) -> Version:
+        """The version at a coming beat: with all lines that take effect by then."""
+        coming = (line.result() for line in reversed(self.lines) if line.beat <= beat + SAME)
+        return next(coming, self.base)
+
     def inserted(self, one: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
         """The lines with one more, and that line as it stands among them.
 
@@ -258,7 +263,7 @@ class WaitingLines:
         framed = [self._framed(one, clock, tempo, soonest) for one in after]
         framed.sort(key=_effect_key)
         lines, lost, superseded = [*before], [], []
-        restored = max((one.number for one in before if one.sets_all), default=-1)
+        restored = max((line.number for line in before if line.sets_all), default=-1)
         for one in framed:
             if one.sets_all and one.number < restored:
                 superseded.append(one)

@@ -115,7 +115,7 @@ def test_a_session_that_stood_still_says_what_did_not_begin(tmp_path: Path):
 def test_lines_that_one_delay_makes_late_are_put_off_once(session: Stepped):
     """The time that a version takes was doubled for each: the twelfth waited for hours."""
     schedule = session.session.schedule
-    schedule.margin = 64
+    schedule.moments.margin = 64
     session.ok("play")
     session.run(0.1)
     session.ok("gain bell -1dB")
@@ -140,7 +140,7 @@ def test_a_version_that_takes_long_to_make_begins_nevertheless(
         return staged(*given, **more)
 
     monkeypatch.setattr("ergon.repl.session.takeover.staged", slowly)
-    schedule.margin = 64
+    schedule.moments.margin = 64
     session.ok("play")
     session.run(8.0)
     assert schedule.running.clock.is_running

@@ -538,7 +538,7 @@ def test_a_line_that_waits_for_a_late_play_acts_after_it(at: Delayed) -> None:
     assert at.ok("chime = bell transpose 3st in 1bar\nroute chime 1").text.startswith("ok 7|1")
     at.ok("mute drum in 2")
     at.run(6.0)
-    frames = {one["number"]: one["frame"] for one in events(at, "commit")}
+    frames = {row["number"]: row["frame"] for row in events(at, "commit")}
     assert frames[2] <= frames[3]
     check_render(at)
 
@@ -559,7 +559,7 @@ def test_what_ends_at_a_beat_passes_no_play_that_is_to_begin(at: Delayed) -> Non
     at.ok("lfo bell.m.K 0.9..1.1 period 1bar")
     at.ok("damp 1s at 4|3.5")
     at.run(1.0)
-    assert {2, 5} <= {one.number for one in at.session.schedule.waiting}
+    assert {2, 5} <= {line.number for line in at.session.schedule.waiting}
     check_render(at)
 
 

@@ -182,13 +182,13 @@ class SessionMachine(RuleBasedStateMachine):
             for frame, number in done
             if RULES[LineKind[lines[number]["kind"].upper()]].is_fenced
         ]
-        starts = _starts_at_typing(events)
-        plays = [number for number, one in lines.items() if one["goes"] is True]
+        starts = _starts_by_number(events)
+        plays = [number for number, line in lines.items() if line["goes"] is True]
         for place, (_, later) in enumerate(fenced):
             for _, earlier in fenced[place + 1 :]:
                 first, last = earlier["number"], later["number"]
                 # A line at a beat follows the piece where that jumps.
-                follows = _is_at_beat(earlier) and any(first < one <= last for one in plays)
+                follows = _is_at_beat(earlier) and any(first < play <= last for play in plays)
                 if first < last and not follows and _is_asked_before(starts[last], first, last):
                     raise AssertionError([self.story, earlier, later])
         restoring = [line["number"] for _, line in fenced if line["restores"] not in (None, -1)]
@@ -209,16 +209,16 @@ def _numbers(change: Any) -> list[int]:
     return [line.number for line in change.lines]
 
 
-def _starts_at_typing(events: list[dict[str, Any]]) -> dict[int, dict[int, int | None]]:
+def _starts_by_number(events: list[dict[str, Any]]) -> dict[int, dict[int, int | None]]:
     """By the number of each line, the frames of all lines when it was typed."""
     starts: dict[int, int | None] = {}
-    found = {}
-    for one in events:
-        if one["event"] in ("line", "late"):
-            starts[one["number"]] = one.get("start")
-        if one["event"] == "line":
-            found[one["number"]] = {**starts}
-    return found
+    by_number = {}
+    for row in events:
+        if row["event"] in ("line", "late"):
+            starts[row["number"]] = row.get("start")
+        if row["event"] == "line":
+            by_number[row["number"]] = {**starts}
+    return by_number
 
 
 def _is_at_beat(line: dict[str, Any]) -> bool:

@@ -108,7 +108,7 @@ def _by_text(schedule: Schedule, running: RunningVersion, act: Act, frame: int) 
 
 def _staged(schedule: Schedule, on: RunningVersion, line: WaitingLine) -> RunningVersion:
     version = edited(on.version, line)
-    return schedule.takeovers.stage(on, [replace(line, base=on.version, version=version)])
+    return schedule.makings.stage(on, [replace(line, base=on.version, version=version)])
 
 
 def process(simulation: _core.Simulation, n_frames: int) -> NDArray[np.float64]:

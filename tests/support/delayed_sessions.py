@@ -28,7 +28,7 @@ class Delayed(Stepped):
 
     def _open(self, *given: Any, **named: Any) -> None:
         super()._open(*given, **named)
-        self.session.schedule.margin = MARGIN
+        self.session.schedule.moments.margin = MARGIN
 
     def wait(self, seconds: float) -> None:
         """Let the sound go on while a version is made."""

@@ -1,0 +1,203 @@
+"""How a line is drafted: its place among the lines that wait, and the version that checks it.
+
+Nothing changes by a draft; a schedule takes it over, or drafts it again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.positions import Length, Position
+from ergon.repl.language.commands import NOW
+from ergon.repl.session.groups import StagedGroup, staged_group_of
+from ergon.repl.session.line_kinds import RULES, LineKind
+from ergon.repl.session.unheard import check_unheard
+from ergon.repl.session.version import NotTakenError
+from ergon.repl.session.waiting_lines import WaitingLine, WaitingLines
+
+if TYPE_CHECKING:
+    from ergon.repl.session.changes import Changes
+    from ergon.repl.session.clock import Timing
+    from ergon.repl.session.entry import Entry
+    from ergon.repl.session.making_time import MakingTime
+    from ergon.repl.session.makings import Makings
+    from ergon.repl.session.moments import Moments
+    from ergon.repl.session.running import RunningVersion
+
+# A line joins those under way to its beat if this much time is left when all are made [s].
+_SPARE = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A line as it is asked for, with its number, and the grid on which it acts.
+
+    `n_drops` says how often all lines had been dropped when it was typed.
+    """
+
+    entry: Entry
+    number: int
+    grid: Length | None
+    n_drops: int
+
+
+@dataclass(frozen=True, slots=True)
+class Sketch:
+    """A line as it was `asked` for, the `lines` among which it is to wait, the version `on` which
+    they follow, and the `soonest` frame of a new line. One that `is_checked` was made before.
+    """
+
+    lines: WaitingLines
+    on: RunningVersion
+    asked: WaitingLine
+    soonest: int
+    is_checked: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A line as it was `asked` for, and as it stands among the waiting `lines`, made from the
+    `base_lines`; `checked` is its version.
+    """
+
+    base_lines: WaitingLines
+    lines: WaitingLines
+    asked: WaitingLine
+    line: WaitingLine
+    checked: RunningVersion
+    staged: StagedGroup | None = None
+
+
+class Drafts:
+    """Drafts lines. A sketch reads what is under way, so that it needs the schedule's lock; a
+    draft is made of it in any thread.
+    """
+
+    def __init__(
+        self,
+        moments: Moments,
+        changes: Changes,
+        timing: Timing,
+        makings: Makings,
+        making_time: MakingTime,
+    ) -> None:
+        """Begin with what says when lines can act, and what makes their versions."""
+        self._moments, self._changes, self._timing = moments, changes, timing
+        self._makings, self._making_time = makings, making_time
+
+    def sketch(
+        self, request: Request, lines: WaitingLines, asked: WaitingLine | None = None
+    ) -> Sketch:
+        """The place of a line among those that wait.
+
+        A line that was `asked` for before keeps its place, and was checked then. Raises
+        NotTakenError where its beat is past.
+        """
+        first = self._behind_fence(asked or self._asked(request, lines), lines)
+        first = self._behind_changes(first)
+        soonest = self._moments.soonest_frame()
+        return Sketch(lines, self._changes.running, first, soonest, asked is not None)
+
+    def draft(self, sketch: Sketch) -> Draft:
+        """A line among those that wait, and what must be made to check it.
+
+        Raises one of `REFUSALS`.
+        """
+        running, soonest = sketch.on, sketch.soonest
+        lines, line = sketch.lines.inserted(sketch.asked, soonest)
+        checked, staged = replace(running, version=line.result()), None
+        if not (sketch.is_checked or line.rule.is_quick):
+            began = self._making_time.began()
+            group = staged_group_of(lines.lines)
+            if line in group:
+                result = self._makings.stage(running, group)
+                staged = StagedGroup(group, running, result)
+            else:  # it waits for others, so that it is only checked
+                start = soonest if line.start is None else line.start
+                result = self._makings.stage(running, [replace(line, start=start)])
+            if line.base is not None and not (line.reads_files or line.sets_all):
+                check_unheard(line.base.sounding, result.stage)
+            checked = replace(result, version=line.result())
+            self._making_time.add(began)
+        return Draft(sketch.lines, lines, sketch.asked, line, checked, staged)
+
+    def joined_frame(self, request: Request, lines: WaitingLines) -> int | None:
+        """The frame of the lines under way to the beat of a line, if there is time to make all of
+        them: lines of one beat take effect together.
+        """
+        entry = request.entry
+        staged = [change for change in self._changes.under_way if not change.is_gains]
+        if not staged or RULES[entry.kind].is_quick or entry.sets_running is not None:
+            return None
+        last, ready = staged[-1], self._moments.tick_after(self._making_time.expected + _SPARE)
+        is_running = self._changes.running.clock.is_running
+        if not last.lines or not is_running or last.frame < ready:
+            return None
+        if any(line.sets_running is not None or line.resets for line in last.lines):
+            return None
+        with contextlib.suppress(NotTakenError):
+            tempo = lines.head.piece.tempo_map
+            beat, _ = self._moments.place_from(ready, tempo, entry.when, request.grid)
+            if abs(beat - last.lines[-1].beat) <= SAME:
+                return last.frame
+        return None
+
+    def _asked(self, request: Request, lines: WaitingLines) -> WaitingLine:
+        """The line of a request."""
+        entry = request.entry
+        tempo = lines.head.piece.tempo_map
+        beat, start = self._moments.place(tempo, entry.when, request.grid, entry.kind)
+        if start is None:
+            start = self._start_after_play(beat, entry.kind, lines)
+        is_now = entry.when is NOW or (entry.when is None and request.grid is None)
+        return WaitingLine(
+            request.number,
+            entry.line,
+            entry.numbered_edit(request.number),
+            entry.kind,
+            beat if entry.enter is None else entry.enter,
+            start,
+            entry.sets_running,
+            entry.resets,
+            is_now or entry.sets_running is not None,
+            entry.reads_files,
+            entry.sets_all,
+            isinstance(entry.when, Position | Length),
+        )
+
+    def _start_after_play(self, beat: float, kind: LineKind, lines: WaitingLines) -> int | None:
+        """The frame of a beat that is ahead, if the piece is about to start."""
+        begins = next((line for line in lines.lines if line.sets_running), None)
+        if begins is None or begins.clock is None or begins.start is None:
+            return None
+        tempo, lead = lines.head.piece.tempo_map, self._timing.lead_of(kind is LineKind.ENDS)
+        return max(begins.start, self._timing.takeover_frame(begins.clock, tempo, beat, lead))
+
+    def _behind_fence(self, line: WaitingLine, lines: WaitingLines) -> WaitingLine:
+        """A line that does not overtake an earlier one; it may move to that one's beat."""
+        fence = lines.fence(line)
+        if fence is None:
+            return line
+        return replace(line.moved_to(fence.beat, fence.start), is_now=fence.is_now)
+
+    def _behind_changes(self, line: WaitingLine) -> WaitingLine:
+        """A line that moves faders, not before the change under way that makes what it names; one
+        that restores a version, not before any.
+        """
+        if line.start is None:
+            return line
+        sent, start = [change for change in self._changes.under_way if change.lines], line.start
+        if line.sets_all:
+            start = max([start, *(change.frame for change in sent)])
+        elif line.kind is LineKind.FADERS:
+            start = self._changes.ready_frame(start, (line,))
+        if start == line.start:
+            return line
+        beat = next(
+            (waits.beat for change in sent for waits in change.lines if change.frame == start),
+            line.beat,
+        )
+        return line.moved_to(beat, start)

@@ -1,0 +1,83 @@
+"""The timeline of the running version is extended before it ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ergon._core import EngineError
+from ergon.repl.session.engine import Change
+from ergon.repl.session.making_time import MakingTime
+from ergon.repl.session.reports import Unable
+
+if TYPE_CHECKING:
+    from collections import deque
+
+    from ergon.repl.session.changes import Changes
+    from ergon.repl.session.engine import Engine
+    from ergon.repl.session.makings import Makings
+    from ergon.repl.session.moments import Moments
+    from ergon.repl.session.reports import Report
+    from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.waiting_lines import WaitingLine
+
+
+class Extensions:
+    """Extensions of the timeline. An extension is made in any thread; all else needs the
+    schedule's lock.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        changes: Changes,
+        moments: Moments,
+        makings: Makings,
+        reports: deque[Report],
+    ) -> None:
+        """Begin with the changes that are under way; what cannot be extended is reported."""
+        self._changes, self._moments, self._makings = changes, moments, makings
+        self._reports = reports
+        self._time = MakingTime(engine, changes.running.stage.rate)
+
+    def due_frame(self, waiting: Iterable[WaitingLine]) -> int | None:
+        """The frame of the next extension; None if none is needed now."""
+        if not self._changes.running.is_ending(self._moments.beat_now()):
+            return None
+        start = self._moments.first_frame(self._time.expected)
+        # A line that takes over sooner extends the timeline too.
+        is_soon = any(line.frame <= start and not line.rule.is_quick for line in waiting)
+        return None if is_soon else start
+
+    def extended(self, on: RunningVersion, start: int) -> RunningVersion:
+        """A version whose timeline goes on from frame `start`. Raises one of `REFUSALS`."""
+        began = self._time.began()
+        try:
+            return self._makings.extended(on, start)
+        finally:
+            self._time.add(began)
+
+    def send(self, after: RunningVersion) -> None:
+        """Send an extension to the engine."""
+        running = self._changes.running
+        change = Change(
+            after.start,
+            after.stage,
+            running.stage,
+            damp=after.damp,
+            force_bounds=after.force_bounds,
+        )
+        try:
+            self._changes.send(change, (), after)
+        except EngineError as error:  # too many changes wait: the next turn tries again
+            self._reports.append(Unable(f"the score could not be continued yet: {error}"))
+
+    def give_up(self, error: Exception) -> None:
+        """Extend the running version no more."""
+        running = self._changes.running
+        end = running.version.piece.tempo_map.written(running.timeline_end)
+        why = f"the score could not be continued after {end}: {error}"
+        self._reports.append(Unable(f"{why}; what plays rings out"))
+        self._changes.running = replace(running, timeline_end=math.inf)

@@ -1,0 +1,70 @@
+"""Running versions that the engine can play, made of lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ergon.repl.session.version import NotTakenError
+from ergon.repl.session.waiting_lines import REFUSALS, WaitingLine
+
+if TYPE_CHECKING:
+    from ergon.repl.session.engine import Engine
+    from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.takeover import Takeovers
+
+
+class Makings:
+    """Makes running versions and checks them; `latest` is the beat on which nothing begins any
+    more.
+    """
+
+    def __init__(self, engine: Engine, takeovers: Takeovers) -> None:
+        """Make versions for an engine."""
+        self.latest = math.inf
+        self._engine, self._takeovers = engine, takeovers
+
+    def stage(self, on: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
+        """The version after lines that take over together. Raises one of `REFUSALS`."""
+        return self._checked(on, self._takeovers.stage(on, lines, self.latest))
+
+    def cut(self, on: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
+        """The version after lines that only end what plays; it takes no time to make.
+
+        Raises one of `REFUSALS`.
+        """
+        return self._checked(on, self._takeovers.cut(on, lines))
+
+    def extended(self, on: RunningVersion, start: int) -> RunningVersion:
+        """A version whose timeline goes on from frame `start`. Raises one of `REFUSALS`."""
+        return self._checked(on, self._takeovers.extended(on, start, self.latest))
+
+    def first_failing(
+        self, on: RunningVersion, group: Sequence[WaitingLine]
+    ) -> tuple[WaitingLine, str]:
+        """The first line of a group that cannot be made after those before it, and why."""
+        for count in range(1, len(group) + 1):
+            try:
+                self.stage(on, group[:count])
+            except REFUSALS as error:
+                return group[count - 1], str(error)
+        return group[-1], "it could not be made together with those before it"
+
+    def _checked(self, on: RunningVersion, result: RunningVersion) -> RunningVersion:
+        """A version with the bounds of its forces. Raises NotTakenError if it cannot be played."""
+        for unit, plays, asked in (
+            ("number of channels", self._engine.n_channels, result.stage.n_channels),
+            ("rate", on.stage.rate, result.stage.rate),
+        ):
+            if plays != asked:
+                raise NotTakenError(
+                    f"the {unit} of a session cannot change: this session plays {plays:g}, and "
+                    f"the score has {asked:g}; play that score in a session of its own"
+                )
+        # Every version passes here, so none plays that a real hand's key cannot bear.
+        bounds = self._engine.force_bounds(
+            result.stage, result.start, result.glides, on.force_bounds
+        )
+        return replace(result, force_bounds=bounds)

@@ -1,0 +1,112 @@
+"""When lines can take effect: the first frames at which the engine can still make a change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ergon.repl.language.commands import NOW, When
+from ergon.repl.session.clock import next_boundary
+from ergon.repl.session.line_kinds import RULES, LineKind
+from ergon.repl.session.places import BAR, Place, Present, frame_of, place_of
+
+if TYPE_CHECKING:
+    from ergon.notation.clock.positions import Length
+    from ergon.notation.clock.tempo import TempoMap
+    from ergon.repl.session.changes import Changes
+    from ergon.repl.session.clock import Timing
+    from ergon.repl.session.engine import Engine
+    from ergon.repl.session.making_time import MakingTime
+    from ergon.repl.session.waiting_lines import WaitingLine
+
+
+class Moments:
+    """The frames of changes that are to come; a change reaches the engine within `margin` frames.
+
+    `tempo` is everywhere the tempo with all waiting lines.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        changes: Changes,
+        timing: Timing,
+        making_time: MakingTime,
+        margin: int,
+    ) -> None:
+        """Begin with an engine, the changes that are under way to it, and the time of a making."""
+        self.margin = margin
+        self._engine, self._changes, self._timing = engine, changes, timing
+        self._making_time = making_time
+
+    def frame_after(self, seconds: float) -> int:
+        """The frame that comes so long after the first that a request can reach."""
+        return self._engine.frame + self.margin + int(seconds * self._timing.rate)
+
+    def tick_after(self, seconds: float) -> int:
+        """That frame, or the first of the next tick."""
+        return self._in_tick(self.frame_after(seconds))
+
+    def soonest_frame(self, kind: LineKind = LineKind.STRUCTURE) -> int:
+        """The first frame at which a new line of a kind can take effect: a multiple of the tick."""
+        return self.first_frame(0.0 if RULES[kind].is_quick else self._making_time.expected, kind)
+
+    def first_frame(self, making: float, kind: LineKind = LineKind.STRUCTURE) -> int:
+        """The first frame for a change that takes `making` [s] to compute."""
+        if kind is LineKind.FADERS:
+            after = 0
+        elif kind is LineKind.ENDS:  # it withdraws what can still be withdrawn
+            after = self._changes.playing_at(self.tick_after(0.0) - 1).start + 1
+        else:
+            after = self._changes.running.start + 1
+        return self._in_tick(max(self.frame_after(making), after))
+
+    def beat_now(self) -> float:
+        """The beat of the piece that the engine computes now."""
+        return self._changes.running.beat(self._engine.frame)
+
+    def place(
+        self, tempo: TempoMap, when: When, grid: Length | None, kind: LineKind = LineKind.STRUCTURE
+    ) -> Place:
+        """The place of a line that is typed now. Raises NotTakenError where its beat is past."""
+        lead = self._timing.lead_of(kind is LineKind.ENDS)
+        frames = self.first_frame(0.0, kind), self.soonest_frame(kind)
+        beat, start = place_of(when, grid, self._present(tempo), frames, lead)
+        is_now = when is NOW or (when is None and grid is None)
+        if kind is LineKind.FADERS and is_now and start is not None:
+            start = frames[1]  # they need not wait for the beginning of the piece
+        return Place(beat, start)
+
+    def place_from(self, frame: int, tempo: TempoMap, when: When, grid: Length | None) -> Place:
+        """The place of a line that needs a stage and is ready at a frame.
+
+        Raises NotTakenError where its beat is past.
+        """
+        lead = self._timing.lead_of(False)
+        return place_of(when, grid, self._present(tempo), (frame, frame), lead)
+
+    def place_after_slip(self, late: Sequence[WaitingLine]) -> tuple[float, int]:
+        """The next beat and frame of lines that were late: the next bar, or the soonest frame."""
+        first, slips = late[0], max(line.n_slips for line in late)
+        making = self._making_time.after_slips(slips)
+        start = self.first_frame(0.0 if not slips and first.rule.is_quick else making, first.kind)
+        running, timing = self._changes.running, self._timing
+        clock, tempo = running.clock, running.version.piece.tempo_map
+        lead = first.lead(timing)
+        beat = clock.beat(tempo, start / timing.rate + lead)
+        if clock.is_running and not all(line.is_now for line in late):
+            beat = next_boundary(tempo, beat, BAR)
+            start = max(start, timing.takeover_frame(clock, tempo, beat, lead))
+        return beat, start
+
+    def frame_of(self, tempo: TempoMap, beat: float) -> int:
+        """The first frame of the tick of a beat; the soonest frame where the piece stands."""
+        return frame_of(beat, self._present(tempo), self.soonest_frame())
+
+    def _present(self, tempo: TempoMap) -> Present:
+        return Present(self._changes.running.clock, tempo, self.beat_now(), self._timing)
+
+    def _in_tick(self, frame: int) -> int:
+        """The first frame of a tick that is not before a frame."""
+        tick = self._timing.tick_frames
+        return -(-frame // tick) * tick
