@@ -16,11 +16,18 @@ class History:
     """Numbers of versions, waiting ones included; `index` is the place of the last that was not
     undone.
 
-    Versions after `index` were undone after they had taken effect.
+    Versions after `index` were undone after they had taken effect. `removed` are those of them
+    after which another line was typed.
     """
 
     numbers: list[int] = field(default_factory=lambda: [0])
     index: int = 0
+    removed: set[int] = field(default_factory=set)
+
+    @property
+    def undone(self) -> set[int]:
+        """The numbers of versions that were undone."""
+        return self.removed.union(self.numbers[self.index + 1 :])
 
     @property
     def now(self) -> int:
@@ -29,6 +36,7 @@ class History:
 
     def add(self, number: int) -> None:
         """Add a version; versions that were undone are removed."""
+        self.removed = self.undone
         del self.numbers[self.index + 1 :]
         self.numbers.append(number)
         self.index += 1

@@ -139,19 +139,24 @@ def _back(session: SessionCore, command: c.Back) -> Reply:
 
 
 def _back_by(session: SessionCore, command: c.Command, count: int, line: str, none: str) -> Reply:
-    """Go back by `count` lines. Those that still wait are cancelled; if any has taken effect, the
-    version before all of them is restored.
+    """Go back by `count` lines. Those that still wait are cancelled, and those undone before that
+    wait again. If any has taken effect, or an `undo` waits that was typed after it, the version
+    before all of them is restored.
     """
     history = session.history
     target = history.index - count
     if target < 0:
         raise NotTakenError(f"{none}; `history` lists the versions")
     left = history.numbers[target + 1 : history.index + 1]
+    undone = history.undone
     waiting = [one for one in session.schedule.waiting if one.number in left]
-    for one in reversed(waiting):
-        session.drop(one)
-        session.cancelled.append(one)
-    if len(waiting) == len(left):
+    for cancelled in reversed(session.schedule.waiting):
+        if cancelled.number in (*left, *undone):
+            session.drop(cancelled)
+            session.cancelled.append(cancelled)
+    restoring = (one for one in session.schedule.waiting if one.sets_all)
+    is_restored = any(one.number > min(left) for one in restoring)
+    if len(waiting) == len(left) and not is_restored:
         lines = " and ".join(f"'{first_line(one.line)}'" for one in waiting)
         said = "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
         return Reply(True, f"ok {lines} {said} took effect")

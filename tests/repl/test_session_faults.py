@@ -480,6 +480,22 @@ def test_an_undo_takes_the_place_of_a_redo_that_waits(at: Delayed, line: str) ->
     check_beginning(at)
 
 
+@pytest.mark.parametrize("more", [(), ("gain drum -9dB\nset drum.m.t60 0.5s",)])
+def test_an_undo_takes_back_what_a_stop_let_wait_again(at: Delayed, more: tuple[str]) -> None:
+    """A line and its undo waited again; a second undo cancelled the line before alone."""
+    at.ok("play from 2|1")
+    at.ok("tempo 100 -> 130 over 1bar")
+    at.ok("lfo bell.m.K 0.9..1.1 period 1bar in 1bar")
+    at.run(1.7)
+    at.ok("undo")
+    for line in (*more, "stop now"):
+        at.ok(line)
+    at.run(0.5)
+    for _ in (*more, "undo"):
+        at.ok("undo now")
+    check_beginning(at)
+
+
 def test_an_undo_that_cannot_be_made_leaves_the_one_that_waits(at: Delayed) -> None:
     at.ok("play")
     at.ok("mute drum now")
