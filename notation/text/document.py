@@ -24,6 +24,7 @@ MAX_DEPTH = 64  # nested deeper than any score a person writes; keeps later recu
 TOO_DEEP = f"the nesting is deeper than {MAX_DEPTH} levels"
 MAX_NODES = 2_000_000  # with aliases written out; about 1 GB of nodes at the very worst
 
+_NEAR = 4_096  # characters in which a row is counted each time
 _STYLES = ("'", '"', "|", ">")
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -40,8 +41,7 @@ class Node:
     def place(self) -> Place:
         """Where the node begins; its length ends with its first line."""
         own = self.document
-        row = own.row(self.start)
-        first, last = own.line_span(row)
+        row, first, last = own.line_of(self.start)
         length = max(1, min(self.end, last) - self.start)
         return Place(own.file, own.first_row + row + 1, self.start - first + 1, length)
 
@@ -222,6 +222,16 @@ class Document:
         while end > starts[row] and self.text[end - 1] in "\r\n":
             end -= 1
         return starts[row], end
+
+    def line_of(self, index: int) -> tuple[int, int, int]:
+        """The row of a character, from 0, with the first index and the end of its line."""
+        if self._starts or index > _NEAR or "\r" in self.text:
+            row = self.row(index)
+            return row, *self.line_span(row)
+        # Near the beginning of a text that may be long, lines are not looked for to its end.
+        end = self.text.find("\n", index)
+        first = self.text.rfind("\n", 0, index) + 1
+        return self.text.count("\n", 0, index), first, len(self.text) if end < 0 else end
 
     def line_end(self, index: int) -> int:
         """Index where the line of a character ends."""

@@ -207,14 +207,16 @@ def takeover_points(
     found: dict[Where, Points] = {}
     memory = memory or KnownAutomation()
     for where in {**before, **after}:
+        if (settled := after.get(where)) is not None and settled is before.get(where):
+            moves = memory.settled_moves(where, settled)
+            if moves or (moves is not None and where in moved):
+                found[where] = settled
+            if moves is not None:
+                continue
         led = memory.led(piece, where)
         if led is None:
             continue  # the module is gone
         own = (0.0, *led.numbers_alone)
-        if len(settled := after.get(where, ())) == 1 and settled is before.get(where):
-            if where in moved or settled[0][1:] != own[1:]:
-                found[where] = settled
-            continue
         old, new = before.get(where) or [own], after.get(where) or [own]
         if len(old[0]) != len(new[0]):
             old = [own]  # it was a module of another kind

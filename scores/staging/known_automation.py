@@ -38,6 +38,7 @@ class _Settled(NamedTuple):
     led: Led
     since: float
     points: Points
+    moves: bool  # whether they are other values than the module's own
 
 
 @dataclass(slots=True)
@@ -182,7 +183,15 @@ class KnownAutomation:
 
     def settle(self, where: Where, tracks: Tracks, led: Led, since: float, points: Points) -> None:
         """Keep the constant points of a module on which nothing acts from beat `since` on."""
-        self._settled[where] = _Settled(tracks, led, since, points)
+        moves = any(point[1:] != led.numbers_alone for point in points)
+        self._settled[where] = _Settled(tracks, led, since, points, moves)
+
+    def settled_moves(self, where: Where, points: Points) -> bool | None:
+        """Whether these settled points are other values than the module's own; None if they are not
+        settled.
+        """
+        known = self._settled.get(where)
+        return known.moves if known is not None and known.points is points else None
 
 
 def _where(line: Automation) -> Where:

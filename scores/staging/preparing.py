@@ -194,7 +194,9 @@ def _play(
         span_hands = hands if window is ALL else hands.other(played, window)
         span_hands.play_parts(played, live_keys, None if live_keys else memory.plays)
     players = [one for one in piece.players.values() if one.hand == "live" and one.standin]
-    players_with_part = {*real} | {play.player for play in piece.parts if players}
+    players_with_part = {*real}
+    if players:
+        players_with_part |= {play.player for play in piece.parts}
     for player in players:
         if player.name not in players_with_part:
             hands.standin(player)
