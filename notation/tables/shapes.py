@@ -299,23 +299,14 @@ class ListOf(Shape):
         """
         let = node.document.let
         key = id(self.item), name, context.owner, let
-        reported: dict[int, Any] = {}
-        for number, line in enumerate(node.lines):
-            if line is None or key not in line.values:
-                told = context.collector.told
-                item = node.items[number]
-                item.document.let, item.document.lets = let, node.document.lets
-                value = self.item.read(item, name, context)
-                if line is None or context.collector.told > told:
-                    reported[number] = value
-                else:
-                    line.values[key] = value
-        if not reported:
-            return [line.values[key] for line in node.lines if line is not None]
-        return [
-            reported[number] if number in reported or line is None else line.values[key]
-            for number, line in enumerate(node.lines)
-        ]
+        values = [None if line is None else line.values.get(key) for line in node.lines]
+        for number in [number for number, value in enumerate(values) if value is None]:
+            told, item, line = context.collector.told, node.items[number], node.lines[number]
+            item.document.let, item.document.lets = let, node.document.lets
+            values[number] = self.item.read(item, name, context)
+            if line is not None and context.collector.told == told:
+                line.values[key] = values[number]
+        return values
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

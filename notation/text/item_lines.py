@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import accumulate, count
 from operator import add, attrgetter
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 from ergon.notation.text import document
 from ergon.notation.text.document import Document, Line, Node, Scalar, Sequence, compose, n_lines
@@ -128,7 +128,7 @@ def compose_by_lines(
                 return None
             line.node.document.folder = folder
             before[number] = lines[word] = line
-        run.lines = [line for line in before if line is not None]
+        run.lines = cast("list[Line]", before)  # none is missing any more
         lines.update(zip(run.words, run.lines, strict=True))
     return (own, lines) if _filled(own, runs) else None
 

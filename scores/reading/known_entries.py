@@ -75,7 +75,7 @@ class KnownEntries:
         entries = tuple(section.values() if isinstance(section, Mapping) else section)
         part = changed_part(before.entries, entries)
         gone = before.known[part.start : part.start + len(part.before)]
-        known = part.put(before.known, [None] * len(part.now))
+        known: list[_Known | None] = part.put(before.known, [None] * len(part.now))
         if changed:
             stale: list[_Known | None] = [
                 one for one in known if one and not changed.isdisjoint(one.modules or ())
@@ -85,7 +85,8 @@ class KnownEntries:
             known = [None if id(one) in ids else one for one in known]
         uses = before.uses.copy()
         uses.subtract(chain.from_iterable(one.modules or () for one in gone if one))
-        for number in [number for number, one in enumerate(known) if one is None]:
+        unknown = [number for number, one in enumerate(known) if one is None]
+        for number in unknown:
             n_reports = names.collector.told
             if (entry := read(entries[number])) is None:
                 continue
@@ -96,9 +97,17 @@ class KnownEntries:
         uses = +uses
         states = {w: now[w] if w in now else _state(w, names, owner) for w in uses}
         names.reached |= {head for head, _ in uses if owner(head) is not None}
-        meanings = tuple([one.entry for one in known if one is not None])
+        is_new_alone = len(unknown) == len(part.now) and len(before.meanings) == len(before.entries)
+        new = [one.entry for number in unknown if (one := known[number]) is not None]
+        if is_new_alone and len(new) == len(unknown) and not changed:
+            meanings = tuple(part.put(before.meanings, new))
+        else:
+            meanings = tuple([one.entry for one in known if one is not None])
         if self._memory is not None:
-            lasting = [one if one and one.modules is not None else None for one in known]
+            lasting = [*known]
+            for number in unknown:
+                if (one := known[number]) is not None and one.modules is None:
+                    lasting[number] = None
             kept = _Section(section, entries, meanings, lasting, uses, states)
             self._memory.hold(self._name, None, kept)
         return meanings

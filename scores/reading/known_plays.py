@@ -40,7 +40,12 @@ class KnownPlays:
             return known  # type: ignore[no-any-return]
         changed = changed_part(known.items, items)
         values = changed.put(known.values, [None] * len(changed.now))
-        return Known(items, values, [n for n, value in enumerate(values) if value is None])
+        first, last = changed.start, changed.start + len(changed.before)
+        shift = len(items) - len(known.items)
+        unknown = [number for number in known.unknown if number < first]
+        unknown += range(first, first + len(changed.now))
+        unknown += [number + shift for number in known.unknown if number >= last]
+        return Known(items, values, unknown)
 
     def keep(self, what: str, known: Known, condition: Any = None) -> None:
         """Keep what is known now."""
