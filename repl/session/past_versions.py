@@ -21,12 +21,12 @@ _DIFFERENCES = 32
 
 @dataclass(frozen=True, slots=True)
 class _Packed:
-    """A text: the `whole` one, compressed, or that of `before` with its characters from `start` to
+    """A text: the whole one, `compressed`, or that of `before` with its characters from `start` to
     `end` replaced by `text`.
     """
 
     number: int  # of the differences up to a whole text
-    whole: bytes = b""
+    compressed: bytes = b""
     before: _Packed | None = None
     start: int = 0
     end: int = 0
@@ -35,7 +35,7 @@ class _Packed:
     def unpacked(self) -> str:
         """The text."""
         if self.before is None:
-            return zlib.decompress(self.whole).decode()
+            return zlib.decompress(self.compressed).decode()
         text = self.before.unpacked()
         return text[: self.start] + self.text + text[self.end :]
 
@@ -81,17 +81,17 @@ class PastVersionStore(MutableMapping[int, "PastVersion"]):
 
     def _packed(self, texts: Texts) -> _Packed:
         if self._last is None:
-            return _whole(texts.text)
+            return _compressed(texts.text)
         before, packed = self._last
         if before.text == texts.text:
             return packed
         if packed.number >= _DIFFERENCES:
-            return _whole(texts.text)
+            return _compressed(texts.text)
         start, end, text = difference(before.text, texts.text)
         return _Packed(packed.number + 1, b"", packed, start, end, text)
 
 
-def _whole(text: str) -> _Packed:
+def _compressed(text: str) -> _Packed:
     return _Packed(0, zlib.compress(text.encode(), 1))
 
 
@@ -99,11 +99,12 @@ def difference(before: str, now: str) -> tuple[int, int, str]:
     """The characters from one index to another that become a text, so that a text becomes `now`."""
     shared = min(len(before), len(now))
     start = _n_equal(shared, lambda a, b: before[a:b] == now[a:b])
-    one, other = len(before), len(now)
+    n_before, n_now = len(before), len(now)
     after = _n_equal(
-        shared - start, lambda a, b: before[one - b : one - a] == now[other - b : other - a]
+        shared - start,
+        lambda a, b: before[n_before - b : n_before - a] == now[n_now - b : n_now - a],
     )
-    return start, one - after, now[start : other - after]
+    return start, n_before - after, now[start : n_now - after]
 
 
 def _n_equal(count: int, is_equal: Callable[[int, int], bool]) -> int:

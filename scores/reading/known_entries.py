@@ -78,14 +78,16 @@ class KnownEntries:
         known: list[_Known | None] = part.put(before.known, [None] * len(part.now))
         if changed:
             stale: list[_Known | None] = [
-                one for one in known if one and not changed.isdisjoint(one.modules or ())
+                meaning
+                for meaning in known
+                if meaning and not changed.isdisjoint(meaning.modules or ())
             ]
             gone += stale
             ids = {*map(id, stale)}
-            known = [None if id(one) in ids else one for one in known]
+            known = [None if id(meaning) in ids else meaning for meaning in known]
         uses = before.uses.copy()
-        uses.subtract(chain.from_iterable(one.modules or () for one in gone if one))
-        unknown = [number for number, one in enumerate(known) if one is None]
+        uses.subtract(chain.from_iterable(meaning.modules or () for meaning in gone if meaning))
+        unknown = [number for number, meaning in enumerate(known) if meaning is None]
         for number in unknown:
             n_reports = names.collector.told
             if (entry := read(entries[number])) is None:
@@ -98,18 +100,18 @@ class KnownEntries:
         states = {w: now[w] if w in now else _state(w, names, owner) for w in uses}
         names.reached |= {head for head, _ in uses if owner(head) is not None}
         is_new_alone = len(unknown) == len(part.now) and len(before.meanings) == len(before.entries)
-        new = [one.entry for number in unknown if (one := known[number]) is not None]
+        new = [meaning.entry for number in unknown if (meaning := known[number]) is not None]
         if is_new_alone and len(new) == len(unknown) and not changed:
             meanings = tuple(part.put(before.meanings, new))
         else:
-            meanings = tuple([one.entry for one in known if one is not None])
+            meanings = tuple([meaning.entry for meaning in known if meaning is not None])
         if self._memory is not None:
             lasting = [*known]
             for number in unknown:
-                if (one := known[number]) is not None and one.modules is None:
+                if (meaning := known[number]) is not None and meaning.modules is None:
                     lasting[number] = None
-            kept = _Section(section, entries, meanings, lasting, uses, states)
-            self._memory.hold(self._name, None, kept)
+            section_now = _Section(section, entries, meanings, lasting, uses, states)
+            self._memory.hold(self._name, None, section_now)
         return meanings
 
 

@@ -31,13 +31,13 @@ class _Module(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """The modules of a part, with what they depend on: the kinds of its `own` modules, and the
+    """The modules of a part, with what they depend on: the kinds of its modules (`kinds`), and the
     parts that they reach, itself included.
 
     `resolved` are all of them; None if one depends on more.
     """
 
-    own: list[Any]
+    kinds: list[Any]
     modules: Mapping[str, _Module]
     parts: Mapping[str, object]
     reached: frozenset[str]
@@ -69,34 +69,36 @@ def resolve_names(
         part_names.reached |= before.reached
         return before.resolved
     written = part.modules.values()
-    own = [(one.name, one.kind) if one.kind in _SIMPLE else one for one in written]
+    kinds = [(m.name, m.kind) if m.kind in _SIMPLE else m for m in written]
     known: Mapping[str, _Module] = {}
-    if before is not None and before.own == own:
+    if before is not None and before.kinds == kinds:
         same = {name for name, other in before.parts.items() if parts.get(name) is other}
         known = {
-            name: one
-            for name, one in before.modules.items()
-            if one.searched <= same and one.written is part.modules.get(name)
+            name: entry
+            for name, entry in before.modules.items()
+            if entry.searched <= same and entry.written is part.modules.get(name)
         }
     reached, searched, rules = part_names.reached, part_names.searched, make_rules()
-    found: dict[str, _Module] = {}
+    result: dict[str, _Module] = {}
     for name, module in part.modules.items():
-        one = known.get(name)
-        if one is None:
+        entry = known.get(name)
+        if entry is None:
             part_names.reached, part_names.searched = set(), set()
             n_reports = part_names.collector.told
             resolved = rules.resolved(module)
             seen = frozenset(part_names.reached), frozenset(part_names.searched - {part.name})
-            one = _Module(module, resolved, *seen)
+            entry = _Module(module, resolved, *seen)
             is_known &= part_names.collector.told == n_reports
-        found[name] = one
-    all_reached = frozenset[str]().union(*(one.reached for one in found.values()))
+        result[name] = entry
+    all_reached = frozenset[str]().union(*(entry.reached for entry in result.values()))
     part_names.reached, part_names.searched = reached | all_reached, searched
-    modules = tuple([one.resolved for one in found.values() if one.resolved is not None])
+    modules = tuple([entry.resolved for entry in result.values() if entry.resolved is not None])
     if is_known and memory is not None:
-        others = frozenset[str]().union(*(one.searched for one in found.values()))
-        alone = {name: one for name, one in found.items() if one.written.kind not in _ALONE}
-        kept = {name: parts[name] for name in (part.name, *others)}
-        whole = modules if len(alone) == len(found) else None
-        memory.hold(f"modules {part.name}", condition, _Part(own, alone, kept, all_reached, whole))
+        others = frozenset[str]().union(*(entry.searched for entry in result.values()))
+        alone = {name: entry for name, entry in result.items() if entry.written.kind not in _ALONE}
+        needed = {name: parts[name] for name in (part.name, *others)}
+        complete = modules if len(alone) == len(result) else None
+        memory.hold(
+            f"modules {part.name}", condition, _Part(kinds, alone, needed, all_reached, complete)
+        )
     return modules

@@ -51,8 +51,8 @@ class KnownPlays:
         """Keep what is known now."""
         if self._memory is not None:
             unknown = [number for number in known.unknown if known.values[number] is None]
-            kept = Known(known.items, known.values, unknown)
-            self._memory.hold(f"{what} {self._file}", (self._times, condition), kept)
+            lasting = Known(known.items, known.values, unknown)
+            self._memory.hold(f"{what} {self._file}", (self._times, condition), lasting)
 
     def plays(
         self, parts: Mapping[str, Any]
@@ -70,8 +70,8 @@ class KnownPlays:
         words, first = {}, 0
         for player, part in parts.items():
             n_plays = 0 if part is MISSING else len(part)
-            own = named.values[first : first + n_plays]
-            words[player] = (*dict.fromkeys(chain.from_iterable(own)),)
+            names = named.values[first : first + n_plays]
+            words[player] = (*dict.fromkeys(chain.from_iterable(names)),)
             first += n_plays
         if self._memory is not None:
             self._memory.hold(name, (parts,), (plays, words))
@@ -107,7 +107,7 @@ class KnownPlays:
         before = None if self._memory is None else self._memory.held_for(name, starts.values)
         if before is not None:
             return before  # type: ignore[no-any-return]
-        beats = tuple([own and own[0] for own in starts.values])
+        beats = tuple([pair and pair[0] for pair in starts.values])
         if self._memory is not None:
             self._memory.hold(name, (starts.values,), beats)
         return beats

@@ -152,8 +152,8 @@ class PartsReader:
                 self._collector.error("E301", message, own.place, word=word, names=notes)
         for note in notes:
             part = f"{name}.{note}"
-            own = self._at_note(part, values, note)
-            self._part("instruments", part, entry, own, selves | {name})
+            pitched = self._at_note(part, values, note)
+            self._part("instruments", part, entry, pitched, selves | {name})
 
     def _at_note(self, part: str, values: Values, note: str) -> Values:
         """The values of an instrument at one of its notes."""
@@ -162,10 +162,10 @@ class PartsReader:
         if known is not None:
             return known
         n_reports = self._collector.told
-        own = overlay.at(values, note)
+        pitched = overlay.at(values, note)
         if memory is not None and self._collector.told == n_reports:
-            memory.hold(f"note {part}", (values,), own)
-        return own
+            memory.hold(f"note {part}", (values,), pitched)
+        return pitched
 
     def _made(self, section: str, name: str, entry: Entry, values: Values) -> Key | Instrument:
         memory = self._uses.files.memory
@@ -186,10 +186,10 @@ class PartsReader:
         if before is not None and before[0] is values:
             return before[1]  # type: ignore[no-any-return]
         n_reports = self._collector.told
-        made = make(values)
+        part = make(values)
         if self._collector.told == n_reports:
-            memory.hold(place, named, (values, made))
-        return made
+            memory.hold(place, named, (values, part))
+        return part
 
     def _instrument(self, named: Hashable, values: Values) -> Instrument:
         """An instrument, of which only modules that have changed are read; `named` are the values
@@ -204,14 +204,14 @@ class PartsReader:
 
         def recall(key: Hashable, make: Callable[[], _Made]) -> _Made:
             n_reports = self._collector.told
-            made: _Made = before[key] if key in before else make()
+            value: _Made = before[key] if key in before else make()
             if self._collector.told == n_reports:
-                now[key] = made
-            return made
+                now[key] = value
+            return value
 
-        made = instrument(values, recall)
+        result = instrument(values, recall)
         memory.hold(place, named, now)
-        return made
+        return result
 
     def look_up(self) -> None:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""

@@ -69,5 +69,5 @@ def test_many_versions_take_memory_in_proportion_to_their_changes():
     for number in range(640):
         text += f"{number} "
         store[number] = PastVersion(number, "", Texts("s.yaml", text), Faders(), {})
-    packed = {id(one): one for _, one in store._versions.values()}.values()
-    assert sum(len(one.whole) + len(one.text) for one in packed) < 50_000
+    packed = {id(text): text for _, text in store._versions.values()}.values()
+    assert sum(len(text.compressed) + len(text.text) for text in packed) < 50_000
