@@ -13,14 +13,12 @@ from statistics import median
 
 from benches.measure import Row
 from benches.repl import hundred
+from benches.typed_session import TICK, TypedSession
 from ergon.repl.session.engine import SteppedEngine
-from ergon.repl.session.journal import Journal
-from ergon.repl.session.session import Session
-from ergon.repl.session.version import Version, piece_of
+from ergon.repl.session.version import piece_of
 from ergon.scores.edits.texts import Texts
-from ergon.scores.staging.stage import Stage, stage
+from ergon.scores.staging.stage import stage
 
-_TICK = 64  # frames
 _MARGIN = 0.006  # [s] as `ergon repl` has it
 _ROUNDS = 7
 _BETWEEN = 0.5  # [s] of sound between two lines
@@ -46,39 +44,27 @@ _KINDS = {
 }
 
 
-class _Typed:
+class _Typed(TypedSession[SteppedEngine]):
     """A session in virtual time that plays; it measures each line."""
 
     def __init__(self, folder: Path) -> None:
-        path, self._journal = folder / "enter.yaml", folder / "session.jsonl"
-        path.write_text(hundred(), encoding="utf-8")
-        texts = Texts.read(path)
-        version = Version(0, "", texts, piece_of(texts))
-        journal = Journal(self._journal)
-        self.session = Session(version, self._begin, margin=_MARGIN, journal=journal)
-
-    def _begin(self, stage: Stage) -> SteppedEngine:
-        self._engine = SteppedEngine(stage, tick_frames=_TICK, highpass=None)
-        return self._engine
+        super().__init__(folder, hundred(), SteppedEngine, margin=_MARGIN)
 
     def passes(self, seconds: float) -> None:
         """Let virtual time pass, tick by tick, as the threads of a session see it."""
-        for _ in range(math.ceil(seconds * self.session.schedule.rate / _TICK)):
+        for _ in range(math.ceil(seconds * self.session.schedule.rate / TICK)):
             self.session.pump()
             _ = self.session.scope
-            self._engine.process(_TICK)
+            self.engine.process(TICK)
 
     def typed(self, line: str) -> tuple[float, float]:
         """The processor time until the answer [ms], and the ticks until the line takes effect."""
-        frame = self._engine.frame
-        begun = time.thread_time()
-        reply = self.session.submit(line)
-        spent = 1e3 * (time.thread_time() - begun)
-        assert reply.taken, f"{line}: {reply.text}"
+        frame = self.engine.frame
+        spent = self.answered(line)
         self.passes(_BETWEEN)
-        rows = [json.loads(row) for row in self._journal.read_text("utf-8").splitlines()]
+        rows = [json.loads(row) for row in self.journal.read_text("utf-8").splitlines()]
         (commit,) = [row for row in rows if row["event"] == "commit"][-1:]
-        return spent, (commit["frame"] - frame) / _TICK
+        return spent, (commit["frame"] - frame) / TICK
 
 
 def _whole_piece() -> float:
@@ -118,7 +104,7 @@ def enter() -> list[Row]:
         Row(
             f"from Enter to effect: {kind}, in 100 modules",
             f"{median(costs[kind]):.1f} ms of CPU time, at most {max(costs[kind]):.1f} ms; in "
-            f"effect after at most {max(ticks[kind]):.0f} ticks of {_TICK} frames",
+            f"effect after at most {max(ticks[kind]):.0f} ticks of {TICK} frames",
             f"the whole piece read and staged: {reference:.1f} ms (target: {target:g} ms)",
             median(costs[kind]) / reference,
             "of the time of the whole piece",

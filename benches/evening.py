@@ -7,7 +7,6 @@ import itertools
 import os
 import random
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from itertools import islice
@@ -16,16 +15,11 @@ from statistics import median
 
 from benches.measure import Row
 from benches.repl import hundred
+from benches.typed_session import TICK, TypedSession
 from ergon.repl.session.engine import EngineEvent, SteppedEngine
-from ergon.repl.session.journal import Journal
-from ergon.repl.session.session import Session
-from ergon.repl.session.version import Version, piece_of
-from ergon.scores.edits.texts import Texts
-from ergon.scores.staging.stage import Stage
 
 _LINES = 2_000
 _SECONDS = 4 * 3600.0
-_TICK = 64  # frames
 # Between two looks of the session at its engine [s]: a line is handed over 0.3 s before it is due.
 _LOOK = 0.25
 _APART = 9.0  # [s] between measured lines: each has taken effect before the next
@@ -78,29 +72,15 @@ class _CountingEngine(SteppedEngine):
         self.frame = stop
 
 
-class _Evening:
+class _Evening(TypedSession[_CountingEngine]):
     """A session in virtual time, and what its lines cost."""
 
     def __init__(self, folder: Path) -> None:
-        path, self.journal = folder / "evening.yaml", folder / "session.jsonl"
-        path.write_text(hundred(), encoding="utf-8")
-        texts = Texts.read(path)
-        version = Version(0, "", texts, piece_of(texts))
-        self.session = Session(version, self._begin, margin=0.0, journal=Journal(self.journal))
-
-    def _begin(self, stage: Stage) -> _CountingEngine:
-        self.engine = _CountingEngine(stage, tick_frames=_TICK, highpass=None)
-        return self.engine
+        super().__init__(folder, hundred(), _CountingEngine, margin=0.0)
 
     def typed(self, line: str) -> float:
         """Type a line; returns the processor time until its answer [ms]."""
-        if "{link}" in line:
-            line = line.format(link=self._last_link())
-        begun = time.thread_time()
-        reply = self.session.submit(line)
-        spent = 1e3 * (time.thread_time() - begun)
-        assert reply.taken, f"{line}: {reply.text}"
-        return spent
+        return self.answered(line.format(link=self._last_link()) if "{link}" in line else line)
 
     def _last_link(self) -> str:
         links = self.session.schedule.head.piece.instruments["links"]
@@ -108,11 +88,11 @@ class _Evening:
 
     def passes(self, seconds: float) -> None:
         """Let virtual time pass, as the session's own thread looks at it, only less often."""
-        ticks = int(_LOOK * self.session.schedule.rate) // _TICK
+        ticks = int(_LOOK * self.session.schedule.rate) // TICK
         for _ in range(round(seconds / _LOOK)):
             self.session.pump()
             _ = self.session.scope
-            self.engine.pass_frames(ticks * _TICK)
+            self.engine.pass_frames(ticks * TICK)
 
     def size(self) -> tuple[int, int]:
         """Bytes of the journal, and of memory."""

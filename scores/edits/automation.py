@@ -54,7 +54,7 @@ def glide(
     """
     head, _, parameter = target.rpartition(".")
     check(piece, target)
-    if value.startswith("x") and any(True for _ in _of(texts, piece, target)):
+    if value.startswith("x") and _of(texts, piece, target):
         known = automatable.found(head, piece.keys, piece.instruments)
         assert known is not None
         part, module, _ = known
