@@ -56,13 +56,13 @@ def check_random(seed: int, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_a_cut_sounds_as_the_version_of_the_texts(seed: int, tmp_path: Path) -> None:
+def test_cut_sounds_as_its_version(seed: int, tmp_path: Path) -> None:
     check_random(seed, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12, 12 + _LONGER))
-def test_a_cut_sounds_as_the_version_of_the_texts_always(seed: int, tmp_path: Path) -> None:
+def test_cut_sounds_as_its_version_long(seed: int, tmp_path: Path) -> None:
     check_random(seed, tmp_path)
 
 
@@ -110,7 +110,7 @@ def test_cut_with_open_coupling(act: Act, coupled: Stepped) -> None:
     assert 0.0 < sounds.error < 0.1
 
 
-def test_a_hush_holds_the_pitch_of_the_last_note(stepped: Stepped) -> None:
+def test_hush_keeps_the_pitch_of_the_last_note(stepped: Stepped) -> None:
     stepped.ok("play")
     stepped.ok("bell notes C4 E4 every 1/2 impulse 0.1mNs now")
     stepped.ok("lfo drum.m.K 0.8..1.2 period 1bar now")
@@ -126,7 +126,7 @@ def test_a_hush_holds_the_pitch_of_the_last_note(stepped: Stepped) -> None:
     assert max(t for t, *_ in cut[drum]) > frame + 1.0
 
 
-def test_a_stop_holds_automation(stepped: Stepped) -> None:
+def test_stop_holds_automation(stepped: Stepped) -> None:
     stepped.ok("play")
     stepped.ok("lfo drum.m.K 0.8..1.2 period 1bar now")
     stepped.ok("set bell.m.f x1.5 over 2bar now")
@@ -141,7 +141,7 @@ def test_a_stop_holds_automation(stepped: Stepped) -> None:
         assert len({point[1:] for point in points if point[0] >= last - 1e-3}) == 1
 
 
-def test_a_cut_of_a_cut_is_what_it_was(stepped: Stepped) -> None:
+def test_cut_of_a_cut_stage(stepped: Stepped) -> None:
     stepped.ok("play")
     stepped.ok("ada plays knock every 1/2 now")
     stepped.run(1.6)
@@ -157,7 +157,7 @@ def test_a_cut_of_a_cut_is_what_it_was(stepped: Stepped) -> None:
     np.testing.assert_array_equal(process(second, len(sounds.by_cut) - half), sounds.by_cut[half:])
 
 
-def test_a_real_hand_goes_on(tmp_path: Path) -> None:
+def test_cut_with_a_real_hand(tmp_path: Path) -> None:
     """A hand whose movement is known moves its key through hush and stop."""
     (tmp_path / "score.yaml").write_text(SCORE)
     piece = load(tmp_path / "score.yaml").piece

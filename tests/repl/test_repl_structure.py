@@ -276,7 +276,7 @@ def test_what_is_referred_to_is_not_removed_and_all_that_does_is_named(tmp_path:
     assert np.array_equal(own.again(), own.sound)
 
 
-def test_a_part_that_nobody_hears_is_refused_by_its_own_line(at: Stepped) -> None:
+def test_unheard_part_is_refused_by_its_line(at: Stepped) -> None:
     """It was taken, and the next line was refused for it."""
     vibraphone = "vib = bars/vibraphone notes=C3..C6"
     for line in (vibraphone, f"{vibraphone}\nroute vib 1 2"):

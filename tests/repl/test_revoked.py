@@ -80,7 +80,7 @@ def test_revoke_at_present_frame(begun: Stage) -> None:
     assert engine.events() == [EngineEvent(10 * EVERY, ticket, is_late=True)]
 
 
-def test_the_live_engine_revokes(begun: Stage) -> None:
+def test_revoke_by_the_live_engine(begun: Stage) -> None:
     with closing(LiveEngine(begun, PlaybackConfig(audio="null"))) as engine:
         soon = (engine.frame // engine.tick_frames + 1) * engine.tick_frames
         at = soon + 600 * engine.tick_frames * engine.tick_frames  # minutes on

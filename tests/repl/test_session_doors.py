@@ -87,7 +87,7 @@ def typed(tmp_path_factory: pytest.TempPathFactory) -> Session:
     return play(tmp_path_factory.mktemp("typed") / "session", DOORS["call"], is_rendered=True)
 
 
-def test_the_session_does_what_its_lines_say(typed: Session) -> None:
+def test_session_typed_by_call(typed: Session) -> None:
     answers = [
         (event["line"], event["taken"]) for event in typed.journal if event["event"] == "said"
     ]
@@ -98,7 +98,7 @@ def test_the_session_does_what_its_lines_say(typed: Session) -> None:
 
 
 @pytest.mark.parametrize("door", [name for name in DOORS if name != "call"])
-def test_a_journal_is_the_same_by_every_door(typed: Session, tmp_path: Path, door: str) -> None:
+def test_journal_of_each_door(typed: Session, tmp_path: Path, door: str) -> None:
     result = play(tmp_path / "session", DOORS[door])
     assert [event["event"] for event in result.journal] == [
         event["event"] for event in typed.journal
@@ -129,9 +129,7 @@ def _places(session: Session) -> list[tuple[int, float]]:
     return list(dict.fromkeys((event["frame"], event["beat"]) for event in done[first:]))
 
 
-def test_a_line_by_osc_leaves_the_session_free_while_it_is_made(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_osc_line_leaves_the_lock_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The session could hand over nothing meanwhile, so that other lines came too late."""
     is_held, staged = [], takeover.staged
     with closing(Stepped(TEXT, tmp_path)) as stepped, by_osc(stepped, tmp_path) as enter:

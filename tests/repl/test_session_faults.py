@@ -91,7 +91,7 @@ def _is_fed(schedule: Schedule) -> bool:
 
 
 @pytest.mark.parametrize("seconds", [40.0, 200.0])
-def test_a_skip_is_in_the_journal(at: Delayed, seconds: float) -> None:
+def test_skip_is_written_to_the_journal(at: Delayed, seconds: float) -> None:
     """A suspended program plays nothing new; its render plays that too."""
     at.ok("play")
     at.ok("leo plays knock every 1 now")
@@ -109,7 +109,7 @@ def test_a_skip_is_in_the_journal(at: Delayed, seconds: float) -> None:
 # --- 3: order of typing ---------------------------------------------------------------------------
 
 
-def test_a_late_line_takes_along_what_was_typed_after_it(at: Delayed) -> None:
+def test_slip_moves_the_lines_typed_later(at: Delayed) -> None:
     """The link came first, and then refused a gain for the key that was not there yet."""
     at.ok("play")
     at.run(0.2)
@@ -128,7 +128,7 @@ def test_a_late_line_takes_along_what_was_typed_after_it(at: Delayed) -> None:
     check_render(at)
 
 
-def test_an_instrument_waits_for_the_line_that_defines_it(at: Delayed) -> None:
+def test_fence_with_a_defined_instrument(at: Delayed) -> None:
     at.ok("play")
     at.run(0.2)
     at.ok("chime = bell transpose 3st at 3|1\nroute chime 1")
@@ -140,7 +140,7 @@ def test_an_instrument_waits_for_the_line_that_defines_it(at: Delayed) -> None:
     check_render(at)
 
 
-def test_a_line_that_cannot_be_made_is_named_and_charged_to_no_other(at: Delayed) -> None:
+def test_drop_names_the_line_that_fails(at: Delayed) -> None:
     at.ok("play")
     at.run(0.2)
     at.ok("chime = bell transpose 3st at 3|1\nroute chime 1")
@@ -154,7 +154,7 @@ def test_a_line_that_cannot_be_made_is_named_and_charged_to_no_other(at: Delayed
 # --- 4: lateness does not feed itself -------------------------------------------------------------
 
 
-def test_a_slow_line_makes_no_later_line_wait(at: Delayed) -> None:
+def test_making_time_after_a_slow_line(at: Delayed) -> None:
     at.ok("play")
     at.delay = lambda: 5.0
     at.ok("set bell.m.t60 0.4s now")
@@ -185,7 +185,7 @@ def test_stops_act_at_once_whatever_waits(at: Delayed, line: str) -> None:
     check_render(at)
 
 
-def test_a_release_cancels_what_is_left_of_its_panic(at: Delayed) -> None:
+def test_release_before_the_end_of_a_panic(at: Delayed) -> None:
     """The reset landed 18 s after the release, and stopped the piece for good."""
     at.ok("play")
     at.ok("leo plays knock every 1 now")
@@ -225,7 +225,7 @@ def test_lines_typed_before_play_act_where_they_say(at: Delayed) -> None:
 
 
 @pytest.mark.parametrize("stop", ["stop now", "panic"])
-def test_a_stopped_piece_keeps_the_place_of_a_line(at: Delayed, stop: str) -> None:
+def test_place_of_a_line_while_stopped(at: Delayed, stop: str) -> None:
     at.ok("play")
     at.run(2.3)
     at.ok(stop)
@@ -242,7 +242,7 @@ def test_a_stopped_piece_keeps_the_place_of_a_line(at: Delayed, stop: str) -> No
     check_render(at)
 
 
-def test_a_place_behind_a_stopped_piece_is_refused(at: Delayed) -> None:
+def test_place_before_the_stopped_beat_is_refused(at: Delayed) -> None:
     at.ok("play from 9|1")
     at.run(1.0)
     at.ok("stop now")
@@ -250,7 +250,7 @@ def test_a_place_behind_a_stopped_piece_is_refused(at: Delayed) -> None:
     assert "is past: the piece stands at 9|" in at.type("ada plays knock at 2|1").text
 
 
-def test_a_tempo_for_a_later_bar_is_saved_there(at: Delayed, tmp_path: Path) -> None:
+def test_save_of_a_tempo_at_a_later_bar(at: Delayed, tmp_path: Path) -> None:
     """It set the whole piece to 90, and `save` wrote it so."""
     at.ok("tempo 90 at 5|1")
     at.ok("save kept")
@@ -283,7 +283,7 @@ def test_lines_typed_singly_before_play_are_as_good_as_a_block(tmp_path: Path) -
 # --- 8: levels that act before what was sent earlier ----------------------------------------------
 
 
-def test_a_level_of_an_instrument_under_way(at: Delayed) -> None:
+def test_gain_of_an_instrument_under_way(at: Delayed) -> None:
     """It acted before the instrument was there, and the journal could not be rendered."""
     at.delay = lambda: 0.1
     at.ok("tempo 110")
@@ -315,7 +315,7 @@ def test_levels_act_in_the_order_of_their_frames(at: Delayed) -> None:
     check_render(at)
 
 
-def test_a_level_of_the_next_bar_stays_there(at: Delayed) -> None:
+def test_unmute_now_before_a_mute_at_the_bar(at: Delayed) -> None:
     """A version that took over before the bar had the level of after it."""
     at.ok("play")
     at.ok("leo plays knock every 1/4 now")
@@ -330,7 +330,7 @@ def test_a_level_of_the_next_bar_stays_there(at: Delayed) -> None:
     check_render(at)
 
 
-def test_a_level_waits_with_the_instrument_that_was_taken_back(at: Delayed) -> None:
+def test_gain_of_a_withdrawn_instrument(at: Delayed) -> None:
     """It acted without the instrument, and was lost."""
     at.ok("play")
     at.ok("ada plays knock every 1/4 now")
@@ -378,7 +378,7 @@ def test_undo_acts_after_a_level_under_way(at: Delayed) -> None:
     check_render(at)
 
 
-def test_a_level_acts_before_the_piece_begins(at: Delayed) -> None:
+def test_gain_now_before_a_waiting_play(at: Delayed) -> None:
     """It waited for the beginning of the piece, though it acts with the next tick."""
     at.delay = lambda: 0.1
     at.ok("tempo 110")
@@ -414,7 +414,7 @@ def test_ends_of_one_frame_act_together(at: Delayed, lines: tuple[str, ...]) -> 
 
 
 @pytest.mark.parametrize("second", ["tempo 100", "ada plays nobody", "undo"])
-def test_a_line_joins_those_under_way_to_its_bar(at: Delayed, second: str) -> None:
+def test_join_of_lines_under_way_to_one_bar(at: Delayed, second: str) -> None:
     """It took effect a bar after a line that was typed at the same instant."""
     at.ok("play")
     at.ok("leo plays knock every 1/4 now")
@@ -428,7 +428,7 @@ def test_a_line_joins_those_under_way_to_its_bar(at: Delayed, second: str) -> No
     check_render(at)
 
 
-def test_a_line_joins_no_others_where_there_is_no_time(at: Delayed) -> None:
+def test_join_without_enough_time(at: Delayed) -> None:
     at.ok("play")
     at.ok("leo plays knock every 1/4 now")
     at.run(1.97)
@@ -454,7 +454,7 @@ def check_beginning(at: Delayed) -> None:
 
 
 @pytest.mark.parametrize("first", ["undo", "undo at 4|1"])
-def test_an_undo_takes_the_place_of_one_that_waits(at: Delayed, first: str) -> None:
+def test_undo_replaces_a_waiting_undo(at: Delayed, first: str) -> None:
     """The first acted after the second, and brought back the level."""
     at.ok("play")
     at.ok("mute drum now")
@@ -468,7 +468,7 @@ def test_an_undo_takes_the_place_of_one_that_waits(at: Delayed, first: str) -> N
 
 
 @pytest.mark.parametrize("line", ["mute drum now", "ada plays knock every 1 now"])
-def test_an_undo_takes_the_place_of_a_redo_that_waits(at: Delayed, line: str) -> None:
+def test_undo_replaces_a_waiting_redo(at: Delayed, line: str) -> None:
     """The redo acted after it."""
     at.ok("play")
     at.ok(line)
@@ -481,7 +481,7 @@ def test_an_undo_takes_the_place_of_a_redo_that_waits(at: Delayed, line: str) ->
 
 
 @pytest.mark.parametrize("more", [(), ("gain drum -9dB\nset drum.m.t60 0.5s",)])
-def test_an_undo_takes_back_what_a_stop_let_wait_again(at: Delayed, more: tuple[str]) -> None:
+def test_undo_of_lines_withdrawn_by_a_stop(at: Delayed, more: tuple[str]) -> None:
     """A line and its undo waited again; a second undo cancelled the line before alone."""
     at.ok("play from 2|1")
     at.ok("tempo 100 -> 130 over 1bar")
@@ -496,7 +496,7 @@ def test_an_undo_takes_back_what_a_stop_let_wait_again(at: Delayed, more: tuple[
     check_beginning(at)
 
 
-def test_an_undo_that_cannot_be_made_leaves_the_one_that_waits(at: Delayed) -> None:
+def test_refused_undo_keeps_a_waiting_undo(at: Delayed) -> None:
     at.ok("play")
     at.ok("mute drum now")
     at.run(0.4)
@@ -510,7 +510,7 @@ def test_an_undo_that_cannot_be_made_leaves_the_one_that_waits(at: Delayed) -> N
     check_render(at)
 
 
-def test_a_render_restores_the_version_of_a_line_of_the_same_stage(at: Delayed) -> None:
+def test_render_of_an_undo_staged_with_its_line(at: Delayed) -> None:
     """It knew the versions of earlier stages alone, so that `undo` did nothing there."""
     at.ok("play")
     at.run(1.8)
@@ -544,7 +544,7 @@ def test_undo_leaves_out_what_a_level_of_its_bar_overtook(at: Delayed) -> None:
 # --- 12: lines that count from a beginning of the piece that is still to come ---------------------
 
 
-def test_a_line_that_waits_for_a_late_play_acts_after_it(at: Delayed) -> None:
+def test_line_fenced_behind_a_late_play(at: Delayed) -> None:
     """Its beat was past by the clock of before, so that it acted at once."""
     at.ok("play from 8|1")
     at.run(0.5)
@@ -579,7 +579,7 @@ def test_what_ends_at_a_beat_passes_no_play_that_is_to_begin(at: Delayed) -> Non
     check_render(at)
 
 
-def test_a_stop_passes_a_play_that_others_wait_for(at: Delayed) -> None:
+def test_stop_passes_a_waiting_play(at: Delayed) -> None:
     """Lines for beats of the piece were in the way, though they were to act after it began."""
     paced(at, 0.004, 0.02, 4.0, 1.2, 0.0, 0.0)
     at.ok("rest ada")
