@@ -2,6 +2,7 @@
 
 `--minutes 10`: the duration of the duet, `pages` and `soak_live`; one minute by default. `--runs
 20`: how often each stop is made, and how many keys are measured in each way.
+`--pieces bloom,workshop`: the bundled pieces that `pieces` renders.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from benches.midi_clock import midi_clock
 from benches.native import Loops, compiler
 from benches.pages import pages
 from benches.part_modes import admittance, part_modes
+from benches.pieces import PIECES, pieces
 from benches.planning import planning
 from benches.pmpd import pmpd
 from benches.precision import precision
@@ -52,6 +54,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("scenes", nargs="*")
     parser.add_argument("--minutes", type=float, default=1.0)
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--pieces", default=",".join(PIECES))
     asked = parser.parse_args(arguments)
     wanted: list[str] = asked.scenes
     loops = Loops() if compiler() is not None else None
@@ -81,7 +84,9 @@ def main(arguments: list[str]) -> int:
         "stall": stall,
         "stops": partial(stops, asked.runs),
     }
-    # It takes minutes by the wall clock, so it runs only if it is named.
+    # Each takes minutes, so it runs only if it is named.
+    if "pieces" in wanted:
+        scenes["pieces"] = partial(pieces, asked.pieces.split(","))
     if "soak_live" in wanted:
         scenes["soak_live"] = partial(soak_live, asked.minutes)
     if "midi_clock" in wanted:
