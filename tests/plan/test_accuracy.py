@@ -91,6 +91,86 @@ def test_an_error_that_was_not_measured_has_to_be_told():
     assert "| not measured / -20 cannot |" in tables.scene(found)
 
 
+def judged(budget: float, real: float, cost: float, *, warned: bool = False) -> audit.Plan:
+    """A plan whose reference is sure, and that states its error as it is."""
+    return audit.Plan(budget, real, real, real, -300.0, 0.3, cost, warned)
+
+
+def test_inversions_by_error_and_by_cost():
+    """The strictest misses by more than a looser one errs; the loosest costs more than the next."""
+    plans = (judged(-40.0, -55.0, 2.0), judged(-60.0, -61.0, 1.0), judged(-80.0, -59.9, 3.0))
+    found = audit.Audit("out of order", plans)
+    assert [found.is_inverted(plan) for plan in plans] == [True, False, True]
+    kept_well = (judged(-40.0, -95.0, 1.02), judged(-60.0, -70.0, 1.0), judged(-80.0, -81.0, 2.0))
+    assert not any(map(audit.Audit("in order", kept_well).is_inverted, kept_well))
+    by_ear = replace(plans[0], budget=audit.BY_EAR, cost=9.0)
+    assert not audit.Audit("by ear", (by_ear, *plans)).is_inverted(by_ear)
+    tallied = tables.tallies([audit.Audit("out of order", (by_ear, *plans))])
+    assert [own.inversions for own in tallied] == [0, 1, 0, 1]
+
+
+def test_false_cannot_with_a_plain_setting():
+    """A plain setting keeps -60 dB, none keeps -80 dB."""
+    plans = tuple(judged(budget, -50.0, 1.0, warned=True) for budget in (-60.0, -80.0))
+    by_ear = replace(plans[0], budget=audit.BY_EAR)
+    plain = (audit.Plain("ca", 8, (-30.0,) * 4, 8.0), audit.Plain("bm4", 2, (-70.0,) * 4, 9.0))
+    found = audit.Audit("cannot", (by_ear, judged(-40.0, -50.0, 1.0), *plans), plain)
+    assert [found.is_false_cannot(plan) for plan in found.plans] == [False, False, True, False]
+    told = tables.tallies([found])
+    assert [own.false_cannot for own in told] == [0, 0, 1, 0]
+    row = tables.summary({"few": told}).splitlines()[4]
+    assert row.startswith("| few | -60 dB | 1 | 1 | 0 (0%) | 1 (100%) | 0 | 1 | 0 |")
+    older = replace(told[2], false_cannot=None, inversions=None)
+    assert tables.together([older, told[2]]).false_cannot == 1
+    assert tables.together([older, older]).false_cannot is None
+
+
+def test_reference_of_a_string_that_shares_its_tension():
+    """Against scipy's integrator: ten springs and a tension by the sum of their squares."""
+    n, q = 9, 2e9
+    body = f"masses: {n}, M: 3g, f: 110Hz, t60: 4s, stretching: {q!r}"
+    start = "X0: [{at: 2, x: 4mm}, {at: 3, x: 2mm}]"
+    scene = read(
+        "ergon: 1\ninstruments:\n  s:\n    modules:\n"
+        f"      b: {{STRING: {{{body}, {start}}}}}\n    out: {{SOX: b.5}}\n"
+    )
+    sigma = 3.0 * np.log(10.0) / 4.0
+    omega2, m = (220.0 * np.pi) ** 2 + sigma**2, 3e-3 / n
+    k = m * omega2 / (4.0 * np.sin(0.5 * np.pi / (n + 1)) ** 2)
+
+    def slope(_t: float, y: np.ndarray) -> np.ndarray:
+        d, w = (np.diff(np.pad(own, 1)) for own in (y[:n], y[n:]))
+        pull = (k + q * (d @ d)) * d + 2.0 * sigma * k / omega2 * w
+        return np.concatenate([y[n:], np.diff(pull) / m])
+
+    n_frames = 500
+    when = np.arange(n_frames) / scene.rate
+    y0 = np.zeros(2 * n)
+    y0[[2, 3]] = 4e-3, 2e-3
+    done = solve_ivp(slope, (0.0, when[-1]), y0, "DOP853", when, rtol=1e-12, atol=1e-15)
+    sound = reference.solve(scene, n_frames).sound
+    assert not scene.is_linear
+    assert audit.error_db(sound, done.y[5:6].T, scene.rate) < SURE_DB
+
+
+def test_reference_of_a_power_law():
+    """c·|d|^p on both sides, against scipy's integrator."""
+    scene = read(
+        "ergon: 1\ninstruments:\n  s:\n    modules:\n      w: {SOL: {}}\n"
+        "      m: {MAS: {M: 4g, X0: 1mm}}\n"
+        "      l: {LNL: {between: [w, m], law: power, c: 1e6, p: 1.5}}\n    out: {SOX: m}\n"
+    )
+
+    def slope(_t: float, y: np.ndarray) -> list[float]:
+        return [y[1], -1e6 * np.sign(y[0]) * abs(y[0]) ** 1.5 / 4e-3]
+
+    n_frames = 500
+    when = np.arange(n_frames) / scene.rate
+    done = solve_ivp(slope, (0.0, when[-1]), [1e-3, 0.0], "DOP853", when, rtol=1e-12, atol=1e-15)
+    sound = reference.solve(scene, n_frames).sound
+    assert audit.error_db(sound, done.y[:1].T, scene.rate) < SURE_DB
+
+
 FRICTION = {f"{kind}, {name}": scene for kind, scenes in
             (("dry", dry_scenes.SCENES), ("bristles", bristles.SCENES))
             for name, scene in scenes.items()}  # fmt: skip

@@ -44,6 +44,11 @@ them out.
   more than 1.5 dB above the stated one. Of a motion that is announced as chaotic: no warning, and
   its third octaves are off by more than 3 dB on average over the render, beyond what two tolerances
   of the reference are.
+* **false cannot**: the plan says that it cannot, but one of the plain settings below keeps the
+  budget.
+* **inversions**: scenes with a plan at this budget that misses it by an error more than 1 dB above
+  that of a looser one, or that costs over 1.02 times as much as a stricter one. Plans by ear do not
+  count. –: audited before this was counted; the rows of `all` are of the other families.
 * **overspending**: the plan's cost over that of the cheapest plain setting that is within the
   budget too (`--method ca` at 1, 2, 4 and 8 times the rate, `ca2p` and `bm4` at 1 and 2 times,
   `modal`), both by the table of costs, with what contacts and laws took in the render. Below 1 the

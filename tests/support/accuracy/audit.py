@@ -34,6 +34,8 @@ PLAIN = (
 UNLIKE = 3.0  # [dB]
 FLOOR_DB = -150.0  # errors below are rounding, of the reference too
 LEAST = 0.05  # [s] that the shortest pilot plays
+APART = 1.0  # [dB] by which two plans of a scene differ for certain
+DEARER = 1.02  # ratio by which one plan costs more than another for certain
 THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three of them
 
 
@@ -131,6 +133,25 @@ class Audit:
         at = self.plans.index(plan)
         costs = [one.cost for one in self.plain if one.reals[at] <= plan.asked]
         return plan.cost / min(costs) if costs else None
+
+    def is_inverted(self, plan: Plan) -> bool:
+        """Whether a plan is out of order: it misses its budget by an error more than APART above
+        that of a looser budget, or costs more than a stricter one.
+        """
+        if plan.budget is None or not plan.is_judged:
+            return False
+        others = [own for own in self.plans if own.budget is not None and own.is_judged]
+        looser = [own.real for own in others if own.asked > plan.asked]
+        stricter = [own.cost for own in others if own.asked < plan.asked]
+        is_worse = not plan.is_met and any(plan.real > real + APART for real in looser)
+        return is_worse or any(plan.cost > DEARER * cost for cost in stricter)
+
+    def is_false_cannot(self, plan: Plan) -> bool:
+        """Whether a plan says that it cannot keep its budget, but a plain setting does."""
+        if plan.budget is None or not (plan.is_judged and plan.warned):
+            return False
+        at = self.plans.index(plan)
+        return any(one.reals[at] <= plan.asked for one in self.plain)
 
 
 def look(

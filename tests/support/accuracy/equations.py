@@ -16,11 +16,14 @@ _UNITS = {"k": 1e3, "m": 1e-3, "u": 1e-6, "": 1.0}
 _NUMBER = re.compile(r"^([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)\s*(.*)$", re.IGNORECASE)
 ELASTIC = {
     **{"linear": 1, "cubic": 2, "rope": 3, "detent": 4, "contact": 5},
-    **{"bristle": 6, "dry": 7},
+    **{"bristle": 6, "dry": 7, "power": 8},
 }
 DAMPING = {"linear": 1, "cubic": 1, "rope": 2, "bow": 3, "coulomb": 4, "bow-hyperbolic": 5}
 # Constants of each law, in the order of a link's numbers: elastic ones from 0, damping from 3.
-_OF_ELASTIC = {"cubic": ("k", "q"), "rope": ("k",), "detent": ("F", "w")}
+_OF_ELASTIC = {
+    **{"cubic": ("k", "q"), "rope": ("k",), "detent": ("F", "w")},
+    "power": ("c", "p"),
+}
 _OF_DAMPING = {
     "cubic": ("z",),
     "rope": ("z",),
@@ -64,7 +67,8 @@ class Equations:
 
     `mass` (n,), infinite where fixed; `ground` (n, 2): K and Z; `push` (n,): constant forces;
     `ends` (n_links, 2); `kinds` (n_links, 2): laws of ELASTIC and DAMPING; `numbers`
-    (n_links, N_NUMBERS); `outputs`: ("SOX" or "SOF", index); `strikes`: (mass, instant, impulse).
+    (n_links, N_NUMBERS); `stretched`: (first link, end, q) of each string whose links share one
+    tension; `outputs`: ("SOX" or "SOF", index); `strikes`: (mass, instant, impulse).
     """
 
     rate: float
@@ -76,6 +80,7 @@ class Equations:
     ends: list[tuple[int, int]] = field(default_factory=list)
     kinds: list[tuple[int, int]] = field(default_factory=list)
     numbers: list[list[float]] = field(default_factory=list)
+    stretched: list[tuple[int, int, float]] = field(default_factory=list)
     outputs: list[tuple[str, int]] = field(default_factory=list)
     strikes: list[tuple[int, float, float]] = field(default_factory=list)
     paths: list[Path] = field(default_factory=list)
@@ -85,8 +90,11 @@ class Equations:
 
     @property
     def is_linear(self) -> bool:
-        """Whether a matrix exponential solves it: no contact, no law, no friction, no gesture."""
-        return not self.paths and all(a <= 1 and b <= 1 for a, b in self.kinds)
+        """Whether a matrix exponential solves it: no contact, no law, no friction, no gesture, no
+        shared tension.
+        """
+        is_plain = not self.paths and not self.stretched
+        return is_plain and all(a <= 1 and b <= 1 for a, b in self.kinds)
 
     def point(
         self, name: str, m: float, k: float, z: float, rest: float, x: float, v: float
@@ -278,10 +286,16 @@ def _body(found: Equations, label: str, kind: str, given: dict[str, Any]) -> Non
     ground = found.point(f"{label}.ground", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
     for field_, values in (("X0", found.x0), ("V0", found.v0)):
         if field_ in given:
-            start = given[field_]
-            values[first + start["at"]] = number(start["x" if field_ == "X0" else "v"])
+            starts = given[field_]
+            for start in starts if isinstance(starts, list) else [starts]:
+                values[first + start["at"]] = number(start["x" if field_ == "X0" else "v"])
     q = number(given.get("hardening", 0.0))
     law = ELASTIC["cubic"] if q else ELASTIC["linear"]
+    if "stretching" in given:
+        # The links between neighbours come first; the others bend, and share no tension.
+        n_links = len(string_edges(n, given.get("ends", "fixed"), 0.0))
+        line = len(found.ends)
+        found.stretched.append((line, line + n_links, number(given["stretching"])))
     for i, j, factor in edges:
         a = first + i if i >= 0 else ground
         found.link(a, first + j, law, 1, factor * k, q, 0.0, factor * z)

@@ -174,6 +174,7 @@ def integrate(scene: Equations, n_frames: int, tolerance: float) -> tuple[np.nda
         np.array(scene.ends, dtype=np.int64).reshape(-1, 2),
         np.array(scene.kinds, dtype=np.int64).reshape(-1, 2),
         np.array(scene.numbers).reshape(len(scene.ends), -1),
+        np.array(scene.stretched, dtype=float).reshape(-1, 3),
         leads.reshape(-1, 3),
         pieces,
         tolerance,
@@ -206,6 +207,8 @@ def _pull(elastic, damping, c, d, w):
         force = c[0] * max(d, 0.0)
     elif elastic == 4:
         force = c[0] * d / c[1] * np.exp(0.5 - 0.5 * (d / c[1]) ** 2)
+    elif elastic == 8:
+        force = c[0] * np.sign(d) * abs(d) ** c[1]
     if damping == 1:
         force += c[3] * w
     elif damping == 2:
@@ -239,7 +242,9 @@ def _level(c, w):
 
 
 @nb.njit(cache=True)
-def _slopes(t, y, dy, at, inverse, ground, push, ends, kinds, numbers, leads, pieces, ways, needs):
+def _slopes(
+    t, y, dy, at, inverse, ground, push, ends, kinds, numbers, stretched, leads, pieces, ways, needs
+):
     """dy/dt; running gestures set their masses in y to the path.
 
     `ways`: the direction in which each DRY slides, 0 if it holds; `needs`: the pull that would
@@ -277,6 +282,16 @@ def _slopes(t, y, dy, at, inverse, ground, push, ends, kinds, numbers, leads, pi
             f = _pull(kinds[k, 0], kinds[k, 1], numbers[k], d, w)
         dy[n + a] += f
         dy[n + b] -= f
+    for s in range(len(stretched)):
+        first, end = int(stretched[s, 0]), int(stretched[s, 1])
+        squares = 0.0
+        for k in range(first, end):
+            squares += (y[ends[k, 1]] - y[ends[k, 0]]) ** 2
+        for k in range(first, end):
+            a, b = ends[k]
+            f = stretched[s, 2] * squares * (y[b] - y[a])
+            dy[n + a] += f
+            dy[n + b] -= f
     for k in range(len(ends)):
         if kinds[k, 0] != _DRY:
             continue
@@ -363,6 +378,7 @@ def _march(
     ends,
     kinds,
     numbers,
+    stretched,
     leads,
     pieces,
     tolerance,
@@ -393,8 +409,8 @@ def _march(
         begins = has_dry and blown
         while t < end:
             if begins:
-                _slopes(t, y, k[0], at, inverse, ground, push, ends, kinds, numbers, leads, pieces,
-                        ways, needs)  # fmt: skip
+                _slopes(t, y, k[0], at, inverse, ground, push, ends, kinds, numbers, stretched,
+                        leads, pieces, ways, needs)  # fmt: skip
                 _begin(y, n, ends, kinds, numbers, ways, needs)
                 begins = False
             h = min(h, end - t)
@@ -409,7 +425,7 @@ def _march(
                         total += A[stage, j] * k[j, i]
                     new[i] = y[i] + h * total
                 _slopes(t + C[stage] * h, new, k[stage], at, inverse, ground, push, ends, kinds,
-                        numbers, leads, pieces, ways, needs)  # fmt: skip
+                        numbers, stretched, leads, pieces, ways, needs)  # fmt: skip
             top_x = max(largest[:n].max(), np.abs(new[:n]).max())
             top_v = max(largest[n : 2 * n].max(), np.abs(new[n : 2 * n]).max())
             top_z = 0.0

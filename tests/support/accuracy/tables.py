@@ -12,6 +12,7 @@ class Tally:
     """Counts of plans of some scenes at one budget: all, judged, met, and so on.
 
     `worst`: real error over the stated one [dB]; `median` and `most` of the overspending.
+    `inversions` and `false_cannot` are None where nobody counted them.
     """
 
     plans: int
@@ -22,6 +23,8 @@ class Tally:
     worst: float | None
     median: float | None
     most: float | None
+    inversions: int | None = None
+    false_cannot: int | None = None
 
 
 def name_of(budget: float | None) -> str:
@@ -50,6 +53,8 @@ def _tally(pairs: Sequence[tuple[Audit, Plan]]) -> Tally:
         worst=max((plan.excess for _, plan in judged if plan.stated < inf), default=None),
         median=ratios[len(ratios) // 2] if ratios else None,
         most=ratios[-1] if ratios else None,
+        inversions=sum(audit.is_inverted(plan) for audit, plan in judged),
+        false_cannot=sum(audit.is_false_cannot(plan) for audit, plan in judged),
     )
 
 
@@ -64,15 +69,23 @@ def together(all_of_them: Sequence[Tally]) -> Tally:
         worst=max((own.worst for own in all_of_them if own.worst is not None), default=None),
         median=None,
         most=max((own.most for own in all_of_them if own.most is not None), default=None),
+        inversions=_counted([own.inversions for own in all_of_them]),
+        false_cannot=_counted([own.false_cannot for own in all_of_them]),
     )
+
+
+def _counted(counts: Sequence[int | None]) -> int | None:
+    """The sum of the counts that are known; None if none is."""
+    known = [count for count in counts if count is not None]
+    return sum(known) if known else None
 
 
 def summary(groups: Mapping[str, Sequence[Tally]]) -> str:
     """A row for each group of scenes and budget, and for all of them."""
     lines = [
         "| scenes | budget | plans | judged | met | says it cannot | silent misses "
-        "| real − stated, worst | overspending: median | worst |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        "| false cannot | inversions | real − stated, worst | overspending: median | worst |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     everything = [together(own) for own in zip(*groups.values(), strict=True)]
     for name, own in (*groups.items(), ("all", everything)):
@@ -91,6 +104,10 @@ def _row(budget: float | None, own: Tally) -> str:
         share(own.met) if budget is not None else "–",
         share(own.warned),
         str(own.silent),
+        *(
+            "–" if n is None or budget is None else str(n)
+            for n in (own.false_cannot, own.inversions)
+        ),
         "–" if own.worst is None else f"{own.worst:+.1f} dB",
         "–" if own.median is None else f"{own.median:.2f}",
         "–" if own.most is None else f"{own.most:.2f}",
