@@ -367,6 +367,159 @@ def _key(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     _hear(out, target, "k1")
 
 
+def _row(dice: Dice, modules: Modules, n: int) -> tuple[float, float, float]:
+    """A row of n masses on springs, or of cells that springs join; the first is displaced.
+
+    Returns the first one's mass [kg], the stiffness that holds it [N/m], and its position [m].
+    """
+    M, f, x = dice.by_ratio(3e-4, 5e-3), dice.by_ratio(100.0, 600.0), dice.between(2e-4, 2e-3)
+    K = M * (2.0 * np.pi * f) ** 2
+    is_cells = dice.whole(0, 1)
+    modules["e"] = {"SOL": {}}
+    for i in range(n):
+        start = {"X0": x if i == 0 else 0.0}
+        if is_cells:
+            own = {"f": f * dice.between(0.8, 2.0), "t60": dice.by_ratio(0.2, 3.0)}
+            modules[f"m{i}"] = {"CEL": {"M": M * dice.between(0.3, 1.5), **own, **start}}
+        else:
+            modules[f"m{i}"] = {"MAS": {"M": M * dice.between(0.3, 1.5), **start}}
+        if i or not is_cells:
+            ends = [f"m{i - 1}" if i else "e", f"m{i}"]
+            Z = dice.one_of(0.0, dice.by_ratio(1e-4, 1e-2) * M * 2.0 * np.pi * f)
+            link = {"K": float(K * dice.between(0.3, 2.0)), "Z": float(Z)}
+            modules[f"r{i}"] = {"REF": {"between": ends, **link}}
+    ((_, first),) = modules["m0"].items()
+    return float(first["M"]), float(K), x
+
+
+def _few(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """One to five masses with a single contact or law, or a mass on a spring that hits a string."""
+    what = dice.one_of("stop", "law", "friction", "meet", "string")
+    if what == "string":
+        modules["b"], n = _string(dice)
+        M, speed = dice.by_ratio(5e-4, 5e-3), dice.by_ratio(0.3, 2.0)
+        K = float(M * (2.0 * np.pi * dice.by_ratio(200.0, 1500.0)) ** 2)
+        held = dice.one_of("spring", "cell")
+        if held == "cell":
+            modules["h"] = {"CEL": {"M": M, "K": K, "V0": speed}}
+        else:
+            modules["e"] = {"SOL": {}}
+            modules["h"] = {"MAS": {"M": M, "V0": speed}}
+            modules["r"] = {"REF": {"between": ["e", "h"], "K": K}}
+        # The hammer reaches the string: its swing is speed/omega.
+        gap = dice.between(0.0, 0.5) * speed * float(np.sqrt(M / K))
+        m = modules["b"]["STRING"]["M"] / n
+        contact = _contact(dice, M * m / (M + m), speed)
+        ends = ["h", f"b.{dice.whole(0, n - 1)}"]
+        modules["c"] = {"BUT": {"between": ends, "gap": gap, **contact}}
+        _hear(out, f"b.{dice.whole(0, n - 1)}")
+        return
+    n = dice.whole(2 if what == "meet" else 1, 5)
+    m, K, x = _row(dice, modules, n)
+    speed = x * float(np.sqrt(K / m))
+    if what == "meet":
+        # Two rows side by side: the link between the last two is a contact.
+        del modules[f"r{n - 1}"]
+        (kind,) = modules[f"m{n - 1}"]
+        if kind == "MAS":
+            ends = ["e", f"m{n - 1}"]
+            modules["t"] = {"REF": {"between": ends, "K": K * dice.between(0.3, 2.0)}}
+        ends, gap = [f"m{n - 2}", f"m{n - 1}"], x * dice.between(0.0, 0.3)
+        modules["c"] = {"BUT": {"between": ends, "gap": gap, **_contact(dice, 0.5 * m, speed)}}
+    elif what == "stop":
+        modules["s"] = {"SOL": {"X0": -x * dice.between(0.0, 0.3)}}
+        ends = ["s", f"m{dice.whole(0, n - 1)}"]
+        modules["c"] = {"BUT": {"between": ends, **_contact(dice, m, speed)}}
+    elif what == "friction":
+        F = K * x * dice.by_ratio(0.01, 0.3)
+        modules["d"] = {"DRY": {"to": f"m{dice.whole(0, n - 1)}", "F": F}}
+    else:
+        p, ratio = dice.one_of(1.5, 2.0, 3.0), dice.by_ratio(0.3, 100.0)
+        power = {"law": "power", "c": float(ratio * K * x ** (1.0 - p)), "p": p}
+        cubic = {"law": "cubic", "damping": "cubic", "k": 0.1 * K, "q": ratio * K / x**2}
+        law = dice.one_of(power, cubic | {"z": dice.one_of(0.0, 1e-2 * m * speed / x)})
+        modules["l"] = {"LNL": {"between": ["e", "m0"], **law}}
+    _hear(out, "m0", *([f"m{n - 1}"] if n > 1 else []))
+
+
+def _stretch(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """A plucked string whose tension rises as it is stretched, and that meets a stop or a mass."""
+    modules["b"], n = _string(dice)
+    body = modules["b"]["STRING"]
+    m, omega = body["M"] / n, 2.0 * np.pi * body["f"]
+    at, high = dice.whole(0, n - 1), dice.by_ratio(5e-4, 4e-3)
+    slopes = [(i + 1) / (at + 1) if i <= at else (n - i) / (n - at) for i in range(n)]
+    body["X0"] = [{"at": i, "x": f"{high * slopes[i]!r}m"} for i in range(n)]
+    # q·S over the stiffness of a link: how much the pluck raises the tension.
+    k = m * omega**2 / (4.0 * np.sin(0.5 * np.pi / (n + 1)) ** 2)
+    squares = high**2 * (1.0 / (at + 1) + 1.0 / (n - at))
+    body["stretching"] = float(k / squares * dice.by_ratio(0.03, 2.0))
+    point, speed = dice.whole(0, n - 1), omega * high
+    gap = high * dice.between(0.05, 0.5)
+    if dice.whole(0, 1):
+        modules["o"] = dice.one_of({"SOL": {}}, _cell(dice))
+        contact = _contact(dice, m, speed)
+        modules["c"] = {"BUT": {"between": ["o", f"b.{point}"], "gap": gap, **contact}}
+    else:
+        M, speed = dice.by_ratio(1e-3, 1e-2), dice.by_ratio(0.3, 3.0)
+        modules["h"] = {"MAS": {"M": M, "V0": speed}}
+        contact = _contact(dice, M * m / (M + m), speed)
+        modules["c"] = {"BUT": {"between": ["h", f"b.{point}"], "gap": gap, **contact}}
+    _hear(out, f"b.{dice.whole(0, n - 1)}")
+
+
+def _rattle(dice: Dice, score: Modules, modules: Modules, out: Modules, count: int = 10) -> None:
+    """Light cells that lie close to points of a body, which is struck."""
+    modules["b"], n, m = _body(dice)
+    ((_, body),) = modules["b"].items()
+    swing = dice.by_ratio(1e-4, 1e-3)
+    speed = float(2.0 * np.pi * body["f"] * swing)
+    for i in range(count):
+        M = m * dice.by_ratio(0.01, 0.3)
+        cell = {"M": M, "f": dice.by_ratio(25.0, 400.0), "t60": dice.by_ratio(0.05, 1.0)}
+        modules[f"m{i}"] = {"CEL": cell}
+        contact = _contact(dice, M * m / (M + m), speed)
+        ends = [f"b.{dice.whole(0, n - 1)}", f"m{i}"]
+        modules[f"c{i}"] = {
+            "BUT": {"between": ends, "gap": swing * dice.between(0.0, 0.5), **contact}
+        }
+    _strike(dice, score, f"s.b.{n // 2}", float(m * n * speed * 0.4))
+    _hear(out, f"b.{dice.whole(0, n - 1)}", "m0")
+
+
+def _keys(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """Two to four keys, each with a contact at a point of one string; a spring may join two."""
+    modules["b"], n = _string(dice)
+    m = modules["b"]["STRING"]["M"] / n
+    count = dice.whole(2, 4)
+    points = dice.rng.choice(n, count, False)
+    score |= {"keys": {}, "gestures": {}, "players": {}, "parts": {}}
+    for i in range(count):
+        M, K = dice.by_ratio(0.05, 0.5), dice.by_ratio(20.0, 200.0)
+        score["keys"][f"k{i}"] = {"M": M, "K": K, "Z": dice.between(0.1, 3.0)}
+        peak = dice.between(2e-3, 6e-3)
+        contact = {"K": dice.by_ratio(200.0, 2000.0), "exponent": dice.one_of(1.0, 1.5)}
+        if dice.whole(0, 1):
+            contact = _contact(dice, m, 0.1)
+        gap = peak * dice.between(0.3, 0.8)
+        ends = [f"k{i}", f"b.{points[i]}"]
+        modules[f"c{i}"] = {"BUT": {"between": ends, "gap": gap, **contact}}
+        # At hundredths of a second, which fall on frames at every rate.
+        one = dice.whole(4, 8)
+        two = one + dice.whole(4, 8)
+        path = f"0m@0 smooth {peak}m@{one / 100}s 0m@{two / 100}s"
+        score["gestures"][f"g{i}"] = {"notation": path, "touch": dice.one_of("open", "tracked")}
+        score["players"][f"p{i}"] = {"key": f"k{i}"}
+        score["parts"][f"p{i}"] = [{"at": f"{dice.whole(1, 8) / 100}s", "play": f"g{i}"}]
+    if dice.whole(0, 2) == 0:
+        spring = {"K": dice.by_ratio(20.0, 500.0), "Z": dice.between(0.0, 1.0)}
+        score["duet"] = [{"couple": ["k0", "k1"], "REF": spring}]
+        # A tracked gesture on a key that a spring has moved would begin with a jump.
+        for name in ("g0", "g1"):
+            score["gestures"][name]["touch"] = "open"
+    _hear(out, f"b.{dice.whole(0, n - 1)}", "k0")
+
+
 FAMILIES: dict[str, Callable[[Dice, Modules, Modules, Modules], None]] = {
     "mesh": _mesh,
     "body": _damped_body,
@@ -380,4 +533,8 @@ FAMILIES: dict[str, Callable[[Dice, Modules, Modules, Modules], None]] = {
     "dry": _dry,
     "bristle": _bristle,
     "key": _key,
+    "few": _few,
+    "stretch": _stretch,
+    "rattle": _rattle,
+    "keys": _keys,
 }
