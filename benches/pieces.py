@@ -152,7 +152,7 @@ def pieces(names: Sequence[str] = PIECES) -> list[Row]:
 
 def _row(found: PieceCost) -> Row:
     planned, by_ca = found.planned, found.by_ca
-    said = (
+    summary = (
         f"{planned.measured:.3f} cores, of that {planned.planning:.3f} for planning; "
         f"the plan says {planned.stated:.3f}"
     )
@@ -167,4 +167,4 @@ def _row(found: PieceCost) -> Row:
         reference = f"`--method ca`: {by_ca.measured:.3f} cores; its plan says {by_ca.stated:.3f}"
         values |= {"ca_cores": by_ca.measured, "ca_stated_cores": by_ca.stated}
     what = f"{found.piece}, the whole render of {found.length:.0f} s"
-    return Row(what, said, reference, found.over_ca, "processor time over that by ca", values)
+    return Row(what, summary, reference, found.over_ca, "processor time over that by ca", values)

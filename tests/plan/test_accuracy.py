@@ -99,14 +99,14 @@ def judged(budget: float, real: float, cost: float, *, warned: bool = False) -> 
 def test_inversions_by_error_and_by_cost():
     """The strictest misses by more than a looser one errs; the loosest costs more than the next."""
     plans = (judged(-40.0, -55.0, 2.0), judged(-60.0, -61.0, 1.0), judged(-80.0, -59.9, 3.0))
-    found = audit.Audit("out of order", plans)
-    assert [found.is_inverted(plan) for plan in plans] == [True, False, True]
-    kept_well = (judged(-40.0, -95.0, 1.02), judged(-60.0, -70.0, 1.0), judged(-80.0, -81.0, 2.0))
-    assert not any(map(audit.Audit("in order", kept_well).is_inverted, kept_well))
+    result = audit.Audit("out of order", plans)
+    assert [result.is_inverted(plan) for plan in plans] == [True, False, True]
+    ordered = (judged(-40.0, -95.0, 1.02), judged(-60.0, -70.0, 1.0), judged(-80.0, -81.0, 2.0))
+    assert not any(map(audit.Audit("in order", ordered).is_inverted, ordered))
     by_ear = replace(plans[0], budget=audit.BY_EAR, cost=9.0)
     assert not audit.Audit("by ear", (by_ear, *plans)).is_inverted(by_ear)
     tallied = tables.tallies([audit.Audit("out of order", (by_ear, *plans))])
-    assert [own.inversions for own in tallied] == [0, 1, 0, 1]
+    assert [row.inversions for row in tallied] == [0, 1, 0, 1]
 
 
 def test_false_cannot_with_a_plain_setting():
@@ -114,14 +114,14 @@ def test_false_cannot_with_a_plain_setting():
     plans = tuple(judged(budget, -50.0, 1.0, warned=True) for budget in (-60.0, -80.0))
     by_ear = replace(plans[0], budget=audit.BY_EAR)
     plain = (audit.Plain("ca", 8, (-30.0,) * 4, 8.0), audit.Plain("bm4", 2, (-70.0,) * 4, 9.0))
-    found = audit.Audit("cannot", (by_ear, judged(-40.0, -50.0, 1.0), *plans), plain)
-    assert [found.is_false_cannot(plan) for plan in found.plans] == [False, False, True, False]
-    told = tables.tallies([found])
-    assert [own.false_cannot for own in told] == [0, 0, 1, 0]
-    row = tables.summary({"few": told}).splitlines()[4]
+    result = audit.Audit("cannot", (by_ear, judged(-40.0, -50.0, 1.0), *plans), plain)
+    assert [result.is_false_cannot(plan) for plan in result.plans] == [False, False, True, False]
+    tallies = tables.tallies([result])
+    assert [tally.false_cannot for tally in tallies] == [0, 0, 1, 0]
+    row = tables.summary({"few": tallies}).splitlines()[4]
     assert row.startswith("| few | -60 dB | 1 | 1 | 0 (0%) | 1 (100%) | 0 | 1 | 0 |")
-    older = replace(told[2], false_cannot=None, inversions=None)
-    assert tables.together([older, told[2]]).false_cannot == 1
+    older = replace(tallies[2], false_cannot=None, inversions=None)
+    assert tables.together([older, tallies[2]]).false_cannot == 1
     assert tables.together([older, older]).false_cannot is None
 
 
@@ -139,7 +139,7 @@ def test_reference_of_a_string_that_shares_its_tension():
     k = m * omega2 / (4.0 * np.sin(0.5 * np.pi / (n + 1)) ** 2)
 
     def slope(_t: float, y: np.ndarray) -> np.ndarray:
-        d, w = (np.diff(np.pad(own, 1)) for own in (y[:n], y[n:]))
+        d, w = (np.diff(np.pad(half, 1)) for half in (y[:n], y[n:]))
         pull = (k + q * (d @ d)) * d + 2.0 * sigma * k / omega2 * w
         return np.concatenate([y[n:], np.diff(pull) / m])
 

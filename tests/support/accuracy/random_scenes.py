@@ -379,8 +379,8 @@ def _row(dice: Dice, modules: Modules, n: int) -> tuple[float, float, float]:
     for i in range(n):
         start = {"X0": x if i == 0 else 0.0}
         if is_cells:
-            own = {"f": f * dice.between(0.8, 2.0), "t60": dice.by_ratio(0.2, 3.0)}
-            modules[f"m{i}"] = {"CEL": {"M": M * dice.between(0.3, 1.5), **own, **start}}
+            tuning = {"f": f * dice.between(0.8, 2.0), "t60": dice.by_ratio(0.2, 3.0)}
+            modules[f"m{i}"] = {"CEL": {"M": M * dice.between(0.3, 1.5), **tuning, **start}}
         else:
             modules[f"m{i}"] = {"MAS": {"M": M * dice.between(0.3, 1.5), **start}}
         if i or not is_cells:
@@ -505,9 +505,9 @@ def _keys(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
         ends = [f"k{i}", f"b.{points[i]}"]
         modules[f"c{i}"] = {"BUT": {"between": ends, "gap": gap, **contact}}
         # At hundredths of a second, which fall on frames at every rate.
-        one = dice.whole(4, 8)
-        two = one + dice.whole(4, 8)
-        path = f"0m@0 smooth {peak}m@{one / 100}s 0m@{two / 100}s"
+        first = dice.whole(4, 8)
+        second = first + dice.whole(4, 8)
+        path = f"0m@0 smooth {peak}m@{first / 100}s 0m@{second / 100}s"
         score["gestures"][f"g{i}"] = {"notation": path, "touch": dice.one_of("open", "tracked")}
         score["players"][f"p{i}"] = {"key": f"k{i}"}
         score["parts"][f"p{i}"] = [{"at": f"{dice.whole(1, 8) / 100}s", "play": f"g{i}"}]
