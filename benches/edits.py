@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import resource
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
+from benches.fresh_process import ergon
 from benches.measure import Row
 
 # A gong that hardens, a bowed string and a bell; their players share no instrument.
@@ -86,10 +83,7 @@ def _edited(what: str, joined: str) -> Row:
 def _rendered(folder: Path, joined: str, edited: str, cache: str) -> tuple[float, str]:
     """CPU time of `ergon render` [s], and the hash of the file."""
     (folder / "a.yaml").write_text(_SCORE.format(edited=edited, joined=joined), encoding="utf-8")
-    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / cache), "ERGON_CACHE": "on"}
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [sys.executable, "-m", "ergon.cli", "render", "a.yaml", "-o", "a.wav", "-f"]
-    subprocess.run(command, cwd=folder, env=environment, check=True, capture_output=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    variables = {"XDG_CACHE_HOME": str(folder / cache), "ERGON_CACHE": "on"}
+    spent, result = ergon(["render", "a.yaml", "-o", "a.wav", "-f"], folder, variables)
+    result.check_returncode()
     return spent, hashlib.sha256((folder / "a.wav").read_bytes()).hexdigest()

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benches.fresh_process import ergon
 from benches.measure import Row
 from ergon.scores.reading.load import load
 from ergon.scores.staging.preparing import prepare
@@ -30,7 +28,8 @@ PIECES = (
     "ocean-drum",
     "feathers-small",
 )
-_ERGON = (sys.executable, "-m", "ergon.cli")
+# Threads of libraries.
+_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 _CA = ("--method", "ca")
 _HEAD = (
     "piece", "length", "cores", "the plan says", "ratio", "of that planning",
@@ -71,42 +70,19 @@ class PieceCost:
         return None if self.by_ca is None else self.planned.measured / self.by_ca.measured
 
 
-def _run(line: Sequence[str], folder: Path) -> tuple[int, float, str]:
-    """Exit code, processor time [s] and standard output of a command in a fresh process.
-
-    Nothing that an earlier process stored is used; libraries get one thread, too.
-    """
-    environment = {
-        **os.environ,
-        "ERGON_CACHE": "off",
-        "XDG_CACHE_HOME": str(folder),
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-    }
-    with tempfile.TemporaryFile(dir=folder) as output:
-        child = subprocess.Popen(
-            line, stdout=output, stderr=subprocess.DEVNULL, env=environment, cwd=folder
-        )
-        _, status, used = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
-        output.seek(0)
-        text = output.read().decode()
-    return child.returncode, used.ru_utime + used.ru_stime, text
-
-
 def cost(score: Path, length: float, options: Sequence[str] = ()) -> Cost | None:
     """The cost of a piece by a plan with these options; None if it is refused."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        plan = [*_ERGON, "plan", "--json", *options, str(score)]
-        code, planning, text = _run(plan, folder)
-        if code:
+        variables = {**_ONE_THREAD, "ERGON_CACHE": "off", "XDG_CACHE_HOME": name}
+        planning, plan = ergon(["plan", "--json", *options, str(score)], folder, variables)
+        if plan.returncode:
             return None
-        stated = json.loads(text.splitlines()[-1])["cost"]
         sound = ["-q", "--threads", "1", "-o", str(folder / "piece.wav")]
-        code, measured, _ = _run([*_ERGON, "render", *sound, *options, str(score)], folder)
-    if code:
+        measured, rendered = ergon(["render", *sound, *options, str(score)], folder, variables)
+    if rendered.returncode:
         return None
+    stated = json.loads(plan.stdout.splitlines()[-1])["cost"]
     return Cost(measured / length, planning / length, stated)
 
 
@@ -124,20 +100,20 @@ def piece_cost(piece: str) -> PieceCost:
 def table(costs: Sequence[PieceCost]) -> str:
     """A row for each piece, and a line that names those that cost more than by `--method ca`."""
     lines = [f"| {' | '.join(_HEAD)} |", f"|{'---|' * len(_HEAD)}"]
-    for found in costs:
-        cells = [found.piece, f"{found.length:.0f} s", *_cells(found.planned)]
-        cells.append(f"{found.planned.planning:.3f}")
-        over = found.over_ca
-        cells += ["refused", "–", "–"] if found.by_ca is None else _cells(found.by_ca)
-        cells.append("–" if over is None else f"{over:.2f}")
+    for piece in costs:
+        by_ca, over_ca = piece.by_ca, piece.over_ca
+        cells = [piece.piece, f"{piece.length:.0f} s", *_cells(piece.planned)]
+        cells.append(f"{piece.planned.planning:.3f}")
+        cells += ["refused", "–", "–"] if by_ca is None else _cells(by_ca)
+        cells.append("–" if over_ca is None else f"{over_ca:.2f}")
         lines.append(f"| {' | '.join(cells)} |")
-    dearer = [found.piece for found in costs if (found.over_ca or 0.0) > 1.0]
+    dearer = [piece.piece for piece in costs if (piece.over_ca or 0.0) > 1.0]
     lines.append(f"cost more than by --method ca: {', '.join(dearer) or 'none'}")
     return "\n".join(lines)
 
 
-def _cells(found: Cost) -> list[str]:
-    return [f"{found.measured:.3f}", f"{found.stated:.3f}", f"{found.ratio:.2f}"]
+def _cells(cost: Cost) -> list[str]:
+    return [f"{cost.measured:.3f}", f"{cost.stated:.3f}", f"{cost.ratio:.2f}"]
 
 
 def pieces(names: Sequence[str] = PIECES) -> list[Row]:
@@ -145,19 +121,19 @@ def pieces(names: Sequence[str] = PIECES) -> list[Row]:
     costs = []
     for name in names:
         costs.append(piece_cost(name))
-        print(table(costs[-1:]).splitlines()[2], flush=True)
+        print(f"{name} rendered", flush=True)
     print(table(costs), flush=True)
-    return [_row(found) for found in costs]
+    return [_row(piece) for piece in costs]
 
 
-def _row(found: PieceCost) -> Row:
-    planned, by_ca = found.planned, found.by_ca
+def _row(piece: PieceCost) -> Row:
+    planned, by_ca = piece.planned, piece.by_ca
     summary = (
         f"{planned.measured:.3f} cores, of that {planned.planning:.3f} for planning; "
         f"the plan says {planned.stated:.3f}"
     )
     values: dict[str, float | int | str] = {
-        "length_s": found.length,
+        "length_s": piece.length,
         "cores": planned.measured,
         "planning_cores": planned.planning,
         "stated_cores": planned.stated,
@@ -166,5 +142,5 @@ def _row(found: PieceCost) -> Row:
     if by_ca is not None:
         reference = f"`--method ca`: {by_ca.measured:.3f} cores; its plan says {by_ca.stated:.3f}"
         values |= {"ca_cores": by_ca.measured, "ca_stated_cores": by_ca.stated}
-    what = f"{found.piece}, the whole render of {found.length:.0f} s"
-    return Row(what, summary, reference, found.over_ca, "processor time over that by ca", values)
+    what = f"{piece.piece}, the whole render of {piece.length:.0f} s"
+    return Row(what, summary, reference, piece.over_ca, "processor time over that by ca", values)

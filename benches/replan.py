@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import resource
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
+from benches.fresh_process import ergon
 from benches.measure import Row
 
 # A gong, a bow, two strings that rattle, a bell by a law, and 500 resonators.
@@ -115,13 +112,8 @@ def replan() -> list[Row]:
 def _planned(folder: Path, text: str, cache: str) -> tuple[float, str]:
     """CPU time of `ergon plan` [s], and the plan with all its rows."""
     (folder / "a.yaml").write_text(text, encoding="utf-8")
-    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "ERGON_CACHE": cache}
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [sys.executable, "-m", "ergon.cli", "plan", "a.yaml"]
-    done = subprocess.run(
-        command, cwd=folder, env=environment, check=True, capture_output=True, text=True
-    )
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
-    table, _, last = done.stdout.rpartition("\n\n")
+    variables = {"XDG_CACHE_HOME": str(folder / "cache"), "ERGON_CACHE": cache}
+    spent, result = ergon(["plan", "a.yaml"], folder, variables)
+    result.check_returncode()
+    table, _, last = result.stdout.rpartition("\n\n")
     return spent, table + last.rpartition(";")[2]

@@ -130,9 +130,13 @@ class Audit:
         """The plan's cost over that of the cheapest plain setting that also keeps the budget."""
         if plan.budget is None or not plan.is_met:
             return None
-        at = self.plans.index(plan)
-        costs = [one.cost for one in self.plain if one.reals[at] <= plan.asked]
+        costs = [setting.cost for setting in self._plain_within(plan)]
         return plan.cost / min(costs) if costs else None
+
+    def _plain_within(self, plan: Plan) -> list[Plain]:
+        """The plain settings that keep the plan's budget over the time of its pilot."""
+        at = self.plans.index(plan)
+        return [setting for setting in self.plain if setting.reals[at] <= plan.asked]
 
     def is_inverted(self, plan: Plan) -> bool:
         """Whether a plan is out of order: it misses its budget by an error more than APART above
@@ -150,8 +154,7 @@ class Audit:
         """Whether a plan says that it cannot keep its budget, but a plain setting does."""
         if plan.budget is None or not (plan.is_judged and plan.warned):
             return False
-        at = self.plans.index(plan)
-        return any(one.reals[at] <= plan.asked for one in self.plain)
+        return bool(self._plain_within(plan))
 
 
 def look(
