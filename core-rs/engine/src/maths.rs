@@ -20,7 +20,39 @@ pub fn copysign(size: f64, sign: f64) -> f64 {
     size.copysign(sign)
 }
 
-/// p^α for p >= 0; without a call of `pow` if α = 1.
+/// Exponents up to this that are multiples of 1/2 need no `pow`, which takes ten times as long as a square root.
+const HALVES_MAX: f64 = 4.0;
+
+/// p^α for p >= 0.
 pub(crate) fn power_law(p: f64, exponent: f64) -> f64 {
-    if exponent == 1.0 { p } else { pow(p, exponent) }
+    let halves = 2.0 * exponent;
+    if !(0.0..=2.0 * HALVES_MAX).contains(&halves) || halves != floor(halves) {
+        return pow(p, exponent);
+    }
+    let halves = halves as u32;
+    let mut power = if halves & 1 == 1 { sqrt(p) } else { 1.0 };
+    for _ in 0..halves / 2 {
+        power *= p;
+    }
+    power
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn power_law_of_halves_and_of_others() {
+        for halves in -3..=12 {
+            for exponent in [0.5 * f64::from(halves), 0.5 * f64::from(halves) + 0.1] {
+                for p in [1e-9, 0.37, 1.0, 12.5] {
+                    let exact = pow(p, exponent);
+                    let error = (power_law(p, exponent) - exact).abs();
+                    assert!(error <= 1e-15 * exact, "{p}^{exponent}");
+                }
+            }
+        }
+        assert_eq!(power_law(0.0, 1.5), 0.0);
+        assert_eq!(power_law(0.0, 0.0), 1.0);
+    }
 }

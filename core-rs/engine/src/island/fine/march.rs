@@ -101,10 +101,10 @@ impl Own<'_> {
         } else {
             // At the greatest depth that its energy allows.
             let order = self.but.exponent + 1.0;
-            let stored = self.k * pow(g.max(0.0), order) / order;
+            let stored = self.k * power_law(g.max(0.0), order) / order;
             let energy = stored + 0.5 * v * v / give;
             let depth = pow(energy * order / self.k, 1.0 / order);
-            self.k * self.but.exponent * pow(depth, self.but.exponent - 1.0)
+            self.k * self.but.exponent * power_law(depth, self.but.exponent - 1.0)
         };
         sqrt(tangent * give).max(self.z * give)
     }
