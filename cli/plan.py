@@ -33,7 +33,7 @@ _HOW = {
     "still": "nothing: nothing moves it",
 }
 _LOADS, _LARGEST_PARTS = 8, 4  # that are listed one by one
-_HEARD = "pitch, T60, third octaves"
+_HEARD = "pitch, T60, third octaves, strokes"
 _HEAD = ("part", "modules", "computed", "error", _HEARD, "cost", "stable", "left out")
 
 
@@ -162,6 +162,9 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "cents": None if row.audible is None else row.audible.cents,
         "t60_percent": None if row.audible is None else 100 * row.audible.t60,
         "third_octave_db": None if row.audible is None else row.audible.third_octave_db,
+        "first_stroke_s": None if row.audible is None else row.audible.first_stroke_s,
+        "later_stroke_s": None if row.audible is None else row.audible.later_stroke_s,
+        "stroke_db": None if row.audible is None else row.audible.stroke_db,
         "cost": row.cost,
         "certificate": row.guarantee,
         "because": row.because,
@@ -214,7 +217,8 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     audible = (
         ""
         if heard is None
-        else f"{heard.cents:.1f} cents, {100 * heard.t60:.1f}%, {heard.third_octave_db:.1f} dB"
+        else f"{heard.cents:.1f} cents, {100 * heard.t60:.1f}%, {heard.third_octave_db:.1f} dB, "
+        f"{1e3 * max(heard.first_stroke_s, heard.later_stroke_s):.1f} ms"
     )
     return (
         " + ".join(row.parts),

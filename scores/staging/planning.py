@@ -316,7 +316,8 @@ def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list
 
 def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
     """A sentence for parts whose audible error is above what is allowed by ear, or in cents."""
-    most_cents, most_t60, most_db = allowed = _allowed_by_ear(cents)
+    allowed = _allowed_by_ear(cents)
+    limits = _core.AudibleError(*allowed)
     islands: dict[str, list[str]] = {}
     for row in plan.rows():
         heard, over, spectral = row.audible, row.error_s, row.spectral_db
@@ -324,9 +325,11 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
             continue
         if heard is not None and not _is_allowed(heard, allowed):
             sentence = (
-                f"over the first {over:.2g} s {error_text(heard)}, above the "
-                f"{most_cents:.2g} cents, {100 * most_t60:.2g}% and {most_db:.2g} dB that are "
-                "allowed"
+                f"over the first {over:.2g} s {error_text(heard)}; allowed are "
+                f"{limits.cents:.2g} cents, {100 * limits.t60:.2g}%, "
+                f"{limits.third_octave_db:.2g} dB, {1e3 * limits.first_stroke_s:.2g} ms at the "
+                f"first stroke, {1e3 * limits.later_stroke_s:.2g} ms at others and "
+                f"{limits.stroke_db:.2g} dB"
             )
         elif spectral is not None and spectral > _core.SPECTRUM_NOISE:
             noise = _core.SPECTRUM_NOISE
@@ -344,7 +347,7 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
 
 
 def _allowed_by_ear(cents: float | None) -> list[float]:
-    """What is allowed by ear: pitch [cents], T60 [1] and audible third octaves [dB]."""
+    """What is allowed by ear, in the order of `AudibleError`."""
     least = _core.LEAST_HEARD
     share = 1.0 if cents is None else cents / least[0]
     return [share * value for value in least]
@@ -357,8 +360,10 @@ def _is_allowed(heard: _core.AudibleError, allowed: list[float]) -> bool:
 def error_text(heard: _core.AudibleError) -> str:
     """The audible error as part of a sentence."""
     return (
-        f"pitches are off by up to {heard.cents:.2g} cents, T60 by {100 * heard.t60:.2g}% and "
-        f"audible third octaves by {heard.third_octave_db:.2g} dB"
+        f"pitches are off by up to {heard.cents:.2g} cents, T60 by {100 * heard.t60:.2g}%, "
+        f"audible third octaves by {heard.third_octave_db:.2g} dB, strokes by "
+        f"{1e3 * max(heard.first_stroke_s, heard.later_stroke_s):.2g} ms and {heard.stroke_db:.2g} "
+        "dB"
     )
 
 

@@ -83,7 +83,7 @@ def test_the_table_and_a_reason(capsys: Capture) -> None:
     assert app.run(["plan", "all.yaml"]) == 0
     out = capsys.readouterr().out
     assert out.splitlines()[0].split() == [
-        *("part", "modules", "computed", "error", "pitch,", "T60,", "third", "octaves"),
+        *("part", "modules", "computed", "error", "pitch,", "T60,", "third", "octaves,", "strokes"),
         *("cost", "stable", "left", "out"),
     ]  # fmt: skip
     assert "× real time on one core by the table" in out

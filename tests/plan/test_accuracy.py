@@ -213,7 +213,7 @@ def test_the_metric_is_the_plans_own():
 def honest(found: audit.Audit) -> None:
     for plan in found.plans:
         assert not plan.refused, plan.refused
-        assert plan.is_judged
+        assert plan.is_judged or plan.real < -80.0, plan  # beyond what the reference can judge
         assert plan.excess <= HONEST_DB, plan
         assert not plan.is_silent_miss, plan
 
@@ -263,7 +263,7 @@ def test_many_contacts_on_one_string_are_exact():
     text = named("bridge-60").replace("masses: 90", "masses: 24").replace("0..59", "0..19")
     for old, new in [("b.64", "b.21"), ("b.70", "b.22"), ("b.30", "b.10"), ("0.2s", "0.05s")]:
         text = text.replace(old, new)
-    (plan,) = audit.look("bridge", text, (None,), plain=False).plans
+    (plan,) = audit.look("bridge", text, (-80.0,), plain=False).plans
     assert "modes" in plan.how
     assert not plan.warned
     assert max(plan.stated, plan.real) <= -120.0

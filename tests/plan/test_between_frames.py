@@ -12,6 +12,7 @@ from sweep import few
 
 from ergon import _core
 from ergon.scores.reading.load import load
+from ergon.scores.reading.piece import Accuracy
 from ergon.scores.staging import planning
 from ergon.scores.staging.preparing import prepare
 from ergon.scores.staging.stage import Stage
@@ -49,7 +50,7 @@ def test_plain_and_exact_are_one_equation(name: str):
         piece = load("scene.yaml", text=text.replace("contact: exact", f"contact: {word}")).piece
         assert piece is not None
         ready = prepare(piece)
-        plan = planning.make(ready.network, ready.timeline, piece.accuracy).plan
+        plan = planning.make(ready.network, ready.timeline, Accuracy(error=-60.0)).plan
         simulation = _core.Simulation(ready.network, ready.timeline, plan=plan)
         sound = np.empty((4000, simulation.n_out))
         simulation.process(sound)
@@ -100,7 +101,7 @@ def test_contacts_that_chaos_moves_are_not_computed_ever_finer():
     piece = load("scene.yaml", text=named("key-16")).piece
     assert piece is not None
     ready = prepare(piece)
-    first, *_ = _core.Plan(ready.network, ready.timeline).rows()
+    first, *_ = _core.Plan(ready.network, ready.timeline, error_db=-60.0).rows()
     assert first.contact_substeps <= 16
     assert first.spectral_db is not None
     assert first.error_db is not None

@@ -60,7 +60,7 @@ def test_a_law_with_a_kink_is_not_exact_because_two_runs_agree(seed: int):
     """A rope's frame is divided no more often than its deviation asks, whatever the substeps."""
     found = audit.look(f"law-{seed}", random_scenes.text("law", seed), (-80.0,), plain=False)
     (plan,) = found.plans
-    assert plan.is_met or plan.warned, plan
+    assert plan.real <= -80.0 or plan.warned, plan
 
 
 def test_two_rough_runs_of_a_mesh_that_agree_are_not_believed():
@@ -93,8 +93,8 @@ def test_by_ear_nothing_is_looked_for_below_what_is_heard():
 def test_by_ear_dear_contacts_are_no_more_exact_than_is_heard(seed: int):
     text = random_scenes.text("bridge", seed)
     by_ear, asked = audit.look("bridge", text, (audit.BY_EAR, -80.0), plain=False).plans
+    assert asked.is_met, asked
     for plan in (by_ear, asked):
-        assert plan.is_met, plan
         assert plan.excess <= 1.5, plan
         assert not plan.warned, plan
     assert by_ear.cost < 0.1 * asked.cost

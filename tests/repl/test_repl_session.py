@@ -60,12 +60,14 @@ def session(tmp_path: Path):
 
 
 def written(text: str, tmp_path: Path, seconds: float) -> np.ndarray:
-    """A score as it is rendered, by the same mixer (n_frames, n_channels)."""
+    """A score as a draft renders it, by the methods and the mixer of a session (n_frames,
+    n_channels).
+    """
     path = tmp_path / "written.yaml"
     path.write_text(text, encoding="utf-8")
     piece = load(path).piece
     assert piece is not None
-    whole = stage(piece, planned=True)
+    whole = stage(piece, planned=True, is_draft=True)
     frames = np.zeros((int(seconds * whole.rate), whole.simulation.n_out))
     whole.simulation.process(frames)
     mixed = np.zeros((len(frames), whole.n_channels))

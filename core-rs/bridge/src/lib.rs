@@ -128,9 +128,9 @@ mod _core {
     #[pymodule_export]
     const INAUDIBLE: f64 = ergon_engine::plan::INAUDIBLE;
     #[pymodule_export]
-    const LEAST_HEARD: (f64, f64, f64) = {
-        let [cents, t60, level] = ergon_engine::plan::LEAST_HEARD;
-        (cents, t60, level)
+    const LEAST_HEARD: (f64, f64, f64, f64, f64, f64) = {
+        let [cents, t60, level, first, later, stroke] = ergon_engine::plan::LEAST_HEARD;
+        (cents, t60, level, first, later, stroke)
     };
     #[pymodule_export]
     const MAX_MODAL: usize = ergon_engine::generator::MAX_MODAL;

@@ -136,8 +136,16 @@ results! {
     }
     /// A part with its own rate that is computed at every frame, and why.
     FullRatePart { name: String, why: String }
-    /// The audible error, at its worst: pitch [cents], relative error of the T60, level of a third octave [dB].
-    AudibleError { cents: f64, t60: f64, third_octave_db: f64 }
+    /// The audible error, at its worst: pitch [cents], relative error of the T60, level of a third octave [dB], beginning
+    /// of the first stroke and of a later one [s], level of a stroke [dB].
+    AudibleError {
+        cents: f64,
+        t60: f64,
+        third_octave_db: f64,
+        first_stroke_s: f64,
+        later_stroke_s: f64,
+        stroke_db: f64,
+    }
     /// Work of a plan's trials, and the most allowed, by the table of costs [s].
     TrialWork { done: f64, allowed: f64 }
     /// A part that became non-finite at a frame and was muted.

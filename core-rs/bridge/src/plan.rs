@@ -287,10 +287,13 @@ impl PlanRow {
             audible: row
                 .error
                 .and_then(|error| error.audible)
-                .map(|own| AudibleError {
-                    cents: own.cents,
-                    t60: own.t60,
-                    third_octave_db: own.level,
+                .map(|audible| AudibleError {
+                    cents: audible.cents,
+                    t60: audible.t60,
+                    third_octave_db: audible.level,
+                    first_stroke_s: audible.first_stroke,
+                    later_stroke_s: audible.later_stroke,
+                    stroke_db: audible.stroke_level,
                 }),
             cost: row.cost,
             guarantee: row.word.map(|word| match word {

@@ -22,7 +22,8 @@ GRID: int  # changes that a plan must foresee begin at multiples of this many fr
 FORCE_FALL_TIME: float  # the force begins to fall this long before a stiffer piece acts [s]
 FORCE_SCALE_MIN: float  # smallest factor of the piece's force that a hand may get (0 to 1)
 INAUDIBLE: float  # the error of a waveform that counts as none by ear [dB]
-LEAST_HEARD: tuple[float, float, float]  # errors that count as equal by ear: [cents], T60 [1], [dB]
+# Errors that count as equal by ear, in the order of AudibleError.
+LEAST_HEARD: tuple[float, float, float, float, float, float]
 MAX_MODAL: int  # most modes of a MODES
 MAX_PLACES: int  # most places of a MODES
 # Mean difference of third octaves that rounding alone causes in a chaotic motion [dB].
@@ -1215,15 +1216,19 @@ class FullRatePart(NamedTuple):
     why: str
 
 class AudibleError(NamedTuple):
-    """The audible error, at its worst: of the strongest partials and of third octaves.
+    """The audible error, at its worst: of the strongest partials, of third octaves, of strokes.
 
     `t60` is relative to the T60; `third_octave_db` counts only third octaves that the others do
-    not mask.
+    not mask. How early or late the first stroke begins, and a later one [s]; where strokes follow
+    each other within 50 ms, `stroke_db` is the mean difference of the level over 50 ms.
     """
 
     cents: float
     t60: float
     third_octave_db: float
+    first_stroke_s: float
+    later_stroke_s: float
+    stroke_db: float
 
 class TrialWork(NamedTuple):
     """Work of a plan's trials, and the most allowed, by the table of costs [s]."""

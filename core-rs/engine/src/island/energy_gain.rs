@@ -221,6 +221,12 @@ impl Island {
 
     /// The most energy that one link or body has created, as a share of the energy that was there.
     pub(crate) fn created_share(&self) -> f64 {
+        let [contacts, others] = self.created_shares();
+        contacts.max(others)
+    }
+
+    /// The most energy that one contact has created, and that one law or body has, as shares of the energy that was there.
+    pub(crate) fn created_shares(&self) -> [f64; 2] {
         let state = &self.state;
         let scheme = state.scheme.as_deref().unwrap_or(&self.script.scheme);
         let around = around(scheme, &state.bodies, &state.body);
@@ -228,12 +234,22 @@ impl Island {
             let put_in = gains.put_in.most();
             let links = gains.link_work.iter().zip(&gains.links);
             links.map(move |(link_work, link)| {
-                link_work.gain(link, &state.body, (around, put_in), 0)
+                let gain = link_work.gain(link, &state.body, (around, put_in), 0);
+                (matches!(link.run.kind, Kind::But(_)), gain)
             })
         });
-        let told = self.gains().map(|(_, gain)| gain);
-        let all = links.chain(told).map(|gain| gain.created / gain.reference);
-        all.filter(|share| share.is_finite()).fold(0.0, f64::max)
+        let reported = self.gains().map(|(_, gain)| (false, gain));
+        let mut shares = [0.0_f64; 2];
+        for (is_contact, gain) in links.chain(reported) {
+            let share = gain.created / gain.reference;
+            let worst = &mut shares[usize::from(!is_contact)];
+            *worst = if share.is_finite() {
+                worst.max(share)
+            } else {
+                *worst
+            };
+        }
+        shares
     }
 
     /// Check the accounts; stop, or mute, if a part created too much.

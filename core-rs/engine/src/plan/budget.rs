@@ -56,12 +56,14 @@ const UNHEARD: f64 = -80.0;
 const SHARE: f64 = -6.0;
 /// Accuracy of contacts, and of all whose audible error is not known, if the budget is one of pitch [dB].
 pub const INAUDIBLE: f64 = -60.0;
-/// Errors that count as equal, each the least that is heard: of a pitch [cents], of a T60 [1], and of the level of a
-/// third octave [dB].
+/// Errors that count as equal, each the least that is heard: of a pitch [cents], of a T60 [1], of the level of a third
+/// octave [dB], of the beginning of the first stroke and of a later one [s], and of the level of a stroke [dB].
 ///
-/// 3 cents: Moore, J. Acoust. Soc. Am. 54 (1973). 5 %: the difference limen of reverberation times, ISO 3382-1 (2009),
-/// table A.1. 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1.
-pub const LEAST_HEARD: [f64; 3] = [3.0, 0.05, 1.0];
+/// 3 cents: Moore, J. Acoust. Soc. Am. 54 (1973). 3 %: below the difference limen of reverberation times of 5 %, ISO
+/// 3382-1 (2009), table A.1. 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1; half of
+/// it for strokes, which are compared with each other. 2 ms: two clicks are heard in their order at 2 to 3 ms (Hirsh, J.
+/// Acoust. Soc. Am. 31, 1959); a quarter of it where a gesture begins, which the player feels.
+pub const LEAST_HEARD: [f64; 6] = [3.0, 0.03, 1.0, 0.5e-3, 2e-3, 0.5];
 /// Highest audible frequency [Hz].
 pub(crate) const AUDIBLE: f64 = 20_000.0;
 

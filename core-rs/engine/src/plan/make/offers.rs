@@ -129,7 +129,7 @@ impl Solved {
     /// Whether the error that slow parts add stays within their share of what is allowed.
     fn is_unheard(&self, budget: &Budget) -> bool {
         self.slow_error.is_some_and(|error| {
-            let excess = error.audible.map_or(0.0, |audible| audible.excess(budget));
+            let excess = error.excess(budget);
             // If the waveforms part later, third octaves have to agree: their difference limen is 1 dB.
             let by_spectrum = match (error.spectral, budget) {
                 (None, _) => 0.0,

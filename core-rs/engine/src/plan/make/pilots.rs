@@ -30,8 +30,12 @@ impl Maker<'_> {
         };
         let result = self.pilot((subset, own), &stricter, assemble)?;
         let other = result.extend_error(&stricter, known)?;
-        let is_within =
-            |error: Measured| error.spectral.is_none() && error.db <= self.budget.asked();
+        let is_within = |error: Measured| match self.budget {
+            Budget::Cents { .. } => error.excess(self.budget) <= 1.0,
+            Budget::Error(_) | Budget::Method(_) => {
+                error.spectral.is_none() && error.db <= self.budget.asked()
+            }
+        };
         Ok(match other.error.is_some_and(is_within) {
             true => other,
             false => chosen,

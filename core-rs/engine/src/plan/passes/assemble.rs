@@ -51,15 +51,6 @@ impl<'a> How<'a> {
             is_plain: false,
         }
     }
-
-    /// With contacts and laws once a step.
-    pub(in crate::plan) fn plain(oversampling: u32, bodies: MethodChoice<'a>) -> Self {
-        Self {
-            oversampling,
-            bodies,
-            is_plain: true,
-        }
-    }
 }
 
 /// What an island is made of, at any rate.
@@ -82,6 +73,7 @@ impl Shape {
             MethodChoice::Stepped => Self::Stepped,
             MethodChoice::Meshes(_) => Self::Meshes,
             MethodChoice::ByBudget
+            | MethodChoice::Simplest
             | MethodChoice::Unconditional
             | MethodChoice::AsBefore(_)
             | MethodChoice::All(_) => Self::Bodies,
@@ -204,11 +196,17 @@ impl Assembled {
         runs.any(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_)))
     }
 
-    /// Whether its linear bodies go by modes; false if it has slow bodies.
-    pub(in crate::plan) fn has_modes(&self) -> bool {
-        let bodies = &self.island_plan.bodies;
-        bodies.iter().any(|body| matches!(body, BodyPlan::Modal(_)))
-            && !bodies.iter().any(|body| matches!(body, BodyPlan::Slow(_)))
+    /// Whether it has dry friction, whose stops and turns are located between frames.
+    pub(in crate::plan) fn has_dry_friction(&self) -> bool {
+        let mut runs = self.island_plan.network.runs().iter();
+        runs.any(|run| matches!(run.kind, LinkKind::Dry(_)))
+    }
+
+    /// Whether it computes a contact without losses once a step.
+    pub(in crate::plan) fn has_lossless_steps(&self) -> bool {
+        let mut runs = self.island_plan.network.runs().iter();
+        let is_lossless = runs.any(|run| matches!(run.kind, LinkKind::But(_)) && run.z == 0.0);
+        is_lossless && (self.is_plain || self.island_plan.contact_substeps == 1)
     }
 
     /// The methods of its bodies that are meshes, in order.

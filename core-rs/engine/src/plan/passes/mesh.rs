@@ -34,6 +34,8 @@ pub(in crate::plan) const LADDER: [(MeshMethod, u32, f64); 10] = [
 pub(in crate::plan) enum MethodChoice<'a> {
     /// The budget decides.
     ByBudget,
+    /// The simplest method that is stable, whatever its error.
+    Simplest,
     /// By a method that is stable at any step.
     Unconditional,
     /// The methods of the meshes among these bodies, in order: the same island at another rate.
@@ -95,6 +97,9 @@ pub(in crate::plan) fn mesh(
             MethodChoice::Stepped => return None,
             MethodChoice::Unconditional if !is_led => choose(&stiffest, rate, budget, true)?,
             _ if is_led => choose_for_led(&stiffest, rate, budget)?,
+            MethodChoice::Simplest => {
+                choose(&stiffest, rate, &Budget::Error(f64::INFINITY), false)?
+            }
             _ => choose(&stiffest, rate, budget, false)?,
         },
     };

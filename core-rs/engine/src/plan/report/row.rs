@@ -3,6 +3,7 @@
 use crate::integrate::certify;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, Subset};
+use crate::plan::budget::Budget;
 use crate::plan::cost::{self, Costs};
 use crate::plan::passes::audible::{Body, ModeKind};
 use crate::plan::passes::islands::IslandMembers;
@@ -70,6 +71,11 @@ pub struct Measured {
 const DOUBT: f64 = 3.5;
 
 impl Measured {
+    /// The audible error as a multiple of what a budget allows; 0 if it is not known.
+    pub(in crate::plan) fn excess(&self, budget: &Budget) -> f64 {
+        self.audible.map_or(0.0, |audible| audible.excess(budget))
+    }
+
     /// Adds the doubt of an estimate, but not beyond what is `asked` for: the budget has margins of its own.
     pub(in crate::plan) fn doubted(self, asked: f64) -> Self {
         Self {

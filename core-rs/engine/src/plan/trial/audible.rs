@@ -1,7 +1,9 @@
-//! What is heard of the difference of two runs: pitch and decay of the strongest partials, and levels of third octaves.
+//! What is heard of the difference of two runs: pitch and decay of the strongest partials, levels of third octaves, and
+//! when strokes begin and how strong they are.
 
 mod levels;
 mod partials;
+mod strokes;
 
 use crate::plan::budget::{Budget, LEAST_HEARD};
 use crate::plan::trial::pilot_run::PilotRun;
@@ -16,6 +18,12 @@ pub struct Audible {
     pub t60: f64,
     /// Largest error of the level of a third octave that the others do not mask [dB].
     pub level: f64,
+    /// How early or late the first stroke begins [s].
+    pub first_stroke: f64,
+    /// How early or late a later stroke begins [s].
+    pub later_stroke: f64,
+    /// Largest error of the level of a stroke [dB].
+    pub stroke_level: f64,
 }
 
 /// What differs from the mean by less than this share of the largest position is rounding, and no sound.
@@ -41,10 +49,14 @@ impl Audible {
         (0..n_out).fold(Self::default(), |worst, output| {
             let (ours, theirs) = (one(run, output), one(finer, output));
             let (cents, t60) = partials::pitch_errors(&ours, &theirs, spans.rate, upto);
+            let strokes = strokes::stroke_errors(&ours, &theirs, spans.rate);
             worst.with(Self {
                 cents,
                 t60,
                 level: levels::level_error(&ours, &theirs, spans.rate),
+                first_stroke: strokes.first,
+                later_stroke: strokes.later,
+                stroke_level: strokes.level,
             })
         })
     }
@@ -65,31 +77,53 @@ impl Audible {
 
     /// The larger error of each.
     pub(in crate::plan) fn with(self, other: Self) -> Self {
-        Self {
-            cents: self.cents.max(other.cents),
-            t60: self.t60.max(other.t60),
-            level: self.level.max(other.level),
-        }
+        let [ours, theirs] = [self, other].map(|error| error.values());
+        Self::from(std::array::from_fn(|i| ours[i].max(theirs[i])))
     }
 
-    /// All three errors, multiplied by `by`.
-    pub(in crate::plan) fn times(self, by: f64) -> Self {
-        Self {
-            cents: by * self.cents,
-            t60: by * self.t60,
-            level: by * self.level,
-        }
+    /// Both errors in the worst case: the sum of each.
+    pub(in crate::plan) fn plus(self, other: Self) -> Self {
+        let [ours, theirs] = [self, other].map(|error| error.values());
+        Self::from(std::array::from_fn(|i| ours[i] + theirs[i]))
     }
 
-    /// The largest of the three, as a multiple of what a budget of pitch allows; 0 for any other budget.
+    /// All errors, in the order of `LEAST_HEARD`.
+    pub fn values(&self) -> [f64; LEAST_HEARD.len()] {
+        [
+            self.cents,
+            self.t60,
+            self.level,
+            self.first_stroke,
+            self.later_stroke,
+            self.stroke_level,
+        ]
+    }
+
+    /// The largest of them, as a multiple of what a budget of pitch allows; 0 for any other budget.
     pub(in crate::plan) fn excess(&self, budget: &Budget) -> f64 {
         match *budget {
             Budget::Cents { cents, .. } => {
-                let own = [self.cents, self.t60, self.level].into_iter();
-                let all = own.zip(LEAST_HEARD).map(|(own, least)| own / least);
-                all.fold(0.0, f64::max) * LEAST_HEARD[0] / cents
+                let errors = self.values().into_iter().zip(LEAST_HEARD);
+                let worst = errors
+                    .map(|(error, least)| error / least)
+                    .fold(0.0, f64::max);
+                worst * LEAST_HEARD[0] / cents
             }
             Budget::Error(_) | Budget::Method(_) => 0.0,
+        }
+    }
+}
+
+impl From<[f64; LEAST_HEARD.len()]> for Audible {
+    fn from(values: [f64; LEAST_HEARD.len()]) -> Self {
+        let [cents, t60, level, first_stroke, later_stroke, stroke_level] = values;
+        Self {
+            cents,
+            t60,
+            level,
+            first_stroke,
+            later_stroke,
+            stroke_level,
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::plan::IslandPlan;
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{BLOCK, Excerpt, PilotRun, nudged};
 use crate::plan::trial::third_octaves::level_difference;
-use crate::plan::trial::waveform_error::{ORDERS, PARTED, Spans, estimate_errors};
+use crate::plan::trial::waveform_error::{DOUBLING, PARTED, Spans};
 
 /// Length of the first stretch over which runs are compared [s]; each later one is as long as all before it.
 const FIRST: f64 = 1.25e-3;
@@ -42,7 +42,7 @@ struct Profile {
     upto: Vec<f64>,
 }
 
-/// The comparison of two runs that part for good, the second at half the step.
+/// The comparison of two runs that part for good.
 #[derive(Clone, Debug)]
 pub(in crate::plan) struct Parting {
     /// Error from the first sound to the end of each stretch [dB].
@@ -55,7 +55,7 @@ pub(in crate::plan) struct Parting {
     pub(in crate::plan) spectral: f64,
 }
 
-/// Two runs of an island, the second at half the step, with the spans and stretches over which they are compared.
+/// Two runs of an island, the second more exact, with the spans and stretches over which they are compared.
 #[derive(Clone, Copy)]
 pub(in crate::plan) struct Pair<'a> {
     pub(in crate::plan) run: &'a PilotRun,
@@ -154,41 +154,13 @@ impl Stretches {
 }
 
 impl Pair<'_> {
-    /// The first stretch in which the two runs have parted.
-    fn parting_stretch(&self) -> Option<usize> {
-        let alone = self
-            .stretches
-            .profile(&self.run.sound, &self.finer.sound)
-            .alone;
-        alone.iter().position(|db| db.is_some_and(|db| db > PARTED))
-    }
-
-    /// Frames until the runs part, at least one stretch; `None` if they do not part.
-    pub(in crate::plan) fn frames_until_parting(&self) -> Option<usize> {
-        Some(self.stretches.edges[self.parting_stretch()?.max(1)])
-    }
-
-    /// Compares the runs if they part and a nudge shows chaos; `None` otherwise: then finer steps bring the runs
-    /// together.
-    pub(in crate::plan) fn parting(
-        &self,
-        island_plan: &IslandPlan,
-        contact_substeps: usize,
-        allowance: &Allowance,
-    ) -> Result<Option<Parting>, TrialError> {
-        if self.parting_stretch().is_none() {
-            return Ok(None);
-        }
-        self.chaos(island_plan, contact_substeps, allowance)
-    }
-
-    /// Compares the runs if a nudge shows chaos; `None` otherwise.
+    /// How much a nudge of `run` grows over the attack [dB], if that shows chaos; `None` otherwise.
     pub(in crate::plan) fn chaos(
         &self,
         island_plan: &IslandPlan,
         contact_substeps: usize,
         allowance: &Allowance,
-    ) -> Result<Option<Parting>, TrialError> {
+    ) -> Result<Option<f64>, TrialError> {
         if self.run.is_lost || is_linear(island_plan) {
             return Ok(None);
         }
@@ -197,25 +169,20 @@ impl Pair<'_> {
             return Ok(None);
         }
         let last = self.stretches.count_within(ATTACK, self.spans) - 1;
-        let ends = grown
-            .first()
-            .copied()
-            .flatten()
-            .zip(grown.get(last).copied().flatten());
-        Ok(Some(self.compare(
-            ends.map_or(0.0, |(first, last)| last - first),
-            |(own, _)| own,
-        )))
+        let at = |stretch: usize| grown.get(stretch).copied().flatten();
+        Ok(Some(
+            at(0)
+                .zip(at(last))
+                .map_or(0.0, |(first, last)| last - first),
+        ))
     }
 
-    /// Compares the runs, given that a nudge grows by `growth` over the attack [dB]; `of` selects the error of the run
-    /// or of the finer one.
-    fn compare(&self, growth: f64, of: fn((f64, f64)) -> f64) -> Parting {
+    /// Compares the runs, given that a nudge grows by `growth` over the attack [dB]. The finer one parts from the true
+    /// motion too, so errors of the waveform count twice.
+    pub(in crate::plan) fn compare(&self, growth: f64) -> Parting {
         let (run, finer) = (&self.run.sound, &self.finer.sound);
-        let upto = self.stretches.profile(run, finer).upto.into_iter();
-        let upto: Vec<f64> = upto
-            .map(|change| of(estimate_errors(change, None, ORDERS.1)))
-            .collect();
+        let mut upto = self.stretches.profile(run, finer).upto;
+        upto.iter_mut().for_each(|db| *db += DOUBLING);
         let from = self.stretches.start() * self.spans.n_out;
         let (n_out, rate) = (self.spans.n_out, self.spans.rate);
         Parting {
@@ -266,34 +233,10 @@ fn is_chaotic(grown: &[Option<f64>]) -> bool {
 }
 
 impl Parting {
-    /// The comparison of another pair of runs of the same island, by the errors of the finer run if `is_finer`.
-    pub(in crate::plan) fn compare_other(&self, pair: &Pair<'_>, is_finer: bool) -> Self {
-        pair.compare(
-            self.growth,
-            if is_finer {
-                |(_, left)| left
-            } else {
-                |(own, _)| own
-            },
-        )
-    }
-
     /// Whether an attack with an error as small as `attack` [dB] is attainable: errors of the first stretch, at least
     /// `LEAST`, grow by `growth`.
     pub(in crate::plan) fn is_attainable(&self, attack: f64) -> bool {
         attack - self.growth > LEAST
-    }
-
-    /// Raises the error of each stretch to that of `other`, if that is larger.
-    pub(in crate::plan) fn with(mut self, other: Option<&Self>) -> Self {
-        for (own, other) in self
-            .upto
-            .iter_mut()
-            .zip(other.iter().flat_map(|other| &other.upto))
-        {
-            *own = own.max(*other);
-        }
-        self
     }
 
     /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `asked`; if it never

@@ -5,12 +5,15 @@ use crate::island::inside::BodyPlan;
 use crate::maths::log10;
 use crate::network::LinkKind;
 use crate::plan::IslandPlan;
+use crate::plan::budget::Budget;
 use crate::plan::report::content::{Content, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
+use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::is_linear;
 use crate::plan::trial::pilot_run::{Excerpt, frames_a_second, frames_at_rest, play, work};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
+use crate::plan::trial::search::SPECTRUM_NOISE;
 use crate::plan::trial::third_octaves::level_difference;
 use crate::plan::trial::waveform_error::{PARTED, Spans};
 use crate::timeline::Timeline;
@@ -86,11 +89,11 @@ fn greatest_speed(gesture: &Gesture) -> f64 {
 }
 
 /// Measures how long the error of a pilot holds: plays both runs on, to the end of the score or as far as the reserve
-/// of work allows. Returns the error [dB] and the time until which it stays below `most` [dB] or close to what the
-/// pilot measured.
+/// of work allows. Returns the error and the time until which it stays within the budget or close to what the pilot
+/// measured. By ear that is what is heard of all that was played.
 pub(in crate::plan) fn extend_error(
     measured: Measured,
-    most: f64,
+    budget: &Budget,
     [own, other]: [Played<'_>; 2],
     (allowance, store): (&Allowance, Option<&dyn TrialStore>),
 ) -> Result<Measured, TrialError> {
@@ -112,7 +115,7 @@ pub(in crate::plan) fn extend_error(
         return Ok(measured);
     }
     let longest = Excerpt { from, n_frames };
-    let key = store.map(|_| key(measured, most, [own, other], longest.end()));
+    let key = store.map(|_| key(measured, budget, [own, other], longest.end()));
     let kept = store.zip(key.as_deref());
     let recalled = kept.and_then(|(store, key)| record::find(store, key, &reserve));
     if let Some((taken, record)) = recalled
@@ -122,7 +125,7 @@ pub(in crate::plan) fn extend_error(
         return Ok(known);
     }
     let left = reserve.begin();
-    let extended = extend_over(measured, most, [own, other], (longest, look), &reserve)?;
+    let extended = extend_over(measured, budget, [own, other], (longest, look), &reserve)?;
     if let Some((store, key)) = kept {
         let record = TrialRecord::of_error(Some(extended));
         record::keep(store, key, (&reserve, left), record);
@@ -132,20 +135,20 @@ pub(in crate::plan) fn extend_error(
 }
 
 /// A hash of all that the result of [`extend_over`] depends on.
-fn key(measured: Measured, most: f64, played: [Played<'_>; 2], n_frames: usize) -> String {
+fn key(measured: Measured, budget: &Budget, played: [Played<'_>; 2], n_frames: usize) -> String {
     let [own, other] = played.map(|(island_plan, contact_substeps)| {
         let content = Content::of(island_plan).key(island_plan, (0, n_frames as u64), "");
         (content, contact_substeps)
     });
     hex_of(format_args!(
-        "horizon {measured:?} {most:?} {own:?} {other:?} {n_frames}"
+        "horizon {measured:?} {budget:?} {own:?} {other:?} {n_frames}"
     ))
 }
 
 /// The same over an excerpt or its beginning, with the error looked at every `look` frames.
 fn extend_over(
     measured: Measured,
-    most: f64,
+    budget: &Budget,
     [own, other]: [Played<'_>; 2],
     (longest, look): (Excerpt, usize),
     reserve: &Allowance,
@@ -177,7 +180,28 @@ fn extend_over(
     let change = |n: usize| changes[n.div_ceil(look).min(changes.len()) - 1];
     // By how much the measured error exceeds the change between the two runs [dB].
     let beyond = measured.db - change(pilot);
-    let least = most.max(measured.db + SAME);
+    let by_ear = measured.audible.and_then(|at_first| {
+        let upto = match *budget {
+            Budget::Cents { upto, .. } => upto,
+            Budget::Error(_) | Budget::Method(_) => return None,
+        };
+        // The first run may have been played further.
+        let run = &run.sound[..other.sound.len()];
+        let all = spans.since_start();
+        let audible = Audible::of(run, &other.sound, &all, upto);
+        // The finer run has up to as large an error as the change.
+        Some(Measured {
+            db: measured.db.max(change(n_frames) + beyond),
+            over: seconds(n_frames),
+            audible: Some(audible.plus(audible).with(at_first)),
+            ..measured
+        })
+    });
+    let is_allowed = |error: &Measured| error.excess(budget) <= 1.0;
+    if let Some(error) = by_ear.filter(is_allowed) {
+        return Ok(error);
+    }
+    let least = budget.asked().max(measured.db + SAME);
     let (mut until, mut db) = (pilot, measured.db);
     let mut n = pilot;
     while n < n_frames {
@@ -191,20 +215,22 @@ fn extend_over(
                 spans.n_out,
                 spans.rate,
             );
-            return Ok(Measured {
+            // Runs that differ by rounding alone have parted for good.
+            let is_noise = spectral <= SPECTRUM_NOISE;
+            return Ok(by_ear.filter(|_| !is_noise).unwrap_or(Measured {
                 db,
                 over: seconds(until),
                 spectral: Some(spectral),
                 ..measured
-            });
+            }));
         }
         (until, db) = (n, db.max(now));
     }
-    Ok(Measured {
+    Ok(by_ear.unwrap_or(Measured {
         db,
         over: seconds(n_frames),
         ..measured
-    })
+    }))
 }
 
 /// ‖a − b‖ / ‖b‖ [dB] of the worst output, from the start to each look; the mean of `b` does not count as sound.
@@ -234,7 +260,7 @@ fn changes(a: &[f64], b: &[f64], n_out: usize, look: usize) -> Vec<f64> {
 }
 
 /// When the last event has been played and heard [s].
-fn end(island_plan: &IslandPlan) -> f64 {
+pub(in crate::plan) fn end(island_plan: &IslandPlan) -> f64 {
     let timeline = &island_plan.timeline;
     let gestures = timeline.gestures.iter();
     let gestures = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));

@@ -244,9 +244,9 @@ pub(in crate::plan) fn error(
     let Some(found) = found else {
         return Ok(None);
     };
-    let ways = [&slow, &single].map(|island| (&island.island_plan, contact_substeps));
+    let played = [&slow, &single].map(|island| (&island.island_plan, contact_substeps));
     let known = (allowance, store);
-    unless_spent(horizon::extend_error(found, budget.asked(), ways, known))
+    unless_spent(horizon::extend_error(found, budget, played, known))
 }
 
 /// The difference between an island and the same with kicks at every frame, over its beginning.

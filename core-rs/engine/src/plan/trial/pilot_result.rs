@@ -11,9 +11,9 @@ use crate::plan::passes::ported::PortedBody;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
+use crate::plan::trial::candidates::TIMES_MAX;
 use crate::plan::trial::horizon;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
-use crate::plan::trial::search::TIMES_MAX;
 
 /// Most contact substeps a step that a record may hold.
 const SUBSTEPS_MAX: usize = 2 * TIMES_MAX as usize * Budget::STEPS_MAX;
@@ -43,12 +43,23 @@ impl ChosenIsland {
         at_first: Option<Measured>,
         budget: &Budget,
     ) -> Option<Budget> {
-        let (Budget::Error(asked), Some(now)) = (budget, self.error) else {
-            return None;
-        };
-        let growth = now.db - at_first?.db;
-        let has_left = now.spectral.is_none() && now.db > *asked && now.db - growth <= *asked;
-        has_left.then_some(Budget::Error(asked - growth))
+        let (now, at_first) = self.error.zip(at_first)?;
+        match *budget {
+            Budget::Error(asked) => {
+                let growth = now.db - at_first.db;
+                let has_left = now.spectral.is_none() && now.db > asked && at_first.db <= asked;
+                has_left.then_some(Budget::Error(asked - growth))
+            }
+            Budget::Cents { cents, upto } => {
+                let growth = now.excess(budget) / at_first.excess(budget);
+                let has_left = now.excess(budget) > 1.0 && at_first.excess(budget) <= 1.0;
+                has_left.then_some(Budget::Cents {
+                    cents: cents / growth,
+                    upto,
+                })
+            }
+            Budget::Method(_) => None,
+        }
     }
 }
 
@@ -102,12 +113,7 @@ impl PilotResult {
                 (&long_run.own.island_plan, own),
                 (&long_run.finer.island_plan, finer),
             ];
-            chosen.error = unless_spent(horizon::extend_error(
-                measured,
-                budget.asked(),
-                played,
-                known,
-            ))?;
+            chosen.error = unless_spent(horizon::extend_error(measured, budget, played, known))?;
         }
         chosen.error = chosen.error.map(|error| error.doubted(budget.asked()));
         Ok(chosen)

@@ -16,6 +16,8 @@ const LONGEST: f64 = 10.0;
 const WORK_MAX: f64 = 0.5;
 /// Work of comparing one sample of an output with others [s].
 const COMPARISON: f64 = 2e-8;
+/// How often a run is looked at for created energy: it may give back later what it created.
+const LOOKS: usize = 16;
 /// Frames of a block, after each of which the modes are looked at.
 pub(in crate::plan) const BLOCK: usize = 64;
 /// Frames that it takes to see whether an island rests from its beginning on.
@@ -56,6 +58,27 @@ pub(in crate::plan) struct PilotRun {
     pub(in crate::plan) is_lost: bool,
     /// The largest share that an output hears of what it would hear if no motion were cancelled.
     pub(in crate::plan) loudest_share: f64,
+    pub(in crate::plan) created: Created,
+}
+
+/// The most energy that one link has created, as a share of what was there.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::plan) struct Created {
+    pub(in crate::plan) contacts: f64,
+    /// In the first half of the run, and in all of it.
+    pub(in crate::plan) laws: [f64; 2],
+}
+
+impl Created {
+    fn look(&mut self, island: &Island, is_first_half: bool) {
+        let [contacts, laws] = island.created_shares();
+        self.contacts = self.contacts.max(contacts);
+        let [first, all] = &mut self.laws;
+        *all = all.max(laws);
+        if is_first_half {
+            *first = first.max(laws);
+        }
+    }
 }
 
 /// Whether nothing changes in a sound, (n_frames · n_out).
@@ -364,6 +387,8 @@ fn run(
         .map(|body| vec![0.0; body.n_modes()])
         .collect();
     let (mut touched_from, mut silence) = (None, Silence::new(island_plan, &island));
+    let mut created = Created::default();
+    let look = (n_frames / LOOKS).max(1);
     for at in (0..n_frames).step_by(BLOCK) {
         if at == block {
             island.damp(by);
@@ -375,6 +400,9 @@ fn run(
         meter.draw(&island, end - at)?;
         let _ = island.process(own, end - at, &mut ThreadTeam::alone());
         silence.note(&island, own);
+        if at / look < end / look || end == n_frames {
+            created.look(&island, 2 * end <= n_frames);
+        }
         derivatives.process(own, n_out);
         island.squares(&mut squares);
         silence.keep(own, &squares);
@@ -388,6 +416,7 @@ fn run(
     Ok(Some(PilotRun {
         from: excerpt.from,
         loudest_share: silence.loudest_share(&squares),
+        created,
         sound,
         squares,
         counted_cost: CountedCost::of(&island, n_frames - touched_from.unwrap_or(0)),

@@ -6,6 +6,7 @@
 //! and the hash of that and of the events up to one such length leads to what the series found.
 
 use crate::network::Error;
+use crate::plan::budget::LEAST_HEARD;
 use crate::plan::report::content::{IslandContent, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, Taken};
@@ -68,14 +69,16 @@ impl TrialRecord {
     /// An error as numbers.
     pub(in crate::plan) fn numbers_of(error: Option<Measured>) -> Vec<Option<f64>> {
         let audible = error.and_then(|error| error.audible);
-        vec![
+        let mut numbers = vec![
             error.map(|error| error.db),
             error.map(|error| error.over),
             error.and_then(|error| error.spectral),
-            audible.map(|own| own.cents),
-            audible.map(|own| own.t60),
-            audible.map(|own| own.level),
-        ]
+        ];
+        numbers.extend(match audible {
+            Some(audible) => audible.values().map(Some),
+            None => [None; LEAST_HEARD.len()],
+        });
+        numbers
     }
 
     /// A record of an error and nothing else.
@@ -95,13 +98,12 @@ impl TrialRecord {
 
     /// The error at the head of the record, and the numbers after it.
     pub(in crate::plan) fn error(&self) -> Option<(Option<Measured>, &[Option<f64>])> {
-        let [db, over, spectral, cents, t60, level, rest @ ..] = &self.numbers[..] else {
-            return None;
-        };
-        let audible = match (*cents, *t60, *level) {
-            (Some(cents), Some(t60), Some(level)) => Some(Audible { cents, t60, level }),
-            _ => None,
-        };
+        let ([db, over, spectral], rest) = self.numbers.split_first_chunk()?;
+        let (audible, rest) = rest.split_first_chunk::<{ LEAST_HEARD.len() }>()?;
+        let known: Vec<f64> = audible.iter().filter_map(|value| *value).collect();
+        let audible = <[f64; LEAST_HEARD.len()]>::try_from(known)
+            .ok()
+            .map(Audible::from);
         let error = db.zip(*over).map(|(db, over)| Measured {
             db,
             over,

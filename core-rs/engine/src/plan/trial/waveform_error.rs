@@ -4,8 +4,6 @@ use crate::maths::{decibels, log10, pow, sqrt};
 use crate::plan::IslandPlan;
 use crate::plan::trial::pilot_run::{AFTER, frames_a_second, is_still};
 
-/// Orders of convergence between which errors are assumed to fall with the step.
-pub(in crate::plan) const ORDERS: (f64, f64) = (1.0, 2.0);
 /// What an error of order 1 falls by when the step is halved [dB].
 pub(in crate::plan) const DOUBLING: f64 = 6.02;
 
@@ -19,28 +17,6 @@ pub(in crate::plan) const PARTED: f64 = -10.0;
 /// A run is first compared after one part in `EARLY.0` of its first span; its difference there exceeds the final one by
 /// at most `EARLY.1` [dB].
 const EARLY: (usize, f64) = (4, 12.0);
-
-/// Errors [dB] of the runs at S and at 2S steps, from the `change` between them and from that between S/2 and S before
-/// (`last`). If the change falls faster than by the order `most`, that is chance: it depends on where within a step a
-/// contact closes.
-pub(in crate::plan) fn estimate_errors(change: f64, last: Option<f64>, most: f64) -> (f64, f64) {
-    let least = ORDERS.0;
-    let believed = last.map_or(change, |last| change.max(last - most * DOUBLING));
-    let order = last.map_or(least, |last| {
-        ((last - believed) / DOUBLING).clamp(least, most)
-    });
-    let falls = pow(2.0, order);
-    (
-        believed + 20.0 * log10(falls / (falls - 1.0)),
-        believed - 20.0 * log10(falls - 1.0),
-    )
-}
-
-/// The error to state if a law has kinks or friction lets go, given the error `before` at twice the step. Where such an
-/// instant lies within a step is chance, so the stated error falls by the first power of the step at most.
-pub(in crate::plan) fn at_most_first_order(error: f64, before: Option<f64>) -> f64 {
-    before.map_or(error, |before| error.max(before - DOUBLING))
-}
 
 /// The sum of two independent errors, by power [dB].
 pub(in crate::plan) fn power_sum(one: f64, other: f64) -> f64 {
@@ -99,6 +75,14 @@ impl Spans {
         let end = event + 3 * third;
         Self {
             frames: [2, 1, 0].map(|thirds| end - thirds * third),
+            ..*self
+        }
+    }
+
+    /// Spans from the first frame on, instead of from the first event.
+    pub(in crate::plan) fn since_start(&self) -> Self {
+        Self {
+            frames: [1, 2, 3].map(|thirds| thirds * (self.end() / 3)),
             ..*self
         }
     }

@@ -1,0 +1,184 @@
+//! The table of candidates to compute an island: methods of its bodies, steps a frame, and how finely contacts and laws
+//! are computed. A candidate is assembled only if it is stable.
+
+use crate::integrate::MeshMethod;
+use crate::network::Error;
+use crate::plan::budget::Budget;
+use crate::plan::passes::assemble::{Assembled, How};
+use crate::plan::passes::mesh::MethodChoice;
+use crate::plan::trial::allowance::Allowance;
+use crate::plan::trial::pilot_run::PilotRun;
+
+/// Most steps a frame of a candidate that a plan may choose.
+pub(in crate::plan) const TIMES_MAX: u32 = 8;
+/// Methods of meshes, each with its steps a frame.
+const MESH_METHODS: [(MeshMethod, u32); 6] = [
+    (MeshMethod::Ca2p, 1),
+    (MeshMethod::Ca2p, 2),
+    (MeshMethod::Ca2p, 4),
+    (MeshMethod::Bm4, 1),
+    (MeshMethod::Bm4, 2),
+    (MeshMethod::Bm4, 4),
+];
+
+/// A way to compute an island.
+#[derive(Clone)]
+pub(in crate::plan) struct Candidate {
+    pub(in crate::plan) island: Assembled,
+    /// Contact substeps a step.
+    pub(in crate::plan) substeps: usize,
+    /// Nanoseconds a frame; what depends on the motion is an estimate until it was played.
+    pub(in crate::plan) cost: f64,
+    /// Which of the table's methods of bodies and steps a frame it has.
+    pub(in crate::plan) group: usize,
+}
+
+/// How a family of candidates computes its bodies, contacts and laws; its members differ in their steps alone.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::plan) struct Family {
+    pub(in crate::plan) bodies: MethodChoice<'static>,
+    pub(in crate::plan) is_plain: bool,
+}
+
+impl Family {
+    /// The families among which a reference is looked for, those of the highest order first.
+    pub(in crate::plan) const OF_REFERENCE: [Self; 4] = [
+        Self::fine(MethodChoice::ByBudget),
+        Self::fine(MethodChoice::All((MeshMethod::Bm4, 1))),
+        Self::fine(MethodChoice::Stepped),
+        Self {
+            bodies: MethodChoice::ByBudget,
+            is_plain: true,
+        },
+    ];
+
+    const fn fine(bodies: MethodChoice<'static>) -> Self {
+        Self {
+            bodies,
+            is_plain: false,
+        }
+    }
+
+    /// How a member of the family is assembled.
+    pub(in crate::plan) fn with_steps(self, oversampling: u32) -> How<'static> {
+        How {
+            oversampling,
+            bodies: self.bodies,
+            is_plain: self.is_plain,
+        }
+    }
+}
+
+/// Whether contacts or laws of an island may be computed finer than once a step.
+pub(in crate::plan) fn has_fine(island: &Assembled) -> bool {
+    !island.is_plain && (island.may_collocate || island.island_plan.contact_substeps > 1)
+}
+
+/// All candidates for an island, in rising order of cost. What contacts and laws cost between frames is taken from the
+/// run of the reference, in proportion to the substeps.
+pub(in crate::plan) fn candidates<F: Fn(How<'_>) -> Result<Assembled, Error>>(
+    assemble: &F,
+    reference: (&Candidate, &PilotRun),
+) -> Vec<Candidate> {
+    let meshes = MESH_METHODS
+        .into_iter()
+        .flat_map(|method| [MethodChoice::All(method), MethodChoice::Meshes(method)]);
+    let bodies = [
+        MethodChoice::Simplest,
+        MethodChoice::ByBudget,
+        MethodChoice::Stepped,
+    ];
+    let steps = (0..=TIMES_MAX.ilog2()).map(|doublings| 1 << doublings);
+    let groups = bodies
+        .into_iter()
+        .chain(meshes)
+        .flat_map(|bodies| steps.clone().map(move |steps| (bodies, steps)));
+    let mut candidates: Vec<Candidate> = Vec::new();
+    for (group, (bodies, steps)) in groups.enumerate() {
+        for is_plain in [true, false] {
+            let family = Family { bodies, is_plain };
+            let Ok(island) = assemble(family.with_steps(steps)) else {
+                continue;
+            };
+            for substeps in substeps_of(&island) {
+                let candidate = Candidate::new(island.clone(), substeps, Some(reference));
+                if !candidates.iter().any(|known| known.is_same(&candidate)) {
+                    candidates.push(Candidate { group, ..candidate });
+                }
+            }
+        }
+    }
+    candidates.sort_by(|one, other| {
+        let by_cost = one.cost.total_cmp(&other.cost);
+        by_cost.then(one.substeps.cmp(&other.substeps))
+    });
+    candidates
+}
+
+/// Contact substeps a step that are worth trying.
+fn substeps_of(island: &Assembled) -> Vec<usize> {
+    if !has_fine(island) {
+        return vec![1];
+    }
+    let doublings = Budget::STEPS_MIN.ilog2()..=Budget::STEPS_MAX.ilog2();
+    doublings.map(|doublings| 1 << doublings).collect()
+}
+
+impl Candidate {
+    /// A candidate whose cost between frames is estimated from the run of another one.
+    pub(in crate::plan) fn new(
+        mut island: Assembled,
+        substeps: usize,
+        played: Option<(&Self, &PilotRun)>,
+    ) -> Self {
+        let plan = &mut island.island_plan;
+        plan.contact_substeps = substeps;
+        if let Some((other, run)) = played.filter(|_| substeps > 1) {
+            let counted = if plan.bodies.is_empty() {
+                run.counted_cost.own
+            } else {
+                run.counted_cost.all()
+            };
+            let steps = f64::from(plan.oversampling) * substeps as f64;
+            plan.counted_cost = Some((f64::from(counted) * steps / other.steps_a_frame()) as u32);
+        }
+        Self {
+            cost: island.island_plan.cost(),
+            island,
+            substeps,
+            group: 0,
+        }
+    }
+
+    /// Whether an allowance pays for playing `n_frames` of it, as far as its cost is known; nothing is taken.
+    pub(in crate::plan) fn is_within(&self, allowance: &Allowance, n_frames: usize) -> bool {
+        allowance.share_left(1e-9 * self.cost * n_frames as f64) >= 1.0
+    }
+
+    /// Whether it differs from `other` by more substeps alone.
+    pub(in crate::plan) fn is_finer_than(&self, other: &Self) -> bool {
+        self.group == other.group && self.substeps > other.substeps && other.substeps > 1
+    }
+
+    /// Substeps of contacts a frame.
+    fn steps_a_frame(&self) -> f64 {
+        f64::from(self.island.island_plan.oversampling) * self.substeps as f64
+    }
+
+    /// The same with the cost that its run had.
+    pub(in crate::plan) fn counted(mut self, run: &PilotRun) -> Self {
+        let plan = &mut self.island.island_plan;
+        plan.counted_cost = Some(run.counted_cost.all());
+        self.cost = plan.cost();
+        self
+    }
+
+    /// Whether both compute the same under two names.
+    fn is_same(&self, other: &Self) -> bool {
+        let [plan, other_plan] = [self, other].map(|candidate| &candidate.island.island_plan);
+        self.cost.to_bits() == other.cost.to_bits()
+            && self.substeps == other.substeps
+            && plan.oversampling == other_plan.oversampling
+            && self.island.mesh_methods() == other.island.mesh_methods()
+    }
+}

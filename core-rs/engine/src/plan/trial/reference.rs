@@ -1,0 +1,253 @@
+//! The reference: the most exact run of an island that is worth its work, with a bound of its error.
+//!
+//! Candidates of several families are played in doubling steps. The change from one run to the next bounds the error of
+//! the finer one, for each method is at least of order 1. Families of the highest order come first.
+
+use std::rc::Rc;
+
+use crate::maths::pow;
+use crate::network::Error;
+use crate::plan::budget::Budget;
+use crate::plan::passes::assemble::{Assembled, How};
+use crate::plan::trial::allowance::{Allowance, TrialError};
+use crate::plan::trial::audible::Audible;
+use crate::plan::trial::candidates::{Candidate, Family, TIMES_MAX, has_fine};
+use crate::plan::trial::pilot_run::{PilotRun, is_affordable, is_still};
+use crate::plan::trial::runs::Runs;
+use crate::plan::trial::waveform_error::{DOUBLING, Spans, difference};
+
+/// A reference is this much more exact than the waveform that is asked for [dB]: its error then changes that of a
+/// candidate by 2.5 dB at most.
+const BELOW: f64 = 12.0;
+/// Whatever is asked for, a reference of a waveform is this exact [dB]: at -80 dB too, so that a plan for less sees the
+/// same errors of the same candidates.
+const WAVEFORM: f64 = -92.0;
+/// By ear a reference is exact enough if its audible error is this part of what is allowed.
+const AUDIBLE: f64 = 0.2;
+/// A waveform that is surer than this is not chaotic [dB].
+const UNSURE: f64 = -60.0;
+/// Contact substeps a step of a reference; of laws, which divide a frame only as far as they have to, as many as never
+/// limit that. If both take more than the part `COSTLY` of the cost, a doubling doubles nearly all work, so it begins at
+/// `SUBSTEPS_OF_COSTLY`.
+const SUBSTEPS: usize = 32;
+const SUBSTEPS_OF_LAWS: usize = 4 * Budget::STEPS_MAX;
+const SUBSTEPS_OF_COSTLY: usize = Budget::STEPS_MIN;
+const COSTLY: f64 = 0.5;
+/// A doubling that gains less than this ends a family [dB].
+const GAIN: f64 = 3.0;
+/// A doubling is played if this multiple of the work of the run before is left.
+const RESERVE: f64 = 2.0;
+/// The part of the remaining allowance that one family may take.
+const SHARE: f64 = 0.4;
+/// Orders of convergence that are believed. Kinks of laws and stops of friction have less than order 1; a faster fall
+/// from one doubling to the next may be chance.
+const ORDERS: [f64; 2] = [0.5, 1.0];
+
+/// The most exact run.
+pub(in crate::plan) struct Reference {
+    pub(in crate::plan) candidate: Candidate,
+    pub(in crate::plan) run: Rc<PilotRun>,
+    /// A bound of its error [dB].
+    pub(in crate::plan) error: f64,
+    /// A bound of its audible error, if the budget is one of pitch.
+    pub(in crate::plan) audible: Option<Audible>,
+}
+
+impl Reference {
+    /// Whether it is as exact as a reference should be.
+    fn is_exact(&self, budget: &Budget) -> bool {
+        match self.audible {
+            Some(audible) => audible.excess(budget) <= AUDIBLE,
+            None => self.error <= (budget.asked() - BELOW).min(WAVEFORM),
+        }
+    }
+
+    /// Whether it shows that the motion is not chaotic.
+    pub(in crate::plan) fn is_sure(&self, budget: &Budget) -> bool {
+        self.error <= UNSURE || (self.audible.is_some() && self.is_exact(budget))
+    }
+
+    fn is_better(&self, other: &Self, budget: &Budget) -> bool {
+        match (self.audible, other.audible) {
+            (Some(audible), Some(others)) => audible.excess(budget) < others.excess(budget),
+            _ => self.error < other.error,
+        }
+    }
+}
+
+/// What a search for a reference plays, and how.
+struct Climb<'a, F> {
+    assemble: &'a F,
+    runs: &'a Runs,
+    spans: &'a Spans,
+    budget: &'a Budget,
+}
+
+/// Finds the reference of an island whose first run was `first`; `None` if no two runs of one family can be played.
+pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
+    (assemble, first): (&F, &Candidate),
+    (runs, spans): (&Runs, &Spans),
+    budget: &Budget,
+    allowance: &Allowance,
+) -> Result<Option<Reference>, TrialError> {
+    let climb = Climb {
+        assemble,
+        runs,
+        spans,
+        budget,
+    };
+    let substeps = first_substeps(first);
+    let mut best: Option<Reference> = None;
+    for family in climb.families(first) {
+        let part = allowance.fraction(SHARE);
+        let found = climb.family((family, substeps), &part);
+        allowance.spend_fraction(&part, SHARE);
+        match found {
+            // By CA a strike that friction can stop within a step moves nothing, at any rate.
+            Ok(Some(found)) if is_held(&found, family, spans) => {}
+            Ok(Some(found)) => {
+                if best
+                    .as_ref()
+                    .is_none_or(|best| found.is_better(best, budget))
+                {
+                    best = Some(found);
+                }
+            }
+            Ok(None) | Err(TrialError::AllowanceSpent) => {}
+            Err(error) => return Err(error),
+        }
+        if best.as_ref().is_some_and(|best| best.is_exact(budget)) {
+            break;
+        }
+    }
+    Ok(best)
+}
+
+/// Contact substeps a step of all runs, given the first one.
+fn first_substeps(first: &Candidate) -> usize {
+    let of_contacts = first.island.island_plan.counted_cost.map_or(0.0, f64::from);
+    let is_costly = of_contacts > COSTLY * first.cost || is_plain_first(&first.island);
+    match first.island.may_collocate {
+        true if !first.island.has_dry_friction() => SUBSTEPS_OF_LAWS,
+        _ if is_costly => SUBSTEPS_OF_COSTLY,
+        _ => SUBSTEPS,
+    }
+}
+
+/// Whether dry friction, computed once a step, holds all that is heard.
+fn is_held(found: &Reference, family: Family, spans: &Spans) -> bool {
+    let island = &found.candidate.island;
+    family.is_plain && island.sticks() && is_still(&found.run.sound, spans.n_out)
+}
+
+/// Whether contacts and laws between frames cost more than all of the island by the plain way at the highest rate.
+pub(in crate::plan) fn is_plain_first(island: &Assembled) -> bool {
+    let mut plan = island.island_plan.clone();
+    (plan.contact_substeps, plan.counted_cost) = (1, None);
+    let plain = plan.cost();
+    plan.contact_substeps = Budget::STEPS_MIN;
+    island.may_collocate && plan.cost() > f64::from(TIMES_MAX) * plain
+}
+
+impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
+    /// The families in the order in which they are tried.
+    fn families(&self, first: &Candidate) -> [Family; Family::OF_REFERENCE.len()] {
+        let mut families = Family::OF_REFERENCE;
+        if is_plain_first(&first.island) {
+            families.rotate_right(1);
+        } else if matches!(self.budget, Budget::Error(_)) && self.has_meshes() {
+            families.swap(0, 1);
+        }
+        families
+    }
+
+    /// Whether bodies are meshes that a method of order 4 computes.
+    fn has_meshes(&self) -> bool {
+        let [_, by_bm4, ..] = Family::OF_REFERENCE;
+        let methods = (self.assemble)(by_bm4.with_steps(1)).map(|island| island.mesh_methods());
+        methods.is_ok_and(|methods| methods.iter().any(Option::is_some))
+    }
+
+    /// Plays a family in doubling steps until a run is exact enough, or gains no more.
+    fn family(
+        &self,
+        (family, substeps): (Family, usize),
+        allowance: &Allowance,
+    ) -> Result<Option<Reference>, TrialError> {
+        let mut best: Option<Reference> = None;
+        let mut last: Option<Rc<PilotRun>> = None;
+        let mut before: Option<f64> = None;
+        let mut spent = 0.0;
+        let mut steps = if family.is_plain { TIMES_MAX } else { 1 };
+        while steps <= 8 * TIMES_MAX {
+            let member = (self.assemble)(family.with_steps(steps));
+            steps *= 2;
+            let Ok(island) = member else {
+                continue;
+            };
+            let substeps = if has_fine(&island) { substeps } else { 1 };
+            let candidate = Candidate::new(island, substeps, None);
+            let n_frames = self.runs.excerpt().n_frames;
+            let is_paid = allowance.share_left(RESERVE * spent) >= 1.0;
+            if !is_affordable(&candidate.island.island_plan, n_frames) || !is_paid {
+                break;
+            }
+            let (already, _) = allowance.spent();
+            let played = (&candidate.island.island_plan, substeps);
+            let run = match self.runs.play(played, allowance) {
+                Err(TrialError::AllowanceSpent) if best.is_some() => break,
+                run => run?,
+            };
+            spent = allowance.spent().0 - already;
+            if run.is_lost {
+                last = None;
+                continue;
+            }
+            let Some(coarser) = last.replace(run.clone()) else {
+                continue;
+            };
+            let change = difference(&coarser.sound, &run.sound, self.spans);
+            let found = Reference {
+                candidate: candidate.counted(&run),
+                error: error_of_finer(change, before),
+                audible: Audible::of_budget(self.budget, (&coarser, &run.sound), self.spans),
+                run,
+            };
+            let is_idle = before.is_some_and(|before| change > before - GAIN);
+            let ends = is_idle || found.is_exact(self.budget);
+            before = Some(change);
+            if best
+                .as_ref()
+                .is_none_or(|best| found.is_better(best, self.budget))
+            {
+                best = Some(found);
+            }
+            if ends {
+                break;
+            }
+        }
+        Ok(best)
+    }
+}
+
+/// The error of the finer of two runs [dB], from the change between them and the one `before` at twice the steps: at
+/// order 1, which the first two are assumed to have, it is the change.
+fn error_of_finer(change: f64, before: Option<f64>) -> f64 {
+    let [lowest, highest] = ORDERS;
+    let order = before
+        .map_or(1.0, |before| (before - change) / DOUBLING)
+        .clamp(lowest, highest);
+    change - 20.0 * crate::maths::log10(pow(2.0, order) - 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn error_of_finer_by_order() {
+        assert!((error_of_finer(-40.0, None) + 40.0).abs() < 1e-9);
+        assert!((error_of_finer(-40.0, Some(-38.0)) + 32.34).abs() < 0.01);
+        assert!((error_of_finer(-40.0, Some(-10.0)) + 40.0).abs() < 1e-9);
+    }
+}
