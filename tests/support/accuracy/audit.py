@@ -8,7 +8,7 @@ from math import inf, log10
 
 import numpy as np
 
-from accuracy import reference
+from accuracy import hearing, reference
 from accuracy.equations import read
 from accuracy.random_scenes import text as random_text
 from ergon import _core
@@ -36,6 +36,9 @@ FLOOR_DB = -150.0  # errors below are rounding, of the reference too
 LEAST = 0.05  # [s] that the shortest pilot plays
 APART = 1.0  # [dB] by which two plans of a scene differ for certain
 DEARER = 1.02  # ratio by which one plan costs more than another for certain
+# What is heard of a plan by ear, over what is allowed, from which on it is a miss: here partials of
+# close pitches are followed differently than in the planner.
+CLEARLY = 1.2
 THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three of them
 
 
@@ -45,7 +48,8 @@ class Plan:
 
     `spectrum`: if the plan says that the motion is chaotic, the mean difference of third octaves
     over the render, minus that of two tolerances of the reference. `stated` is FLOOR_DB if the
-    plan says that it is exact, and infinite if it says that it did not measure the error. `doubt`:
+    plan says that it is exact, and infinite if it says that it did not measure the error.
+    `audible`: of a plan by ear, what is heard of its error over what is allowed. `doubt`:
     the difference of two tolerances of the reference over the pilot's time. `refused`: why there is
     no plan or no render; then nothing else is known.
     """
@@ -60,6 +64,7 @@ class Plan:
     warned: bool = False
     chaotic: bool = False
     spectrum: float = 0.0
+    audible: float = inf
     refused: str = ""
     how: str = ""
 
@@ -74,6 +79,8 @@ class Plan:
     @property
     def is_met(self) -> bool:
         """Whether the error is within the budget."""
+        if self.budget is None:
+            return self.is_judged and self.audible <= CLEARLY
         return self.is_judged and self.real <= self.asked + 0.1
 
     @property
@@ -81,12 +88,13 @@ class Plan:
         """Whether the real error exceeds the budget, and the stated one by more than 1.5 dB or none
         is stated, without a warning.
 
-        For a chaotic motion: whether the spectrum differs, without a warning.
+        By ear: whether more is heard than is allowed, without a warning. For a chaotic motion:
+        whether the spectrum differs, without a warning.
         """
         if self.chaotic:
             return self.spectrum > UNLIKE and not self.warned
-        is_told = self.warned or (self.stated < inf and self.excess <= 1.5)
-        return self.is_judged and not self.is_met and not is_told
+        is_stated = self.stated < inf and self.excess <= 1.5 and self.budget is not None
+        return self.is_judged and not self.is_met and not (self.warned or is_stated)
 
     @property
     def excess(self) -> float:
@@ -95,8 +103,8 @@ class Plan:
 
     @property
     def asked(self) -> float:
-        """The budget [dB]; a plan by ear keeps contacts to about -60 dB."""
-        return -60.0 if self.budget is None else self.budget
+        """The budget [dB]; by ear no waveform is promised."""
+        return inf if self.budget is None else self.budget
 
 
 @dataclass(frozen=True)
@@ -104,13 +112,14 @@ class Plain:
     """A method at a multiple of the rate for the whole scene: its real errors and its cost.
 
     There is one error for the time of each plan's pilot: in a chaotic motion a plan states a
-    shorter time.
+    shorter time. `audible` is as that of a plan, over the time of the plan by ear.
     """
 
     method: str
     times: int
     reals: tuple[float, ...]
     cost: float
+    audible: float = inf
 
     @property
     def real(self) -> float:
@@ -128,13 +137,15 @@ class Audit:
 
     def overspending(self, plan: Plan) -> float | None:
         """The plan's cost over that of the cheapest plain setting that also keeps the budget."""
-        if plan.budget is None or not plan.is_met:
+        if not plan.is_met:
             return None
         costs = [setting.cost for setting in self._plain_within(plan)]
         return plan.cost / min(costs) if costs else None
 
     def _plain_within(self, plan: Plan) -> list[Plain]:
         """The plain settings that keep the plan's budget over the time of its pilot."""
+        if plan.budget is None:
+            return [setting for setting in self.plain if setting.audible <= 1.0]
         at = self.plans.index(plan)
         return [setting for setting in self.plain if setting.reals[at] <= plan.asked]
 
@@ -262,8 +273,15 @@ def _plan(
         warned=bool(made.notes),
         chaotic=is_chaotic,
         spectrum=_unlike(sound, exact, piece.rate) if is_chaotic else 0.0,
+        audible=_audible(sound, heard, piece.rate, pilot) if budget is BY_EAR else inf,
         how=", ".join(f"{row.what} ×{row.oversampling}" for row in rows if row.cost),
     )
+
+
+def _audible(sound: np.ndarray, exact: np.ndarray, rate: float, seconds: float) -> float:
+    """What is heard of the difference over `seconds`, over what is allowed."""
+    n_frames = len(exact) if seconds == inf else min(round(seconds * rate), len(exact))
+    return hearing.errors(sound[:n_frames], exact[:n_frames], rate).excess
 
 
 def _unlike(sound: np.ndarray, exact: reference.Reference, rate: float) -> float:
@@ -272,7 +290,9 @@ def _unlike(sound: np.ndarray, exact: reference.Reference, rate: float) -> float
 
 
 def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[Plain]:
+    plans = tuple(plans)
     pilots = [plan.pilot for plan in plans]
+    by_ear = [plan.pilot for plan in plans if plan.budget is BY_EAR]
     for method, times in PLAIN:
         scene = Oversampled.of(Score(piece), times)
         try:
@@ -286,7 +306,8 @@ def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[P
             continue
         reals = tuple(error_db(sound[: len(exact)], exact, piece.rate, own) for own in pilots)
         cost = planning.cost(static) + counted * times * piece.rate
-        yield Plain(method, times, reals, cost)
+        audible = [_audible(sound[: len(exact)], exact, piece.rate, pilot) for pilot in by_ear]
+        yield Plain(method, times, reals, cost, max(audible, default=inf))
 
 
 def _uncounted(plan: _core.Plan) -> list[_core.IslandChoice]:

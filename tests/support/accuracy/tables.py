@@ -101,7 +101,7 @@ def _row(budget: float | None, own: Tally) -> str:
     cells = [
         str(own.plans),
         str(own.judged),
-        share(own.met) if budget is not None else "–",
+        share(own.met),
         share(own.warned),
         str(own.silent),
         *(

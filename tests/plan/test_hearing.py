@@ -1,0 +1,57 @@
+"""What the audit hears of the difference of two sounds, where that difference is known."""
+
+import numpy as np
+import pytest
+from accuracy import hearing
+
+RATE = 44_100.0
+
+
+def partial(f: float, t60: float, size: float = 1.0, seconds: float = 0.3) -> np.ndarray:
+    t = np.arange(round(seconds * RATE)) / RATE
+    return (size * np.exp(-6.91 * t / t60) * np.sin(2.0 * np.pi * f * t))[:, None]
+
+
+def stroke(at: float, size: float = 1.0) -> np.ndarray:
+    """A partial of 500 Hz that is struck at `at` [s] of 0.3 s."""
+    sound = np.zeros((round(0.3 * RATE), 1))
+    n = round(at * RATE)
+    sound[n:] = partial(500.0, 0.2, size)[: len(sound) - n]
+    return sound
+
+
+def test_a_sound_differs_from_itself_by_nothing():
+    sound = partial(440.0, 0.5)
+    assert hearing.errors(sound, sound, RATE) == hearing.Heard()
+    silence = np.zeros_like(sound)
+    assert hearing.errors(silence, silence, RATE) == hearing.Heard()
+
+
+def test_pitch_and_decay_of_a_partial():
+    found = hearing.errors(partial(441.0, 0.5), partial(440.0, 0.52), RATE)
+    assert found.cents == pytest.approx(1200.0 * np.log2(441.0 / 440.0), rel=0.02)
+    assert found.t60 == pytest.approx(0.52 / 0.5 - 1.0, rel=0.15)
+
+
+def test_a_third_octave_that_is_masked_is_not_counted():
+    # An abrupt beginning would be heard in all of them.
+    rise = np.sin(np.linspace(0.0, 0.5 * np.pi, round(0.3 * RATE)))[:, None] ** 2
+    low, high = rise * partial(440.0, 0.5), rise * partial(3000.0, 0.5, 0.1)
+    other = hearing.errors(low + 2.0 * high, low + high, RATE)
+    assert other.third_octave_db == pytest.approx(6.02, abs=0.1)
+    near = rise * partial(520.0, 0.5, 0.003)
+    assert hearing.errors(low + 1.3 * near, low + near, RATE).third_octave_db < 0.1
+
+
+def test_strokes_that_are_late_and_louder():
+    reference = stroke(0.02) + stroke(0.15)
+    late = hearing.errors(stroke(0.021) + stroke(0.153), reference, RATE)
+    assert late.first_stroke_s == pytest.approx(1e-3, abs=2e-4)
+    assert late.later_stroke_s == pytest.approx(3e-3, abs=4e-4)
+    louder = hearing.errors(stroke(0.02) + stroke(0.15, 1.1), reference, RATE)
+    assert louder.stroke_db == pytest.approx(0.83, abs=0.1)
+
+
+def test_what_is_not_finite_is_all_error():
+    sound = partial(440.0, 0.5)
+    assert hearing.errors(sound * np.nan, sound, RATE).excess == np.inf
