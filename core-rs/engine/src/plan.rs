@@ -19,8 +19,8 @@ pub(crate) use passes::mode_shapes::{ModalTransform, ModeShapes};
 pub(crate) use report::content::Content;
 pub use report::row::{Computed, Measured, Reason, Row};
 pub use trial::audible::Audible;
+pub use trial::chaos::SPECTRUM_NOISE;
 pub use trial::record::{TrialRecord, TrialStore};
-pub use trial::search::SPECTRUM_NOISE;
 
 use std::ops::Range;
 use std::sync::Arc;

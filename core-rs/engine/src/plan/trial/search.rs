@@ -14,7 +14,7 @@ use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::candidates::{Candidate, TIMES_MAX, candidates};
-use crate::plan::trial::chaos::{Pair, Parting, Stretches};
+use crate::plan::trial::chaos::{Pair, Parting, SPECTRUM_NOISE, Stretches};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_run::{Created, PilotRun, is_affordable};
 use crate::plan::trial::reference::Reference;
@@ -33,9 +33,6 @@ const GAIN: f64 = 3.0;
 const AUDIBLE_GAIN: f64 = 1.5;
 /// If twice as many substeps lower the error by less than this [dB], still more do not help.
 const IDLE: f64 = 0.1;
-/// Differences of third octaves between runs that have parted [dB]. Two runs that differ by rounding alone are up to 2
-/// dB apart over 0.3 s (the bundled tamtam, struck softly to hard), so smaller differences are as good as none.
-pub const SPECTRUM_NOISE: f64 = 2.0;
 
 /// A candidate may create this share of the energy that is there: half of what is reported.
 const CREATED: f64 = 0.005;
