@@ -22,15 +22,15 @@ def stroke(at: float, size: float = 1.0) -> np.ndarray:
 
 def test_a_sound_differs_from_itself_by_nothing():
     sound = partial(440.0, 0.5)
-    assert hearing.errors(sound, sound, RATE) == hearing.Heard()
+    assert hearing.errors(sound, sound, RATE) == hearing.AudibleErrors()
     silence = np.zeros_like(sound)
-    assert hearing.errors(silence, silence, RATE) == hearing.Heard()
+    assert hearing.errors(silence, silence, RATE) == hearing.AudibleErrors()
 
 
 def test_pitch_and_decay_of_a_partial():
-    found = hearing.errors(partial(441.0, 0.5), partial(440.0, 0.52), RATE)
-    assert found.cents == pytest.approx(1200.0 * np.log2(441.0 / 440.0), rel=0.02)
-    assert found.t60 == pytest.approx(0.52 / 0.5 - 1.0, rel=0.15)
+    errors = hearing.errors(partial(441.0, 0.5), partial(440.0, 0.52), RATE)
+    assert errors.cents == pytest.approx(1200.0 * np.log2(441.0 / 440.0), rel=0.02)
+    assert errors.t60 == pytest.approx(0.52 / 0.5 - 1.0, rel=0.15)
 
 
 def test_a_third_octave_that_is_masked_is_not_counted():

@@ -28,7 +28,7 @@ PADDED = 3  # lengths of a sound that follow it
 
 
 @dataclass(frozen=True)
-class Heard:
+class AudibleErrors:
     """Errors in the order of `_core.AudibleError`: cents, T60 [1], dB, twice s, dB."""
 
     cents: float = 0.0
@@ -45,19 +45,22 @@ class Heard:
         return max(error / allowed for error, allowed in pairs)
 
 
-def errors(y: np.ndarray, x: np.ndarray, rate: float) -> Heard:
+def errors(y: np.ndarray, x: np.ndarray, rate: float) -> AudibleErrors:
     """The largest errors of any output of `y` against those of `x` (n_frames, n_out)."""
     if not np.isfinite(y).all():
-        return Heard(*[inf] * len(astuple(Heard())))
+        return AudibleErrors(*[inf] * len(astuple(AudibleErrors())))
     ours, theirs = (sound - sound.mean(axis=0) for sound in (y, x))
-    rows = [astuple(_one(own, exact, rate)) for own, exact in zip(ours.T, theirs.T, strict=True)]
-    return Heard(*(float(worst) for worst in np.max(rows, axis=0)))
+    rows = [
+        astuple(_errors_of_output(sound, exact, rate))
+        for sound, exact in zip(ours.T, theirs.T, strict=True)
+    ]
+    return AudibleErrors(*(float(worst) for worst in np.max(rows, axis=0)))
 
 
-def _one(y: np.ndarray, x: np.ndarray, rate: float) -> Heard:
+def _errors_of_output(y: np.ndarray, x: np.ndarray, rate: float) -> AudibleErrors:
     if len(x) <= 3.0 * EDGE * rate or np.abs(x).max() == 0.0:
-        return Heard()
-    return Heard(
+        return AudibleErrors()
+    return AudibleErrors(
         *_partials(y, x, rate),
         _third_octaves(y, x, rate),
         *_strokes(np.diff(y), np.diff(x), rate),

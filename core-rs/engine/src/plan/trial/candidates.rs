@@ -108,9 +108,9 @@ pub(in crate::plan) fn candidates<F: Fn(How<'_>) -> Result<Assembled, Error>>(
             }
         }
     }
-    candidates.sort_by(|one, other| {
-        let by_cost = one.cost.total_cmp(&other.cost);
-        by_cost.then(one.substeps.cmp(&other.substeps))
+    candidates.sort_by(|left, right| {
+        let by_cost = left.cost.total_cmp(&right.cost);
+        by_cost.then(left.substeps.cmp(&right.substeps))
     });
     candidates
 }

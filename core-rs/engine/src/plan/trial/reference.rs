@@ -100,17 +100,17 @@ pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
     let mut best: Option<Reference> = None;
     for family in climb.families(first) {
         let part = allowance.fraction(SHARE);
-        let found = climb.family((family, substeps), &part);
+        let reached = climb.family((family, substeps), &part);
         allowance.spend_fraction(&part, SHARE);
-        match found {
+        match reached {
             // By CA a strike that friction can stop within a step moves nothing, at any rate.
-            Ok(Some(found)) if is_held(&found, family, spans) => {}
-            Ok(Some(found)) => {
+            Ok(Some(reached)) if is_held(&reached, family, spans) => {}
+            Ok(Some(reached)) => {
                 if best
                     .as_ref()
-                    .is_none_or(|best| found.is_better(best, budget))
+                    .is_none_or(|best| reached.is_better(best, budget))
                 {
-                    best = Some(found);
+                    best = Some(reached);
                 }
             }
             Ok(None) | Err(TrialError::AllowanceSpent) => {}
@@ -135,9 +135,9 @@ fn first_substeps(first: &Candidate) -> usize {
 }
 
 /// Whether dry friction, computed once a step, holds all that is heard.
-fn is_held(found: &Reference, family: Family, spans: &Spans) -> bool {
-    let island = &found.candidate.island;
-    family.is_plain && island.sticks() && is_still(&found.run.sound, spans.n_out)
+fn is_held(reached: &Reference, family: Family, spans: &Spans) -> bool {
+    let island = &reached.candidate.island;
+    family.is_plain && island.sticks() && is_still(&reached.run.sound, spans.n_out)
 }
 
 /// Whether contacts and laws between frames cost more than all of the island by the plain way at the highest rate.
@@ -207,20 +207,20 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
                 continue;
             };
             let change = difference(&coarser.sound, &run.sound, self.spans);
-            let found = Reference {
+            let reached = Reference {
                 candidate: candidate.counted(&run),
                 error: error_of_finer(change, before),
                 audible: Audible::of_budget(self.budget, (&coarser, &run.sound), self.spans),
                 run,
             };
             let is_idle = before.is_some_and(|before| change > before - GAIN);
-            let ends = is_idle || found.is_exact(self.budget);
+            let ends = is_idle || reached.is_exact(self.budget);
             before = Some(change);
             if best
                 .as_ref()
-                .is_none_or(|best| found.is_better(best, self.budget))
+                .is_none_or(|best| reached.is_better(best, self.budget))
             {
-                best = Some(found);
+                best = Some(reached);
             }
             if ends {
                 break;
