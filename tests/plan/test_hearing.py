@@ -20,20 +20,20 @@ def stroke(at: float, size: float = 1.0) -> np.ndarray:
     return sound
 
 
-def test_a_sound_differs_from_itself_by_nothing():
+def test_errors_of_equal_sounds():
     sound = partial(440.0, 0.5)
     assert hearing.errors(sound, sound, RATE) == hearing.AudibleErrors()
     silence = np.zeros_like(sound)
     assert hearing.errors(silence, silence, RATE) == hearing.AudibleErrors()
 
 
-def test_pitch_and_decay_of_a_partial():
+def test_errors_of_a_partial_in_pitch_and_decay():
     errors = hearing.errors(partial(441.0, 0.5), partial(440.0, 0.52), RATE)
     assert errors.cents == pytest.approx(1200.0 * np.log2(441.0 / 440.0), rel=0.02)
     assert errors.t60 == pytest.approx(0.52 / 0.5 - 1.0, rel=0.15)
 
 
-def test_a_third_octave_that_is_masked_is_not_counted():
+def test_errors_of_third_octaves_heard_and_masked():
     # An abrupt beginning would be heard in all of them.
     rise = np.sin(np.linspace(0.0, 0.5 * np.pi, round(0.3 * RATE)))[:, None] ** 2
     low, high = rise * partial(440.0, 0.5), rise * partial(3000.0, 0.5, 0.1)
@@ -43,7 +43,7 @@ def test_a_third_octave_that_is_masked_is_not_counted():
     assert hearing.errors(low + 1.3 * near, low + near, RATE).third_octave_db < 0.1
 
 
-def test_strokes_that_are_late_and_louder():
+def test_errors_of_strokes_late_and_louder():
     reference = stroke(0.02) + stroke(0.15)
     late = hearing.errors(stroke(0.021) + stroke(0.153), reference, RATE)
     assert late.first_stroke_s == pytest.approx(1e-3, abs=2e-4)
@@ -52,6 +52,6 @@ def test_strokes_that_are_late_and_louder():
     assert louder.stroke_db == pytest.approx(0.83, abs=0.1)
 
 
-def test_what_is_not_finite_is_all_error():
+def test_errors_of_a_sound_that_is_not_finite():
     sound = partial(440.0, 0.5)
     assert hearing.errors(sound * np.nan, sound, RATE).excess == np.inf

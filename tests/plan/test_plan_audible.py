@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from accuracy import reference
 from accuracy.equations import read
+from accuracy.hearing import is_heard
 from commands import records
 from sweep import few
 
@@ -22,20 +23,6 @@ from ergon.scores.staging.preparing import prepare
 
 SCENES = Path(__file__).parents[1] / "data" / "accuracy"
 Capture = pytest.CaptureFixture[str]
-
-
-def bark(f: np.ndarray) -> np.ndarray:
-    """By Zwicker and Terhardt (1980), not by the formula that the engine has."""
-    return 13.0 * np.arctan(0.76e-3 * f) + 3.5 * np.arctan((f / 7500.0) ** 2)
-
-
-def is_heard(centres: np.ndarray, db: np.ndarray) -> np.ndarray:
-    """Bands that are above what the others mask (Schroeder's spreading, Johnston's offset)."""
-    d = bark(centres)[:, None] - bark(centres)[None, :] + 0.474
-    spread = db[None, :] + 15.81 + 7.5 * d - 17.5 * np.sqrt(1.0 + d**2)
-    np.fill_diagonal(spread, -np.inf)
-    masked = 10.0 * np.log10(np.sum(10.0 ** (spread / 10.0), axis=1)) - 14.5 - bark(centres)
-    return (db > masked) & (db > db.max() - 60.0)
 
 
 def apart(ours: np.ndarray, theirs: np.ndarray, rate: float) -> tuple[float, float]:

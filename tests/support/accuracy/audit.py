@@ -2,7 +2,7 @@
 setting.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf, log10
 
@@ -289,8 +289,7 @@ def _unlike(sound: np.ndarray, exact: reference.Reference, rate: float) -> float
     return ours - known
 
 
-def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[Plain]:
-    plans = tuple(plans)
+def _plain(piece: Piece, exact: np.ndarray, plans: Sequence[Plan]) -> Iterator[Plain]:
     pilots = [plan.pilot for plan in plans]
     by_ear = [plan.pilot for plan in plans if plan.budget is BY_EAR]
     for method, times in PLAIN:
