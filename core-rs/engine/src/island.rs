@@ -20,6 +20,7 @@ mod pace;
 mod pair_energy;
 mod pair_gain;
 mod put_in;
+mod quiet;
 mod real_hands;
 pub(crate) mod record;
 mod rest;
@@ -130,6 +131,8 @@ pub(crate) struct Island {
     oversampling: u32,
     every: u32,
     rest: rest::Rest,
+    /// Present if it sleeps when it is quiet.
+    quiet: Option<quiet::Quiet>,
 }
 
 impl Island {
@@ -229,7 +232,7 @@ impl Island {
         self.state.touches = contact_peaks::ContactPeaks::of(&self.network);
         let voices = &mut self.state.voices;
         voices.iter_mut().for_each(|voice| voice.sparks.watch());
-        self.wake();
+        self.wake_from_rest();
     }
 
     /// Tells each contact that pushed since the last call: link, frame of the scene, force [N].

@@ -52,6 +52,8 @@ pub(crate) struct IslandPlan {
     pub(crate) oversampling: u32,
     /// 1, except for what is only seen.
     pub(crate) every: u32,
+    /// Whether it is stopped when nobody hears it any more.
+    pub(crate) sleeps: bool,
     pub(crate) to_whole: Whole,
 }
 
@@ -252,6 +254,7 @@ impl Plan {
             counted_cost: None,
             oversampling: 1,
             every: 1,
+            sleeps: false,
             to_whole: Whole::default(),
         }
     }

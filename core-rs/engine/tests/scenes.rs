@@ -32,6 +32,8 @@ mod resting;
 mod scene;
 #[path = "scenes/seen_rates.rs"]
 mod seen_rates;
+#[path = "scenes/sleeping.rs"]
+mod sleeping;
 #[path = "scenes/sliding.rs"]
 mod sliding;
 #[path = "scenes/sounds_in.rs"]

@@ -217,6 +217,7 @@ impl Island {
         let mut simulation = Self {
             network,
             rest: Rest::new(script.scheme.n_out()),
+            quiet: None,
             script: Arc::new(script),
             state,
             oversampling,

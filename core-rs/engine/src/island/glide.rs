@@ -193,6 +193,8 @@ pub(super) fn pass_to_fine(glides: &[Glide], own: &Scheme, fine: &mut Fine, n: u
 pub(super) struct Led {
     lead: Lead,
     place: Place,
+    /// Whether it has the factors of the one before it, as all links of a string have.
+    has_same_factors: bool,
 }
 
 /// Where their run stands in the scheme.
@@ -206,7 +208,7 @@ enum Place {
 
 /// The runs of a scheme that are led; from now on each has its K and Z as numbers.
 pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -> Vec<Led> {
-    let mut found = Vec::new();
+    let mut found: Vec<Led> = Vec::new();
     for lead in &timeline.leads {
         for run in network
             .runs()
@@ -222,7 +224,13 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
                 at(&scheme.exact).map_or(Place::Fine, Place::Exact)
             };
             let lead = lead.on(run.first, run.len);
-            found.push(Led { lead, place });
+            let before = found.last();
+            let has_same_factors = before.is_some_and(|before| before.lead.has_factors_of(&lead));
+            found.push(Led {
+                lead,
+                place,
+                has_same_factors,
+            });
         }
     }
     found
@@ -236,18 +244,27 @@ pub(super) fn apply_leads(
     fine: &mut Option<Fine>,
     n: u64,
 ) {
-    for Led { lead, place } in all {
+    let mut factors = [1.0; 2];
+    for Led {
+        lead,
+        place,
+        has_same_factors,
+    } in all
+    {
+        if !has_same_factors {
+            factors = lead.at(n, 0.0);
+        }
         let (own, now) = match *place {
             Place::Run(at) => (&own.runs[at], &mut now.runs[at]),
             Place::Exact(at) => (&own.exact[at], &mut now.exact[at]),
             Place::Fine => {
                 if let Some(fine) = fine {
-                    fine.lead(lead.link, [lead.at(n, 0.0), lead.at(n + 1, 0.0)]);
+                    fine.lead(lead.link, [factors, lead.at(n + 1, 0.0)]);
                 }
                 continue;
             }
         };
-        let [of_k, of_z] = lead.at(n, 0.0);
+        let [of_k, of_z] = factors;
         (now.k, now.z) = (own.k * of_k, own.z * of_z);
     }
 }

@@ -190,6 +190,15 @@ impl RunningBody {
         }
     }
 
+    /// How strongly it moves, in a unit of its own; infinite if that is not known.
+    pub(super) fn motion(&self) -> f64 {
+        match self {
+            Self::Modal(modal) => modal.motion(),
+            Self::Mesh(mesh) => mesh.kinetic(),
+            Self::Slow(_) => f64::INFINITY,
+        }
+    }
+
     /// Whether a MAT of the island is one of its ports.
     pub(crate) fn has_port(&self, mat: usize) -> bool {
         match self {

@@ -148,6 +148,20 @@ impl RunningMesh {
         self.integrator.motion(mat)
     }
 
+    /// How strongly it moves: twice its kinetic energy [kg·m² a frame²].
+    pub(crate) fn kinetic(&self) -> f64 {
+        let masses = self.plan.network.mats().m.iter().enumerate();
+        let energy = |(mat, mass): (usize, &f64)| {
+            let (_, step) = self.integrator.motion(mat);
+            if mass.is_finite() {
+                mass * step * step
+            } else {
+                0.0
+            }
+        };
+        masses.map(energy).sum()
+    }
+
     /// Set positions and steps [m] of MATs to values from elsewhere: (mat, (x, step)).
     pub(crate) fn put(&mut self, all: &[(usize, (f64, f64))]) {
         for &(mat, motion) in all {

@@ -235,23 +235,32 @@ impl RunningModal {
 
     /// Raise the squares of the modes (n_modes) to at least those of their amplitudes.
     pub(crate) fn squares(&self, squares: &mut [f64]) {
-        let modes = self.script.plan.modes.iter().zip(squares);
-        for (mode, (own, square)) in modes.enumerate() {
+        let amplitudes = self.squared_amplitudes().zip(squares);
+        amplitudes.for_each(|(now, square)| *square = square.max(now));
+    }
+
+    /// The square of the amplitude of each mode.
+    fn squared_amplitudes(&self) -> impl Iterator<Item = f64> {
+        let modes = self.script.plan.modes.iter().enumerate();
+        modes.map(|(mode, own)| {
             let motion = &self.motions[mode / LANES];
             let (x, before) = (motion.now.0[mode % LANES], motion.before.0[mode % LANES]);
             if own.b == 0.0 {
-                *square = square.max(x * x);
-                continue;
+                return x * x;
             }
             // b = r² and a = 2r·cos θ: `y` is the position a frame before, less the decay of one frame.
             let (y, sine) = (before * own.b.sqrt(), 1.0 - own.a * own.a / (4.0 * own.b));
-            let now = if sine > 0.0 {
+            if sine > 0.0 {
                 (x * x + y * y - x * before * own.a) / sine
             } else {
                 x * x
-            };
-            *square = square.max(now);
-        }
+            }
+        })
+    }
+
+    /// How strongly it moves: the sum of the squares of the amplitudes.
+    pub(crate) fn motion(&self) -> f64 {
+        self.squared_amplitudes().sum()
     }
 
     /// The MATs that are its ports.

@@ -8,6 +8,7 @@
 
 use super::{Fault, Island, energy_account, inside};
 use crate::archive::{Archive, State as _};
+use crate::island::quiet::Quiet;
 use crate::island::written_hand::voice::Voice;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::timeline::{Drive, Source};
@@ -50,6 +51,8 @@ enum Stage {
     Alike(u64),
     /// It rests up to this step.
     Resting(u64),
+    /// It sleeps up to this step: its clock stands still.
+    Asleep(u64),
 }
 
 impl Rest {
@@ -81,14 +84,26 @@ impl Island {
         while done < n_frames {
             let left = (n_frames - done) as u64;
             let until = |step: u64| left.min(step.saturating_sub(self.state.frame) / often);
+            let to_look = until(self.next_quiet_look());
             let n = match self.rest.stage {
-                Stage::Computed => until(self.rest.next),
+                Stage::Computed => to_look.min(until(self.rest.next)),
                 Stage::Alike(_) => 1,
-                Stage::Resting(last) => until(last),
+                Stage::Resting(last) => to_look.min(until(last)),
+                Stage::Asleep(last) => until(last),
             };
             let out = &mut out[n_out * done..n_out * (done + n as usize)];
             done += n as usize;
             match self.rest.stage {
+                Stage::Asleep(_) if n == 0 => self.wake(),
+                Stage::Asleep(_) => {
+                    let held = self.quiet.iter().map(Quiet::held);
+                    let rows = out.chunks_exact_mut(n_out.max(1));
+                    rows.zip(held.cycle())
+                        .for_each(|(row, held)| row.copy_from_slice(held));
+                    self.state.frame += n * often;
+                    self.rest.passed += n * often;
+                    continue;
+                }
                 Stage::Computed if n == 0 => self.look_for_rest(),
                 Stage::Computed => self.compute(out, n as usize, team)?,
                 Stage::Alike(frames) => {
@@ -105,6 +120,11 @@ impl Island {
                     self.rest.passed += n * often;
                 }
             }
+            if n > 0
+                && let Some(until) = self.falls_asleep(out)
+            {
+                self.rest.stage = Stage::Asleep(until);
+            }
         }
         Ok(())
     }
@@ -112,12 +132,33 @@ impl Island {
     /// Compute steps from here on, because something came from outside.
     pub(super) fn wake(&mut self) {
         if !matches!(self.rest.stage, Stage::Computed) {
-            self.begin_again();
+            self.quiet.iter_mut().for_each(Quiet::wake);
+            self.look_soon();
+        }
+    }
+
+    /// Compute steps from here on, unless it sleeps: what only watches it changes no sample.
+    pub(super) fn wake_from_rest(&mut self) {
+        if !matches!(self.rest.stage, Stage::Asleep(_)) {
+            self.wake();
         }
     }
 
     /// Compute steps from here on, because the state was changed, and look soon whether the island rests.
     pub(super) fn begin_again(&mut self) {
+        self.quiet.iter_mut().for_each(Quiet::restart);
+        self.look_soon();
+    }
+
+    /// Go on from a state that was read from an archive.
+    pub(super) fn resume(&mut self) {
+        self.look_soon();
+        if let Some(until) = self.sleeps_on_until() {
+            self.rest.stage = Stage::Asleep(until);
+        }
+    }
+
+    fn look_soon(&mut self) {
         self.rest.gap = FIRST_GAP;
         self.schedule_look();
     }
@@ -132,11 +173,11 @@ impl Island {
         (self.state.frame - self.rest.passed) / u64::from(self.oversampling)
     }
 
-    /// The step up to which it rests; `None` if it moves, may move, or rests for ever.
+    /// The step up to which it rests or sleeps; `None` if it moves, may move, or rests for ever.
     pub(crate) fn rests_until(&self) -> Option<u64> {
         match self.rest.stage {
-            Stage::Resting(last) if last < u64::MAX - MARGIN => Some(last),
-            Stage::Resting(_) | Stage::Computed | Stage::Alike(_) => None,
+            Stage::Resting(last) | Stage::Asleep(last) if last < u64::MAX - MARGIN => Some(last),
+            Stage::Resting(_) | Stage::Asleep(_) | Stage::Computed | Stage::Alike(_) => None,
         }
     }
 

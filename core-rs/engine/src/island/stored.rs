@@ -13,7 +13,9 @@ impl Island {
     pub(crate) fn write_state(&mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
         // Writing into memory cannot fail.
-        let _ = self.state.archive(&mut Archive::Write(&mut bytes));
+        let mut archive = Archive::Write(&mut bytes);
+        let _ = self.state.archive(&mut archive);
+        let _ = self.quiet.archive(&mut archive);
         bytes
     }
 
@@ -24,7 +26,8 @@ impl Island {
     pub(crate) fn read_state(&mut self, bytes: &[u8]) -> Result<(), Damaged> {
         let mut archive = Archive::Read(bytes);
         self.state.archive(&mut archive)?;
-        self.begin_again();
+        self.quiet.archive(&mut archive)?;
+        self.resume();
         if archive.is_empty() {
             Ok(())
         } else {

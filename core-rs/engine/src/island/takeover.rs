@@ -104,6 +104,10 @@ impl Island {
         if own.ledger.is_some() && their.ledger.is_some() {
             std::mem::swap(&mut own.ledger, &mut their.ledger);
         }
+        if self.quiet.is_some() && old.quiet.is_some() {
+            std::mem::swap(&mut self.quiet, &mut old.quiet);
+            self.resume();
+        }
     }
 
     /// Take the state of one item over from an island of another version.

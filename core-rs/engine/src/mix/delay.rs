@@ -22,11 +22,13 @@ impl Delay {
     }
 
     /// The sample that leaves the line now; call [`Delay::push`] after it.
+    #[inline]
     pub(super) fn oldest(&self) -> f64 {
         self.past[self.at]
     }
 
     /// Put in the newest sample.
+    #[inline]
     pub(super) fn push(&mut self, x: f64) {
         self.past[self.at] = x;
         self.at += 1;

@@ -364,8 +364,7 @@ impl Mixer {
             );
         }
         for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(SPAN_FRAMES)) {
-            let frames = mixed.chunks_exact_mut(n_channels.max(1));
-            frames.zip(sent).for_each(|(frame, &x)| room.next(x, frame));
+            room.process(sent, mixed, n_channels);
         }
         if self.fade.is_some() || self.residual_gain.is_some() {
             let frames = mixed.chunks_exact_mut(n_channels.max(1));

@@ -8,6 +8,7 @@
 use thiserror::Error;
 
 use super::delay::Delay;
+use crate::maths::wide::wide;
 use crate::maths::{cos, exp, log, pow, sin, sqrt};
 use crate::section::{BUTTERWORTH_2, Section};
 
@@ -63,23 +64,23 @@ pub enum RoomError {
     Gain(f64),
 }
 
-/// One delay line with the filter of its loss.
+/// First-order filters, y = b₀·x + b₁·x⁻ − a₁·y⁻, one for each line, so that all are computed at once.
 #[derive(Clone, Debug)]
-struct Line {
-    delay: Delay,
-    /// First-order filter, y = b₀·x + b₁·x⁻ − a₁·y⁻
-    b0: f64,
-    b1: f64,
-    a1: f64,
-    x: f64,
-    y: f64,
+struct Filters {
+    b0: [f64; LINES],
+    b1: [f64; LINES],
+    a1: [f64; LINES],
+    x: [f64; LINES],
+    y: [f64; LINES],
 }
 
 /// A running room.
 #[derive(Clone, Debug)]
 pub(super) struct Room {
     spec: RoomSpec,
-    lines: Vec<Line>,
+    delays: [Delay; LINES],
+    /// The losses of the lines.
+    filters: Filters,
     /// Gain of each line in each channel   (n_channels · LINES)
     channel_gains: Vec<f64>,
     highpass: Section,
@@ -102,11 +103,8 @@ impl Room {
         }
         let lengths = lengths(spec.size / SPEED_OF_SOUND * rate);
         let slopes = slopes(spec.t60, rate).ok_or(RoomError::Apart(long, short))?;
-        let lines = lengths
-            .iter()
-            .map(|&frames| Line::new(frames, slopes, spec.t60, rate))
-            .collect::<Option<Vec<Line>>>()
-            .ok_or(RoomError::Apart(long, short))?;
+        let filters =
+            Filters::new(lengths, slopes, spec.t60, rate).ok_or(RoomError::Apart(long, short))?;
         // Energy of all outputs of the lines after a click of energy 1: a geometric series.
         let mean = lengths.iter().sum::<usize>() as f64 / LINES as f64;
         let kept = exp(-6.0 * std::f64::consts::LN_10 * mean / (long * rate));
@@ -122,7 +120,8 @@ impl Room {
             .collect();
         Ok(Self {
             spec,
-            lines,
+            delays: lengths.map(Delay::new),
+            filters,
             channel_gains,
             highpass: Section::new(HIGHPASS.min(0.4 * rate), rate, BUTTERWORTH_2),
         })
@@ -134,39 +133,76 @@ impl Room {
             return;
         };
         self.highpass.take_over(&old.highpass);
-        for (own, old) in self.lines.iter_mut().zip(&old.lines) {
-            own.delay.take_over(&old.delay);
-            (own.x, own.y) = (old.x, old.y);
+        for (delay, old) in self.delays.iter_mut().zip(&old.delays) {
+            delay.take_over(old);
         }
+        (self.filters.x, self.filters.y) = (old.filters.x, old.filters.y);
+    }
+
+    /// Process input samples (n_frames), and add the output to (n_frames, n_channels).
+    pub(super) fn process(&mut self, sent: &[f64], mixed: &mut [f64], n_channels: usize) {
+        play(self, sent, mixed, n_channels);
     }
 
     /// Process one input sample, and add the output to a frame of channels.
-    pub(super) fn next(&mut self, x: f64, frame: &mut [f64]) {
+    #[inline(always)]
+    fn next(&mut self, x: f64, frame: &mut [f64]) {
         let x = if x.is_finite() { x } else { 0.0 };
         let x = self.highpass.next(x).high / sqrt(LINES as f64);
-        let mut now = [0.0; LINES];
-        for (now, line) in now.iter_mut().zip(&mut self.lines) {
-            *now = line.next();
-        }
+        let mut now = self.filters.next(self.delays.each_ref().map(Delay::oldest));
         let rows = self.channel_gains.chunks_exact(LINES);
         for (&channel, row) in self.spec.channels.iter().zip(rows) {
             frame[channel] += row.iter().zip(&now).map(|(h, y)| h * y).sum::<f64>();
         }
         mix_lines(&mut now);
-        for (back, line) in now.iter().zip(&mut self.lines) {
-            let into = x + back;
-            line.delay.push(if into.abs() < AMPLITUDE_MIN {
-                0.0
-            } else {
-                into
-            });
+        let into = now.map(|back| audible(x + back));
+        for (delay, into) in self.delays.iter_mut().zip(into) {
+            delay.push(into);
         }
     }
 }
 
-impl Line {
-    /// A line of this many frames with the decay times asked for; `None` if no first-order filter has them.
-    fn new(frames: usize, slopes: [f64; 2], t60: [(f64, f64); 2], rate: f64) -> Option<Self> {
+wide! {
+    fn play(room: &mut Room, sent: &[f64], mixed: &mut [f64], n_channels: usize) {
+        // Not `for_each`, whose closure would be compiled for the baseline.
+        for (frame, &x) in mixed.chunks_exact_mut(n_channels.max(1)).zip(sent) {
+            room.next(x, frame);
+        }
+    }
+}
+
+/// The sample, or 0 if it would be denormal.
+#[inline(always)]
+fn audible(x: f64) -> f64 {
+    if x.abs() < AMPLITUDE_MIN { 0.0 } else { x }
+}
+
+/// Coefficients b₀, b₁ and a₁ of a filter.
+type Coefficients = [f64; 3];
+
+impl Filters {
+    /// Filters of lines of these lengths [frames] with the decay times asked for; `None` if no first-order filters have
+    /// them.
+    fn new(
+        lengths: [usize; LINES],
+        slopes: [f64; 2],
+        t60: [(f64, f64); 2],
+        rate: f64,
+    ) -> Option<Self> {
+        let each = lengths.map(|frames| Self::coefficients(frames, slopes, t60, rate));
+        let all: Vec<Coefficients> = each.into_iter().collect::<Option<_>>()?;
+        let [b0, b1, a1] = std::array::from_fn(|i| std::array::from_fn(|line| all[line][i]));
+        let (x, y) = ([0.0; LINES], [0.0; LINES]);
+        Some(Self { b0, b1, a1, x, y })
+    }
+
+    /// The coefficients for one line.
+    fn coefficients(
+        frames: usize,
+        slopes: [f64; 2],
+        t60: [(f64, f64); 2],
+        rate: f64,
+    ) -> Option<Coefficients> {
         // Natural logarithms of the gain of one pass at the two frequencies, and of the filter's gains at 0 and at
         // rate/2.
         let costs =
@@ -197,21 +233,17 @@ impl Line {
         let corner = sqrt(middle);
         let (zero, pole, high) = (corner * ratio, corner / ratio, exp(ends[1]));
         // H(s) = high·(s + zero)/(s + pole), s = (1 − z⁻¹)/(1 + z⁻¹).
-        Some(Self {
-            delay: Delay::new(frames),
-            b0: high * (1.0 + zero) / (1.0 + pole),
-            b1: high * (zero - 1.0) / (1.0 + pole),
-            a1: (pole - 1.0) / (1.0 + pole),
-            x: 0.0,
-            y: 0.0,
-        })
+        let [b0, b1, a1] = [high * (1.0 + zero), high * (zero - 1.0), pole - 1.0];
+        Some([b0, b1, a1].map(|numerator| numerator / (1.0 + pole)))
     }
 
-    /// The output of the line at this frame.
-    fn next(&mut self) -> f64 {
-        let x = self.delay.oldest();
-        let y = self.b0 * x + self.b1 * self.x - self.a1 * self.y;
-        (self.x, self.y) = (x, if y.abs() < AMPLITUDE_MIN { 0.0 } else { y });
+    /// The outputs of the lines at this frame, for what leaves their delays.
+    #[inline(always)]
+    fn next(&mut self, x: [f64; LINES]) -> [f64; LINES] {
+        for (line, x) in x.into_iter().enumerate() {
+            let y = self.b0[line] * x + self.b1[line] * self.x[line] - self.a1[line] * self.y[line];
+            (self.x[line], self.y[line]) = (x, audible(y));
+        }
         self.y
     }
 }
@@ -261,6 +293,7 @@ fn is_prime(n: usize) -> bool {
 }
 
 /// Multiply by the Hadamard matrix over √LINES, which is orthogonal, in log₂(LINES) steps.
+#[inline(always)]
 fn mix_lines(x: &mut [f64; LINES]) {
     let mut half = 1;
     while half < LINES {
@@ -307,7 +340,7 @@ mod tests {
     }
 
     fn energy(room: &Room) -> f64 {
-        room.lines.iter().map(|line| line.delay.energy()).sum()
+        room.delays.iter().map(Delay::energy).sum()
     }
 
     #[test]

@@ -108,10 +108,14 @@ impl Group {
                     contact_substeps,
                     oversampling,
                     every,
+                    sleeps,
                     ..
                 } = &**island_plan;
                 let often = (*contact_substeps, *oversampling, *every);
-                let island = Island::new(network.clone(), timeline, bodies, often, options)?;
+                let mut island = Island::new(network.clone(), timeline, bodies, often, options)?;
+                if *sleeps {
+                    island.sleep_when_quiet();
+                }
                 let length = island.n_out() * UNIT_BLOCK;
                 self.sound.resize(self.sound.len().max(length), 0.0);
                 RunningUnit::Island(Box::new(island))

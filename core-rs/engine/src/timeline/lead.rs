@@ -36,6 +36,11 @@ impl Lead {
         std::array::from_fn(|i| from[i] + (to[i] - from[i]) * share)
     }
 
+    /// Whether its factors are those of another lead at all times.
+    pub(crate) fn has_factors_of(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.points, &other.points) || self.points == other.points
+    }
+
     /// The frames on the grid and the factors there.
     pub(super) fn points(&self) -> &[(u64, Factors)] {
         &self.points

@@ -160,6 +160,7 @@ impl Assembled {
             counted_cost: None,
             oversampling,
             every: 1,
+            sleeps: matches!(budget, Budget::Cents { .. }),
         };
         Ok(Self {
             island_plan,

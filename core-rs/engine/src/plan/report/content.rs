@@ -122,10 +122,11 @@ impl Content {
             counted_cost: _,
             oversampling,
             every: _,
+            sleeps,
             to_whole: _,
         } = island;
         let bodies: Vec<BodyPlan> = bodies.iter().map(BodyPlan::without_strikes).collect();
-        let numbers = (contact_substeps, oversampling);
+        let numbers = (contact_substeps, oversampling, sleeps);
         Self(Events::of(
             network,
             timeline,

@@ -6,7 +6,6 @@ mod partials;
 mod strokes;
 
 use crate::plan::budget::{Budget, LEAST_HEARD};
-use crate::plan::trial::pilot_run::PilotRun;
 use crate::plan::trial::waveform_error::Spans;
 
 /// The audible error of a run.
@@ -29,25 +28,21 @@ pub struct Audible {
 /// What differs from the mean by less than this share of the largest position is rounding, and no sound.
 const ROUNDING: f64 = 1e-14;
 
+/// An output sounds from where it has moved by this part of its largest motion (-120 dB): a gesture may take seconds
+/// to reach what sounds.
+const SILENCE: f64 = 1e-6;
+
 impl Audible {
-    /// The error of a run against one at half its step, from the first event on, with partials up to `upto` [Hz].
-    pub(in crate::plan) fn of(run: &[f64], finer: &[f64], spans: &Spans, upto: f64) -> Self {
+    /// The error of a run against a finer one, with partials up to `upto` [Hz]. Both are compared from where the finer
+    /// one begins to sound.
+    fn of(run: &[f64], finer: &[f64], spans: &Spans, upto: f64) -> Self {
         let n_out = spans.n_out.max(1);
-        let from = spans.event() * n_out;
-        let one = |x: &[f64], output: usize| -> Vec<f64> {
-            let own: Vec<f64> = x[from..]
-                .iter()
-                .skip(output)
-                .step_by(n_out)
-                .copied()
-                .collect();
-            let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
-            let largest = own.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-            let sounds = |x: f64| if x.abs() > ROUNDING * largest { x } else { 0.0 };
-            own.iter().map(|x| sounds(x - mean)).collect()
-        };
         (0..n_out).fold(Self::default(), |worst, output| {
-            let (ours, theirs) = (one(run, output), one(finer, output));
+            let [ours, theirs] = [run, finer].map(|sound| -> Vec<f64> {
+                sound.iter().skip(output).step_by(n_out).copied().collect()
+            });
+            let begin = begin_of_sound(&theirs);
+            let [ours, theirs] = [ours, theirs].map(|sound| without_mean(&sound[begin..]));
             let (cents, t60) = partials::pitch_errors(&ours, &theirs, spans.rate, upto);
             let strokes = strokes::stroke_errors(&ours, &theirs, spans.rate);
             worst.with(Self {
@@ -61,17 +56,15 @@ impl Audible {
         })
     }
 
-    /// The same if the budget is one of pitch and the run is not lost; else `None`.
+    /// The same if the budget is one of pitch, else `None`; both sounds are equally long.
     pub(in crate::plan) fn of_budget(
         budget: &Budget,
-        (run, finer): (&PilotRun, &[f64]),
+        (run, finer): (&[f64], &[f64]),
         spans: &Spans,
     ) -> Option<Self> {
         match *budget {
-            Budget::Cents { upto, .. } if !run.is_lost => {
-                Some(Self::of(&run.sound, finer, spans, upto))
-            }
-            _ => None,
+            Budget::Cents { upto, .. } => Some(Self::of(run, finer, spans, upto)),
+            Budget::Error(_) | Budget::Method(_) => None,
         }
     }
 
@@ -128,9 +121,34 @@ impl From<[f64; LEAST_HEARD.len()]> for Audible {
     }
 }
 
+/// The frame before the first in which a sound has moved.
+fn begin_of_sound(sound: &[f64]) -> usize {
+    let first = sound.first().copied().unwrap_or(0.0);
+    let motion = |x: &f64| (x - first).abs();
+    let largest = sound.iter().map(motion).fold(0.0, f64::max);
+    let moves = |x: &f64| motion(x) > SILENCE * largest;
+    sound.iter().position(moves).unwrap_or(0).saturating_sub(1)
+}
+
+/// The sound without its mean, which is not audible, nor what is rounding.
+fn without_mean(sound: &[f64]) -> Vec<f64> {
+    let mean = sound.iter().sum::<f64>() / sound.len().max(1) as f64;
+    let largest = sound.iter().fold(0.0_f64, |max, x| max.max(x.abs()));
+    let sounds = |x: f64| if x.abs() > ROUNDING * largest { x } else { 0.0 };
+    sound.iter().map(|x| sounds(x - mean)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn begin_of_sound_after_rest() {
+        let moved = |x: &[f64]| begin_of_sound(x);
+        assert_eq!(moved(&[3.0, 3.0, 3.0, 4.0, 3.0]), 2);
+        assert_eq!(moved(&[3.0, 4.0, 3.0]), 0);
+        assert_eq!((moved(&[1.0; 4]), moved(&[])), (0, 0));
+    }
 
     #[test]
     fn rounding_of_a_place_at_rest_is_not_heard() {

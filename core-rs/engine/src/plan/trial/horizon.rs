@@ -179,22 +179,17 @@ fn extend_over(
     let change = |n: usize| changes[n.div_ceil(look).min(changes.len()) - 1];
     // By how much the measured error exceeds the change between the two runs [dB].
     let beyond = measured.db - change(pilot);
-    let by_ear = measured.audible.and_then(|at_first| {
-        let upto = match *budget {
-            Budget::Cents { upto, .. } => upto,
-            Budget::Error(_) | Budget::Method(_) => return None,
-        };
-        // The first run may have been played further.
-        let run = &run.sound[..other.sound.len()];
-        let all = spans.since_start();
-        let audible = Audible::of(run, &other.sound, &all, upto);
+    // The first run may have been played further.
+    let sounds = (&run.sound[..other.sound.len()], &*other.sound);
+    let audible = Audible::of_budget(budget, sounds, &spans);
+    let by_ear = measured.audible.zip(audible).map(|(pilots, audible)| {
         // The finer run has up to as large an error as the change.
-        Some(Measured {
+        Measured {
             db: measured.db.max(change(n_frames) + beyond),
             over: seconds(n_frames),
-            audible: Some(audible.plus(audible).with(at_first)),
+            audible: Some(audible.plus(audible).with(pilots)),
             ..measured
-        })
+        }
     });
     let is_allowed = |error: &Measured| error.excess(budget) <= 1.0;
     if let Some(error) = by_ear.filter(is_allowed) {

@@ -276,7 +276,8 @@ fn compare_with_every_frame(
         db,
         over: excerpt.end() as f64 / spans.rate,
         spectral: None,
-        audible: Audible::of_budget(budget, (&slowly, &plainly.sound), &spans),
+        audible: Audible::of_budget(budget, (&slowly.sound, &plainly.sound), &spans)
+            .filter(|_| !slowly.is_lost),
     }))
 }
 

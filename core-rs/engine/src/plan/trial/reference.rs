@@ -210,7 +210,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
             let reached = Reference {
                 candidate: candidate.counted(&run),
                 error: error_of_finer(change, before),
-                audible: Audible::of_budget(self.budget, (&coarser, &run.sound), self.spans),
+                audible: Audible::of_budget(self.budget, (&coarser.sound, &run.sound), self.spans),
                 run,
             };
             let is_idle = before.is_some_and(|before| change > before - GAIN);

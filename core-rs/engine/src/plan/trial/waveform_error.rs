@@ -79,14 +79,6 @@ impl Spans {
         }
     }
 
-    /// Spans from the first frame on, instead of from the first event.
-    pub(in crate::plan) fn since_start(&self) -> Self {
-        Self {
-            frames: [1, 2, 3].map(|thirds| thirds * (self.end() / 3)),
-            ..*self
-        }
-    }
-
     /// Where the last span ends [frames].
     pub(in crate::plan) fn end(&self) -> usize {
         self.frames[2]

@@ -1,0 +1,217 @@
+//! Sleep: an island that nobody hears any more is stopped until its next event. Its clock stands still and its outputs
+//! keep their last value.
+//!
+//! An island is quiet if its outputs and its motion are 90 dB below the strongest that they were. It sleeps if it was
+//! quiet for a whole period of looks and did not gain energy from the period before: what grows by itself from silence
+//! is left to grow.
+
+use super::Island;
+use super::inside::RunningBody;
+use crate::archive::{option, state};
+use crate::scheme::Scheme;
+use crate::state::Body;
+
+/// Frames between two looks, on a grid from frame 0: more than a period of the lowest audible pitch at any rate in use,
+/// so that the range of an output is that of its oscillation.
+const LOOK: u64 = 4_096;
+/// Looks in a period: a snapshot may meet a turning point, several do not.
+const LOOKS: u64 = 4;
+/// Power of what is quiet, relative to the strongest: -90 dB, below the noise of 15 bits when the rest is silent.
+const QUIET: f64 = 1e-9;
+/// A step of this part of a position is rounding.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+/// Frames before an event at which an island wakes: a strike may fall between frames, and a stored state knows the
+/// events of so many frames after it.
+const MARGIN: u64 = 4;
+
+/// What is known of how strongly an island moved.
+#[derive(Clone, Debug)]
+pub(super) struct Quiet {
+    /// Lowest and highest value of each output since the last look [m]   (n_out)
+    lowest: Vec<f64>,
+    highest: Vec<f64>,
+    /// The largest range of each output so far [m]   (n_out)
+    range: Vec<f64>,
+    /// The largest square of a step of each MAT so far [m²]   (n_mat)
+    steps: Vec<f64>,
+    /// The largest motion of each body so far   (n_bodies)
+    bodies: Vec<f64>,
+    /// The largest energy of a MAT so far, as d²/w.
+    energy: f64,
+    /// The largest sum of energies in this period of looks, and in the one before.
+    period: f64,
+    before: f64,
+    /// Whether all looks of this period were quiet.
+    is_quiet: bool,
+    /// Whether the island sleeps.
+    is_asleep: bool,
+    /// The outputs in the last frame   (n_out)
+    held: Vec<f64>,
+}
+
+state!(Quiet {
+    lowest,
+    highest,
+    range,
+    steps,
+    bodies,
+    energy,
+    period,
+    before,
+    is_quiet,
+    is_asleep,
+    held,
+});
+option!(Quiet, fixed);
+
+impl Quiet {
+    fn new(n_out: usize, n_mat: usize, n_bodies: usize) -> Self {
+        Self {
+            lowest: vec![f64::INFINITY; n_out],
+            highest: vec![f64::NEG_INFINITY; n_out],
+            range: vec![0.0; n_out],
+            steps: vec![0.0; n_mat],
+            bodies: vec![0.0; n_bodies],
+            energy: 0.0,
+            period: 0.0,
+            before: 0.0,
+            is_quiet: false,
+            is_asleep: false,
+            held: vec![0.0; n_out],
+        }
+    }
+
+    /// Takes note of frames of sound, (n_frames · n_out).
+    fn note(&mut self, sound: &[f64]) {
+        let n_out = self.held.len().max(1);
+        for frame in sound.chunks_exact(n_out) {
+            let ranges = self.lowest.iter_mut().zip(&mut self.highest);
+            for ((low, high), x) in ranges.zip(frame) {
+                (*low, *high) = (low.min(*x), high.max(*x));
+            }
+        }
+        if let Some(last) = sound.rchunks_exact(n_out).next() {
+            self.held.copy_from_slice(last);
+        }
+    }
+
+    /// It sleeps no more.
+    pub(super) fn wake(&mut self) {
+        self.is_asleep = false;
+    }
+
+    /// Forgets all but the strongest motion.
+    pub(super) fn restart(&mut self) {
+        (self.is_quiet, self.is_asleep) = (false, false);
+        (self.period, self.before) = (0.0, 0.0);
+        self.clear_ranges();
+    }
+
+    /// The outputs while it sleeps   (n_out)
+    pub(super) fn held(&self) -> &[f64] {
+        &self.held
+    }
+
+    fn clear_ranges(&mut self) {
+        self.lowest.fill(f64::INFINITY);
+        self.highest.fill(f64::NEG_INFINITY);
+    }
+
+    /// Looks at outputs, MATs and bodies; whether a period of looks ends that were all quiet. `index` counts the looks of
+    /// a period from 1; the last is 0.
+    fn look(&mut self, scheme: &Scheme, body: &Body, bodies: &[RunningBody], index: u64) -> bool {
+        let mut is_quiet = true;
+        let ranges = self.lowest.iter().zip(&self.highest);
+        for ((low, high), largest) in ranges.zip(&mut self.range) {
+            let range = (high - low).max(0.0);
+            *largest = largest.max(range);
+            is_quiet &= range * range <= QUIET * *largest * *largest;
+        }
+        self.clear_ranges();
+        let mut sum = 0.0;
+        let mats = body.x.iter().zip(&body.d).zip(&scheme.w);
+        for (((x, d), w), largest) in mats.zip(&mut self.steps) {
+            let square = d * d;
+            *largest = largest.max(square);
+            // What is led has no energy of its own.
+            let energy = if *w > 0.0 { square / w } else { 0.0 };
+            self.energy = self.energy.max(energy);
+            sum += energy;
+            is_quiet &= square <= QUIET * *largest || d.abs() <= ROUNDING * x.abs();
+        }
+        sum /= self.energy.max(f64::MIN_POSITIVE);
+        for (body, largest) in bodies.iter().zip(&mut self.bodies) {
+            let motion = body.motion();
+            *largest = largest.max(motion);
+            sum += motion / largest.max(f64::MIN_POSITIVE);
+            is_quiet &= motion <= QUIET * *largest;
+        }
+        self.period = self.period.max(sum);
+        self.is_quiet = is_quiet && (self.is_quiet || index == 1);
+        if index != 0 {
+            return false;
+        }
+        let fades = self.period <= self.before;
+        self.before = std::mem::take(&mut self.period);
+        self.is_quiet && fades
+    }
+}
+
+impl Island {
+    /// From here on, sleep when it is quiet.
+    pub(crate) fn sleep_when_quiet(&mut self) {
+        // Slow bodies pull in a rhythm of their own.
+        let is_slow = |body: &RunningBody| matches!(body, RunningBody::Slow(_));
+        let state = &self.state;
+        if !state.bodies.iter().any(is_slow) && state.voices.iter().all(|voice| voice.every() == 1)
+        {
+            let (n_mat, n_bodies) = (state.body.d.len(), state.bodies.len());
+            self.quiet = Some(Quiet::new(self.n_out(), n_mat, n_bodies));
+        }
+    }
+
+    /// Steps between two looks.
+    fn look_steps(&self) -> u64 {
+        LOOK * u64::from(self.oversampling)
+    }
+
+    /// The step of the next look; never for an island that may not sleep.
+    pub(super) fn next_quiet_look(&self) -> u64 {
+        let steps = self.look_steps();
+        let next = (self.state.frame / steps + 1) * steps;
+        self.quiet.as_ref().map_or(u64::MAX, |_| next)
+    }
+
+    /// Takes note of frames that were played, (n_frames · n_out). If that ends a period of looks after which the island
+    /// sleeps, returns the step until which it does.
+    pub(super) fn falls_asleep(&mut self, sound: &[f64]) -> Option<u64> {
+        let (n, steps) = (self.state.frame, self.look_steps());
+        let state = &self.state;
+        let quiet = self.quiet.as_mut()?;
+        quiet.note(sound);
+        if !n.is_multiple_of(steps) {
+            return None;
+        }
+        let scheme = state.scheme.as_deref().unwrap_or(&self.script.scheme);
+        let may_sleep = quiet.look(scheme, &state.body, &state.bodies, (n / steps) % LOOKS);
+        let until = may_sleep.then(|| self.wakes_at()).flatten();
+        if let Some(quiet) = &mut self.quiet {
+            quiet.is_asleep = until.is_some();
+        }
+        until
+    }
+
+    /// The step before the next event at which it has to wake; `None` if that is now.
+    fn wakes_at(&self) -> Option<u64> {
+        let n = self.state.frame;
+        let margin = MARGIN * u64::from(self.oversampling);
+        let wakes_at = self.due(n).saturating_sub(margin);
+        (wakes_at > n).then_some(wakes_at)
+    }
+
+    /// For an island that was read from an archive in which it sleeps: the step until which it does.
+    pub(super) fn sleeps_on_until(&self) -> Option<u64> {
+        let is_asleep = self.quiet.as_ref().is_some_and(|quiet| quiet.is_asleep);
+        is_asleep.then(|| self.wakes_at()).flatten()
+    }
+}
