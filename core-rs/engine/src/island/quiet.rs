@@ -5,18 +5,24 @@
 //! quiet for a whole period of looks and did not gain energy from the period before: what grows by itself from silence
 //! is left to grow.
 
+mod output_level;
+
 use super::Island;
 use super::inside::RunningBody;
 use crate::archive::{option, state};
+use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::Body;
+use output_level::OutputLevel;
 
 /// Frames between two looks, on a grid from frame 0: more than a period of the lowest audible pitch at any rate in use,
 /// so that the range of an output is that of its oscillation.
 const LOOK: u64 = 4_096;
 /// Looks in a period: a snapshot may meet a turning point, several do not.
 const LOOKS: u64 = 4;
-/// Power of what is quiet, relative to the strongest: -90 dB, below the noise of 15 bits when the rest is silent.
+/// Amplitude and power of what is quiet, relative to the strongest: -90 dB, below the noise of 15 bits when the rest is
+/// silent.
+const QUIET_AMPLITUDE: f64 = 3.16e-5;
 const QUIET: f64 = 1e-9;
 /// A step of this part of a position is rounding.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
@@ -27,11 +33,8 @@ const MARGIN: u64 = 4;
 /// What is known of how strongly an island moved.
 #[derive(Clone, Debug)]
 pub(super) struct Quiet {
-    /// Lowest and highest value of each output since the last look [m]   (n_out)
-    lowest: Vec<f64>,
-    highest: Vec<f64>,
-    /// The largest range of each output so far [m]   (n_out)
-    range: Vec<f64>,
+    /// (n_out)
+    outputs: Vec<OutputLevel>,
     /// The largest square of a step of each MAT so far [m²]   (n_mat)
     steps: Vec<f64>,
     /// The largest motion of each body so far   (n_bodies)
@@ -45,53 +48,42 @@ pub(super) struct Quiet {
     is_quiet: bool,
     /// Whether the island sleeps.
     is_asleep: bool,
-    /// The outputs in the last frame   (n_out)
-    held: Vec<f64>,
 }
 
 state!(Quiet {
-    lowest,
-    highest,
-    range,
+    outputs,
     steps,
     bodies,
     energy,
     period,
     before,
     is_quiet,
-    is_asleep,
-    held,
+    is_asleep
 });
 option!(Quiet, fixed);
 
 impl Quiet {
-    fn new(n_out: usize, n_mat: usize, n_bodies: usize) -> Self {
+    fn new(network: &Network, n_bodies: usize) -> Self {
+        let outputs = network.outputs().iter();
         Self {
-            lowest: vec![f64::INFINITY; n_out],
-            highest: vec![f64::NEG_INFINITY; n_out],
-            range: vec![0.0; n_out],
-            steps: vec![0.0; n_mat],
+            outputs: outputs
+                .map(|output| OutputLevel::new(output.order))
+                .collect(),
+            steps: vec![0.0; network.n_mat()],
             bodies: vec![0.0; n_bodies],
             energy: 0.0,
             period: 0.0,
             before: 0.0,
             is_quiet: false,
             is_asleep: false,
-            held: vec![0.0; n_out],
         }
     }
 
     /// Takes note of frames of sound, (n_frames · n_out).
     fn note(&mut self, sound: &[f64]) {
-        let n_out = self.held.len().max(1);
-        for frame in sound.chunks_exact(n_out) {
-            let ranges = self.lowest.iter_mut().zip(&mut self.highest);
-            for ((low, high), x) in ranges.zip(frame) {
-                (*low, *high) = (low.min(*x), high.max(*x));
-            }
-        }
-        if let Some(last) = sound.rchunks_exact(n_out).next() {
-            self.held.copy_from_slice(last);
+        for frame in sound.chunks_exact(self.outputs.len().max(1)) {
+            let outputs = self.outputs.iter_mut().zip(frame);
+            outputs.for_each(|(output, value)| output.note(*value));
         }
     }
 
@@ -104,30 +96,23 @@ impl Quiet {
     pub(super) fn restart(&mut self) {
         (self.is_quiet, self.is_asleep) = (false, false);
         (self.period, self.before) = (0.0, 0.0);
-        self.clear_ranges();
+        self.outputs.iter_mut().for_each(OutputLevel::restart);
     }
 
-    /// The outputs while it sleeps   (n_out)
-    pub(super) fn held(&self) -> &[f64] {
-        &self.held
-    }
-
-    fn clear_ranges(&mut self) {
-        self.lowest.fill(f64::INFINITY);
-        self.highest.fill(f64::NEG_INFINITY);
+    /// Writes the outputs while it sleeps into a frame (n_out).
+    pub(super) fn hold(&self, frame: &mut [f64]) {
+        for (value, output) in frame.iter_mut().zip(&self.outputs) {
+            *value = output.value();
+        }
     }
 
     /// Looks at outputs, MATs and bodies; whether a period of looks ends that were all quiet. `index` counts the looks of
     /// a period from 1; the last is 0.
     fn look(&mut self, scheme: &Scheme, body: &Body, bodies: &[RunningBody], index: u64) -> bool {
         let mut is_quiet = true;
-        let ranges = self.lowest.iter().zip(&self.highest);
-        for ((low, high), largest) in ranges.zip(&mut self.range) {
-            let range = (high - low).max(0.0);
-            *largest = largest.max(range);
-            is_quiet &= range * range <= QUIET * *largest * *largest;
+        for output in &mut self.outputs {
+            is_quiet &= output.is_quiet(QUIET_AMPLITUDE);
         }
-        self.clear_ranges();
         let mut sum = 0.0;
         let mats = body.x.iter().zip(&body.d).zip(&scheme.w);
         for (((x, d), w), largest) in mats.zip(&mut self.steps) {
@@ -165,8 +150,7 @@ impl Island {
         let state = &self.state;
         if !state.bodies.iter().any(is_slow) && state.voices.iter().all(|voice| voice.every() == 1)
         {
-            let (n_mat, n_bodies) = (state.body.d.len(), state.bodies.len());
-            self.quiet = Some(Quiet::new(self.n_out(), n_mat, n_bodies));
+            self.quiet = Some(Quiet::new(&self.network, state.bodies.len()));
         }
     }
 

@@ -96,10 +96,9 @@ impl Island {
             match self.rest.stage {
                 Stage::Asleep(_) if n == 0 => self.wake(),
                 Stage::Asleep(_) => {
-                    let held = self.quiet.iter().map(Quiet::held);
-                    let rows = out.chunks_exact_mut(n_out.max(1));
-                    rows.zip(held.cycle())
-                        .for_each(|(row, held)| row.copy_from_slice(held));
+                    for row in out.chunks_exact_mut(n_out.max(1)) {
+                        self.quiet.iter().for_each(|quiet| quiet.hold(row));
+                    }
                     self.state.frame += n * often;
                     self.rest.passed += n * often;
                     continue;

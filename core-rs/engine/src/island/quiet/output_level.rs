@@ -1,0 +1,121 @@
+//! How strongly an output moves, as it is heard: by its range, its speed or its acceleration.
+
+use crate::archive::state;
+
+/// The level of one output since the last look, and the largest so far.
+#[derive(Clone, Debug)]
+pub(super) struct OutputLevel {
+    /// How often the output is differentiated by time: 0, 1 or 2.
+    order: u8,
+    /// The last value [m], and the last difference from frame to frame [m].
+    value: f64,
+    step: f64,
+    /// Lowest and highest value since the last look [m].
+    lowest: f64,
+    highest: f64,
+    /// Largest difference from frame to frame since the last look [m].
+    largest_step: f64,
+    /// The largest range, difference, or difference of differences so far, as `order` says [m].
+    loudest: f64,
+}
+
+state!(OutputLevel {
+    value,
+    step,
+    lowest,
+    highest,
+    largest_step,
+    loudest
+});
+
+impl OutputLevel {
+    pub(super) fn new(order: u8) -> Self {
+        Self {
+            order,
+            value: f64::NAN,
+            step: f64::NAN,
+            lowest: f64::INFINITY,
+            highest: f64::NEG_INFINITY,
+            largest_step: 0.0,
+            loudest: 0.0,
+        }
+    }
+
+    /// The last value [m].
+    pub(super) fn value(&self) -> f64 {
+        self.value
+    }
+
+    /// Takes note of the next value [m]. Differences from before the first one are NaN, which `max` passes over.
+    #[inline]
+    pub(super) fn note(&mut self, value: f64) {
+        let step = value - self.value;
+        let loud = match self.order {
+            0 => 0.0,
+            1 => step.abs(),
+            _ => (step - self.step).abs(),
+        };
+        self.loudest = self.loudest.max(loud);
+        self.largest_step = self.largest_step.max(step.abs());
+        (self.lowest, self.highest) = (self.lowest.min(value), self.highest.max(value));
+        (self.value, self.step) = (value, step);
+    }
+
+    /// Whether stopping it here and now would be quieter than the part `share` of the loudest so far; begins to note
+    /// anew. To stop what is heard as an acceleration is a blow as strong as its step from frame to frame.
+    pub(super) fn is_quiet(&mut self, share: f64) -> bool {
+        let level = match self.order {
+            0 => (self.highest - self.lowest).max(0.0),
+            _ => self.largest_step,
+        };
+        if self.order == 0 {
+            self.loudest = self.loudest.max(level);
+        }
+        self.restart();
+        level <= share * self.loudest
+    }
+
+    /// Begins to note anew.
+    pub(super) fn restart(&mut self) {
+        (self.lowest, self.highest) = (f64::INFINITY, f64::NEG_INFINITY);
+        self.largest_step = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::maths::sin;
+
+    /// Whether a sine of 0.01 radians a frame is quiet after it was as loud as 1.
+    fn is_quiet(order: u8, amplitude: f64) -> bool {
+        let (mut level, mut n) = (OutputLevel::new(order), 0.0);
+        let mut play = |from: f64, to: f64| {
+            for part in 1..=1_000 {
+                let share = f64::from(part) / 1_000.0;
+                let amplitude = from + (to - from) * share * share * (3.0 - 2.0 * share);
+                level.note(amplitude * sin(0.01 * n));
+                n += 1.0;
+            }
+            level.is_quiet(1e-3)
+        };
+        assert!(!play(1.0, 1.0));
+        assert!(!play(1.0, amplitude));
+        play(amplitude, amplitude)
+    }
+
+    #[test]
+    fn is_quiet_by_order() {
+        assert!(is_quiet(0, 0.9e-3) && !is_quiet(0, 1.1e-3));
+        assert!(is_quiet(1, 0.9e-3) && !is_quiet(1, 1.1e-3));
+        assert!(is_quiet(2, 0.9e-5) && !is_quiet(2, 1.1e-5));
+    }
+
+    #[test]
+    fn is_quiet_of_rest() {
+        let mut level = OutputLevel::new(2);
+        (0..100).for_each(|_| level.note(0.25));
+        assert!(level.is_quiet(1e-3));
+        assert_eq!(level.value(), 0.25);
+    }
+}
