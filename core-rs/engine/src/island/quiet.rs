@@ -26,9 +26,6 @@ const QUIET_AMPLITUDE: f64 = 3.16e-5;
 const QUIET: f64 = 1e-9;
 /// A step of this part of a position is rounding.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
-/// Frames before an event at which an island wakes: a strike may fall between frames, and a stored state knows the
-/// events of so many frames after it.
-const MARGIN: u64 = 4;
 
 /// What is known of how strongly an island moved.
 #[derive(Clone, Debug)]
@@ -87,16 +84,13 @@ impl Quiet {
         }
     }
 
+    pub(super) fn is_asleep(&self) -> bool {
+        self.is_asleep
+    }
+
     /// It sleeps no more.
     pub(super) fn wake(&mut self) {
         self.is_asleep = false;
-    }
-
-    /// Forgets all but the strongest motion.
-    pub(super) fn restart(&mut self) {
-        (self.is_quiet, self.is_asleep) = (false, false);
-        (self.period, self.before) = (0.0, 0.0);
-        self.outputs.iter_mut().for_each(OutputLevel::restart);
     }
 
     /// Writes the outputs while it sleeps into a frame (n_out).
@@ -185,17 +179,10 @@ impl Island {
         until
     }
 
-    /// The step before the next event at which it has to wake; `None` if that is now.
-    fn wakes_at(&self) -> Option<u64> {
+    /// The step of the next event, at which it has to wake; `None` if that is now. It wakes no earlier, because a session
+    /// may know an event from that step on only, and has to play what is rendered.
+    pub(super) fn wakes_at(&self) -> Option<u64> {
         let n = self.state.frame;
-        let margin = MARGIN * u64::from(self.oversampling);
-        let wakes_at = self.due(n).saturating_sub(margin);
-        (wakes_at > n).then_some(wakes_at)
-    }
-
-    /// For an island that was read from an archive in which it sleeps: the step until which it does.
-    pub(super) fn sleeps_on_until(&self) -> Option<u64> {
-        let is_asleep = self.quiet.as_ref().is_some_and(|quiet| quiet.is_asleep);
-        is_asleep.then(|| self.wakes_at()).flatten()
+        Some(self.due(n)).filter(|due| *due > n)
     }
 }

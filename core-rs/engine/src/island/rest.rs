@@ -94,7 +94,7 @@ impl Island {
             let out = &mut out[n_out * done..n_out * (done + n as usize)];
             done += n as usize;
             match self.rest.stage {
-                Stage::Asleep(_) if n == 0 => self.wake(),
+                Stage::Asleep(_) if n == 0 => self.sleep_on(),
                 Stage::Asleep(_) => {
                     for row in out.chunks_exact_mut(n_out.max(1)) {
                         self.quiet.iter().for_each(|quiet| quiet.hold(row));
@@ -143,17 +143,21 @@ impl Island {
         }
     }
 
-    /// Compute steps from here on, because the state was changed, and look soon whether the island rests.
+    /// Compute steps from here on, because the state came from elsewhere, and look soon whether the island rests; sleep
+    /// on if it slept there.
     pub(super) fn begin_again(&mut self) {
-        self.quiet.iter_mut().for_each(Quiet::restart);
         self.look_soon();
+        if self.quiet.as_ref().is_some_and(Quiet::is_asleep) {
+            // Until when, the next frame decides: more of the state may come.
+            self.rest.stage = Stage::Asleep(self.state.frame);
+        }
     }
 
-    /// Go on from a state that was read from an archive.
-    pub(super) fn resume(&mut self) {
-        self.look_soon();
-        if let Some(until) = self.sleeps_on_until() {
-            self.rest.stage = Stage::Asleep(until);
+    /// Sleep on until the next event, or wake for it.
+    fn sleep_on(&mut self) {
+        match self.wakes_at() {
+            Some(until) => self.rest.stage = Stage::Asleep(until),
+            None => self.wake(),
         }
     }
 

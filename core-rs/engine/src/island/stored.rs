@@ -27,7 +27,7 @@ impl Island {
         let mut archive = Archive::Read(bytes);
         self.state.archive(&mut archive)?;
         self.quiet.archive(&mut archive)?;
-        self.resume();
+        self.begin_again();
         if archive.is_empty() {
             Ok(())
         } else {

@@ -106,7 +106,7 @@ impl Island {
         }
         if self.quiet.is_some() && old.quiet.is_some() {
             std::mem::swap(&mut self.quiet, &mut old.quiet);
-            self.resume();
+            self.begin_again();
         }
     }
 

@@ -71,14 +71,9 @@ impl OutputLevel {
         if self.order == 0 {
             self.loudest = self.loudest.max(level);
         }
-        self.restart();
-        level <= share * self.loudest
-    }
-
-    /// Begins to note anew.
-    pub(super) fn restart(&mut self) {
         (self.lowest, self.highest) = (f64::INFINITY, f64::NEG_INFINITY);
         self.largest_step = 0.0;
+        level <= share * self.loudest
     }
 }
 
