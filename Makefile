@@ -103,7 +103,7 @@ docs: $(VENV)/dev
 	$(BIN)/python core-rs/third_party.py LICENSE-THIRD-PARTY
 
 charts: $(VENV)/dev
-	$(BIN)/python -m ergon.lab.bundled docs/charts
+	$(BIN)/python -m ergon.workshop.lab.bundled docs/charts
 	$(BIN)/python -m docs.generators.gallery
 
 accuracy: $(VENV)/dev

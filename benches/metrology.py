@@ -25,7 +25,7 @@ from commands import ERGON
 from emulators import emulator
 
 from benches.measure import Row
-from ergon.metrology.ladder import TICK_RATE
+from ergon.workshop.metrology.ladder import TICK_RATE
 
 _STEP = 7.32e-6  # of the sensor [m]
 _SENSOR = ("--resolution=7.32um", "--noise=3.66um")

@@ -15,7 +15,7 @@ from pathlib import Path
 from benches.growth import COLUMNS
 from benches.measure import Row
 from benches.native import FLAGS, compiler
-from ergon.lab.machine import cpu
+from ergon.workshop.lab.machine import cpu
 
 _ROOT = Path(__file__).parent.parent
 PAGE = _ROOT / "docs" / "benchmarks.md"

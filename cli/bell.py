@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ergon.api.bell import PLACE, BellOptions
-from ergon.api.bell import bell as find_bell
+from ergon.workshop.api.bell import PLACE, BellOptions
+from ergon.workshop.api.bell import bell as find_bell
 
 from . import options
 from .console import Console, plural
@@ -16,7 +16,7 @@ from .tables import table
 from .units import seconds
 
 if TYPE_CHECKING:
-    from ergon.bells.bell import Bell
+    from ergon.workshop.bells.bell import Bell
 
 _SHOWN = 40  # modes shown in the table
 
@@ -49,8 +49,8 @@ def bell(
     from one point: soft to hard at one place, or at places that are named, rim=a.wav waist=b.wav.
     Instead of them one table of resonances is read, as ModRes writes and Modalys reads them.
     """
-    from ergon.bells.instrument import text
     from ergon.exchange.safe import check_target, write_text
+    from ergon.workshop.bells.instrument import text
 
     by_place: dict[str, list[Path]] = {}
     for one in strokes:

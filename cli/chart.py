@@ -8,15 +8,15 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.lab.names import METHODS, METRICS, PRECISIONS
+from ergon.workshop.lab.names import METHODS, METRICS, PRECISIONS
 
 from . import laboratory, options
 from .console import Console
 from .outcome import Findings, Refused
 
 if TYPE_CHECKING:
-    from ergon.lab.chart import Chart
-    from ergon.lab.names import Metric
+    from ergon.workshop.lab.chart import Chart
+    from ergon.workshop.lab.names import Metric
 
 
 @click.command()
@@ -77,11 +77,11 @@ def chart(
     precision; so does the planner, as it chooses. All are compared with the best method,
     oversampled further. The table (NAME.csv) holds every measure, and why a run failed.
     """
-    from ergon.lab import chart_table
-    from ergon.lab.chart import SilentPieceError, measure, planned, settings, work
-    from ergon.lab.draw_chart import draw
-    from ergon.lab.machine import machine
-    from ergon.lab.scene import Score
+    from ergon.workshop.lab import chart_table
+    from ergon.workshop.lab.chart import SilentPieceError, measure, planned, settings, work
+    from ergon.workshop.lab.draw_chart import draw
+    from ergon.workshop.lab.machine import machine
+    from ergon.workshop.lab.scene import Score
 
     known = laboratory.words(methods, METHODS, "--methods")
     stars = planned(_budget(error))
@@ -128,7 +128,7 @@ def _budget(text: str | None) -> float | None:
 
 
 def _report(console: Console, result: Chart) -> None:
-    from ergon.lab import chart_table
+    from ergon.workshop.lab import chart_table
 
     for doubt in result.doubts:
         console.warn(doubt)

@@ -10,8 +10,14 @@ import click
 
 from ergon.api import score
 from ergon.api.errors import OptionError
-from ergon.api.export import ExportedPart, ExportOptions, faust_programs, mi_gen_models, mode_tables
-from ergon.api.export_csound import csound_orchestras
+from ergon.workshop.api.export import (
+    ExportedPart,
+    ExportOptions,
+    faust_programs,
+    mi_gen_models,
+    mode_tables,
+)
+from ergon.workshop.api.export_csound import csound_orchestras
 
 from . import options
 from .console import Console

@@ -12,8 +12,8 @@ from .console import Console
 from .outcome import Refused, check_stdout
 
 if TYPE_CHECKING:
-    from ergon.api.model import Language
-    from ergon.models.mims.laws import Laws
+    from ergon.workshop.api.model import Language
+    from ergon.workshop.models.mims.laws import Laws
 
 
 @click.command("import")
@@ -59,8 +59,8 @@ def import_command(
     an XML file of miPhysics. Under `units: ca` the score sounds the same sample for sample. What no
     score says is refused, with its line.
     """
-    from ergon.api.model import ModelOptions, import_model
     from ergon.exchange.safe import check_target, write_text
+    from ergon.workshop.api.model import ModelOptions, import_model
 
     target = output or f"{Path(model).stem}.yaml"
     check_stdout(target, is_json=console.json)

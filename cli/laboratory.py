@@ -15,8 +15,8 @@ from .outcome import Refused
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ergon.lab.cluster_workers import Workers
     from ergon.scores.reading.load import Loaded
+    from ergon.workshop.lab.cluster_workers import Workers
 
 FORMS = ("csv", "svg", "png")
 
@@ -29,7 +29,7 @@ def stem(
     Raises FileRefusedError.
     """
     from ergon.exchange.safe import check_target
-    from ergon.lab.pictures import targets
+    from ergon.workshop.lab.pictures import targets
 
     if output is None:
         base = "score" if source == STDIN else Path(source).stem
@@ -71,7 +71,7 @@ def workers(
         return
     from ergon.api.cluster import open_cluster
     from ergon.api.score_bundle import bundled
-    from ergon.lab.cluster_workers import Workers
+    from ergon.workshop.lab.cluster_workers import Workers
 
     if trust:
         raise Refused("--on excludes --trust; leave one of the two out")
@@ -85,7 +85,7 @@ def write(
 ) -> None:
     """Write the table and the pictures; without matplotlib, the table alone, then raise Refused."""
     from ergon.exchange.safe import file_group
-    from ergon.lab.pictures import MatplotlibMissingError, pictures, targets
+    from ergon.workshop.lab.pictures import MatplotlibMissingError, pictures, targets
 
     csv, missing = targets(stem)[0], None
     contents = {csv: table.encode()}

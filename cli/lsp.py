@@ -19,6 +19,6 @@ def lsp() -> None:
         from ergon.common.extras import install_command
 
         raise Refused(f"`ergon lsp` needs pygls: {install_command('lsp')}") from None
-    from ergon.lsp.server import serve
+    from ergon.workshop.lsp.server import serve
 
     raise click.exceptions.Exit(serve())

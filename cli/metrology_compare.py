@@ -15,8 +15,8 @@ from .emulate import Quantity
 from .outcome import Refused
 
 if TYPE_CHECKING:
-    from ergon.metrology.calibration_file import Calibration
-    from ergon.metrology.comparison import Difference, Gain
+    from ergon.workshop.metrology.calibration_file import Calibration
+    from ergon.workshop.metrology.comparison import Difference, Gain
 
 _BYTES_MAX = 1 << 20  # of a calibration
 _FAR = 3.0  # standard deviations: a larger difference is not chance
@@ -24,8 +24,8 @@ _FAR = 3.0  # standard deviations: a larger difference is not chance
 
 def calibration(file: str) -> Calibration:
     """Read a calibration that ergon metrology has written. Raises Refused if it is not one."""
-    from ergon.metrology.calibration_file import read
-    from ergon.metrology.gesture import MeasurementError
+    from ergon.workshop.metrology.calibration_file import read
+    from ergon.workshop.metrology.gesture import MeasurementError
 
     try:
         data = read_bounded(Path(file), _BYTES_MAX)
@@ -51,7 +51,7 @@ def compare(console: Console, one: str, other: str) -> None:
     hand does not feel what lies below the step of the sensor. Modes of nearly one pitch are taken
     for the same mode. For a device against a calibration, see `ergon metrology replay`.
     """
-    from ergon.metrology.comparison import chi_squared, differences, replay_difference
+    from ergon.workshop.metrology.comparison import chi_squared, differences, replay_difference
 
     first, second = calibration(one), calibration(other)
     found = differences(first, second)
@@ -84,7 +84,7 @@ def _called(each: Difference) -> str:
 
 
 def _row(each: Difference) -> str:
-    from ergon.metrology.calibration_file import OF_MODES, UNITS
+    from ergon.workshop.metrology.calibration_file import OF_MODES, UNITS
 
     name = _called(each)
     mode, _, what = name.partition(".")
@@ -124,7 +124,7 @@ def log(console: Console, files: tuple[str, ...]) -> None:
 
     The last column is the replay difference, as `ergon metrology compare` has it.
     """
-    from ergon.metrology.comparison import replay_difference
+    from ergon.workshop.metrology.comparison import replay_difference
 
     known = sorted(((calibration(file), file) for file in files), key=lambda one: one[0].date)
     if not console.json:
@@ -160,8 +160,8 @@ def weigh(console: Console, plain: str, loaded: str, mass: float) -> None:
     Both calibrations are of one key. The mass found grows by the weighed one times the gains of
     sensor and motor together; where the key sinks under the weight, each gain is found by itself.
     """
-    from ergon.metrology.comparison import gains
-    from ergon.metrology.gesture import MeasurementError
+    from ergon.workshop.metrology.comparison import gains
+    from ergon.workshop.metrology.gesture import MeasurementError
 
     try:
         found = gains(calibration(plain), calibration(loaded), mass)

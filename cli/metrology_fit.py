@@ -17,8 +17,8 @@ from .recording import read
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ergon.metrology.gesture import Gesture
-    from ergon.metrology.stages import Measured, Stage
+    from ergon.workshop.metrology.gesture import Gesture
+    from ergon.workshop.metrology.stages import Measured, Stage
 
 _BAD = 3.0  # times the sensor's noise: beyond it the model does not explain the key
 
@@ -84,8 +84,8 @@ def report(
 
     Raises Refused, and Findings if the model does not explain the key.
     """
-    from ergon.metrology import stages
-    from ergon.metrology.gesture import MeasurementError, sensor_step
+    from ergon.workshop.metrology import stages
+    from ergon.workshop.metrology.gesture import MeasurementError, sensor_step
 
     step = sensor_step(gestures if held_out is None else [*gestures, held_out])
     if not console.json:
@@ -112,7 +112,7 @@ def report(
 
 def _cause(gestures: list[Gesture]) -> str:
     """Why the residual of a model is larger than the sensor's noise."""
-    from ergon.metrology.gesture import LATE
+    from ergon.workshop.metrology.gesture import LATE
 
     n = sum(gesture.counts.size for gesture in gestures)
     late = n - sum(int(gesture.counts.sum()) for gesture in gestures)
@@ -127,7 +127,7 @@ def _cause(gestures: list[Gesture]) -> str:
 def gesture(console: Console, path: Path, hand: str | None) -> Gesture:
     """The gesture of a hand of a take. Raises Refused if the take cannot be used for measuring."""
     from ergon.exchange.recording import read_description
-    from ergon.metrology.gesture import MeasurementError, of_recording
+    from ergon.workshop.metrology.gesture import MeasurementError, of_recording
 
     take = read(console, path)
     names = take.names
@@ -147,7 +147,7 @@ def gesture(console: Console, path: Path, hand: str | None) -> Gesture:
 
 def _say(console: Console, stage: Stage, step: float | None) -> None:
     """A row of the table; `step` [m] is the sensor's."""
-    from ergon.metrology.mode_search import SCORE_MIN
+    from ergon.workshop.metrology.mode_search import SCORE_MIN
 
     fit = stage.fit
     if console.json:
@@ -181,7 +181,7 @@ def _say(console: Console, stage: Stage, step: float | None) -> None:
 
 def _numbers(stage: Stage) -> dict[str, dict[str, float]]:
     """The fitted values and their standard deviations, in SI units."""
-    from ergon.metrology.parameters import name
+    from ergon.workshop.metrology.parameters import name
 
     fit = stage.fit
     return {
@@ -192,8 +192,8 @@ def _numbers(stage: Stage) -> dict[str, dict[str, float]]:
 
 def _added_part(stage: Stage) -> str:
     """What a stage added, in the units of a score."""
-    from ergon.metrology.calibration_file import t60
-    from ergon.metrology.parameters import INDEX, n_modes, of_mode
+    from ergon.workshop.metrology.calibration_file import t60
+    from ergon.workshop.metrology.parameters import INDEX, n_modes, of_mode
 
     row = stage.fit.row
     own = {name: float(row[index]) for name, index in INDEX.items()}
@@ -237,8 +237,8 @@ def _picture(measured: Measured, gesture: Gesture, title: str) -> str:
     """A picture of a gesture on the key, on the fitted model, and on the model of the first
     stage.
     """
-    from ergon.metrology.comparison import replay
-    from ergon.metrology.picture import picture
+    from ergon.workshop.metrology.comparison import replay
+    from ergon.workshop.metrology.picture import picture
 
     after = replay(measured.fit.row, gesture)
     before = replay(measured.stages[0].fit.row, gesture)
@@ -248,7 +248,7 @@ def _picture(measured: Measured, gesture: Gesture, title: str) -> str:
 def _calibration(measured: Measured, takes: list[Path]) -> str:
     from datetime import date
 
-    from ergon.metrology.calibration_file import text
+    from ergon.workshop.metrology.calibration_file import text
 
     digests = [file_digest(take).hex() for take in takes]
     return text(measured, digests, date.today().isoformat())

@@ -18,9 +18,9 @@ from .outcome import DeviceMissing, Refused
 if TYPE_CHECKING:
     from ergon import _core
     from ergon.live.calibration import Axis as Known
-    from ergon.metrology.gesture import Floats
-    from ergon.metrology.ladder import Axis, Ladder, Rung
-    from ergon.metrology.takes import Take
+    from ergon.workshop.metrology.gesture import Floats
+    from ergon.workshop.metrology.ladder import Axis, Ladder, Rung
+    from ergon.workshop.metrology.takes import Take
 
 
 @click.command()
@@ -76,7 +76,7 @@ def measure(
     every force at once.
     """
     from ergon.exchange.safe import check_target
-    from ergon.metrology.gesture import MeasurementError
+    from ergon.workshop.metrology.gesture import MeasurementError
 
     if output is None and not dry:
         raise Refused("-o FILE says where the calibration is written; -n writes nothing")
@@ -124,7 +124,7 @@ def open_axis(
     from ergon import _core
     from ergon.live.boards import BoardError, device_urls, resolve
     from ergon.live.calibration import known_axes
-    from ergon.metrology.ladder import Axis
+    from ergon.workshop.metrology.ladder import Axis
 
     try:
         url, number = resolve(device, {} if ":" in device else device_urls())
@@ -208,7 +208,7 @@ class Recorder:
 
 
 def _climbed(console: Console, axis: Axis, seed: int) -> Ladder:
-    from ergon.metrology.ladder import climb
+    from ergon.workshop.metrology.ladder import climb
 
     console.say("let go of the key: it is pushed now, gently at first")
 
@@ -244,7 +244,7 @@ def _taken(
     asked: Floats | None,
 ) -> list[Take]:
     """Takes of strikes and rain, then one that is held out."""
-    from ergon.metrology import takes
+    from ergon.workshop.metrology import takes
 
     found: list[Take] = []
     said = []

@@ -18,8 +18,8 @@ from .outcome import Refused
 from .view import serve_shown
 
 if TYPE_CHECKING:
-    from ergon.metrology.comparison import Replay
-    from ergon.metrology.gesture import Floats, Gesture
+    from ergon.workshop.metrology.comparison import Replay
+    from ergon.workshop.metrology.gesture import Floats, Gesture
 
 _WARNS = 5.0  # times the noise of the sensor
 _WIDTH_MAX = 160  # columns: wider is harder to read, not finer
@@ -69,8 +69,8 @@ def replay(
     curves that run, until Ctrl-C.
     """
     from ergon.exchange.safe import check_target
-    from ergon.metrology import comparison
-    from ergon.metrology.gesture import sensor_noise, sensor_step
+    from ergon.workshop.metrology import comparison
+    from ergon.workshop.metrology.gesture import sensor_noise, sensor_step
 
     known = calibration(file)
     if output is not None:
@@ -91,7 +91,7 @@ def replay(
         console.data(_drawn(found, width))
     _tell(console, found, sensor_noise([took]), sensor_step([took]))
     if output is not None:
-        from ergon.metrology.picture import picture
+        from ergon.workshop.metrology.picture import picture
 
         title = f"{real} and {file}"
         write_texts(console, {Path(output): picture(found, title)}, force=force, dry=dry)
@@ -103,9 +103,9 @@ def _pushed(
     console: Console, device: str, path: Floats | None, *, force_step: float, gated: bool
 ) -> Gesture:
     """Push a key of a device with knocks, or with forces that lead it along a path."""
-    from ergon.metrology.gesture import MeasurementError
-    from ergon.metrology.ladder import climb
-    from ergon.metrology.takes import held_out_duration, record
+    from ergon.workshop.metrology.gesture import MeasurementError
+    from ergon.workshop.metrology.ladder import climb
+    from ergon.workshop.metrology.takes import held_out_duration, record
 
     from .metrology_measure import open_axis
 
@@ -124,8 +124,8 @@ def _pushed(
 
 def _drawn(found: Replay, width: int | None) -> str:
     """Force, real and model motion, residual: one plot above the other, over the same time."""
-    from ergon.metrology.picture import rows
     from ergon.view.braille import panels
+    from ergon.workshop.metrology.picture import rows
 
     columns = width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
     return panels(rows(found), width=columns, heights=_HEIGHTS)
@@ -137,7 +137,7 @@ def _show(console: Console, found: Replay, at: str | None) -> None:
     from ergon.api.render import FileOptions
     from ergon.api.viewing import render_view
     from ergon.common.report import Report
-    from ergon.metrology.replay_scene import write_scene
+    from ergon.workshop.metrology.replay_scene import write_scene
 
     with TemporaryDirectory(prefix="ergon-replay-") as made:
         folder = Path(made)

@@ -11,8 +11,8 @@ from .console import Console
 from .outcome import Refused
 
 if TYPE_CHECKING:
-    from ergon.metrology.gesture import Floats
     from ergon.scores.reading.piece import Piece
+    from ergon.workshop.metrology.gesture import Floats
 
 _LEAST = 2.0  # s of a gesture
 _STILL = 1e-6  # m: less is no movement yet
@@ -40,10 +40,10 @@ def path(console: Console, score: str | None, key: str | None) -> Floats | None:
 
     from ergon.api import score as scores
     from ergon.api.options import ReadOptions
-    from ergon.metrology.ladder import TICK_RATE
-    from ergon.metrology.takes import HELD_OUT
     from ergon.notation.text.errors import Collector
     from ergon.scores.staging.live import standin
+    from ergon.workshop.metrology.ladder import TICK_RATE
+    from ergon.workshop.metrology.takes import HELD_OUT
 
     loaded = scores.read(score, ReadOptions(), console)
     piece = scores.piece_of(loaded)

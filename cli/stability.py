@@ -9,16 +9,16 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.lab.names import CUTS, ENERGY_MAPS, MAPS, METHODS, PLAN, SLOW
+from ergon.workshop.lab.names import CUTS, ENERGY_MAPS, MAPS, METHODS, PLAN, SLOW
 
 from . import laboratory, options
 from .console import Console
 from .outcome import Refused
 
 if TYPE_CHECKING:
-    from ergon.lab.maps import Map
-    from ergon.lab.names import MapMetric
     from ergon.scores.reading.load import Loaded
+    from ergon.workshop.lab.maps import Map
+    from ergon.workshop.lab.names import MapMetric
 
 
 _HOW = (
@@ -92,9 +92,9 @@ def stability(
     map multiplies its springs and its rate. Every point of a map is computed, also where ergon
     would refuse the score.
     """
-    from ergon.lab import map_table
-    from ergon.lab.draw_maps import draw
-    from ergon.lab.maps import survey_all
+    from ergon.workshop.lab import map_table
+    from ergon.workshop.lab.draw_maps import draw
+    from ergon.workshop.lab.maps import survey_all
 
     if score_path is not None and method == SLOW:
         raise Refused(f"--method {SLOW} maps scenes of ergon's own, and takes no SCORE")
@@ -132,7 +132,7 @@ def _maps(
     chosen: str | None,
     asked: tuple[str, float, float | None, MapMetric],
 ) -> tuple[dict[str, Map], str]:
-    from ergon.lab import map_catalogue
+    from ergon.workshop.lab import map_catalogue
 
     piece = None if loaded is None else score.piece_of(loaded)
     method, seconds, accurate, metric = asked

@@ -15,8 +15,8 @@ from .signals import until_interrupted
 from .units import seconds
 
 if TYPE_CHECKING:
-    from ergon.api.movie import MovieMaker
     from ergon.api.viewing import Shown
+    from ergon.workshop.api.movie import MovieMaker
 
 _BEGINS = b"ERGM"  # docs/motion.md
 
@@ -157,7 +157,7 @@ def serve_shown(console: Console, shown: Shown, at: str, asked: list[str]) -> No
 
 
 def _maker(movie: str, given: dict[str, Any]) -> MovieMaker:
-    from ergon.api.movie import MovieMaker, MovieOptions
+    from ergon.workshop.api.movie import MovieMaker, MovieOptions
 
     return MovieMaker(movie, MovieOptions(**given))
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 import yaml
-from docs.generators.spectra import spectrogram
 from numpy.typing import NDArray
 
+from docs.generators.spectra import spectrogram
 from ergon.notation.tables.notes import nearest_note
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage

@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from docs.generators.spectra import spectrogram
 from numpy.typing import NDArray
 
+from docs.generators.spectra import spectrogram
 from ergon.api.score import level_of
 from ergon.cli.demo import bundled
 from ergon.scores.reading.load import load

@@ -1,8 +1,8 @@
-"""Write `space/kemar.csv`, the head that ships, from a SOFA file of a KEMAR manikin.
+"""Write `ergon/space/kemar.csv`, the head that ships, from a SOFA file of a KEMAR manikin.
 
-    python -m docs.generators.head /usr/share/libmysofa/MIT_KEMAR_normal_pinna.sofa space/kemar.csv
+    python -m docs.generators.head MIT_KEMAR_normal_pinna.sofa ergon/space/kemar.csv
 
-The source is the file in Debian's package `libmysofa1`.
+The source is in Debian's package `libmysofa1`, in /usr/share/libmysofa.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""MIDI clock of a session: sent to other programs, or followed (by `live/clock_follower.py`)."""
+"""MIDI clock of a session: sent to other programs, or followed.
+
+`ergon/live/clock_follower.py` follows one.
+"""
 
 from __future__ import annotations
 

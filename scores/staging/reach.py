@@ -2,7 +2,7 @@
 
 Nothing passes between two islands of a network, so modules that links connect are frozen
 together or not at all. A fixed or imposed point ends an island, but a live hand's key does not,
-because the hand feels the force. `rendering/frozen.py` writes the parts.
+because the hand feels the force. `ergon/rendering/frozen.py` writes the parts.
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.api.test_modes import SCORE
 
 import ergon
+from tests.api.test_modes import SCORE
 
 STRUCK = """\
 ergon: 1

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from planned_sound import off_db, played
 
-from ergon.api.export import ExportOptions, mode_tables
 from ergon.cli import app
+from ergon.workshop.api.export import ExportOptions, mode_tables
 
 RATE = 44_100
 SCORE = """\

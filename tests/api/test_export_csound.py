@@ -7,8 +7,8 @@ import pytest
 from csound_played import heard, needs_csound
 from planned_sound import off_db, played
 
-from ergon.api.export_csound import csound_orchestras
 from ergon.cli import app
+from ergon.workshop.api.export_csound import csound_orchestras
 
 pytestmark = pytest.mark.usefixtures("own_folder")
 RATE = 44_100

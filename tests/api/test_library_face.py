@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from one_bell import SCORE
 from patience import until
-from tests.house.test_docs import blocks, put
 
 import ergon
 from ergon import _core
 from ergon.cli import app
 from ergon.exchange.wave import hash_samples, read_blocks
+from tests.house.test_docs import blocks, put
 
 PAGE = Path(__file__).parents[2] / "docs" / "library.md"
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.api.test_tune import SCORE
 
 import ergon
+from tests.api.test_tune import SCORE
 
 
 @pytest.fixture(autouse=True)

@@ -10,15 +10,15 @@ from scipy.io import wavfile
 from sweep import few
 
 import ergon
-from ergon.bells.bell import of_table
-from ergon.bells.chain import chain
-from ergon.bells.contact import LENGTH, spectrum
-from ergon.bells.instrument import FormError, text
-from ergon.bells.resonances import TableError, read
-from ergon.bells.stroke import read as sound_of
 from ergon.cli import app
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
+from ergon.workshop.bells.bell import of_table
+from ergon.workshop.bells.chain import chain
+from ergon.workshop.bells.contact import LENGTH, spectrum
+from ergon.workshop.bells.instrument import FormError, text
+from ergon.workshop.bells.resonances import TableError, read
+from ergon.workshop.bells.stroke import read as sound_of
 
 F = (219.0, 219.6, 440.0, 657.0, 1320.0)
 T60 = (3.0, 2.7, 2.0, 1.2, 0.6)

@@ -7,7 +7,7 @@ import pytest
 from struck import RATE, church, matched, others
 from sweep import few
 
-from ergon.bells.modes import find_modes, uncertainty
+from ergon.workshop.bells.modes import find_modes, uncertainty
 
 DURATION = 6.0
 

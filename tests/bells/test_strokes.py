@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from struck import RATE, church, matched
 
-from ergon.bells import contact
-from ergon.bells.bell import of_strokes
-from ergon.bells.stroke import NotAStrokeError, stroke
+from ergon.workshop.bells import contact
+from ergon.workshop.bells.bell import of_strokes
+from ergon.workshop.bells.stroke import NotAStrokeError, stroke
 
 T = np.arange(int(3 * RATE)) / RATE
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import records
-from tests.api.test_modes import SCORE
 
 from ergon.cli import app
+from tests.api.test_modes import SCORE
 
 Capture = pytest.CaptureFixture[str]
 

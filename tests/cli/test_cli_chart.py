@@ -12,8 +12,8 @@ from sweep import few
 from ergon.cli import app
 from ergon.cli.laboratory import FORMS
 from ergon.common.extras import install_command
-from ergon.lab.names import METHODS
-from ergon.lab.pictures import targets
+from ergon.workshop.lab.names import METHODS
+from ergon.workshop.lab.pictures import targets
 
 HARD = """\
 ergon: 1

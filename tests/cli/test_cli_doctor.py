@@ -10,14 +10,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from benches.interrupts import CHILD
 from boards import Board, emulated
 from commands import records
-from docs.generators import faults
 from emulators import pulled
 from patience import PATIENCE, until
 from sweep import few
 
+from benches.interrupts import CHILD
+from docs.generators import faults
 from ergon import _core
 from ergon.cli import app
 from ergon.live import fitness, ports

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from commands import records
 from recordings import Axis, end, header, row, rows
-from tests.api.test_tune import SCORE
 
 from ergon.cli import app
+from tests.api.test_tune import SCORE
 
 Capture = pytest.CaptureFixture[str]
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 from commands import records
-from tests.api.test_tune import SCORE
 
 from ergon.cli import app
+from tests.api.test_tune import SCORE
 
 Capture = pytest.CaptureFixture[str]
 

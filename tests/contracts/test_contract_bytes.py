@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from commands import ERGON
 from sweep import few
+
 from tests.contracts.test_determinism import PLAIN_GLIBC, disabled
 
 TAKE = Path(__file__).parents[2] / "scores/library/takes/hand-point-1.csv"

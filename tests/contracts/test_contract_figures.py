@@ -13,9 +13,9 @@ from oracle.core import play, simulation
 from oracle.key import KEYS, lone
 from oracle.scene import Scene
 from scipy.interpolate import make_interp_spline
-from tests.house import test_oracle
 
 from ergon import _core
+from tests.house import test_oracle
 
 ROOT = Path(__file__).parents[2]
 RATE = 44100.0

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import yaml
 from scipy.linalg import expm
-from tests.house.test_docs import PAGES, blocks
 
 from ergon.scores.reading.load import load
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import Stage, stage
+from tests.house.test_docs import PAGES, blocks
 
 ROOT = Path(__file__).parents[2]
 RATE = 44100.0

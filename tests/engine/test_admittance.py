@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from tests.engine.test_part_modes import Body, random
 
 from ergon import _core
+from tests.engine.test_part_modes import Body, random
 
 
 def dense(body: Body, forced: list[int], heard: list[int], f: np.ndarray) -> np.ndarray:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benches.interrupts import COMMANDS, begun
 from patience import PATIENCE
 from sweep import few
 
 import ergon
+from benches.interrupts import COMMANDS, begun
 from ergon import _core
 from ergon.cli import signals
 from ergon.cli.signals import Terminated, signals_as_exceptions

@@ -12,15 +12,15 @@ import random
 from collections.abc import Iterator
 from pathlib import Path
 
-from benches.mutated import bases, mutated
 from one_bell import SCORE as BELL
 from random_scores import Score
-from tests.fuzz.texts import damaged
 
+from benches.mutated import bases, mutated
 from ergon.api.check import try_stage
 from ergon.cli import app
 from ergon.common.report import Report
 from ergon.scores.reading.load import load
+from tests.fuzz.texts import damaged
 
 COMMANDS = (
     ("info",),

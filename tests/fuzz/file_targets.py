@@ -13,10 +13,6 @@ from typing import Any
 
 from corrupted import corrupted
 from one_bell import SCORE as BELL
-from tests.fuzz.harness import Target
-from tests.fuzz.score_targets import checked
-from tests.fuzz.texts import damaged
-from tests.scores.test_corrupted_takes import FORMATS, MEANT, internal
 
 from ergon import _core
 from ergon.exchange import plan_file
@@ -25,6 +21,10 @@ from ergon.live.boards import BoardError
 from ergon.scores.reading.load import load
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import stage
+from tests.fuzz.harness import Target
+from tests.fuzz.score_targets import checked
+from tests.fuzz.texts import damaged
+from tests.scores.test_corrupted_takes import FORMATS, MEANT, internal
 
 LIBRARY = Path(__file__).parents[2] / "scores" / "library"
 

@@ -16,18 +16,18 @@ import h5py
 import numpy as np
 import soundfile
 from corrupted import corrupted
-from tests.fuzz.harness import Target
-from tests.fuzz.texts import NUMBERS, damaged
-from tests.scores.test_corrupted_takes import FORMATS
 
-from ergon.bells import resonances, stroke
 from ergon.exchange import sofa
 from ergon.exchange.layout_files import FORMS, Form, LayoutFileError, as_yaml
 from ergon.exchange.sofa import SofaError
-from ergon.metrology import calibration_file, comparison
-from ergon.metrology.gesture import MeasurementError
 from ergon.scores.gesture.summary import summary
 from ergon.scores.gesture.take_file import TakeError
+from ergon.workshop.bells import resonances, stroke
+from ergon.workshop.metrology import calibration_file, comparison
+from ergon.workshop.metrology.gesture import MeasurementError
+from tests.fuzz.harness import Target
+from tests.fuzz.texts import NUMBERS, damaged
+from tests.scores.test_corrupted_takes import FORMATS
 
 SUPPORT = Path(__file__).parents[1] / "support"
 MEMORY_MAX = 1 << 30  # bytes that a reader of a file of some kilobytes may hold

@@ -12,11 +12,11 @@ from typing import Any
 from corrupted import corrupted
 from lsp_messages import END, INITIALIZE, URI, framed, notified, opened, requested
 from one_bell import SCORE as BELL
+
+from ergon.workshop.lsp.guard import GuardedInput
+from ergon.workshop.lsp.server import _HANDLERS, server
 from tests.fuzz.harness import Target
 from tests.fuzz.texts import damaged
-
-from ergon.lsp.guard import GuardedInput
-from ergon.lsp.server import _HANDLERS, server
 
 EDGES: tuple[object, ...] = (
     *(-1, 0, 1, 2**31 - 1, 2**31, 2**60, 1.5, True, None, "", "x", [], {}, [[]], "9" * 400),

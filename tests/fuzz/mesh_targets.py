@@ -9,14 +9,14 @@ from pathlib import Path
 
 import gltf_files
 from corrupted import corrupted
-from tests.fuzz.harness import Target
-from tests.fuzz.texts import NUMBERS, damaged
 
 from ergon.instruments.space import gltf_file, obj_file
 from ergon.instruments.space.mesh import MeshFileError
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, full
 from ergon.notation.text.values import Place
+from tests.fuzz.harness import Target
+from tests.fuzz.texts import NUMBERS, damaged
 
 ROOT = gltf_files.made()
 WORDS = ("[", "]", "{", "}", "null", '"matrix":', '"children": [0]', "-1", "9" * 5000, "1e999")

@@ -7,15 +7,14 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from ergon.api.errors import OptionError
+from ergon.workshop.api.model import ModelOptions, import_model
+from ergon.workshop.models.errors import DialectError, ModelError
 from tests.fuzz.harness import Target
 from tests.fuzz.texts import NUMBERS, damaged
 from tests.models.test_miphysics import link, mass, model
 from tests.models.test_pmpd import FED
 from tests.models.test_sam import WRITTEN
-
-from ergon.api.errors import OptionError
-from ergon.api.model import ModelOptions, import_model
-from ergon.models.errors import DialectError, ModelError
 
 MIMS = """\
 @kScale param 0.5

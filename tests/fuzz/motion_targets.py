@@ -14,8 +14,6 @@ from typing import Any
 
 from corrupted import corrupted
 from motions import MANIFEST, Piece, chunk
-from tests.fuzz.harness import Target
-from tests.fuzz.texts import damaged
 
 from ergon import _core
 from ergon.cli.console import Console
@@ -24,6 +22,8 @@ from ergon.cli.outcome import Refused
 from ergon.exchange.gltf import gltf
 from ergon.exchange.motion import csv_rows, instants, write_npz
 from ergon.exchange.motion_space import NotMotionError
+from tests.fuzz.harness import Target
+from tests.fuzz.texts import damaged
 
 Chunk = tuple[int, int, float, bytes]
 MAGIC = 8  # bytes before the chunks

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from random_scores import LAWS
-from tests.fuzz.harness import Target
-from tests.fuzz.texts import damaged, soup
 
 from ergon import _core
 from ergon.notation.tables.expressions import evaluate, looks_like
@@ -16,6 +14,8 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
 from ergon.scores.pattern import words
+from tests.fuzz.harness import Target
+from tests.fuzz.texts import damaged, soup
 
 PIECES = (
     *("(", ")", "+", "-", "*", "/", "**", "//", " ", "1", "2.5", "1e30", "9" * 38, "1/0", "0"),

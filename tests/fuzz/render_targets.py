@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 from corrupted import corrupted
-from tests.fuzz.harness import Target
-from tests.fuzz.texts import damaged
 
 from ergon.exchange import frozen, sound, wave
 from ergon.exchange.frozen import NotFrozenError
 from ergon.exchange.wave_header import Bits, NotWaveError, Stamp, WaveFormat, pack
+from tests.fuzz.harness import Target
+from tests.fuzz.texts import damaged
 
 N_FRAMES = 50
 TAPS = {"bell": (0, 2), "gong": (1,)}

@@ -6,20 +6,20 @@ import random
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from benches.mutated import bases, mutated
 from corrupted import corrupted
 from one_bell import SCORE as BELL
 from random_scores import Score
-from tests.fuzz.harness import Target
-from tests.fuzz.texts import damaged, tree
-from tests.scores.test_fuzz import SECTIONS, WORDS
 
+from benches.mutated import bases, mutated
 from ergon.notation.text.errors import TextError, full
 from ergon.notation.text.format import formatted
 from ergon.notation.text.memory import Memory
 from ergon.scores.reading.load import load
 from ergon.scores.staging.preparing import prepare
 from ergon.scores.staging.refusals import StageError
+from tests.fuzz.harness import Target
+from tests.fuzz.texts import damaged, tree
+from tests.scores.test_fuzz import SECTIONS, WORDS
 
 
 def checked(path: str, text: str, overlay: Mapping[str, str] | None = None) -> Iterator[str]:

@@ -14,6 +14,7 @@ from corrupted import corrupted
 from one_bell import SCORE as BELL
 from sessions import Stepped
 from spoken import OTHERS, SESSION
+
 from tests.repl.test_journal_hostile import Sandbox, hostile, played
 from tests.repl.test_repl_hostile import hostile as hostile_line
 

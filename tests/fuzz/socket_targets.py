@@ -11,8 +11,6 @@ from pathlib import Path
 from corrupted import corrupted
 from one_bell import SCORE as BELL
 from sessions import Stepped
-from tests.fuzz.harness import Target
-from tests.fuzz.texts import damaged, soup
 
 from ergon.live.datagrams import MalformedDatagramError, encode_message, parse_messages
 from ergon.live.osc_in import (
@@ -31,6 +29,8 @@ from ergon.repl.wire.protocol import (
     parse_request,
     request_id,
 )
+from tests.fuzz.harness import Target
+from tests.fuzz.texts import damaged, soup
 
 REQUESTS = tuple(
     json.dumps(fields)

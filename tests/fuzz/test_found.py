@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from one_bell import SCORE
-from tests.fuzz.render_targets import frozen_parts, renders
 
 from ergon import _core
 from ergon.common.errors import ErgonError
@@ -21,6 +20,7 @@ from ergon.scores.staging import live
 from ergon.scores.staging.preparing import prepare
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import stage
+from tests.fuzz.render_targets import frozen_parts, renders
 
 
 @pytest.mark.parametrize(

@@ -6,14 +6,14 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
+
+from ergon.exchange import sound
+from ergon.exchange.frozen import MANIFEST
 from tests.fuzz.harness import Target, fuzz
 from tests.fuzz.model_targets import models, read
 from tests.fuzz.render_targets import frozen_parts, read_folder, reader, renders
 from tests.fuzz.targets import BY_NAME, TARGETS
 from tests.scores.test_corrupted_takes import FORMATS
-
-from ergon.exchange import sound
-from ergon.exchange.frozen import MANIFEST
 
 NAMES = [target.name for target in TARGETS]
 # Each long run has cases of its own; FUZZ_FROM repeats those of another.

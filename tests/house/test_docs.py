@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 import yaml
 from commands import forked
-from docs.generators.pages import Block, blocks, commands, merged, put
 from sweep import few
-from tests.scores import test_library
 
+from docs.generators.pages import Block, blocks, commands, merged, put
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
+from tests.scores import test_library
 
 ROOT = Path(__file__).parents[2]
 PAGES = [

@@ -1,93 +1,34 @@
 """Arrows point one way: what each room may import, as DESIGN.md says."""
 
 import ast
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from rust_imports import circles
 
 ROOT = Path(__file__).parents[2]
-TEXT, CLOCK, TABLES = (f"notation.{step}" for step in ("text", "clock", "tables"))
-GESTURE, PATTERN, READING, EDITS, STAGING = (
-    f"scores.{step}" for step in ("gesture", "pattern", "reading", "edits", "staging")
-)
-# What all dialects of models share: errors, names, sentences, numbers, and their last page.
-MODELS = {f"models.{one}" for one in ("errors", "exact_numbers", "naming", "page", "refused")}
-MAY = {
-    "common": set(),
-    "view": set(),
-    "space": {"_core"},
-    "exchange": {"space", "_core"},
-    "rendering": {"exchange", "_core"},
-    TEXT: set(),
-    CLOCK: {TEXT, "_core"},
-    TABLES: {TEXT, CLOCK, "_core"},
-    "instruments": {"notation", "_core"},
-    GESTURE: {"notation", "_core"},
-    PATTERN: {"notation", GESTURE, "_core"},
-    READING: {"notation", "instruments", "space", GESTURE, PATTERN},
-    EDITS: {"notation", "instruments", GESTURE, PATTERN, READING},
-    STAGING: {"notation", "instruments", "space", GESTURE, PATTERN, READING, "_core"},
-    "repl.language": {"notation", "instruments", "scores"},
-    "lab": {"notation", "instruments", "scores", "exchange", "rendering", "api", "_core"},
-    "metrology": {"view", "_core"},
-    "bells": {"notation", "exchange", "_core"},
-    "models": {"notation", "instruments", "_core"},
-    "models.mims": {"notation", "instruments", "_core", *MODELS},
-    "models.pmpd": {"notation", "instruments", "_core", *MODELS},
-    "models.sam": {"notation", "instruments", "_core", *MODELS},
-    "models.miphysics": {"notation", "instruments", "_core", *MODELS},
-    "models.programs": {"notation", "instruments", "_core", "models.mims.laws", *MODELS},
-    "movies": set(),
-    "live": {"notation", "scores", "exchange", "rendering", "_core"},
-    "repl.session": {
-        "notation",
-        "instruments",
-        "scores",
-        "exchange",
-        "rendering",
-        "live",
-        "view",
-        "repl.session_protocol",
-        "repl.line_queue",
-        "repl.language",
-        "_core",
-    },
-    "repl.prompt": {"repl.session_protocol", "repl.line_queue"},
-    "repl.wire": {"repl.session_protocol", "repl.line_queue"},
-    "api": {
-        "notation",
-        "scores",
-        "exchange",
-        "rendering",
-        "live",
-        "repl",
-        "bells",
-        "models",
-        "movies",
-        "space",
-        "view",
-        "_core",
-    },
-    "lsp": {"api", "notation", "scores", "_core"},
-    "cli": {
-        "api",
-        "lsp",
-        "notation",
-        "instruments",
-        "scores",
-        "exchange",
-        "rendering",
-        "lab",
-        "live",
-        "metrology",
-        "bells",
-        "repl",
-        "space",
-        "view",
-        "_core",
-    },
-}
+PACKAGE = ROOT / "ergon"
+LINKS = {"cli", "instruments", "repl", "scores"}
+
+
+def read_rooms() -> dict[str, set[str]]:
+    """The tables of rooms and of their steps in DESIGN.md: the name, and what it may use."""
+    text = (ROOT / "DESIGN.md").read_text(encoding="utf-8")
+    rooms: dict[str, set[str]] = {}
+    for head in (r"\| room \| its job \| may use \|", r"\| step \| may use \|"):
+        for table in re.findall(rf"^{head}\n(.+?)\n\n", text, flags=re.MULTILINE | re.DOTALL):
+            for row in table.splitlines()[1:]:
+                names, *_, may = (cell.strip() for cell in row.strip("|").split(" | "))
+                above = {*rooms, "_core"} if may == "all above" else set()
+                for name in re.findall(r"`([\w./-]+)`", names):
+                    rooms[name] = above | set(re.findall(r"`([\w./-]+)`", may))
+    return {name: may for name, may in rooms.items() if not name.startswith("core-rs/")}
+
+
+MAY = read_rooms()
 
 
 def nodes(path: Path) -> list[ast.AST]:
@@ -115,27 +56,85 @@ def imported(path: Path) -> set[str]:
 
 @pytest.mark.parametrize("room", MAY)
 def test_a_room_imports_only_what_it_may(room: str):
-    folder = ROOT / room.replace(".", "/")
+    folder = PACKAGE / room.replace(".", "/")
     files = list(folder.rglob("*.py"))
     assert files
     allowed = tuple(f"ergon.{name}" for name in (*MAY[room], room, "common"))
     for path in files:
         for name in imported(path):
             known = name.startswith(tuple(f"{one}." for one in allowed)) or name in allowed
-            assert known, f"{path.relative_to(ROOT)} imports {name}"
+            assert known, f"{path.relative_to(PACKAGE)} imports {name}"
 
 
-ROOMS = sorted({room.split(".")[0] for room in MAY})
+def room_of(name: str) -> str:
+    """The room of a step."""
+    parts = name.split(".")
+    return ".".join(parts[: 2 if parts[0] == "workshop" else 1])
+
+
+ROOMS = sorted({room_of(name) for name in MAY})
+
+
+def test_the_tables_hold_every_room():
+    folders = {path.parent for path in PACKAGE.glob("*/*.py")} - {PACKAGE / "workshop"}
+    folders |= {path.parent for path in PACKAGE.glob("workshop/*/*.py")}
+    assert {".".join(folder.relative_to(PACKAGE).parts) for folder in folders} == set(ROOMS)
+    assert {path.name for path in PACKAGE.iterdir() if path.is_symlink()} == LINKS
+    links = subprocess.run(
+        ["git", "ls-files", "--stage"], cwd=ROOT, capture_output=True, check=True, text=True
+    ).stdout.splitlines()
+    linked = {line.split("\t")[1] for line in links if line.startswith("120000")}
+    assert linked == {f"ergon/{name}" for name in LINKS}
+
+
+@pytest.mark.parametrize("room", [room for room in ROOMS if not room.startswith("workshop.")])
+def test_no_room_but_the_commands_uses_the_workshop(room: str):
+    used = {name for name in MAY[room] if name.startswith("workshop")}
+    assert room == "cli" or not used
+
+
+WITHOUT_WORKSHOP = """
+import sys
+sys.modules["ergon.workshop"] = None
+from ergon.cli.start import main
+main()
+"""
+SCORE = """
+ergon: 1
+use: [instruments/bars.yaml]
+strikes: {tap: {to: triangle.hammer, at: 0, impulse: 4mNs}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "typed"),
+    [("check", ""), ("plan", ""), ("render", ""), ("repl", "d1 strikes triangle.hammer every 1 impulse 4mNs\nquit\n")],
+)
+def test_a_piece_plays_without_the_workshop(command: str, typed: str, tmp_path: Path):
+    (tmp_path / "piece.yaml").write_text(SCORE, encoding="utf-8")
+    run = subprocess.run(
+        [sys.executable, "-c", WITHOUT_WORKSHOP, command, "piece.yaml"],
+        cwd=tmp_path,
+        input=typed,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert "workshop" not in run.stderr
+
+
 # Their files name each other in annotations alone: boards and calibration, render and its journals.
 CIRCLES_OF_TYPES = ("live", "cli")
 
 
 def modules() -> dict[tuple[str, ...], Path]:
     """Every file of the package, by the parts of its module's name."""
-    paths = (path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+    rooms = (PACKAGE / room.replace(".", "/") for room in ROOMS)
+    paths = (path for room in rooms for path in room.rglob("*.py"))
     found = {}
     for path in paths:
-        parts = path.relative_to(ROOT).with_suffix("").parts
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
         found[parts[:-1] if parts[-1] == "__init__" else parts] = path
     return found
 
@@ -193,6 +192,8 @@ def test_files_import_in_no_circle():
 @pytest.mark.parametrize("room", [room for room in ROOMS if room not in CIRCLES_OF_TYPES])
 def test_files_of_a_room_name_each_other_in_no_circle(room: str):
     """In annotations neither: what two files need of each other has a file of its own."""
-    known = {module: path for module, path in modules().items() if module[0] == room}
+    known = {
+        module: path for module, path in modules().items() if room_of(".".join(module)) == room
+    }
     graph = {one: files_imported(one, known, annotations=True) for one in known}
     assert circles(no_kin(graph)) == []

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from ergon import _core
-from ergon.lab import canonical, chart, chart_table, runs
-from ergon.lab.metrics import waveform_db
-from ergon.lab.names import METHODS, PRECISIONS
-from ergon.lab.reference import doubts, ladder, refine, steps
-from ergon.lab.runs import Setting
-from ergon.lab.scene import Bare, Score
 from ergon.scores.reading.load import load
+from ergon.workshop.lab import canonical, chart, chart_table, runs
+from ergon.workshop.lab.metrics import waveform_db
+from ergon.workshop.lab.names import METHODS, PRECISIONS
+from ergon.workshop.lab.reference import doubts, ladder, refine, steps
+from ergon.workshop.lab.runs import Setting
+from ergon.workshop.lab.scene import Bare, Score
 
 CA = Setting("ca")
 

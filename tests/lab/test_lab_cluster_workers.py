@@ -8,7 +8,7 @@ import pytest
 from sweep import few
 
 from ergon.cli import app
-from ergon.lab import chart, cluster_workers, pictures
+from ergon.workshop.lab import chart, cluster_workers, pictures
 
 SCORE = """\
 ergon: 1

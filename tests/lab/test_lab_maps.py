@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from ergon import _core
-from ergon.lab import canonical, map_catalogue, map_table, maps
-from ergon.lab.names import MAPS, METHODS, ORDERS
-from ergon.lab.runs import Setting, start
-from ergon.lab.stiffness import has_contacts, stiffer
-from ergon.lab.truth import converged
 from ergon.scores.reading.load import load
+from ergon.workshop.lab import canonical, map_catalogue, map_table, maps
+from ergon.workshop.lab.names import MAPS, METHODS, ORDERS
+from ergon.workshop.lab.runs import Setting, start
+from ergon.workshop.lab.stiffness import has_contacts, stiffer
+from ergon.workshop.lab.truth import converged
 
 BUILT_IN = map_catalogue.built_in("ca")
 BORDERS = {

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from ergon.lab import energy, metrics, partials
-from ergon.lab.canonical import cell_exactly
+from ergon.workshop.lab import energy, metrics, partials
+from ergon.workshop.lab.canonical import cell_exactly
 
 RATE = 44100.0
 T = np.arange(int(2.0 * RATE)) / RATE

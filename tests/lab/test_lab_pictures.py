@@ -9,11 +9,11 @@ import pytest
 from sweep import few
 
 from ergon.exchange.safe import FileRefusedError, is_ours
-from ergon.lab import chart_table, draw_chart, draw_maps, map_table, maps, table
-from ergon.lab.chart import Chart, Point
-from ergon.lab.map_catalogue import built_in
-from ergon.lab.pictures import MatplotlibMissingError, save, targets
-from ergon.lab.runs import Setting
+from ergon.workshop.lab import chart_table, draw_chart, draw_maps, map_table, maps, table
+from ergon.workshop.lab.chart import Chart, Point
+from ergon.workshop.lab.map_catalogue import built_in
+from ergon.workshop.lab.pictures import MatplotlibMissingError, save, targets
+from ergon.workshop.lab.runs import Setting
 
 POINTS = [
     Point(Setting("ca", 1), "refused", "it would diverge: bell.m", None),

@@ -7,9 +7,9 @@ import pytest
 from sweep import few
 
 from ergon import _core
-from ergon.lab import map_catalogue, map_table, maps, slow_key_scene
-from ergon.lab.names import CUTS, SLOW
-from ergon.lab.slow_key_scene import QUICK, RATE, SOFT, SlowKeyPoint, SlowKeyScene
+from ergon.workshop.lab import map_catalogue, map_table, maps, slow_key_scene
+from ergon.workshop.lab.names import CUTS, SLOW
+from ergon.workshop.lab.slow_key_scene import QUICK, RATE, SOFT, SlowKeyPoint, SlowKeyScene
 
 KEYS = {"soft": SOFT, "quick": QUICK}
 

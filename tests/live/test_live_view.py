@@ -14,11 +14,11 @@ from duets import played, recorded
 from emulators import emulator
 from one_bell import SCORE
 from patience import until
-from tests.live.test_duet_lockstep import COUPLED, written
-from tests.repl.test_repl_live import ok, session_on
 
 from ergon.api.play import PlayOptions, begin, prepare
 from ergon.common.report import Report
+from tests.live.test_duet_lockstep import COUPLED, written
+from tests.repl.test_repl_live import ok, session_on
 
 SKY = """\
 ergon: 1

@@ -12,8 +12,8 @@ import pytest
 from commands import forked
 from lsp_messages import END, INITIALIZE, URI, framed, notified, opened, requested
 
-from ergon.lsp.guard import GuardedInput, ProtocolError
-from ergon.lsp.server import _HANDLERS
+from ergon.workshop.lsp.guard import GuardedInput, ProtocolError
+from ergon.workshop.lsp.server import _HANDLERS
 
 HOVER = "textDocument/hover"
 AT = {"line": 0, "character": 0}

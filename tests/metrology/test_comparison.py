@@ -7,12 +7,18 @@ import numpy as np
 import pytest
 from measured_keys import KEY, QUANTUM, gesture, knocks, rain
 
-from ergon.metrology.calibration_file import Calibration, read, text
-from ergon.metrology.comparison import chi_squared, differences, gains, replay, replay_difference
-from ergon.metrology.gesture import Gesture, MeasurementError, sensor_step
-from ergon.metrology.output_error import Fit
-from ergon.metrology.picture import picture
-from ergon.metrology.stages import Measured
+from ergon.workshop.metrology.calibration_file import Calibration, read, text
+from ergon.workshop.metrology.comparison import (
+    chi_squared,
+    differences,
+    gains,
+    replay,
+    replay_difference,
+)
+from ergon.workshop.metrology.gesture import Gesture, MeasurementError, sensor_step
+from ergon.workshop.metrology.output_error import Fit
+from ergon.workshop.metrology.picture import picture
+from ergon.workshop.metrology.stages import Measured
 
 TEXT = """ergon: 1
 M: 400.0g # ± 0.01

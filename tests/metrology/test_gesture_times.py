@@ -4,9 +4,9 @@ import numpy as np
 from measured_keys import PLAIN, RATE, read, wire
 
 from ergon import _core
-from ergon.metrology.gesture import Gesture, of_rows, sensor_step
-from ergon.metrology.output_error import Fit, fit
-from ergon.metrology.parameters import INDEX, START
+from ergon.workshop.metrology.gesture import Gesture, of_rows, sensor_step
+from ergon.workshop.metrology.output_error import Fit, fit
+from ergon.workshop.metrology.parameters import INDEX, START
 
 FINE = 40  # parts of a tick, in which a device's motor may switch
 N = 6000

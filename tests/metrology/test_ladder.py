@@ -5,10 +5,10 @@ import pytest
 from measured_keys import FORCE_STEP, KEY, QUANTUM, RATE, Floats, path
 
 from ergon import _core
-from ergon.metrology import excitation, ladder, takes
-from ergon.metrology.ladder import Axis, Ladder, TakeEnded, climb
-from ergon.metrology.parameters import INDEX, total_mass
-from ergon.metrology.stages import measure
+from ergon.workshop.metrology import excitation, ladder, takes
+from ergon.workshop.metrology.ladder import Axis, Ladder, TakeEnded, climb
+from ergon.workshop.metrology.parameters import INDEX, total_mass
+from ergon.workshop.metrology.stages import measure
 
 
 def plant(seed: int) -> tuple[Floats, int, float, _core.Device]:

@@ -9,9 +9,9 @@ from ergon import _core
 from ergon.api.render import FileOptions
 from ergon.api.viewing import render_view
 from ergon.common.report import Report
-from ergon.metrology.comparison import Replay
-from ergon.metrology.gesture import Gesture
-from ergon.metrology.replay_scene import write_scene
+from ergon.workshop.metrology.comparison import Replay
+from ergon.workshop.metrology.gesture import Gesture
+from ergon.workshop.metrology.replay_scene import write_scene
 
 RATE = 44100 / 44
 DELAY = 0.5 / 99  # s from a point of a curve to the next

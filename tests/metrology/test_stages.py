@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from measured_keys import KEY, PLAIN, QUANTUM, Floats, gesture, knocks, path, rain, wire
 
-from ergon.metrology.gesture import MeasurementError, of_arrays
-from ergon.metrology.parameters import INDEX, OWN
-from ergon.metrology.stages import Measured, measure
+from ergon.workshop.metrology.gesture import MeasurementError, of_arrays
+from ergon.workshop.metrology.parameters import INDEX, OWN
+from ergon.workshop.metrology.stages import Measured, measure
 
 START = 0.4e-3  # from where a key rests to where the held-out gesture begins [m]
 

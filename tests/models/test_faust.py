@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from ergon.api.model import import_model
 from ergon.cli import app
-from ergon.models.errors import ModelError
+from ergon.workshop.api.model import import_model
+from ergon.workshop.models.errors import ModelError
 
 pytestmark = pytest.mark.usefixtures("own_folder")
 SCRIPT = """\

@@ -10,9 +10,9 @@ from faust_built import heard, needs_faust
 from planned_sound import off_db, played
 
 from ergon import _core
-from ergon.api.export import faust_programs
-from ergon.models.programs.faust_law import Laws
-from ergon.models.programs.network import Law
+from ergon.workshop.api.export import faust_programs
+from ergon.workshop.models.programs.faust_law import Laws
+from ergon.workshop.models.programs.network import Law
 
 pytestmark = pytest.mark.usefixtures("own_folder")
 RATE = 44_100

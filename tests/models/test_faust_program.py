@@ -10,9 +10,9 @@ from faust_built import heard, needs_faust
 from oracle import mims
 from planned_sound import off_db, played
 
-from ergon.api.export import ExportOptions, faust_programs
-from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
+from ergon.workshop.api.export import ExportOptions, faust_programs
+from ergon.workshop.api.model import ModelOptions, import_model
 
 pytestmark = pytest.mark.usefixtures("own_folder")
 RATE = 44_100

@@ -10,8 +10,8 @@ from imported import rendered
 from oracle import mims
 
 from ergon.api.errors import OptionError
-from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
+from ergon.workshop.api.model import ModelOptions, import_model
 
 FRAMES = 4410
 pytestmark = pytest.mark.usefixtures("own_folder")

@@ -9,9 +9,9 @@ from imported import rendered
 from oracle import mims
 from planned_sound import off_db, played
 
-from ergon.api.export import ExportOptions, mi_gen_models
-from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
+from ergon.workshop.api.export import ExportOptions, mi_gen_models
+from ergon.workshop.api.model import ModelOptions, import_model
 
 pytestmark = pytest.mark.usefixtures("own_folder")
 RATE = 44_100

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from models_compared import miphysics_off
 
-from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
-from ergon.models.errors import ModelError
-from ergon.models.miphysics.reading import LINKS, MASSES, is_model, parse
-from ergon.models.miphysics.score import written
 from ergon.scores.reading.load import load
+from ergon.workshop.api.model import ModelOptions, import_model
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.miphysics.reading import LINKS, MASSES, is_model, parse
+from ergon.workshop.models.miphysics.score import written
 
 RATE = 44_100
 FRAMES = 2_000

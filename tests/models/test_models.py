@@ -6,10 +6,10 @@ from imported import rendered
 from oracle import mims
 from planned_sound import off_db
 
-from ergon.models.errors import ModelError
-from ergon.models.mims.grammar import FORMS
-from ergon.models.mims.reading import parse
-from ergon.models.mims.score import written
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.mims.grammar import FORMS
+from ergon.workshop.models.mims.reading import parse
+from ergon.workshop.models.mims.score import written
 
 SECONDS = 0.1
 LINEAR, TOUCHING = 1e-12, 1e-5  # largest error: where rounding does not grow, and where it may

@@ -10,11 +10,11 @@ from imported import rendered
 from models_compared import off, pmpd_off, pmpd_score
 from oracle import pmpd
 
-from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
-from ergon.models.errors import DialectError, ModelError
-from ergon.models.pmpd.words import FORMS, Object
 from ergon.scores.reading.load import load
+from ergon.workshop.api.model import ModelOptions, import_model
+from ergon.workshop.models.errors import DialectError, ModelError
+from ergon.workshop.models.pmpd.words import FORMS, Object
 
 RATE = 44_100
 SECONDS = 0.05

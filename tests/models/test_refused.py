@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 
 from ergon.api.errors import OptionError
-from ergon.api.model import ModelOptions, import_model
 from ergon.instruments.module_kinds import MAX_MODULES, MAX_RADIUS
-from ergon.models.errors import DialectError, ModelError
-from ergon.models.mims import places
-from ergon.models.mims.reading import BYTES_MAX, parse
-from ergon.models.mims.score import written
+from ergon.workshop.api.model import ModelOptions, import_model
+from ergon.workshop.models.errors import DialectError, ModelError
+from ergon.workshop.models.mims import places
+from ergon.workshop.models.mims.reading import BYTES_MAX, parse
+from ergon.workshop.models.mims.score import written
 
 M = "@g ground 0\n@m mass 1 0 0\n"
 S = "@s string 5 1 0.1 0 0 0\n"
@@ -151,7 +151,7 @@ def test_an_input_that_is_none(tmp_path: Path):
 
 
 def test_an_expression_is_read_once(monkeypatch: pytest.MonkeyPatch):
-    from ergon.models.mims import model
+    from ergon.workshop.models.mims import model
 
     read = []
     whole = model.evaluate

@@ -12,14 +12,14 @@ from models_compared import off, sam_off, sam_score
 from oracle import sam
 from sweep import few
 
-from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
-from ergon.models.errors import ModelError
-from ergon.models.sam.expressions import definitions
-from ergon.models.sam.reading import Code
-from ergon.models.sam.values import LIBRARY, Values
-from ergon.models.sam.words import LINKS, MASSES, REFUSED, is_model
 from ergon.scores.reading.load import load
+from ergon.workshop.api.model import ModelOptions, import_model
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.sam.expressions import definitions
+from ergon.workshop.models.sam.reading import Code
+from ergon.workshop.models.sam.values import LIBRARY, Values
+from ergon.workshop.models.sam.words import LINKS, MASSES, REFUSED, is_model
 
 RATE = 44_100
 LINEAR, TOUCHING = 1e-12, 1e-10  # largest error: without contacts, and with some

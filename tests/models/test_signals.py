@@ -9,10 +9,10 @@ from checked import check
 from imported import rendered
 from oracle import mims
 
-from ergon.api.model import ModelOptions, import_model
-from ergon.models.errors import ModelError
-from ergon.models.mims.reading import parse
-from ergon.models.mims.score import written
+from ergon.workshop.api.model import ModelOptions, import_model
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.mims.reading import parse
+from ergon.workshop.models.mims.score import written
 
 FRAMES = 1500
 pytestmark = pytest.mark.usefixtures("own_folder")

@@ -3,10 +3,10 @@ import re
 from pathlib import Path
 
 import pytest
-from docs.generators.error_pages import codes, found, pages
 from hypothesis import given
 from hypothesis import strategies as st
 
+from docs.generators.error_pages import codes, found, pages
 from ergon.notation.text.errors import (
     MAX_SHOWN,
     RENDERERS,
@@ -139,9 +139,9 @@ def test_good_examples_get_no_report(entry):  # the bad ones stand in the pages
 
 def test_every_code_has_a_page():
     source = [
-        *ROOT.glob("notation/**/*.py"),
+        *ROOT.glob("ergon/notation/**/*.py"),
         *ROOT.glob("scores/**/*.py"),
-        *ROOT.glob("api/*.py"),
+        *ROOT.glob("ergon/api/*.py"),
         *ROOT.glob("instruments/*.py"),
     ]
     used = {

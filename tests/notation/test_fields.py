@@ -4,8 +4,8 @@ from pathlib import Path
 import jsonschema
 import pytest
 import yaml
-from docs.generators import reference
 
+from docs.generators import reference
 from ergon.notation.tables.fields import Field, Record
 from ergon.notation.tables.shapes import (
     MISSING,

@@ -14,12 +14,12 @@ from sweep import few
 
 from ergon import _core
 from ergon.cli import app
-from ergon.lab.metrics import third_octaves, waveform_db
-from ergon.lab.partials import compare, strongest
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Accuracy
 from ergon.scores.staging import planning
 from ergon.scores.staging.preparing import prepare
+from ergon.workshop.lab.metrics import third_octaves, waveform_db
+from ergon.workshop.lab.partials import compare, strongest
 
 SCENES = Path(__file__).parents[1] / "data" / "accuracy"
 Capture = pytest.CaptureFixture[str]

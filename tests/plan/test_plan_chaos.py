@@ -9,9 +9,9 @@ from sweep import few
 
 from ergon import _core
 from ergon.cli import app
-from ergon.lab import metrics
-from ergon.lab.scene import NetworkAndTimeline, Score
 from ergon.scores.reading.load import load
+from ergon.workshop.lab import metrics
+from ergon.workshop.lab.scene import NetworkAndTimeline, Score
 
 RATE = 44_100.0
 ASKED_DB = -60.0

@@ -5,9 +5,9 @@ import pytest
 from planned_sound import planned
 
 from ergon import _core
-from ergon.lab import metrics
-from ergon.lab.scene import NetworkAndTimeline, Score
 from ergon.scores.reading.load import load
+from ergon.workshop.lab import metrics
+from ergon.workshop.lab.scene import NetworkAndTimeline, Score
 
 RATE = 44_100.0
 # A rest of half a minute: longer than any trial plays [s].

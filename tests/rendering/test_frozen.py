@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import soundfile
 from sweep import few
-from tests.cli.test_cli_emulate import GESTURE, emulator
 
 from ergon import _core
 from ergon.api import score as scores
@@ -21,6 +20,7 @@ from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging import stage as staging
 from ergon.scores.staging.reach import ties
+from tests.cli.test_cli_emulate import GESTURE, emulator
 
 Capture = pytest.CaptureFixture[str]
 SCORE = """\

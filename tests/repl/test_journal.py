@@ -14,7 +14,6 @@ import pytest
 from one_bell import SCORE as BELL
 from patience import PATIENCE, until
 from sessions import Stepped
-from tests.repl.test_journal_hostile import KEYS, SCORE
 
 from ergon.repl.session.changes import Changes
 from ergon.repl.session.engine import Change
@@ -22,6 +21,7 @@ from ergon.repl.session.journal import Journal, JournalError, read_events
 from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import ReplayedSession
 from ergon.repl.session.running import RunningVersion
+from tests.repl.test_journal_hostile import KEYS, SCORE
 
 
 def test_journals_that_begin_at_once_get_a_name_each(tmp_path: Path) -> None:

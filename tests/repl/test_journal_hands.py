@@ -17,7 +17,6 @@ import soundfile
 from paced_board import Paced, paced
 from patience import PATIENCE, until
 from sweep import few
-from tests.repl.test_repl_live import ok
 
 from ergon import _core
 from ergon.live.boards import Board
@@ -32,6 +31,7 @@ from ergon.repl.session.session import Session
 from ergon.repl.session.takeover import Takeovers
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
+from tests.repl.test_repl_live import ok
 
 ERGON = [sys.executable, "-m", "ergon.cli"]
 GAIN = 200.0

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from cuts import ACTS, Act, after_act, after_line, begun, line_at, process
 from sessions import EVERY, Stepped
-from tests.repl.test_repl_session import SCORE
 
 from ergon.notation.clock.shifted import StoppedTempoMap
 from ergon.scores.reading.load import load
@@ -19,6 +18,7 @@ from ergon.scores.staging.cutting import cut_stage
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.preparing import Span
 from ergon.scores.staging.stage import Stage, StageTakeover, stage
+from tests.repl.test_repl_session import SCORE
 
 _TOUCHING = SCORE.replace(
     "BUT: {between: [k2, m], K: 900N/m, gap: 1mm}", "RES: {between: [k2, m], K: 900N/m}"

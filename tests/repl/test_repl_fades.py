@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sessions import Stepped
+
 from tests.repl.test_repl_swaps import SCORE, worst
 
 ROUTED = SCORE + "mix: {channels: 4, route: [{from: bells, to: [1, 2]}]}\n"

@@ -17,11 +17,11 @@ from commands import ERGON
 from patience import PATIENCE
 from sessions import Stepped
 from sweep import few
-from tests.rendering.test_frozen import SCORE as SCORE_WITH_HAND
 
 from ergon.cli import app
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.journal_content import read_journal
+from tests.rendering.test_frozen import SCORE as SCORE_WITH_HAND
 
 Capture = pytest.CaptureFixture[str]
 # Nothing is live, the gong is struck in bars 1 to 3, and the bell can be played.

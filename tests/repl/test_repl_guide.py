@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from paced_board import Paced, paced
 from patience import PATIENCE, until
-from tests.repl.test_repl_live import ok
 
 from ergon.live.boards import Board
 from ergon.live.perform import PlaybackConfig
@@ -26,6 +25,7 @@ from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.live import leading
+from tests.repl.test_repl_live import ok
 
 SCORE = """\
 ergon: 1

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sessions import Stepped
+
 from tests.repl.test_repl_session import SCORE
 
 

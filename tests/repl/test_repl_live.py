@@ -15,7 +15,6 @@ from commands import ERGON, PATIENT, forked
 from emulators import emulator
 from patience import PATIENCE, until
 from sweep import few
-from tests.repl.test_repl_session import SCORE
 
 from ergon import _core
 from ergon.api.options import SessionOptions
@@ -30,6 +29,7 @@ from ergon.repl.session.replay import resumed_state
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
+from tests.repl.test_repl_session import SCORE
 
 
 def session_on(

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sessions import Stepped
-from tests.repl.test_repl_session import SCORE
 
 from ergon import _core
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.engine import EngineStatus
 from ergon.repl.session.version import NotTakenError
 from ergon.repl.wire.protocol import decode_state, encode_state
+from tests.repl.test_repl_session import SCORE
 
 
 @pytest.fixture

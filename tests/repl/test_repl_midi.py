@@ -15,10 +15,10 @@ from one_bell import SCORE
 from patience import until
 from sessions import Stepped
 from sweep import few
-from tests.repl.test_repl_live import session_on
 
 from ergon.live.midi_ports import ProcessPort
 from ergon.repl.session.journal import JournalError
+from tests.repl.test_repl_live import session_on
 
 
 @pytest.fixture

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from sessions import Stepped
 from sweep import few
-from tests.repl.test_repl_session import SCORE
 
 from ergon.live.clock_follower import ClockFollower
 from ergon.live.midi_messages import Transport, encode_song_position, parse_message
 from ergon.live.midi_ports import ArrivalStamps, MidiError, choose_port
 from ergon.live.midi_sender import ECHO, TimedSender
 from ergon.repl.session.midi_clock import ClockEvents, ClockIn
+from tests.repl.test_repl_session import SCORE
 
 STEP = 0.01  # [s] between two looks
 SCORE = SCORE.replace("rates: {audio: 8kHz}\n", "")  # ticks of 1.5 ms, as where one plays

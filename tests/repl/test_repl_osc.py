@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from patience import until
 from sessions import Stepped
-from tests.live.test_live_osc import Listener, listener  # noqa: F401  # a fixture
-from tests.repl.test_repl_live import session_on
-from tests.repl.test_repl_session import SCORE
 
 from ergon.live.osc import OscServer
 from ergon.repl.session.osc import SessionEvents, SessionOsc
+from tests.live.test_live_osc import Listener, listener  # noqa: F401  # a fixture
+from tests.repl.test_repl_live import session_on
+from tests.repl.test_repl_session import SCORE
 
 
 @contextmanager

@@ -16,8 +16,6 @@ from commands import ERGON
 from numpy.typing import NDArray
 from patience import until
 from sessions import EVERY, Stepped
-from tests.live.test_live_osc import Listener, listener, piece, played  # noqa: F401  # a fixture
-from tests.repl.test_repl_live import session_on
 
 from ergon import _core
 from ergon.live.osc import OscServer
@@ -30,6 +28,8 @@ from ergon.repl.session.journal import JournalError
 from ergon.repl.session.osc import SessionOsc
 from ergon.scores.staging.drives import input_number
 from ergon.scores.staging.stage import stage
+from tests.live.test_live_osc import Listener, listener, piece, played  # noqa: F401  # a fixture
+from tests.repl.test_repl_live import session_on
 
 RATE = 44_100
 SCORE = """\

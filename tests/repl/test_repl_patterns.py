@@ -11,10 +11,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sessions import Stepped
 from sweep import few
-from tests.repl.test_repl_session import SCORE, onset, written
 
 from ergon.repl.session.version import piece_of
 from ergon.scores.reading.load import load
+from tests.repl.test_repl_session import SCORE, onset, written
 
 TAP = "  lean: 0mm@0 smooth 3mm@1/4 smooth 0mm@1/2\n  tap: 0mm@0 smooth 5mm@60ms 0mm@160ms\n"
 SCORE = SCORE.replace("  lean: 0mm@0 smooth 3mm@1 smooth 0mm@2\n", TAP)

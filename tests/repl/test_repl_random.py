@@ -17,11 +17,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_sessions import SCENES, TABLE, Player
 from sessions import Stepped
-from tests.fuzz.harness import BROKEN
-from tests.repl.test_repl_session import SCORE
 from written_files import written_outside
 
 from ergon.repl.session import session_commands
+from tests.fuzz.harness import BROKEN
+from tests.repl.test_repl_session import SCORE
 
 
 class Kept:

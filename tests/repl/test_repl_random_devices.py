@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from paced_board import Paced
 from random_sessions import SCENES, Player
+
 from tests.fuzz.harness import BROKEN
 from tests.repl.test_journal_hands import SCORE as HANDS
 from tests.repl.test_journal_hands import Played, playing, rendered, sound

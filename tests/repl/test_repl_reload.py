@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sessions import Stepped
-from tests.repl.test_repl_session import SCORE
 
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.watch import FileWatch
 from ergon.scores.edits.texts import Texts
+from tests.repl.test_repl_session import SCORE
 
 LINES = ("ada plays knock every 1 now", "set bell.m.t60 2s now", "tempo 90 now")
 

@@ -13,7 +13,6 @@ import pytest
 from commands import ERGON, PATIENT
 from patience import PATIENCE
 from sessions import EVERY, Stepped
-from tests.repl.test_journal_hostile import KEYS, SCORE
 
 from ergon.exchange import safe
 from ergon.notation.text.files import installed_path
@@ -23,6 +22,7 @@ from ergon.repl.session.replay import resumed_state
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import piece_of
 from ergon.scores.reading.load import load
+from tests.repl.test_journal_hostile import KEYS, SCORE
 
 REMARKS = "# Nothing is in here yet.\n"
 

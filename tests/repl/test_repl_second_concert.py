@@ -18,6 +18,7 @@ import pytest
 import soundfile
 from commands import ERGON
 from terminals import ENTER, Terminal
+
 from tests.repl.test_repl_concert import BLOCK, after, bar_of, exchanges, shown
 
 PAGE = Path(__file__).parents[2] / "docs" / "concert.md"

@@ -12,10 +12,10 @@ from commands import ERGON
 from patience import until
 from sessions import Stepped
 from sweep import few
-from tests.repl.test_repl_live import session_on
-from tests.repl.test_repl_session import SCORE
 
 from ergon.repl.session.session import Session
+from tests.repl.test_repl_live import session_on
+from tests.repl.test_repl_session import SCORE
 
 
 def _heard(session: Session) -> list[str]:

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from patience import until
 from sessions import Stepped
-from tests.repl.test_repl_live import session_on
-from tests.repl.test_repl_session import SCORE
 
 from ergon.live.perform import bar_frames
 from ergon.repl.session.journal_content import read_journal
@@ -20,6 +18,8 @@ from ergon.repl.session.running import rehearsal
 from ergon.repl.session.version import piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.stage import stage
+from tests.repl.test_repl_live import session_on
+from tests.repl.test_repl_session import SCORE
 
 NARROW = SCORE.replace(
     "keys:\n", "keys:\n  k0: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -1mm..1mm}\n"

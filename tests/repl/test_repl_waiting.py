@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from sessions import Stepped
-from tests.repl.test_repl_session import SCORE
 
 from ergon.repl.session.running import staged
 from ergon.scores.staging.stage import Stage
+from tests.repl.test_repl_session import SCORE
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from edited import opened
 from sessions import Stepped
-from tests.repl.test_repl_glides import pitch
 
 from ergon.repl.session.version import piece_of
 from ergon.scores.edits.texts import Texts
@@ -16,6 +15,7 @@ from ergon.scores.reading.load import load
 from ergon.scores.staging.automating import value_on
 from ergon.scores.staging.parameter_values import Led
 from ergon.scores.staging.stage import stage
+from tests.repl.test_repl_glides import pitch
 
 SCORE = """\
 ergon: 1

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from session_doors import DOORS, Door, by_osc, events
 from sessions import Stepped
-from tests.repl.test_repl_session import SCORE
 
 from ergon.repl.session import takeover
 from ergon.scores.staging.stage import Stage
+from tests.repl.test_repl_session import SCORE
 
 TEXT = SCORE.replace("bpm: 120", "bpm: 240")  # a bar is a second
 # Lines that are typed at one instant, and for how long the session then goes on [s]. The lines of

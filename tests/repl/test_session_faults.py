@@ -15,9 +15,9 @@ import pytest
 from delayed_sessions import MARGIN, Delayed, delays
 from patience import until
 from sessions import EVERY, Stepped
-from tests.repl.test_repl_session import SCORE
 
 from ergon.repl.session.schedule import Schedule
+from tests.repl.test_repl_session import SCORE
 
 
 @pytest.fixture

@@ -20,10 +20,10 @@ from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from sessions import EVERY
-from tests.repl.test_repl_session import SCORE
 
 from ergon.repl.session.line_kinds import RULES, LineKind
 from ergon.scores.reading.load import load
+from tests.repl.test_repl_session import SCORE
 
 _QUICK = (
     "gain bell -6dB",

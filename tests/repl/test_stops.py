@@ -21,8 +21,6 @@ from sessions import Stepped
 from simulated_board import Simulated, simulated
 from sweep import few
 from terminals import CTRL_C, ENTER, F12, Terminal
-from tests.repl.test_repl_plain import calls, script
-from tests.repl.test_repl_session import SCORE
 
 from ergon.repl.language.parse import parse
 from ergon.repl.language.scope import scope_of
@@ -30,6 +28,8 @@ from ergon.repl.line_queue import LineQueue
 from ergon.repl.prompt.error_boundary import ErrorBoundary
 from ergon.repl.session_protocol import SessionProtocol, stop_of
 from ergon.repl.wire.remote import RemoteSession
+from tests.repl.test_repl_plain import calls, script
+from tests.repl.test_repl_session import SCORE
 
 SHARED = """\
 ergon: 1

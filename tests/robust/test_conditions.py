@@ -19,10 +19,10 @@ import pytest
 from commands import ERGON, PATIENT, forked
 from patience import PATIENCE
 from sweep import crossed, few
-from tests.robust.test_kills import LIVE, SCORE
 
 from ergon import _core
 from ergon.repl.session.journal import read_events
+from tests.robust.test_kills import LIVE, SCORE
 
 DEVICE = [*ERGON, "emulate", "frame", "--udp", "0", "--json"]
 NEVER = ("Traceback", "internal error", "Exception ignored", "panicked", "in ergon itself")

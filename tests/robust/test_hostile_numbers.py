@@ -15,17 +15,17 @@ import soundfile
 from commands import forked
 from one_bell import SCORE
 
-from ergon.bells import resonances, stroke
-from ergon.bells.stroke import NotAStrokeError
 from ergon.common.structured import MalformedTextError, parse_json, parse_toml
 from ergon.exchange import plan_file, sound
 from ergon.exchange.layout_files import FORMS, LayoutFileError
 from ergon.exchange.wave_header import NotWaveError
 from ergon.live import boards
-from ergon.metrology import calibration_file
-from ergon.metrology.gesture import MeasurementError
 from ergon.scores.gesture.summary import summary
 from ergon.scores.gesture.take_file import TakeError
+from ergon.workshop.bells import resonances, stroke
+from ergon.workshop.bells.stroke import NotAStrokeError
+from ergon.workshop.metrology import calibration_file
+from ergon.workshop.metrology.gesture import MeasurementError
 
 DIGITS = "9" * 100_000
 

@@ -23,17 +23,17 @@ LEFT_OUT = shutil.ignore_patterns(
 # Test → file, and what is replaced in it by what.
 BREAKS = {
     "scores/test_confined.py::test_what_lies_outside_is_refused": (
-        "notation/text/bounds.py",
+        "ergon/notation/text/bounds.py",
         "return any(real.is_relative_to(folder) for folder in self.folders)",
         "return True",
     ),
     "scores/test_confined.py::test_no_line_of_a_file_outside_is_told": (
-        "notation/text/bounds.py",
+        "ergon/notation/text/bounds.py",
         "return any(real.is_relative_to(folder) for folder in self.folders)",
         "return True",
     ),
     "cli/test_inputs_kept.py::test_an_input_is_never_written_over": (
-        "exchange/safe.py",
+        "ergon/exchange/safe.py",
         "if is_one_of(path, inputs):",
         "if False:",
     ),
@@ -70,39 +70,39 @@ BREAKS = {
         "    except ImportError as error:\n        why = ",
     ),
     "plan/test_plan_store.py::test_a_broken_file_is_made_anew": (
-        "exchange/plan_store.py",
+        "ergon/exchange/plan_store.py",
         'and content.get("hash") == _hash(record)',
         "",
     ),
     "robust/test_conditions.py::test_no_reader_waits_for_what_is_no_file": (
-        "common/regular.py",
+        "ergon/common/regular.py",
         # A reader that went on would wait for ever; the test sees any other end.
         'raise NotRegularError(22, "not a regular file", str(path))',
         "raise ZeroDivisionError",
     ),
     "robust/test_conditions.py::test_load_takes_files_alone": (
-        "common/regular.py",
+        "ergon/common/regular.py",
         # A reader that went on would wait for ever; the test sees any other end.
         'raise NotRegularError(22, "not a regular file", str(path))',
         "raise ZeroDivisionError",
     ),
     "exchange/test_layout_files.py::test_files_of_strangers_are_refused": (
-        "exchange/layout_files.py",
+        "ergon/exchange/layout_files.py",
         "if isinstance(event, yaml.AliasEvent):",
         "if False:",
     ),
     "exchange/test_adm.py::test_xml_of_strangers_is_refused": (
-        "exchange/xml_text.py",
+        "ergon/exchange/xml_text.py",
         "if _DEFINES.search(data):",
         "if False:",
     ),
     "cli/test_terminal_text.py::test_no_message_steers_a_terminal": (
-        "common/terminal.py",
+        "ergon/common/terminal.py",
         'return _STEERING.sub("?", text)',
         "return text",
     ),
     "robust/test_conditions.py::test_the_largest_file_that_may_be_is_a_full_disk": (
-        "exchange/safe.py",
+        "ergon/exchange/safe.py",
         "part.unlink(missing_ok=True)",
         "pass",
     ),
@@ -112,47 +112,47 @@ BREAKS = {
         "",
     ),
     "robust/test_rights.py::test_a_replaced_file_keeps_its_rights": (
-        "exchange/safe.py",
+        "ergon/exchange/safe.py",
         "path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~umask",
         "0o666 & ~umask",
     ),
     "robust/test_rights.py::test_a_file_in_the_making_is_its_owners_alone": (
-        "exchange/temporary.py",
+        "ergon/exchange/temporary.py",
         "_FLAGS, 0o600)",
         "_FLAGS, 0o666)",
     ),
     "robust/test_rights.py::test_what_others_can_have_changed_in_the_cache_is_not_read": (
-        "exchange/cache_folder.py",
+        "ergon/exchange/cache_folder.py",
         "if not (is_own_alone(self.path.stat()) and is_own_alone(path.stat())):",
         "if False:",
     ),
     "robust/test_rights.py::test_a_cache_of_another_user_is_neither_read_nor_written": (
-        "common/private.py",
+        "ergon/common/private.py",
         "return is_own(status) and not",
         "return not",
     ),
     "robust/test_second_user.py::test_workers_of_this_machine_answer_nobody_else": (
-        "api/local_workers.py",
+        "ergon/api/local_workers.py",
         '        """Serve no pages."""\n',
         "        super().start_http_server(*_arguments, **_options)\n",
     ),
     "robust/test_second_user.py::test_osc_and_pages_of_a_performance_are_the_players_alone": (
-        "live/osc_senders.py",
+        "ergon/live/osc_senders.py",
         "if any(row.user not in (_ROOT, os.geteuid()) for row in senders):",
         "if False:",
     ),
     "live/test_live_osc_senders.py::test_a_second_user_is_not_heard_by_whatever_socket": (
-        "live/osc_senders.py",
+        "ergon/live/osc_senders.py",
         "if noted.is_shared:",
         "if False:",
     ),
     "live/test_live_osc_senders.py::test_who_cannot_be_told_needs_the_key": (
-        "live/osc.py",
+        "ergon/live/osc.py",
         "hmac.compare_digest(key.encode(), self._key.encode())",
         "self._key.startswith(key)",
     ),
     "live/test_live_osc_senders.py::test_where_the_system_does_not_tell_a_force_needs_the_key": (
-        "live/osc.py",
+        "ergon/live/osc.py",
         "if self._has_hands() and not is_harmless(address):",
         "if False:",
     ),
@@ -173,12 +173,12 @@ BREAKS = {
         "        except ProtocolError as error:\n            self._end(str(error))\n",
     ),
     "live/test_live_osc.py::test_a_place_is_this_machine_unless_a_host_is_named": (
-        "live/osc.py",
+        "ergon/live/osc.py",
         'LOOPBACK = "127.0.0.1"',
         'LOOPBACK = "0.0.0.0"',
     ),
     "live/test_live_osc.py::test_strange_bytes_are_messages_or_malformed": (
-        "live/datagrams.py",
+        "ergon/live/datagrams.py",
         "        except Exception:  # whatever strange bytes make of a parser\n",
         "        except ImportError:\n",
     ),

@@ -15,10 +15,10 @@ from commands import ERGON
 from patience import PATIENCE
 from second_user import as_second_user, needs_root
 from sweep import crossed
-from tests.robust.test_kills import LIVE, SCORE
 
 from ergon.common.private import make_private_folder, runtime_folder, set_umask
 from ergon.exchange.cache_folder import CacheFolder
+from tests.robust.test_kills import LIVE, SCORE
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no rights of users here")
 UMASKS = (0o000, 0o002, 0o022, 0o077, 0o777)

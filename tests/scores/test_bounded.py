@@ -9,8 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from benches.mutated import LIBRARY, bases, mutated
 from sweep import few
+
+from benches.mutated import LIBRARY, bases, mutated
 
 _ENOUGH = 500e6
 _STOPWATCH = Path(__file__).parents[2] / "benches" / "stopwatch.py"

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 import yaml
-from docs.generators.cards import centroid, described, measured, play, score
 from sweep import few
+
+from docs.generators.cards import centroid, described, measured, play, score
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "instruments"

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from needed import program
 
-from ergon.movies import chromium
-from ergon.movies.chromium import Browser, Page
+from ergon.workshop.movies import chromium
+from ergon.workshop.movies.chromium import Browser, Page
 
 __all__ = ["KEY", "Browser", "Page", "running"]
 

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ergon import _core
-from ergon.metrology.gesture import Gesture, of_arrays
-from ergon.metrology.parameters import START, total_mass
+from ergon.workshop.metrology.gesture import Gesture, of_arrays
+from ergon.workshop.metrology.parameters import START, total_mass
 
 Floats = NDArray[np.float64]
 RATE = 44100 / 44

@@ -10,16 +10,16 @@ from oracle import miphysics, pmpd, sam
 from planned_sound import ready
 
 from ergon import _core
-from ergon.models.miphysics.reading import parse as miphysics_network
-from ergon.models.miphysics.score import written as miphysics_written
-from ergon.models.page import Input
-from ergon.models.pmpd.interpreter import network
-from ergon.models.pmpd.reading import parse as pmpd_messages
-from ergon.models.pmpd.score import written as pmpd_written
-from ergon.models.pmpd.words import Object
-from ergon.models.sam.reading import parse as sam_sheet
-from ergon.models.sam.score import written as sam_written
-from ergon.models.sam.words import LINKS
+from ergon.workshop.models.miphysics.reading import parse as miphysics_network
+from ergon.workshop.models.miphysics.score import written as miphysics_written
+from ergon.workshop.models.page import Input
+from ergon.workshop.models.pmpd.interpreter import network
+from ergon.workshop.models.pmpd.reading import parse as pmpd_messages
+from ergon.workshop.models.pmpd.score import written as pmpd_written
+from ergon.workshop.models.pmpd.words import Object
+from ergon.workshop.models.sam.reading import parse as sam_sheet
+from ergon.workshop.models.sam.score import written as sam_written
+from ergon.workshop.models.sam.words import LINKS
 
 RATE = 44_100
 Floats = NDArray[np.float64]

@@ -25,12 +25,12 @@ from models_compared import miphysics_off, off, pmpd_off, sam_off
 from numpy.typing import NDArray
 from oracle import mims
 
-from ergon.api.model import ImportedModel, ModelOptions, import_model
 from ergon.common.errors import ErgonError
-from ergon.models.errors import DialectError, ModelError
-from ergon.models.mims.reading import text_of
-from ergon.models.pmpd.reading import is_list
 from ergon.scores.staging.refusals import StageError
+from ergon.workshop.api.model import ImportedModel, ModelOptions, import_model
+from ergon.workshop.models.errors import DialectError, ModelError
+from ergon.workshop.models.mims.reading import text_of
+from ergon.workshop.models.pmpd.reading import is_list
 
 RATE = mims.RATE
 AGREES = 1e-5  # -100 dB

@@ -16,13 +16,13 @@ from motions import Piece
 from numpy.typing import NDArray
 
 from ergon.api.errors import OptionError
-from ergon.api.movie import MovieMaker, MovieOptions
 from ergon.api.pages import ANYWHERE, serve
 from ergon.api.viewing import Shown
 from ergon.common.errors import ErgonError
 from ergon.common.report import Report
 from ergon.exchange.safe import FileRefusedError
-from ergon.movies.chromium import BrowserError
+from ergon.workshop.api.movie import MovieMaker, MovieOptions
+from ergon.workshop.movies.chromium import BrowserError
 
 SIZE, FPS = (320, 180), 5
 SMALL = MovieOptions(size="320x180", rate=FPS)

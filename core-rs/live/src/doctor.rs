@@ -1,6 +1,6 @@
 //! A check of this machine and a device: when a thread like the physics thread wakes, and how long replies take.
 //!
-//! The measurements are raw; `live/fitness.py` interprets them.
+//! The measurements are raw; `ergon/live/fitness.py` interprets them.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

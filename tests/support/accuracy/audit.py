@@ -12,14 +12,14 @@ from accuracy import hearing, reference
 from accuracy.equations import read
 from accuracy.random_scenes import text as random_text
 from ergon import _core
-from ergon.lab import metrics
-from ergon.lab.runs import Oversampled
-from ergon.lab.scene import NetworkAndTimeline, Score
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging import planning
 from ergon.scores.staging.preparing import PreparedPiece, prepare
 from ergon.scores.staging.refusals import StageError
+from ergon.workshop.lab import metrics
+from ergon.workshop.lab.runs import Oversampled
+from ergon.workshop.lab.scene import NetworkAndTimeline, Score
 
 BY_EAR = None
 BUDGETS: tuple[float | None, ...] = (BY_EAR, -40.0, -60.0, -80.0)

@@ -8,8 +8,8 @@ from math import inf
 import numpy as np
 
 from ergon import _core
-from ergon.lab.metrics import third_octaves
-from ergon.lab.partials import strongest
+from ergon.workshop.lab.metrics import third_octaves
+from ergon.workshop.lab.partials import strongest
 
 PITCH_UPTO = 5000.0  # [Hz]
 BAND = 20.0  # [Hz] half the width of a partial

@@ -1,5 +1,5 @@
 //! The factor of the piece's force on a hand, tick by tick: it is lowered before a stiffer piece acts, and raised after
-//! that piece ends. `prepare` sets its bound at the start, `live/force_bounds.py` its bounds in a session.
+//! that piece ends. `prepare` sets its bound at the start, `ergon/live/force_bounds.py` its bounds in a session.
 
 use crate::safety::unit;
 

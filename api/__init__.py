@@ -1,4 +1,0 @@
-"""What `import ergon` offers: check, plan, render and freeze a score, or open it as a session.
-
-core-rs/python/ergon/__init__.py says which of these names are public.
-"""

@@ -1,0 +1,197 @@
+"""Ergon: write the gesture, hear the matter.
+
+`check`, `plan`, `modes`, `tune`, `admittance`, `stats`, `render`, `render_to_file` and `freeze`
+take the path of a score, and options. `open_session` plays a score that is changed while it
+plays; `fold_file` converts a sound file to other channels (headphones, stereo, Ambisonics,
+another room); `take_stats` measures the hands of a recording; `bell` finds the modes of a struck
+object; `sweep` renders variants of a score. All errors are an `ErgonError`. The page
+docs/library.md shows each.
+"""
+
+TYPE_CHECKING = False  # as in `typing`, which need not be imported
+if TYPE_CHECKING:
+    from ergon._core import PlanRow
+    from ergon.api.admittance import Admittance, AdmittanceOptions, admittance
+    from ergon.api.check import Checked, check
+    from ergon.api.errors import (
+        DeviceError,
+        DivergedError,
+        EngineExitError,
+        OptionError,
+        ScoreError,
+    )
+    from ergon.api.files import render_to_file
+    from ergon.api.fold import Folded, FoldError, FoldOptions, fold_file
+    from ergon.api.freeze import FreezeOptions, freeze
+    from ergon.api.modes import ModesOptions, PartModes, modes
+    from ergon.api.open_session import Session, open_session
+    from ergon.api.options import AccuracyOptions, ReadOptions, SessionOptions
+    from ergon.api.plan import Plan, plan
+    from ergon.api.render import FileOptions, Render, RenderOptions, render
+    from ergon.api.stats import LinkStats, PartStats, PointStats, StatsOptions, stats
+    from ergon.api.sweep import Sweep, SweepOptions, sweep
+    from ergon.api.sweep_table import SweepRow
+    from ergon.api.take_stats import ForceStats, HandStats, TakeStatsOptions, take_stats
+    from ergon.api.tune import Tuned, TunedValue, TuneOptions, tune
+    from ergon.common.errors import ErgonError
+    from ergon.common.report import PrintedReport, Progress, Report
+    from ergon.exchange.frozen import Frozen
+    from ergon.exchange.safe import FileRefusedError
+    from ergon.notation.text.errors import Diagnostic
+    from ergon.rendering.render import RenderedFile, RenderedFiles
+    from ergon.repl.session.api import NotTaken
+    from ergon.repl.session_protocol import Reply, State
+    from ergon.scores.gesture.movement import MovementStats
+    from ergon.workshop.api.bell import BellOptions, bell
+    from ergon.workshop.bells.bell import Bell
+
+__all__ = [
+    "AccuracyOptions",
+    "Admittance",
+    "AdmittanceOptions",
+    "Bell",
+    "BellOptions",
+    "Checked",
+    "DeviceError",
+    "Diagnostic",
+    "DivergedError",
+    "EngineExitError",
+    "ErgonError",
+    "FileOptions",
+    "FileRefusedError",
+    "FoldError",
+    "FoldOptions",
+    "Folded",
+    "ForceStats",
+    "FreezeOptions",
+    "Frozen",
+    "HandStats",
+    "LinkStats",
+    "ModesOptions",
+    "MovementStats",
+    "NotTaken",
+    "OptionError",
+    "PartModes",
+    "PartStats",
+    "Plan",
+    "PlanRow",
+    "PointStats",
+    "PrintedReport",
+    "Progress",
+    "ReadOptions",
+    "Render",
+    "RenderOptions",
+    "RenderedFile",
+    "RenderedFiles",
+    "Reply",
+    "Report",
+    "ScoreError",
+    "Session",
+    "SessionOptions",
+    "State",
+    "StatsOptions",
+    "Sweep",
+    "SweepOptions",
+    "SweepRow",
+    "TakeStatsOptions",
+    "TuneOptions",
+    "Tuned",
+    "TunedValue",
+    "admittance",
+    "bell",
+    "check",
+    "fold_file",
+    "freeze",
+    "modes",
+    "open_session",
+    "plan",
+    "render",
+    "render_to_file",
+    "stats",
+    "sweep",
+    "take_stats",
+    "tune",
+]
+
+# The module of each name, imported at first use: `ergon --help` needs none of them.
+_PLACES = {
+    "AccuracyOptions": "api.options",
+    "Admittance": "api.admittance",
+    "AdmittanceOptions": "api.admittance",
+    "Bell": "workshop.bells.bell",
+    "BellOptions": "workshop.api.bell",
+    "Checked": "api.check",
+    "DeviceError": "api.errors",
+    "Diagnostic": "notation.text.errors",
+    "DivergedError": "api.errors",
+    "EngineExitError": "api.errors",
+    "ErgonError": "common.errors",
+    "FileOptions": "api.render",
+    "FoldError": "api.fold",
+    "FoldOptions": "api.fold",
+    "Folded": "api.fold",
+    "ForceStats": "api.take_stats",
+    "FreezeOptions": "api.freeze",
+    "Frozen": "exchange.frozen",
+    "HandStats": "api.take_stats",
+    "LinkStats": "api.stats",
+    "ModesOptions": "api.modes",
+    "MovementStats": "scores.gesture.movement",
+    "NotTaken": "repl.session.api",
+    "OptionError": "api.errors",
+    "PartModes": "api.modes",
+    "PartStats": "api.stats",
+    "Plan": "api.plan",
+    "PlanRow": "_core",
+    "PointStats": "api.stats",
+    "PrintedReport": "common.report",
+    "Progress": "common.report",
+    "ReadOptions": "api.options",
+    "FileRefusedError": "exchange.safe",
+    "Render": "api.render",
+    "RenderOptions": "api.render",
+    "RenderedFile": "rendering.render",
+    "RenderedFiles": "rendering.render",
+    "Reply": "repl.session_protocol",
+    "Report": "common.report",
+    "ScoreError": "api.errors",
+    "Session": "api.open_session",
+    "SessionOptions": "api.options",
+    "State": "repl.session_protocol",
+    "StatsOptions": "api.stats",
+    "Sweep": "api.sweep",
+    "SweepOptions": "api.sweep",
+    "SweepRow": "api.sweep_table",
+    "TakeStatsOptions": "api.take_stats",
+    "TuneOptions": "api.tune",
+    "Tuned": "api.tune",
+    "TunedValue": "api.tune",
+    "admittance": "api.admittance",
+    "bell": "workshop.api.bell",
+    "check": "api.check",
+    "fold_file": "api.fold",
+    "freeze": "api.freeze",
+    "modes": "api.modes",
+    "open_session": "api.open_session",
+    "plan": "api.plan",
+    "render": "api.render",
+    "render_to_file": "api.files",
+    "stats": "api.stats",
+    "sweep": "api.sweep",
+    "take_stats": "api.take_stats",
+    "tune": "api.tune",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'ergon' has no attribute '{name}'", name=name)
+    from importlib import import_module
+
+    found: object = getattr(import_module(f"ergon.{_PLACES[name]}"), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,1 @@
+"""What `import ergon` and the commands offer of the workshop."""

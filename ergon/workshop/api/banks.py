@@ -1,0 +1,165 @@
+"""Parts of a score as banks of their modes, for programs that know resonators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from ergon.api.errors import OptionError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon.api.modes import PartModes
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.built_network import BuiltNetwork
+    from ergon.scores.staging.preparing import PreparedPiece
+    from ergon.workshop.models.programs.bank import Bank, Way
+
+_HITS = ("BUT", "LNL", "BRISTLE", "DRY")
+_POINTS = 200  # struck or touched points of a bank, at most
+_LEAST = 1e-12  # of the largest amplitude: less is not a sound, but rounding
+_LEVEL = 0.1  # of full scale, for a signal at the reference level
+
+
+def is_heard(piece: Piece, part: str) -> bool:
+    """Whether a part is an instrument with an output of positions, speeds or accelerations."""
+    instrument = piece.instruments.get(part)
+    return instrument is not None and any(one.is_movement for one in instrument.outputs)
+
+
+def bank_of(piece: Piece, ready: PreparedPiece, found: PartModes, most: int) -> Bank:
+    """A part as resonators, `most` at most: one for each mode from each input to each output.
+
+    Raises OptionError if there are more, or if no motion of the part is heard.
+    """
+    from ergon.workshop.models.programs.bank import Bank
+
+    swings = found.poles.imag > 0.0
+    poles = found.poles[swings]
+    instrument = piece.instruments.get(found.part)
+    outputs = [one for one in instrument.outputs if one.is_movement] if instrument else []
+    labels = [f"out {one.name}" if one.name else "out" for one in outputs]
+    heard = [one for one in zip(outputs, labels, strict=True) if one[1] in found.points]
+    if not heard:
+        raise OptionError("parts", f"{found.part} has no output of motion; add a SOX, SOV or SOA")
+    inputs = _inputs(piece, ready, found)
+    ca_rate = instrument.ca_rate if instrument else None
+    if len(inputs) > _POINTS:
+        why = f"{found.part} is struck at {len(inputs):,} points; a bank can have at most "
+        why += f"{_POINTS}: name other PARTs"
+        raise OptionError("parts", why)
+    ways: list[Way] = []
+    for struck, (_, moves, _) in enumerate(inputs):
+        for at, (_, label) in enumerate(heard):
+            gain = (moves * found.points[label])[swings] / swing(poles, ca_rate)
+            ways += _way(struck, at, found, swings, gain)
+    if sum(len(way.rows) for way in ways) > most:
+        why = f"a file holds at most {most:,} resonators; use a lower --upto, or fewer outputs"
+        raise OptionError("upto", f"{found.part} has too many modes: {why}")
+    return Bank(
+        found.part,
+        piece.rate,
+        ready.n_frames / piece.rate,
+        [name for name, _, _ in inputs],
+        [strikes for _, _, strikes in inputs],
+        [(label, output.order) for output, label in heard],
+        [output.reference / _LEVEL for output, _ in heard],
+        ways,
+    )
+
+
+def _inputs(
+    piece: Piece, ready: PreparedPiece, found: PartModes
+) -> list[tuple[str, NDArray[np.complex128], list[tuple[float, float]]]]:
+    """The inputs of a bank: points that are struck, then those that links and contacts touch.
+
+    Each is a name, the motion of each mode at the point, and the strikes on it (time, impulse).
+    """
+    network, slots = ready.network, {name: at for at, name in enumerate(found.masses)}
+    inputs = []
+    for mat in range(network.n_mat):
+        slot = slots.get(network.name_of(mat))
+        if slot is not None and (strikes := ready.timeline.strikes_on(mat)):
+            each = [(one.at, one.impulse) for one in strikes]
+            inputs.append((found.masses[slot], found.shapes[:, slot], each))
+    known = {name for name, _, _ in inputs}
+    known |= {target.text for one in piece.strikes for target in one.to}  # several points
+    others = {**found.points, **touched(piece, ready.built, found)}
+    for label, moves in others.items():
+        is_output = label.split(" ")[0] == "out"
+        if not is_output and label not in known:
+            inputs.append((label, moves, []))
+    if not inputs:
+        inputs = [(label, moves, []) for label, moves in found.points.items()]
+    return inputs
+
+
+def _way(
+    struck: int,
+    heard: int,
+    found: PartModes,
+    swings: NDArray[np.bool_],
+    gain: NDArray[np.complex128],
+) -> Sequence[Way]:
+    import numpy as np
+
+    from ergon.workshop.models.programs.bank import Way
+
+    sizes = np.abs(gain)
+    kept = sizes > _LEAST * sizes.max(initial=0.0)
+    if not kept.any():
+        return []
+    poles = found.poles[swings][kept]
+    columns = found.frequencies[swings][kept], 0.0 - poles.real, sizes[kept], np.angle(gain[kept])
+    rows = list(zip(*(column.tolist() for column in columns), strict=True))
+    return [Way(struck, heard, rows)]
+
+
+def touched(
+    piece: Piece, built: BuiltNetwork, found: PartModes
+) -> Mapping[str, NDArray[np.complex128]]:
+    """The motion of each mode at the ends of the part's own contacts and laws, such as its
+    hammers'.
+    """
+    name_of, slots = built.network.name_of, {name: at for at, name in enumerate(found.masses)}
+    points = {}
+    for owner, module in piece.modules():
+        if owner != found.part or module.kind not in _HITS:
+            continue
+        for end in module.fields["between"]:
+            names = [name_of(mat) for mat in built.assembly.members(end)]
+            own = [slots[name] for name in names if name in slots]
+            if own:
+                label = names[0] if len(names) == 1 else end.text
+                points[label] = found.shapes[:, own].sum(axis=1)
+    return points
+
+
+def left_out(found: PartModes) -> list[str]:
+    """What a bank of modes leaves out, in sentences."""
+    import numpy as np
+
+    swings = found.poles.imag > 0.0
+    warnings = []
+    if n_out := int(np.count_nonzero(~swings)):
+        noun = "mode that does" if n_out == 1 else "modes that do"
+        warnings.append(f"{n_out} {noun} not oscillate left out")
+    if found.n_laws:
+        warnings.append("laws of its links were linearised at rest")
+    if found.n_contacts:
+        warnings.append("its contacts counted as open")
+    if not found.is_certified:
+        warnings.append("modes may be missing, because the search ended before all were known")
+    return warnings
+
+
+def swing(poles: NDArray[np.complex128], ca_rate: float | None) -> NDArray[np.float64]:
+    """The divisor that turns a product of two shapes into the response to 1 N·s [1/s]."""
+    import numpy as np
+
+    if ca_rate is None:
+        return np.asarray(poles.imag)
+    # The shapes of a discrete network belong to its poles z - 1.
+    return np.asarray((np.exp(poles / ca_rate)).imag) / ca_rate

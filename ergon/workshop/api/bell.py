@@ -1,0 +1,71 @@
+"""Struck objects from recordings of strokes, or from tables of resonances, as instruments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from ergon.api.errors import OptionError
+from ergon.common.report import Report
+
+if TYPE_CHECKING:
+    from ergon.workshop.bells.bell import Bell
+
+Form = Literal["modes", "cels", "chain"]
+SOUNDS = (".wav", ".wave", ".flac", ".rf64", ".bwf")
+PLACE = "point"
+_MOST = 500
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BellOptions:
+    """How many modes a bell keeps: its loudest `modes`; by default all, up to 500."""
+
+    modes: int | None = None
+
+
+def bell(
+    strokes: str | Path | Sequence[str | Path] | Mapping[str, Sequence[str | Path]],
+    options: BellOptions | None = None,
+    *,
+    report: Report | None = None,
+) -> Bell:
+    """The modes of a struck object, from recordings of strokes (WAV, FLAC) or a resonance table.
+
+    `strokes` is a file, several files of one place from soft to hard, or a mapping from names of
+    places to their files; all are of one object, heard from one point. A table is a single file.
+    Raises NotAStrokeError, TableError and OptionError.
+    """
+    from ergon.notation.tables.shapes import NAME
+    from ergon.workshop.bells import bell as bells
+    from ergon.workshop.bells import resonances, stroke
+
+    options, report = options or BellOptions(), report or Report()
+    count = _MOST if options.modes is None else options.modes
+    if not 1 <= count <= _MOST:
+        raise OptionError("modes", f"is {count}; it must be from 1 to {_MOST}")
+    if isinstance(strokes, (str, Path)):
+        strokes = [strokes]
+    by_place = strokes if isinstance(strokes, Mapping) else {PLACE: strokes}
+    files = [(place, Path(file)) for place, own in by_place.items() for file in own]
+    if not files:
+        raise OptionError("strokes", "no file is given; give a recording of a stroke")
+    for place in by_place:
+        if not NAME.fullmatch(place) or place in ("all", "last", "centre", "mic"):
+            message = f"names a place {place!r}; a name has letters, digits, '-' and '_', begins "
+            message += "with a letter, and is not all, last, centre or mic"
+            raise OptionError("strokes", message)
+    tables = [file for _, file in files if file.suffix.lower() not in SOUNDS]
+    if tables:
+        if len(files) > 1:
+            message = (
+                f"{tables[0]} is neither WAV nor FLAC, so it is read as a table of resonances; "
+            )
+            message += "use a table without other files"
+            raise OptionError("strokes", message)
+        return bells.of_table(resonances.read(tables[0]), count)
+    heard = [(place, stroke.stroke(str(file), *stroke.read(file))) for place, file in files]
+    with report.waiting("looking for modes"):
+        return bells.of_strokes(heard, count)

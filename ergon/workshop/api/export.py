@@ -1,0 +1,282 @@
+"""Parts of a score for other programs: tables of modes, programs of Faust, models of mi-gen."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.api import score as scores
+from ergon.api.modes import modes_of
+from ergon.api.options import ReadOptions
+from ergon.api.parts import hertz, selected_parts
+from ergon.common.report import Report
+
+from .banks import bank_of, is_heard, left_out, swing, touched
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon.api.modes import PartModes
+    from ergon.instruments.model import Target
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.reading.piece import Piece
+    from ergon.workshop.models.programs.bank import Bank
+    from ergon.workshop.models.programs.network import Part, Stepped
+
+HIGHEST = 20_000.0  # [Hz] nobody hears a mode above it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOptions(ReadOptions):
+    """Which parts are exported.
+
+    `parts` are names of instruments and keys; without any, all are exported. `upto` is the
+    highest frequency of the exported modes, a number [Hz] or a text such as "5kHz" (by default
+    20 kHz). With `upto`, a Faust program is a bank of modes.
+    """
+
+    parts: Sequence[str] = ()
+    upto: float | str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedPart:
+    """A file for another program: its text, and what it leaves out, in sentences."""
+
+    part: str
+    text: str
+    warnings: tuple[str, ...]
+    inputs: tuple[Path, ...]
+
+
+def mode_tables(
+    score: str | Path, options: ExportOptions | None = None, *, report: Report | None = None
+) -> tuple[ExportedPart, ...]:
+    """The modes of parts of a score, a CSV table for each part that has modes.
+
+    An impulse J [N·s] at a point moves another by the sum of J·A·exp(-d·t)·sin(2π·f·t + p) [m]
+    over the modes. The columns hold f [Hz], d [1/s] with its T60 [s], and, for each pair of a
+    struck or touched point and a heard one, A [m/(N·s)] and p [rad]. Raises ScoreError and
+    OptionError.
+    """
+    from ergon.scores.staging.preparing import prepare
+
+    options = options or ExportOptions()
+    upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
+    loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    names = selected_parts(piece, options.parts)
+    ca_rates = {name: one.ca_rate for name, one in piece.instruments.items()}
+    with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
+        built = prepare(piece).built
+        all_modes = [modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in names]
+        tables = [(one, {**one.points, **touched(piece, built, one)}) for one in all_modes]
+    return tuple(
+        _table(one, points, ca_rates.get(one.part)) for one, points in tables if one.masses
+    )
+
+
+def faust_programs(
+    score: str | Path, options: ExportOptions | None = None, *, report: Report | None = None
+) -> tuple[ExportedPart, ...]:
+    """Parts of a score as programs of Faust; without `parts` one program, of all parts together.
+
+    A program steps masses, springs, dampers, contacts and laws sample by sample as the engine
+    does, at the rate of the score. With `upto`, and always for a named part that has a MODES,
+    the part becomes a bank of resonators, with its contacts open, at any rate. Inputs of a
+    program are the forces [N] on struck points and of ENF, and the positions [m] of ENX; its
+    outputs are those of the parts. Links to other parts are left out. Raises ScoreError,
+    OptionError, and ModelError with the places of what cannot be exported.
+    """
+    from ergon.workshop.models.programs.faust_bank import MOST as RESONATORS
+    from ergon.workshop.models.programs.faust_bank import program as bank_program
+    from ergon.workshop.models.programs.faust_program import program
+    from ergon.workshop.models.programs.network import MOST
+
+    options = options or ExportOptions()
+    loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    if options.upto is not None:
+        upto = hertz("upto", options.upto)
+        with scores.staging(lambda: loaded, report):
+            banks = heard_parts(piece, options.parts)
+            return banks_of(piece, loaded.inputs, banks, upto, bank_program, RESONATORS, report)
+    banks = [name for name in options.parts if _is_bank(piece, name)]
+    if not banks:
+        return _programs(score, loaded, options, program, most=MOST)
+    others = [name for name in options.parts if name not in banks]
+    with scores.staging(lambda: loaded, report):
+        made = banks_of(piece, loaded.inputs, banks, HIGHEST, bank_program, RESONATORS, report)
+    if others:
+        own = replace(options, parts=others)
+        made += _programs(score, loaded, own, program, most=MOST)
+    return tuple(sorted(made, key=lambda one: options.parts.index(one.part)))
+
+
+def heard_parts(piece: Piece, parts: Sequence[str]) -> list[str]:
+    """The named parts; without names, those whose motion is heard, or all if there is none."""
+    names = selected_parts(piece, parts)
+    heard = [name for name in names if parts or is_heard(piece, name)]
+    return heard or list(names)  # if nothing is heard, the first part is refused later
+
+
+def _is_bank(piece: Piece, name: str) -> bool:
+    instrument = piece.instruments.get(name)
+    return instrument is not None and any(one.kind == "MODES" for one in instrument.modules)
+
+
+def banks_of(
+    piece: Piece,
+    inputs: tuple[Path, ...],
+    names: Sequence[str],
+    upto: float,
+    written: Callable[[Bank], str],
+    most: int,
+    report: Report | None,
+) -> tuple[ExportedPart, ...]:
+    """A file for each part that has modes up to `upto` [Hz], with `most` resonators at most.
+
+    Raises ScoreError and OptionError.
+    """
+    from ergon.scores.staging.preparing import prepare
+
+    upto = min(upto, 0.499 * piece.rate)
+    made = []
+    with (report or Report()).waiting("computing modes"):
+        ready = prepare(piece)
+        for name in names:
+            found = modes_of(piece, ready.built, name, {"to": upto}, inputs)
+            if not found.masses:
+                continue
+            text = written(bank_of(piece, ready, found, most))
+            made.append(ExportedPart(name, text, tuple(left_out(found)), inputs))
+    return tuple(made)
+
+
+def mi_gen_models(
+    score: str | Path, options: ExportOptions | None = None, *, report: Report | None = None
+) -> tuple[ExportedPart, ...]:
+    """Parts of a score as models of mi-gen (v2); without `parts` one model, of all parts together.
+
+    Inputs are those of a program of Faust; an output hears one point, or the links of one point.
+    Raises ScoreError, OptionError, and ModelError with the places of what the format cannot say.
+    """
+    from ergon.workshop.models.programs.mi_gen import MOST, model
+
+    options = options or ExportOptions()
+    loaded = scores.read(score, options, report)
+    return _programs(score, loaded, options, model, most=MOST)
+
+
+def _programs(
+    score: str | Path,
+    loaded: Loaded,
+    options: ExportOptions,
+    program: Callable[[Stepped, str], str],
+    *,
+    most: int,
+) -> tuple[ExportedPart, ...]:
+    from ergon.workshop.models.programs.network import stepped
+
+    piece = scores.piece_of(loaded)
+    title = Path(score).stem if str(score) != scores.STDIN else "score"
+    names = selected_parts(piece, options.parts)
+    wholes = [(name, (name,)) for name in names] if options.parts else [(title, names)]
+    made = []
+    for name, own in wholes:
+        parts, struck = _parts(piece, own), _struck(piece, own)
+        network = stepped(parts, struck, piece.rate, most=most)
+        warnings = tuple(f"{one} is left out" for one in network.left_out)
+        made.append(ExportedPart(name, program(network, name), warnings, loaded.inputs))
+    return tuple(made)
+
+
+def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
+    from ergon.workshop.models.errors import ModelError
+    from ergon.workshop.models.programs.network import Part
+
+    for name in names:
+        if name in piece.keys and piece.keys[name].reach != 1.0:
+            error = ModelError(
+                f"key {name} has a lever (`reach`), which this format cannot "
+                "hold; name other PARTs",
+                piece.keys[name].place.line,
+            )
+            error.file = piece.keys[name].place.file
+            raise error
+    for name in names:
+        if name in piece.instruments and piece.instruments[name].space is not None:
+            error = ModelError(
+                f"{name} is an instrument in space, which this format cannot "
+                "hold; name other PARTs",
+                piece.instruments[name].place.line,
+            )
+            error.file = piece.instruments[name].place.file
+            raise error
+    if piece.duet and len(names) == len(piece.keys) + len(piece.instruments):
+        error = ModelError(
+            "this format cannot hold a coupling that begins and ends; name the PARTs to export",
+            piece.duet[0].place.line,
+        )
+        error.file = piece.duet[0].place.file
+        raise error
+    found = []
+    for name in names:
+        if name in piece.keys:
+            key = piece.keys[name]
+            found.append(Part(name, key.modules, struck=key.struck))
+        else:
+            one = piece.instruments[name]
+            found.append(Part(name, one.modules, one.outputs, one.ca_rate))
+    return found
+
+
+def _struck(piece: Piece, names: Sequence[str]) -> list[Target]:
+    """Points of these parts that are struck, or that links with other parts end on."""
+    found = [target for strike in piece.strikes for target in strike.to]
+    for owner, module in piece.modules():
+        ends = module.fields.get("between", ())
+        if any(end.part not in names for end in ends) or owner not in names:
+            found += ends
+    return [target for target in found if target.part in names]
+
+
+def _table(
+    found: PartModes, at: Mapping[str, NDArray[np.complex128]], ca_rate: float | None
+) -> ExportedPart:
+    import numpy as np
+
+    swings = found.poles.imag > 0.0
+    poles = found.poles[swings]
+    columns: dict[str, NDArray[np.float64]] = {
+        "frequency [Hz]": found.frequencies[swings],
+        "T60 [s]": found.t60[swings],
+        "decay [1/s]": 0.0 - poles.real,
+    }
+    per_second = swing(poles, ca_rate)
+    points = {label: moves[swings] for label, moves in at.items()}
+    for struck, heard in _ways(points):
+        gain = points[struck] * points[heard] / per_second
+        columns[f"amplitude {struck} to {heard} [m/Ns]"] = np.abs(gain)
+        columns[f"phase {struck} to {heard} [rad]"] = np.angle(gain)
+    text = io.StringIO()
+    text.write(f"# modes of {found.part}, made by ergon\n")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(("mode", *columns))
+    values = zip(*(column.tolist() for column in columns.values()), strict=True)
+    rows.writerows((number, *map(repr, row)) for number, row in enumerate(values, 1))
+    return ExportedPart(found.part, text.getvalue(), tuple(left_out(found)), found.inputs)
+
+
+def _ways(points: Mapping[str, object]) -> list[tuple[str, str]]:
+    """Pairs of a struck or touched point and a heard one; if one kind is missing, the other
+    replaces it.
+    """
+    heard = [label for label in points if label.split(" ")[0] == "out"]
+    struck = [label for label in points if label not in heard]
+    return [(a, b) for a in struck or heard for b in heard or struck]

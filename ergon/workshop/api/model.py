@@ -1,0 +1,242 @@
+"""A model of another program as a score."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+from pathlib import Path
+from typing import Literal
+
+from ergon.api.errors import OptionError
+from ergon.notation.text.errors import quote
+from ergon.notation.text.spelling import nearest
+from ergon.workshop.models.errors import DialectError, ModelError
+from ergon.workshop.models.mims.grammar import FORMS, NAMES, Dialect
+from ergon.workshop.models.mims.laws import Laws
+from ergon.workshop.models.mims.model import Model
+from ergon.workshop.models.mims.reading import is_table, parse, text_of
+from ergon.workshop.models.mims.score import written
+from ergon.workshop.models.miphysics.reading import is_model as is_miphysics
+from ergon.workshop.models.miphysics.reading import parse as miphysics_network
+from ergon.workshop.models.miphysics.score import RATES
+from ergon.workshop.models.miphysics.score import written as miphysics_written
+from ergon.workshop.models.page import OSC, RATE, Input
+from ergon.workshop.models.pmpd.interpreter import network
+from ergon.workshop.models.pmpd.reading import is_list
+from ergon.workshop.models.pmpd.reading import parse as pmpd_messages
+from ergon.workshop.models.pmpd.score import written as pmpd_written
+from ergon.workshop.models.pmpd.words import OBJECTS, Object
+from ergon.workshop.models.sam.reading import parse as sam_sheet
+from ergon.workshop.models.sam.reading import ports as sam_ports
+from ergon.workshop.models.sam.score import written as sam_written
+from ergon.workshop.models.sam.words import is_model as is_sam
+
+Language = Literal["v1", "v2", "pmpd", "pmpd~", "sam", "miphysics"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelOptions:
+    """How a model is read.
+
+    `dialect`: "v1" (MIMS), "v2" (mi-gen), "pmpd" or "pmpd~" (messages to an object of Pure
+    Data), "sam" (Synth-A-Modeler), "miphysics" (its XML); by default the one that can read the
+    model. `laws`: "head", as mi-gen has them today, or "2019". `values`: values of parameters by
+    name; miPhysics has the value `rate` [Hz]. `inputs`: WAV files of 44,100 Hz, or "osc", by
+    name.
+    """
+
+    dialect: Language | None = None
+    laws: Laws = "head"
+    values: Mapping[str, str] = field(default_factory=dict)
+    inputs: Mapping[str, str | Path] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedModel:
+    """The text of a score, and what it was made from; `unfed` inputs have no file and stay at 0."""
+
+    text: str
+    dialect: Language
+    n_statements: int
+    unfed: tuple[str, ...] = ()
+
+
+def import_model(
+    path: str | Path, options: ModelOptions = ModelOptions(), *, beside: str | Path = "."
+) -> ImportedModel:
+    """A model of another program as a score, which names files of inputs from the folder `beside`
+    on.
+
+    Raises ModelError with the line at fault, DialectError if two dialects can read the model and
+    it sounds different in each, OptionError, and OSError.
+    """
+    path = Path(path)
+    try:
+        text = text_of(path)
+    except ModelError as error:
+        error.file = str(path)
+        raise
+    if options.dialect is None and is_table(text):
+        message = f"it is a table of resonances; `ergon bell {path.name}` makes an instrument of it"
+        told = ModelError(message)
+        told.file = str(path)
+        raise told
+    inputs = {name: _input(name, file, beside) for name, file in options.inputs.items()}
+
+    asked = options.dialect
+    if asked == "sam" or (asked is None and is_sam(text)):
+        try:
+            return _sam(text, path.name, options, inputs)
+        except ModelError as error:
+            error.file = str(path)
+            raise
+    if asked == "miphysics" or (asked is None and is_miphysics(text)):
+        try:
+            return _miphysics(text, path.name, options)
+        except ModelError as error:
+            error.file = str(path)
+            raise
+    if asked in OBJECTS or (asked is None and is_list(text)):
+        try:
+            return _pmpd(text, path.name, options, inputs)
+        except ModelError as error:
+            error.file = str(path)
+            raise
+    dialect: Dialect
+    dialect = asked if asked == "v1" or asked == "v2" else _dialect(text, path, options)
+    model = parse(text, dialect, str(path), options.values)
+    unfed = _unfed(inputs, model.inputs)
+    score = written(model, options.laws, inputs, path.name)
+    return ImportedModel(score, dialect, len(model.statements), unfed)
+
+
+def _unfed(inputs: Mapping[str, Input], known: Sequence[str]) -> tuple[str, ...]:
+    """Inputs of a model that no file feeds. Raises OptionError for an input that it does not
+    have.
+    """
+    for name in inputs:
+        if name not in known:
+            near = nearest(name, known)
+            meant = f"; did you mean {near}?" if near else ""
+            raise OptionError("input", f"the model has no input {quote(name)}{meant}")
+    return tuple(name for name in known if name not in inputs)
+
+
+def _pmpd(
+    text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input]
+) -> ImportedModel:
+    """Messages to an object of Pure Data. Raises ModelError, DialectError and OptionError."""
+    if options.values:
+        raise OptionError("set", "models of pmpd have no parameters; leave this option out")
+    if options.laws != "head":
+        raise OptionError("laws", "the laws of 2019 are those of mi-gen")
+    wanted: Object | None = None
+    if options.dialect == "pmpd" or options.dialect == "pmpd~":
+        wanted = options.dialect
+    kind, messages = pmpd_messages(text, wanted)
+    made = network(kind, messages)
+    known = {f"in{port.number}" for port in made.ports if port.what.startswith("in")}
+    unfed = _unfed(inputs, sorted(known))
+    return ImportedModel(pmpd_written(made, inputs, name), kind, len(messages), unfed)
+
+
+def _sam(text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input]) -> ImportedModel:
+    """A model of Synth-A-Modeler. Raises ModelError and OptionError."""
+    if options.laws != "head":
+        raise OptionError("laws", "the laws of 2019 are those of mi-gen")
+    given = {}
+    for parameter, value in options.values.items():
+        try:
+            given[parameter] = float(value)
+        except ValueError:
+            raise OptionError("set", f"{value} is not a number", value=parameter) from None
+        if not isfinite(given[parameter]):
+            raise OptionError("set", f"{value} is not a number", value=parameter)
+    sheet = sam_sheet(text)
+    unfed = _unfed(inputs, sam_ports(sheet))
+    count = len(sheet.statements) + len(sheet.code)
+    return ImportedModel(sam_written(sheet, inputs, given, name), "sam", count, unfed)
+
+
+def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
+    """A model of miPhysics. Raises ModelError and OptionError."""
+    if options.laws != "head":
+        raise OptionError("laws", "the laws of 2019 are those of mi-gen")
+    if options.inputs:
+        raise OptionError("input", "models of miPhysics have no inputs; leave this option out")
+    rate = str(RATE)
+    for parameter, value in options.values.items():
+        if parameter != "rate":
+            raise OptionError("set", f"the model has no parameter {quote(parameter)}; it has rate")
+        rate = value
+    if not (rate.isascii() and rate.isdigit() and RATES[0] <= int(rate[:9]) <= RATES[1]):
+        least, most = RATES
+        raise OptionError("set", f"rate is a whole number from {least} to {most:,} [Hz]")
+    network = miphysics_network(text)
+    count = len(network.masses) + len(network.links)
+    return ImportedModel(miphysics_written(network, name, int(rate)), "miphysics", count)
+
+
+def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
+    """The dialect that can read a model. Raises the ModelError of the dialect that got farther."""
+    read: dict[Dialect, str] = {}
+    refused: dict[Dialect, ModelError] = {}
+    for dialect in FORMS:
+        try:
+            model = parse(text, dialect, str(path), options.values)
+            read[dialect] = _sense(model, options.laws)
+        except ModelError as error:
+            refused[dialect] = error
+    if not read:
+        farthest = max(refused, key=lambda dialect: (refused[dialect].line, dialect == "v2"))
+        raise refused[farthest]
+    if len(set(read.values())) > 1:
+        message = f"both {' and '.join(NAMES.values())} read it, and it sounds otherwise in each; "
+        both = DialectError(message + "write --dialect v1 or --dialect v2")
+        both.file = str(path)
+        raise both
+    return "v2" if "v2" in read else "v1"
+
+
+def _sense(model: Model, laws: Laws) -> str:
+    """The score of a model without its first line, or the sentence that refuses it: equal texts
+    mean the same in both dialects.
+    """
+    try:
+        return written(model, laws).split("\n", 1)[1]
+    except ModelError as error:
+        return str(error)
+
+
+def _input(name: str, file: str | Path, beside: str | Path) -> Input:
+    """A file of one channel at the rate of models, or OSC. Raises OptionError."""
+    if file == "osc":
+        return OSC
+    from ergon.exchange.sound import read_blocks, read_info
+    from ergon.exchange.wave_header import NotWaveError
+
+    path = Path(file)
+    try:
+        info = read_info(path)
+        is_fitting = (info.format.rate, info.format.n_channels) == (RATE, 1)
+        blocks = [block[:, 0] for block in read_blocks(path)] if is_fitting else []
+    except (NotWaveError, OSError) as error:
+        raise OptionError("input", f"{file}: {error}", value=name) from None
+    if not is_fitting:
+        message = f"{file} has {info.format.n_channels} channels at {info.format.rate:,} Hz; "
+        message += f"a model is fed by one at {RATE:,} Hz"
+        raise OptionError("input", message, value=name)
+    if info.n_frames < 2:
+        raise OptionError("input", f"{file} has no sound", value=name)
+    folder = Path(beside).resolve()
+    if not path.resolve().is_relative_to(folder):
+        message = f"{file} lies outside {folder}, and a score names files of its own folder"
+        raise OptionError("input", message, value=name)
+    first, second = (float(value) for value in [*blocks[0][:2], *blocks[-1][-1:]][:2])
+    least = min(float(block.min()) for block in blocks)
+    most = max(float(block.max()) for block in blocks)
+    if not isfinite(least + most):
+        raise OptionError("input", f"{file} has samples that are no numbers", value=name)
+    file_of_score = path.resolve().relative_to(folder).as_posix()
+    return Input(file_of_score, first, second, least, most, info.n_frames)

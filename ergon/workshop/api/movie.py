@@ -1,0 +1,247 @@
+"""A film of a piece: what `ergon view` shows, picture by picture, with its sound."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.api.errors import OptionError
+from ergon.common.report import Report
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon.api.viewing import Shown
+    from ergon.workshop.movies.chromium import Page
+    from ergon.workshop.movies.video import Sound
+
+_SIZE = re.compile(r"(\d{1,5})x(\d{1,5})")
+_SECONDS = re.compile(r"(\d{1,7}(?:\.\d{1,9})?)s")
+_STOP = re.compile(rf"([1-9])(?:@{_SECONDS.pattern})?")
+_SIDE_MIN, _SIDE_MAX = 64, 4096  # px
+_RATE_MAX = 120  # pictures a second
+_PICTURES_MAX = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MovieOptions:
+    """How a film is made.
+
+    `size`: width x height [px], even numbers; `rate`: pictures a second; `camera`: views of the
+    page, 1 to 9, and when each is reached, such as "1@0s 3@12s": between two, the camera moves;
+    `start` and `end`: a time of the piece such as "90s", or the name of a mark; `words`: also
+    draw the texts of the page; `browser`: the program that draws, by default the first of
+    Chromium and Chrome that is installed.
+    """
+
+    size: str = "1280x720"
+    rate: int = 30
+    camera: str = "1"
+    start: str | None = None
+    end: str | None = None
+    words: bool = False
+    strobe: bool = False
+    force: bool = False
+    browser: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Movie:
+    """What was written: a video file or a folder of pictures."""
+
+    path: str
+    n_pictures: int
+    seconds: float
+    width: int
+    height: int
+    has_sound: bool
+
+
+class MovieMaker:
+    """A film to make. What can be refused before a piece is rendered is refused at once."""
+
+    def __init__(self, target: str | Path, options: MovieOptions | None = None) -> None:
+        """Raise OptionError, FileRefusedError, VideoError and BrowserError."""
+        from ergon.exchange.safe import check_target
+        from ergon.workshop.movies import chromium, video
+
+        self._options = options = options or MovieOptions()
+        self._target = Path(target)
+        self._size = _size(options.size)
+        self._stops = _stops(options.camera)
+        if not 1 <= options.rate <= _RATE_MAX:
+            raise OptionError("fps", f"1 to {_RATE_MAX} pictures a second", value=str(options.rate))
+        self._suffix = self._target.suffix.lower()
+        self._is_folder = str(target).endswith("/") or not self._suffix or self._target.is_dir()
+        if self._is_folder:
+            _check_folder(self._target)
+        elif self._suffix not in video.SUFFIXES:
+            kinds = ", ".join(video.SUFFIXES)
+            reason = f"films end in {kinds}; a name that ends in / is a folder of pictures"
+            raise OptionError("movie", reason, value=str(target))
+        else:
+            check_target(self._target, force=options.force)
+            video.check_pyav()
+        self._program = chromium.find_browser(options.browser)
+
+    def make(self, shown: Shown, report: Report | None = None) -> Movie:
+        """Draw the film.
+
+        Raises OptionError (a view or a stretch that the piece does not have), BrowserError,
+        VideoError, and OSError where files cannot be read or written.
+        """
+        from ergon.api.pages import ANYWHERE, serve
+        from ergon.workshop.movies import chromium
+
+        report, options = report or Report(), self._options
+        server = serve(ANYWHERE, "at", report, shown.motion)
+        asked = ["t=0", *(["stage"] * (not options.words)), *(["strobe"] * options.strobe)]
+        try:
+            with (
+                chromium.launch_browser(self._program) as browser,
+                browser.page(*self._size) as page,
+            ):
+                page.open(f"{server.url}?{'&'.join(asked)}")
+                instants = self._instants(page)
+                self._look(page)
+                return self._draw(page, instants, shown, report)
+        finally:
+            server.close()
+
+    def _instants(self, page: Page) -> list[float]:
+        """The instant of each picture [s]."""
+        options = self._options
+        duration = float(page.run("ergon.page.story.duration"))
+        told = "ergon.page.story.model.marks.map((mark) => [mark.name, mark.seconds])"
+        marks = dict(page.run(told))
+        start, end = _instant("from", options.start, marks), _instant("to", options.end, marks)
+        start, end = start or 0.0, duration if end is None else min(end, duration)
+        if start >= duration:
+            reason = f"the piece ends at {duration:.2f} s"
+            raise OptionError("from", reason, value=options.start)
+        if start >= end:
+            raise OptionError(
+                "to", "the end of a film must be after its beginning", value=options.end
+            )
+        n = max(1, round((end - start) * options.rate))
+        if n > _PICTURES_MAX:
+            raise OptionError("fps", f"{n:,} pictures; a film has at most {_PICTURES_MAX:,}")
+        return [start + i / options.rate for i in range(n)]
+
+    def _look(self, page: Page) -> None:
+        stops = [[when, view - 1] for view, when in self._stops]
+        n_views = page.run(f"ergon.page.travel({json.dumps(stops)})")
+        if n_views is not None:
+            reason = f"the piece has the views 1 to {n_views}"
+            raise OptionError("camera", reason, value=self._options.camera)
+
+    def _draw(self, page: Page, instants: list[float], shown: Shown, report: Report) -> Movie:
+        from ergon.exchange.new_folder import new_folder
+        from ergon.exchange.safe import open_for_writing
+        from ergon.workshop.movies.video import VideoFile
+
+        options, n = self._options, len(instants)
+        sound = None
+        with ExitStack() as stack:
+            if self._is_folder:
+                folder = stack.enter_context(new_folder(self._target))
+            else:
+                force = options.force
+                file = stack.enter_context(open_for_writing(self._target, binary=True, force=force))
+                if shown.sound is not None:
+                    stretch = instants[0], instants[0] + n / options.rate
+                    sound = _sound(shown.sound, *stretch)
+                made = VideoFile(file, self._suffix, self._size, options.rate, sound)
+                stack.callback(made.discard)
+            progress = stack.enter_context(report.progress("drawing", n, options.rate))
+            for i, t in enumerate(instants):
+                page.run(f"ergon.seek({t!r})")
+                picture = page.picture()
+                if self._is_folder:
+                    (folder / f"{i:06}.png").write_bytes(picture)
+                else:
+                    made.add(picture)
+                progress.at(i + 1)
+            if not self._is_folder:
+                made.close()
+        return Movie(str(self._target), n, n / options.rate, *self._size, sound is not None)
+
+
+def _size(text: str) -> tuple[int, int]:
+    found = _SIZE.fullmatch(text)
+    sides = [int(side) for side in found.groups()] if found else []
+    if not sides or any(s % 2 or not _SIDE_MIN <= s <= _SIDE_MAX for s in sides):
+        reason = f"write two even numbers from {_SIDE_MIN} to {_SIDE_MAX}, such as 1920x1080"
+        raise OptionError("size", reason, value=text)
+    return sides[0], sides[1]
+
+
+def _stops(text: str) -> list[tuple[int, float]]:
+    """Views, and when each is reached [s]."""
+    stops: list[tuple[int, float]] = []
+    for word in text.split():
+        found = _STOP.fullmatch(word)
+        if found is None or (found[2] is None and stops):
+            reason = "write views and when they are reached, such as '1@0s 3@12s'"
+            raise OptionError("camera", reason, value=text)
+        stops.append((int(found[1]), float(found[2] or 0.0)))
+    times = [when for _, when in stops]
+    if not stops or any(later <= earlier for earlier, later in pairwise(times)):
+        raise OptionError(
+            "camera", "each view must be reached later than the one before it", value=text
+        )
+    return stops
+
+
+def _instant(option: str, text: str | None, marks: dict[str, float]) -> float | None:
+    """An instant [s] of the piece: as seconds, or the name of a mark. Raises OptionError."""
+    if text is None:
+        return None
+    if found := _SECONDS.fullmatch(text):
+        return float(found[1])
+    if text in marks:
+        return marks[text]
+    known = f" or a mark: {', '.join(marks)}" if marks else "; the piece has no marks"
+    raise OptionError(option, f"write seconds such as 90s{known}", value=text)
+
+
+def _check_folder(folder: Path) -> None:
+    from ergon.exchange.new_folder import check_new_folder
+    from ergon.exchange.safe import FileRefusedError
+
+    try:
+        check_new_folder(folder)
+    except FileRefusedError:
+        reason = f"{folder} is not an empty folder; pictures go into a new one"
+        raise OptionError("movie", reason) from None
+
+
+def _sound(path: Path, start: float, end: float) -> Sound:
+    """A stretch [s] of a WAV file."""
+    from ergon.exchange import sound
+    from ergon.workshop.movies.video import Sound
+
+    format = sound.read_info(path).format
+    first, last = (round(seconds * format.rate) for seconds in (start, end))
+    return Sound(_between(path, first, last), format.rate, format.n_channels)
+
+
+def _between(path: Path, first: int, last: int) -> Iterator[NDArray[np.float64]]:
+    """The frames of a file from `first` up to `last`, which is left out."""
+    from ergon.exchange import sound
+
+    at = 0
+    for block in sound.read_blocks(path):
+        wanted = block[max(0, first - at) : max(0, last - at)]
+        at += len(block)
+        if len(wanted):
+            yield wanted
+        if at >= last:
+            return

@@ -1,0 +1,123 @@
+"""The contact of a hammer: its stiffness, and the attenuation of high modes by a push of some
+length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ergon.workshop.bells.bands import Array
+
+HAMMER = 0.008  # mass [kg]
+SPEED = 1.0  # at which it strikes [m/s]
+LENGTH = 1e-4  # of a contact, where strokes do not tell it: hardly heard [s]
+_TRIED_LENGTHS = np.geomspace(2e-5, 2e-2, 90)  # lengths [s]
+_REACH = 1.2  # f·length up to which the spectrum of a push is that of half a sine
+_SHAPE = 0.15  # logarithm: how far pushes of other shapes are from it there
+_BEYOND = 0.8  # and beyond, where they have zeros of their own
+_KNOWN = 0.03  # levels are no better than this, relatively
+_LEAST = 5  # modes within reach: fewer do not tell a length
+_RANGE = 4.0  # cost above the least: two standard deviations
+_TOLD = 2.0  # a length is told where the longest in that range is so many times the shortest
+
+
+def spectrum(f: Array, length: float) -> Array:
+    """|spectrum| of a push of half a sine `length` [s] long over that at 0 Hz, at each f [Hz]."""
+    x = f * length
+    near = np.abs(x - 0.5) < 1e-6
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = np.cos(np.pi * x) / (1.0 - 4.0 * x * x)
+    return np.abs(np.where(near, np.pi / 4.0, value))
+
+
+def stiffness(length: float, mass: float = HAMMER, speed: float = SPEED) -> float:
+    """K [N/m^1.5] of a Hertz contact that stays closed for `length` [s] when a mass [kg] hits it at
+    a speed [m/s].
+    """
+    return 1.25 * mass * float((2.943 / (length * speed**0.2)) ** 2.5)
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """Strokes at one place: levels of modes (n,), and the impulse and length [s] of each stroke.
+
+    Impulses are relative to the hardest. Lengths are None if they cannot be determined: with a
+    single stroke, with strokes that are alike, or with contacts so long that few modes are
+    within reach.
+    """
+
+    levels: Array
+    impulses: Array
+    lengths: tuple[float | None, ...]
+
+
+def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
+    """The common levels of strokes at one place, from `amplitudes` and relative errors (strokes,
+    n).
+    """
+    n_strokes = len(amplitudes)
+    hardest = int(np.argmax(np.sum(amplitudes**2, axis=1)))
+    if n_strokes == 1:
+        return Strokes(amplitudes[0], np.ones(1), (None,))
+    with np.errstate(divide="ignore"):
+        logs = np.where(amplitudes > 0.0, np.log(np.maximum(amplitudes, 1e-300)), -700.0)
+    variance = np.minimum(errors, 1e3) ** 2 + _KNOWN**2
+    shapes, doubts = _shapes(f)
+    # For each other stroke: the cost (tried, tried) of each pair of lengths of the hardest stroke
+    # and this one.
+    costs = {
+        s: _costs(logs[s] - logs[hardest], variance[s] + variance[hardest], shapes, doubts)
+        for s in range(n_strokes)
+        if s != hardest
+    }
+    total = np.sum([cost.min(axis=1) for cost in costs.values()], axis=0)
+    likely = np.flatnonzero(total <= total.min() + _RANGE)
+    is_told = _TRIED_LENGTHS[likely[-1]] <= _TOLD * _TRIED_LENGTHS[likely[0]]
+    own = int(np.argmin(total)) if is_told else int(likely[0])
+    chosen = [own if s == hardest else int(np.argmin(costs[s][own])) for s in range(n_strokes)]
+    is_told &= all(np.count_nonzero(f * _TRIED_LENGTHS[at] < _REACH) >= _LEAST for at in chosen)
+    weights = 1.0 / (variance + doubts[chosen])
+    common = logs - shapes[chosen]
+    away = common - common[hardest]
+    both = weights * weights[hardest] / (weights + weights[hardest])
+    impulses = np.sum(both * away, axis=1) / np.sum(both, axis=1)
+    mean = np.sum(weights * (common - impulses[:, None]), axis=0) / np.sum(weights, axis=0)
+    lengths = tuple(float(_TRIED_LENGTHS[at]) if is_told else None for at in chosen)
+    return Strokes(np.exp(mean), np.exp(impulses), lengths)
+
+
+def _shapes(f: Array) -> tuple[Array, Array]:
+    """Logarithm of the attenuation of each mode by a push of each length, and its variance (tried,
+    n).
+    """
+    x = f * _TRIED_LENGTHS[:, None]
+    is_near = x < _REACH
+    beyond = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
+    exact = np.stack([spectrum(f, one) for one in _TRIED_LENGTHS])
+    shapes = np.log(np.where(is_near, np.maximum(exact, 1e-3), beyond))
+    return shapes, np.where(is_near, _SHAPE * (x / _REACH) ** 2, _BEYOND) ** 2
+
+
+def _costs(logs: Array, variance: Array, shapes: Array, doubts: Array) -> Array:
+    """Twice the negative log-likelihood (tried, tried) of two lengths; infinite if the second is
+    shorter, because softer strokes last longer. `logs` (n,) are of the second over the first.
+    """
+    costs = np.full((len(shapes), len(shapes)), np.inf)
+    for first in range(len(shapes)):
+        rest = logs - (shapes[first:] - shapes[first])
+        doubt = variance + doubts[first] + doubts[first:]
+        doubt[0] = variance  # of one length what is left of a mode is the same
+        mean = np.median(rest, axis=1)
+        for _ in range(4):  # Huber's: a mode in a zero of the spectrum tells nothing
+            weight = 1.0 / np.sqrt(doubt) / np.maximum(np.sqrt(doubt), _far(rest, mean) / 2.0)
+            mean = np.sum(weight * rest, axis=1) / np.sum(weight, axis=1)
+        away = _far(rest, mean) / np.sqrt(doubt)
+        cost = np.where(away < 2.0, away**2, 4.0 * away - 4.0) + np.log(doubt)
+        costs[first, first:] = np.sum(cost, axis=1)
+    return costs
+
+
+def _far(rest: Array, mean: Array) -> Array:
+    return np.asarray(np.abs(rest - mean[:, None]))

@@ -1,0 +1,132 @@
+"""A bell as an instrument of the score language: a hammer, and a body that it strikes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ergon.common.errors import ErgonError
+from ergon.notation.text.errors import quote
+from ergon.workshop.bells import contact
+from ergon.workshop.bells.bell import Bell
+from ergon.workshop.bells.chain import chain
+
+PLACE_MASS = 0.2  # [kg] of the place that is struck, beside a hammer of 8 g
+_IMPULSE = (  # [N·s] of a hammer that jumps back without loss
+    2.0 * contact.HAMMER * PLACE_MASS / (contact.HAMMER + PLACE_MASS) * contact.SPEED
+)
+_FULL_SCALE = 10.0  # [m/s] of a SOV, where a score gives no level
+LISTENED = "mic"
+_FORMS = ("modes", "cels", "chain")
+_WIDTH = 110
+
+
+class FormError(ErgonError):
+    """A bell that cannot be written in this form; the message says why, and which forms it can
+    have.
+    """
+
+
+def text(bell: Bell, name: str = "bell", form: str = "modes") -> str:
+    """The file of an instrument, with the measured figures in its comments. Raises FormError."""
+    if form not in _FORMS:
+        raise FormError(f"{quote(form)} is not a form of a bell; write modes, cels or chain")
+    body = {"modes": _modes, "cels": _cels, "chain": _chain}[form]
+    head = [f"# {line}".rstrip() for line in _head(bell, form)]
+    lines = ["ergon: 1", "instruments:", f"  {name}:", f"    f: {_number(bell.pitch)}Hz"]
+    lines += [
+        "    modules:",
+        f"      hammer: {{CEL: {{M: {contact.HAMMER * 1e3:g}g, f: 1Hz, t60: 2s}}}}",
+    ]
+    return "\n".join([*head, *lines, *body(bell)]) + "\n"
+
+
+def _head(bell: Bell, form: str) -> Iterator[str]:
+    yield f"{len(bell.f)} modes, struck at {', '.join(bell.places)}."
+    for one in bell.strokes:
+        length = "" if one.contact is None else f", contact {1e3 * one.contact:.2g} ms"
+        share = f"{100.0 * one.explained:.2f} % of its energy explained"
+        yield f"{one.name} at {one.place}: impulse {one.impulse:.3g}{length}, {share}"
+    yield "Masses are chosen, for a recording tells levels only."
+    if form == "modes":
+        loud = f"{20.0 * np.log10(bell.reference):.1f} dBFS"
+        told = " as in the recording" if bell.strokes else ""
+        yield f"A hammer at {contact.SPEED:g} m/s makes the loudest mode {loud} loud{told}."
+    yield "A key gives the hammer a push, and stops before `gap`:"
+    yield "  {BUT: {between: [k1, bell.hammer], K: 4kN/m, Z: 2Ns/m}}"
+
+
+def _mass(bell: Bell) -> float:
+    """The mass of a mode with level 1, chosen so that the first place is as heavy as wanted."""
+    return PLACE_MASS * float(np.sum(bell.levels[:, 0] ** 2))
+
+
+def _felt(bell: Bell, at: str, name: str = "felt") -> str:
+    k = contact.stiffness(bell.contact)
+    return (
+        f"      {name}: {{BUT: {{between: [hammer, {at}], K: {k:.4g}, exponent: 1.5, gap: 7mm}}}}"
+    )
+
+
+def _modes(bell: Bell) -> list[str]:
+    places = {name: bell.levels[:, i] for i, name in enumerate(bell.places)}
+    # A push J of a mode M moves it at φ·J/M [m/s].
+    places[LISTENED] = bell.heard * (bell.reference * _FULL_SCALE * _mass(bell) / _IMPULSE)
+    rows = ["      body:", "        MODES:", f"          M: {_number(_mass(bell) * 1e3)}g"]
+    rows += _list("          f: ", [f"{_number(f)}Hz" for f in bell.f])
+    rows += _list("          t60: ", [f"{_number(t, 6)}s" for t in bell.t60])
+    rows.append("          places:")
+    for name, levels in places.items():
+        rows += _list(f"            {name}: ", [_number(level, 6) for level in levels])
+    rows.append(_felt(bell, f"body.{bell.places[0]}"))
+    return [*rows, f"    out: {{SOV: body.{LISTENED}}}"]
+
+
+def _cels(bell: Bell) -> list[str]:
+    weight = np.abs(bell.levels[:, 0] * bell.heard)
+    mass = PLACE_MASS * float(np.sum(weight))
+    rows, links = [], []
+    for i, (f, t60, own) in enumerate(zip(bell.f, bell.t60, weight, strict=True), 1):
+        grams = _number(1e3 * mass / max(own, 1e-9))
+        rows.append(
+            f"      p{i}: {{CEL: {{M: {grams}g, f: {_number(f)}Hz, t60: {_number(t60, 6)}s}}}}"
+        )
+        links.append(_felt(bell, f"p{i}", f"b{i}"))
+    names = _list("    out: {SOV: ", [f"p{i}" for i in range(1, len(bell.f) + 1)])
+    return [*rows, *links, *names[:-1], names[-1] + "}"]
+
+
+def _chain(bell: Bell) -> list[str]:
+    weight = np.abs(bell.levels[:, 0] * bell.heard)
+    try:
+        made = chain(bell.f, bell.t60, weight, PLACE_MASS)
+    except ValueError as error:
+        raise FormError(f"{error}; write the bell as modes") from None
+    rows = ["      wall: {SOL: {}}"]
+    last = len(made.masses)
+    for i, (m, z) in enumerate(zip(made.masses, made.grounds, strict=True), 1):
+        rows.append(f"      m{i}: {{MAS: {{M: {_number(m * 1e3)}g}}}}")
+        if z > 0.0 and i < last:
+            rows.append(f"      z{i}: {{FRO: {{between: [wall, m{i}], Z: {_number(z)}}}}}")
+    for i, (k, z) in enumerate(zip(made.springs, made.dampers, strict=True), 1):
+        ends = f"[m{i}, m{i + 1}]" if i < last else f"[m{i}, wall]"
+        z += made.grounds[-1] if i == last else 0.0
+        rows.append(f"      s{i}: {{REF: {{between: {ends}, K: {_number(k)}, Z: {_number(z)}}}}}")
+    return [*rows, _felt(bell, "m1"), "    out: {SOV: m1}"]
+
+
+def _number(value: float, digits: int = 10) -> str:
+    return f"{float(value):.{digits}g}"
+
+
+def _list(head: str, words: Sequence[str]) -> list[str]:
+    """`head [a, b, …]`, broken into lines of limited width."""
+    lines, line = [], head + "["
+    for i, word in enumerate(words):
+        word += "]" if i == len(words) - 1 else ","
+        if len(line) + len(word) > _WIDTH:
+            lines.append(line.rstrip())
+            line = " " * (len(head) + 1)
+        line += word if line.endswith("[") or not line.strip() else f" {word}"
+    return [*lines, line]

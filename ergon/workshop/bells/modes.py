@@ -1,0 +1,232 @@
+"""The modes of a stroke: sums of damped sines, and the uncertainty of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ergon import _core
+from ergon.common.decay import LN_1000
+from ergon.workshop.bells.bands import Array, Bands, Complex
+from ergon.workshop.bells.poles import exponentials, polish_poles
+
+LOW, HIGH = 50.0, 16_000.0  # [Hz] modes are sought here
+_WIDTHS = (80.0, 400.0)  # [Hz] of bands; wider ones in what is left
+_LONGEST = 1_100  # samples of a band
+_SHORTEST = 40
+_MOST = 16  # modes of a band
+_SKIP = 3.0  # over a band's width: what its edge smears [s]
+_DECAYS = 0.03, 1.5  # least decay [1/s]; most, over a band's width
+_FASTEST = _DECAYS[1] * _WIDTHS[1]  # decay [1/s]
+_FITTED = 2.0  # [s] of the beginning that tell amplitudes
+_KNOWN = 0.5  # of its decay: a mode that is known less is none
+_AROUND = 20.0, 200.0  # [Hz] on both sides of a mode that is removed; its neighbours are polished
+_POLISHED = 3_000  # samples
+_ROUNDS = 40  # of removals, at most
+_BLOCK = 4096  # samples
+_NEAR = 25.0  # [Hz] around a mode, where the residual tells its noise
+
+
+@dataclass(frozen=True)
+class Modes:
+    """f [Hz], decay d [1/s] and complex amplitude at the first sample, each (n,)."""
+
+    f: Array
+    d: Array
+    c: Complex
+
+    @property
+    def poles(self) -> Complex:
+        """s of Re(c·e^{s·t})."""
+        return -self.d + 2j * np.pi * self.f
+
+    @property
+    def t60(self) -> Array:
+        """Time to fall by 60 dB [s]."""
+        return LN_1000 / self.d
+
+    def some(self, which: NDArray[np.intp]) -> Modes:
+        """The modes of these indices."""
+        return Modes(self.f[which], self.d[which], self.c[which])
+
+    def energy(self, duration: float) -> Array:
+        """∫ of the square of each mode over a duration [s]."""
+        whole = np.abs(self.c) ** 2 / (4.0 * self.d)
+        return np.asarray(whole * -np.expm1(-2.0 * self.d * duration))
+
+
+NONE = Modes(np.zeros(0), np.zeros(0), np.zeros(0, complex))
+
+
+def find_modes(sound: Array, rate: float) -> tuple[Modes, Array]:
+    """The modes of a sound (n,) that begins after its stroke, and the residual (n,)."""
+    found, rest = NONE, sound
+    for width in _WIDTHS:
+        bands = Bands(rest, rate)
+        high = min(HIGH, 0.45 * rate)
+        f, d = list(found.f), list(found.d)
+        for low, top in bands.occupied(LOW, high, width):
+            _core.poll()
+            own = _in_band(bands, low, top, width)
+            f += list(own[0])
+            d += list(own[1])
+        if f:
+            order = np.argsort(f)
+            found, rest = fit_amplitudes(sound, rate, np.array(f)[order], np.array(d)[order])
+    for _ in range(_ROUNDS):
+        told = uncertainty(found, rest, rate)
+        worst = _unknown(found, told)
+        if not worst:
+            break
+        found, rest = _without_modes(found, rest, worst, sound, rate)
+    return found, rest
+
+
+def _unknown(modes: Modes, told: Uncertainty) -> list[int]:
+    """Modes whose decay is not known, the worst first; of neighbours only the worst."""
+    share = told.d / modes.d
+    chosen: list[int] = []
+    for at in np.argsort(-share):
+        if share[at] < _KNOWN:
+            break
+        reach = _reach(modes, at)
+        if all(abs(modes.f[at] - modes.f[one]) > reach + _reach(modes, one) for one in chosen):
+            chosen.append(int(at))
+    return chosen
+
+
+def _reach(modes: Modes, at: int) -> float:
+    """The distance [Hz] within which a mode has neighbours, which take over its energy when it is
+    removed.
+    """
+    return float(np.clip(3.0 * modes.d[at], *_AROUND))
+
+
+def _without_modes(
+    modes: Modes, rest: Array, worst: list[int], sound: Array, rate: float
+) -> tuple[Modes, Array]:
+    """The modes without some; neighbours of each removed mode are fitted again to take over its
+    energy.
+    """
+    f, d = modes.f.copy(), modes.d.copy()
+    for one in worst:
+        _core.poll()
+        reach = _reach(modes, one)
+        near = np.flatnonzero(np.abs(modes.f - modes.f[one]) < reach)
+        others = near[near != one]
+        if not others.size:
+            continue
+        own = rest + synthesise(modes.some(near), rest.size, rate)
+        low, top = float(f[near].min()) - reach, float(f[near].max()) + reach
+        signal, slow, centre = Bands(own, rate).take(max(low, 1.0), top)
+        skip = ceil(_SKIP * slow / (top - low))
+        signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _POLISHED))]
+        z = np.exp((-d[others] + 2j * np.pi * (f[others] - centre)) / slow)
+        z, _, _ = polish_poles(signal, z)
+        new_f, new_d = centre + np.angle(z) * slow / (2.0 * np.pi), -np.log(np.abs(z)) * slow
+        is_fit = (np.abs(new_f - f[others]) < reach) & (new_d > _DECAYS[0]) & (new_d < _FASTEST)
+        f[others[is_fit]], d[others[is_fit]] = new_f[is_fit], new_d[is_fit]
+    kept = np.delete(np.arange(f.size), worst)
+    kept = kept[np.argsort(f[kept])]
+    return fit_amplitudes(sound, rate, f[kept], d[kept])
+
+
+def _in_band(bands: Bands, low: float, top: float, width: float) -> tuple[Array, Array]:
+    signal, rate, centre = bands.take(low, top)
+    skip = ceil(_SKIP * rate / (top - low))
+    signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _LONGEST))]
+    if signal.size < _SHORTEST:
+        return np.zeros(0), np.zeros(0)
+    z, _ = exponentials(signal, min(_MOST, signal.size // 5))
+    f = centre + np.angle(z) * rate / (2.0 * np.pi)
+    d = -np.log(np.abs(z)) * rate
+    is_ours = (f >= low) & (f < top) & (d > _DECAYS[0]) & (d < _DECAYS[1] * width)
+    return f[is_ours], d[is_ours]
+
+
+def fit_amplitudes(sound: Array, rate: float, f: Array, d: Array) -> tuple[Modes, Array]:
+    """Modes of known f [Hz] and d [1/s] with the amplitudes that fit a sound best; the residual."""
+    if not f.size:
+        return NONE, sound
+    n = min(sound.size, round(_FITTED * rate))
+    s = (-d + 2j * np.pi * f) / rate
+    # Sums of products of the real parts u and of -v, from sums of e^(s+s')k and of e^(s+s'*)k.
+    both, turned = _sum(s[:, None] + s, n), _sum(s[:, None] + s.conj(), n)
+    gram = 0.5 * np.block(
+        [
+            [(turned + both).real, (turned - both).imag],
+            [-(turned + both).imag, (turned - both).real],
+        ]
+    )
+    along = _exponential_products(s, sound[:n])
+    right = np.concatenate([along.real, -along.imag])
+    size = np.sqrt(gram.diagonal())
+    found = np.linalg.lstsq(gram / np.outer(size, size), right / size, rcond=1e-12)[0] / size
+    modes = Modes(f, d, found[: f.size] + 1j * found[f.size :])
+    return modes, sound - synthesise(modes, sound.size, rate)
+
+
+def _sum(s: NDArray[Any], n: int) -> Complex:
+    """Σ of e^(s·k) over k < n."""
+    return np.asarray(np.expm1(s * n) / np.expm1(s))
+
+
+def _exponential_products(s: NDArray[Any], sound: Array) -> Complex:
+    """Σ of sound[k]·e^(s·k), for each s (m,)."""
+    step = np.exp(np.arange(_BLOCK)[:, None] * s)
+    total = np.zeros(s.size, complex)
+    for begin in range(0, sound.size, _BLOCK):
+        block = sound[begin : begin + _BLOCK]
+        total += np.exp(begin * s) * (block @ step[: block.size])
+    return total
+
+
+def synthesise(modes: Modes, n: int, rate: float) -> Array:
+    """The sum of modes as a sound (n,)."""
+    sound = np.zeros(n)
+    step = np.exp(np.arange(_BLOCK)[:, None] / rate * modes.poles)
+    for begin in range(0, n, _BLOCK):
+        c = modes.c * np.exp(begin / rate * modes.poles)
+        sound[begin : begin + _BLOCK] = (step[: n - begin] @ c).real
+    return sound
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard deviations: of f [Hz], of d [1/s], of the amplitude over itself; each (n,)."""
+
+    f: Array
+    d: Array
+    level: Array
+
+
+def uncertainty(modes: Modes, rest: Array, rate: float) -> Uncertainty:
+    """The Cramér-Rao bound for modes in noise as strong as the residual around each mode."""
+    duration = rest.size / rate
+    n = modes.f.size
+    s = modes.poles.conj()[:, None] + modes.poles[None, :]
+    s = np.where(np.abs(s) * duration < 1e-3, -1e-3 / duration, s)
+    end = np.exp(s * duration)
+    i0 = (end - 1.0) / s
+    i1 = (duration * end - i0) / s
+    i2 = (duration * duration * end - 2.0 * i1) / s
+    weight = modes.c.conj()[:, None] * modes.c[None, :]
+    fisher = np.block([[i2 * weight, i1 * weight], [i1 * weight, i0 * weight]])
+    size = np.sqrt(np.maximum(fisher.diagonal().real, 1e-300))
+    bound = np.linalg.pinv(fisher / np.outer(size, size), hermitian=True).diagonal().real
+    deviation = np.sqrt(np.maximum(bound, 0.0)) / size
+    noise = np.sqrt(2.0 * _noise(modes.f, rest, rate) / rate)
+    d, level = deviation[:n] * noise, deviation[n:] * noise
+    return Uncertainty(d / (2.0 * np.pi), d, level)
+
+
+def _noise(f: Array, rest: Array, rate: float) -> Array:
+    """Variance of white noise that is as strong as the residual near each frequency."""
+    power = np.abs(np.fft.rfft(rest)) ** 2 / rest.size
+    step = rate / rest.size
+    around = [power[max(1, int((one - _NEAR) / step)) : int((one + _NEAR) / step) + 2] for one in f]
+    return np.array([float(own.mean()) if own.size else 0.0 for own in around])

@@ -1,0 +1,143 @@
+"""One stroke in a recording: where it begins, and whether it is a single stroke."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ergon.common.errors import ErgonError
+from ergon.exchange import sound as sound_files
+from ergon.exchange.wave_header import NotWaveError
+from ergon.workshop.bells.bands import Array
+
+LONGEST = 30.0  # [s] of a stroke that are analysed
+_SAMPLES_MAX = 1 << 27  # of a file, all channels: 1 GB
+_SHORTEST = 0.1  # [s]
+_AFTER = 0.004  # [s] from its beginning to what is analysed: the stroke itself is over
+_LATEST = 0.03  # [s] of a soft stroke
+_SILENT = 1e-6  # peak of full scale
+_CLIPPED_RUN, _CLIPPED_RUNS = 3, 3  # samples at the peak in a row; how often
+_FLAT = 1e-4  # relative to the peak
+_FRAME, _HOP = 1024, 256
+_BANDS = 24
+_RISE = 4.0  # of power within a hop or two: a second stroke
+_BEFORE = 12  # hops that it is compared with, after a gap of _GAP
+_GAP = 2
+_STRUCK = 0.5  # of the bands that sound
+_SOUNDING = 100.0  # of the quietest hop of a band
+
+
+class NotAStrokeError(ErgonError):
+    """A sound that is not a recording of one stroke; the message says why."""
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """The sound after a stroke (n,) at `rate` [Hz]; it begins `delay` [s] after the middle of the
+    push.
+    """
+
+    name: str
+    sound: Array
+    rate: float
+    delay: float
+
+
+def read(path: Path) -> tuple[Array, float]:
+    """The loudest channel of a WAV or FLAC file (n,), and its rate [Hz].
+
+    Raises NotAStrokeError and OSError.
+    """
+    try:
+        return _loudest_channel(path)
+    except NotWaveError as error:
+        raise NotAStrokeError(f"{path}: {error}") from None
+
+
+def _loudest_channel(path: Path) -> tuple[Array, float]:
+    info = sound_files.read_info(path)
+    if info.n_frames * info.format.n_channels > _SAMPLES_MAX:
+        message = f"{path}: it has {info.n_frames:,} frames of {info.format.n_channels} channels; "
+        raise NotAStrokeError(message + "cut the stroke out of it")
+    blocks = list(sound_files.read_blocks(path))
+    if not blocks:
+        raise NotAStrokeError(f"{path}: it has no samples")
+    samples = np.concatenate(blocks)
+    samples = samples.reshape(len(samples), -1)
+    if not np.isfinite(samples).all():
+        raise NotAStrokeError(f"{path}: it has samples that are not numbers")
+    loudest = int(np.argmax(np.sum(samples * samples, axis=0)))
+    return np.ascontiguousarray(samples[:, loudest]), float(info.format.rate)
+
+
+def stroke(name: str, sound: Array, rate: float) -> Stroke:
+    """The one stroke of a sound. Raises NotAStrokeError."""
+    peak = float(np.abs(sound).max(initial=0.0))
+    if peak < _SILENT:
+        raise NotAStrokeError(f"{name}: it is silent; record a stroke")
+    sound = sound - sound.mean()
+    begin = _onset(sound, rate)
+    heard = sound[begin : begin + round(LONGEST * rate)]
+    if heard.size < _SHORTEST * rate:
+        message = f"{name}: only {1e3 * heard.size / rate:.0f} ms follow its stroke; record "
+        raise NotAStrokeError(message + "until it has died away, 100 ms at least")
+    _refuse_clipped(name, heard)
+    _refuse_steady(name, heard)
+    _refuse_second(name, heard, rate)
+    loudest = int(np.argmax(np.abs(heard[: round(_LATEST * rate)]))) + round(0.001 * rate)
+    skip = max(round(_AFTER * rate), min(loudest, round(_LATEST * rate)))
+    # The middle of a soft push is shortly before the loudest sample, not where the push begins.
+    # Extrapolated to its beginning, quickly decaying modes would be hundreds of dB louder.
+    return Stroke(name, heard[skip:], rate, min(skip / rate, _AFTER))
+
+
+def _onset(sound: Array, rate: float) -> int:
+    """The first sample of the stroke, within 1 ms."""
+    n = max(1, round(0.001 * rate))
+    power = np.convolve(sound * sound, np.full(n, 1.0 / n))[: sound.size]
+    return max(0, int(np.argmax(power > 0.01 * power.max())) - n // 2)
+
+
+def _refuse_clipped(name: str, sound: Array) -> None:
+    for side in (sound, -sound):
+        at_peak = side > (1.0 - _FLAT) * side.max()
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], at_peak.astype(int), [0]])))
+        runs = edges[1::2] - edges[::2]
+        if int(np.sum(runs >= _CLIPPED_RUN)) >= _CLIPPED_RUNS:
+            times = int(np.sum(runs >= _CLIPPED_RUN))
+            message = f"{name}: it is clipped: {times} times it stays at its peak; record softer"
+            raise NotAStrokeError(message)
+
+
+def _refuse_steady(name: str, sound: Array) -> None:
+    parts = np.array_split(sound, 4)
+    powers = [float(np.mean(part * part)) for part in parts]
+    if powers[-1] > 0.5 * max(powers):
+        message = f"{name}: it does not die away: its last quarter is as loud as the others; "
+        raise NotAStrokeError(message + "a stroke is needed, recorded until it is quiet")
+
+
+def _refuse_second(name: str, sound: Array, rate: float) -> None:
+    """Refuse a second stroke: it raises most partials at once, whereas beats raise single partials,
+    slowly.
+    """
+    n_frames = (sound.size - _FRAME) // _HOP
+    if n_frames < 2 * (_BEFORE + _GAP):
+        return
+    windows = np.lib.stride_tricks.sliding_window_view(sound, _FRAME)[::_HOP][:n_frames]
+    spectra = np.abs(np.fft.rfft(windows * np.hanning(_FRAME), axis=1)) ** 2
+    edges = np.unique(np.geomspace(2, _FRAME // 2, _BANDS + 1).astype(int))
+    power = np.add.reduceat(spectra, edges[:-1], axis=1)
+    noise = np.percentile(power, 5, axis=0)
+    first = 2 * _GAP + _BEFORE
+    for at in range(first, n_frames):
+        before = power[at - _GAP - _BEFORE : at - _GAP].max(axis=0)
+        is_sounding = (power[at] > _SOUNDING * noise) & (power[at] > 1e-6 * power.max())
+        is_raised = is_sounding & (power[at] > _RISE * before)
+        weight = power[at] > 1e-4 * power[at].max()
+        if is_raised.sum() >= 3 and (is_raised & weight).sum() > _STRUCK * (weight).sum():
+            seconds = at * _HOP / rate
+            message = f"{name}: something strikes again {seconds:.2f} s after the first stroke; "
+            raise NotAStrokeError(message + "cut the recording before it")

@@ -1,0 +1,77 @@
+"""Charts of scores that ship, and the maps of a method: `python -m ergon.workshop.lab.bundled
+docs/charts`.
+
+The page beside the pictures says on which machine they were made.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+from ergon.exchange.safe import write_text
+from ergon.scores.reading.load import load
+from ergon.workshop.lab import chart_table, draw_chart, draw_maps, map_catalogue, map_table
+from ergon.workshop.lab.chart import measure, planned, settings
+from ergon.workshop.lab.machine import machine
+from ergon.workshop.lab.maps import survey_all
+from ergon.workshop.lab.names import METHODS, PRECISIONS, SLOW
+from ergon.workshop.lab.pictures import save, targets
+from ergon.workshop.lab.scene import Score
+
+SCORES = ("one-gesture", "tempo", "hand", "two-keys")
+_SECONDS, _UPTO = 2.0, 8
+_MAPPED = ("ca", "ca2p", "bm4", SLOW)
+_HEAD = """\
+# Charts of what ships
+
+Made by `python -m ergon.workshop.lab.bundled` on {machine}; do not edit.
+[How to read them](../charts.md).
+Errors are the same on every machine, costs are not.
+"""
+
+
+def main(folder: Path) -> None:
+    """Write all pictures, their tables, and the page."""
+    page = [_HEAD.format(machine=machine())]
+    for name in SCORES:
+        page.append(_chart(folder, name))
+    page.append("## Stability\n")
+    page.extend(_maps(folder, method) for method in _MAPPED)
+    write_text(folder / "README.md", "\n".join(page), force=True)
+
+
+def _chart(folder: Path, name: str) -> str:
+    path = Path(str(files("ergon"))) / "scores" / "library" / f"{name}.yaml"
+    piece = load(path).piece
+    assert piece is not None, f"{name} has mistakes"
+    wanted = [*settings(METHODS, PRECISIONS, _UPTO), *planned()]
+    found = measure(Score(piece), wanted, _SECONDS, "waveform", lambda done: None)
+    title, where = piece.title, machine()
+    stem = folder / name
+    write_text(targets(stem)[0], chart_table.csv(found, title, where), force=True)
+    save(lambda: draw_chart.draw(found, title, where), stem, force=True, png=False)
+    print(f"{name}\n{chart_table.lines(found)}", flush=True)
+    return (
+        f"## {title}\n\n![Error over cost of {title}]({name}.svg)\n\n"
+        f"In numbers: [{name}.csv]({name}.csv).\n"
+    )
+
+
+def _maps(folder: Path, method: str) -> str:
+    found = survey_all(map_catalogue.built_in(method), lambda done: None)
+    title = f"where {method} is stable, and where right"
+    name = "stability" if method == "ca" else f"stability-{method}"
+    stem = folder / name
+    write_text(targets(stem)[0], map_table.csv(found, title), force=True)
+    save(lambda: draw_maps.draw(found, title), stem, force=True, png=False)
+    print(map_table.lines(found), flush=True)
+    return (
+        f"![Maps: where {method} is stable, and where right]({name}.svg)\n\n"
+        f"In numbers: [{name}.csv]({name}.csv).\n"
+    )
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,266 @@
+"""The laboratory's own scenes: small networks whose stability borders are known in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from math import cos, exp, inf, log, pi, sin, sqrt
+
+import numpy as np
+
+from ergon import _core
+from ergon.workshop.lab.metrics import Floats
+from ergon.workshop.lab.scene import Bare
+
+RATE = 44_100.0
+_MASS = 1e-3  # [kg]
+_START = 1e-3  # [m]
+
+# Method → (limit, weight): linear networks are stable while λmax(M⁻¹(K + weight·Z)) < limit, in the
+# numbers of the discrete scheme. Methods whose limit is infinite are always stable.
+_LIMITS: Mapping[str, tuple[float, float]] = {
+    "ca": (4.0, 2.0),
+    "ca2p": (12.0, 6.0),
+    "bm4": (3.164**2, 2.0),
+    "ieq": (inf, 0.0),
+    "modal": (inf, 0.0),
+    "trapezoid": (inf, 0.0),
+}
+
+# Linear methods do not step laws or contacts of two masses: there CA steps the scene.
+_LINEAR = ("modal", "trapezoid")
+_PLAIN = "ca"
+
+# A method for meshes needs at least this many masses. A scene of one or two masses is copied: the
+# copies start alike, so the very weak springs that join them exert no force.
+_LEAST = 4
+_WEAK = 1e-9  # of the scene's own stiffness
+_OF_MESHES = ("ca2p", "bm4", "ieq", "trapezoid")
+
+
+def limit(method: str) -> float:
+    """Largest λ of a linear network that a method can step."""
+    return _LIMITS[method][0]
+
+
+def damped(method: str) -> float:
+    """The weight of Z relative to K in λ."""
+    return _LIMITS[method][1]
+
+
+def _copies(masses: int, method: str) -> int:
+    """The number of copies of a linear scene of so few masses that a method needs."""
+    return _LEAST // masses if method in _OF_MESHES else 1
+
+
+# --- one mass on a spring and a damper ----------------------------------------------------------
+
+
+def cell(kappa: float, zeta: float, method: str = _PLAIN) -> Bare:
+    """A mass on a link to a fixed point, with κ = K·T²/M and ζ = Z·T/M at 44.1 kHz, released from 1
+    mm.
+    """
+    k, z = kappa * _MASS * RATE**2, zeta * _MASS * RATE
+
+    def build(network: _core.Network) -> None:
+        network.part("cell")
+        ground = network.sol("g")
+        masses = [network.mas(f"m{i}", M=_MASS, X0=_START) for i in range(_copies(1, method))]
+        for i, mass in enumerate(masses):
+            network.ref(f"r{i}", mass, ground, K=k, Z=z)
+        for i, (one, next_) in enumerate(pairwise(masses)):
+            network.ref(f"j{i}", one, next_, K=_WEAK * k)
+        network.listen("m", positions=[(masses[0], 1, 1.0)])
+
+    return Bare(build, RATE)
+
+
+def cell_exactly(kappa: float, zeta: float, n_frames: int) -> Floats:
+    """The same motion from the differential equation: for any damping, by its two exponentials."""
+    root = np.sqrt(complex(zeta * zeta / 4.0 - kappa))
+    n = np.arange(n_frames)
+    a, b = -zeta / 2.0 + root, -zeta / 2.0 - root
+    if abs(a - b) < 1e-6:  # critically damped: their limit
+        x = (1.0 - a * n) * np.exp(a * n)
+    else:
+        x = (a * np.exp(b * n) - b * np.exp(a * n)) / (a - b)
+    exact: Floats = _START * np.real(x)[:, None]
+    return exact
+
+
+def cell_load(kappa: float, zeta: float, method: str) -> float:
+    """λ over the limit (Jury for the CA scheme: K + 2Z < 4M): 1 is the border."""
+    return (kappa + damped(method) * zeta) / limit(method)
+
+
+# --- two cells and what joins them --------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """M [kg], f [Hz], t60 [s], X0 [m]."""
+
+    M: float
+    f: float
+    t60: float
+    X0: float = 0.0
+
+    def load(self, rate: float, weight: float) -> float:
+        """κ + weight·ζ of the cell whose poles are exact at `rate`."""
+        r = exp(-3.0 * log(10.0) / (self.t60 * rate))
+        kappa = (1.0 - r) ** 2 + 4.0 * r * sin(pi * self.f / rate) ** 2
+        return kappa + weight * (1.0 - r * r)
+
+
+HAMMER, BAR = Cell(8e-3, 40.0, 2.0, X0=3e-3), Cell(20e-3, 220.0, 1.0)
+LEFT, RIGHT = Cell(2e-3, 220.0, 1.0, X0=_START), Cell(2e-3, 330.0, 1.0)
+
+
+def _stiffness(kappa: float, one: Cell, two: Cell) -> float:
+    """K [N/m] of a link whose κ = K·T²·(1/M₁ + 1/M₂) at 44.1 kHz."""
+    return kappa * RATE**2 / (1.0 / one.M + 1.0 / two.M)
+
+
+def contact(kappa: float) -> Bare:
+    """A hammer on a weak spring that falls on a bar and bounces repeatedly."""
+    return _pair(HAMMER, BAR, lambda network, a, b: network.but(
+        "b", a, b, K=_stiffness(kappa, HAMMER, BAR), side="above"))  # fmt: skip
+
+
+def coupled(kappa: float, method: str = _PLAIN) -> Bare:
+    """Two cells a fifth apart, joined by a spring."""
+    k = _stiffness(kappa, LEFT, RIGHT)
+    return _pair(LEFT, RIGHT, lambda network, a, b: network.ref("k", a, b, K=k),
+                 _copies(2, method), _WEAK * k)  # fmt: skip
+
+
+def _pair(
+    one: Cell,
+    two: Cell,
+    join: Callable[[_core.Network, int, int], int],
+    copies: int = 1,
+    weak: float = 0.0,
+) -> Bare:
+    """Two cells and the link that joins them; `weak` [N/m] joins the first cells of the copies."""
+
+    def build(network: _core.Network) -> None:
+        network.part("pair")
+        pairs = []
+        for _ in range(copies):
+            a, b = (
+                network.cel(name, M=cell.M, f=cell.f, t60=cell.t60, X0=cell.X0)
+                for name, cell in (("a", one), ("b", two))
+            )
+            join(network, a, b)
+            pairs.append((a, b))
+        for (before, _), (after, _) in pairwise(pairs):
+            network.ref("j", before, after, K=weak)
+        network.listen("b", positions=[(pairs[0][1], 1, 1.0)])
+
+    return Bare(build, RATE)
+
+
+_GAP = 1e-4  # [m] from where the spring holds the mass to the stop
+_SPANS = 10  # of a run, in each of which the mass turns many times
+
+
+def rattle(f: float, ratio: float) -> Bare:
+    """An undamped mass on a spring of pitch f [Hz], released from 1 mm, that meets a stop `ratio`
+    times as stiff as the spring.
+    """
+    k = _MASS * (2.0 * pi * f) ** 2
+
+    def build(network: _core.Network) -> None:
+        network.part("rattle")
+        ground, stop = network.sol("g"), network.sol("s", X0=-_GAP)
+        mass = network.mas("m", M=_MASS, X0=_START)
+        network.ref("r", ground, mass, K=k)
+        network.but("c", stop, mass, K=ratio * k)
+        network.listen("m", positions=[(mass, 1, 1.0)])
+
+    return Bare(build, RATE)
+
+
+def risen(frames: Floats) -> float:
+    """How far the energy of `rattle` rose, over what it was: where the mass turns away from the
+    stop, all of it is in the spring, and goes as the square of the distance.
+    """
+    spans = np.array_split(frames[:, 0], _SPANS)
+    peaks = np.array([span.max() for span in spans]) ** 2
+    return float(max(0.0, peaks.max() / peaks[0] - 1.0))
+
+
+def contact_load(kappa: float, times: float, method: str) -> float:
+    """λ over the limit while the contact is closed, at `times` the rate."""
+    return _pair_load(HAMMER, BAR, kappa, times, _PLAIN)
+
+
+def coupled_load(kappa: float, times: float, method: str) -> float:
+    """λ over the limit, at `times` the rate."""
+    return _pair_load(LEFT, RIGHT, kappa, times, method)
+
+
+def _pair_load(one: Cell, two: Cell, kappa: float, times: float, method: str) -> float:
+    rate, k = RATE * times, _stiffness(kappa, one, two)
+    p, q = (cell.load(rate, damped(method)) + k / (cell.M * rate**2) for cell in (one, two))
+    joint = k / (sqrt(one.M * two.M) * rate**2)
+    return (0.5 * (p + q) + sqrt(0.25 * (p - q) ** 2 + joint * joint)) / limit(method)
+
+
+# --- strings ------------------------------------------------------------------------------------
+
+_STRING, _PITCH = 8e-3, 110.0  # [kg], [Hz]
+_STRUCK, _HARDENING = 40, 1e11  # masses; q [N/m³] of k·d + q·d³
+
+
+def string(masses: int, rate: float) -> Bare:
+    """A string without losses, displaced near its end and released; sampled at `rate`."""
+
+    def build(network: _core.Network) -> None:
+        network.part("string")
+        first = network.string("s", masses=masses, M=_STRING, f=_PITCH)
+        # The position is a share of the length: the same shape for any number of masses.
+        for i in range(masses):
+            share = (i + 1) / (masses + 1)
+            network.start(first + i, _START * min(share / 0.2, (1.0 - share) / 0.8), 0.0)
+        network.listen("s", positions=[(first + (2 * masses) // 3, 1, 1.0)])
+
+    return Bare(build, rate)
+
+
+def string_load(masses: float, rate: float, method: str) -> float:
+    """λ over the limit for the highest mode of a row of masses."""
+    k, m = _spring(masses), _STRING / masses
+    return 4.0 * k / m / rate**2 * cos(pi / (2.0 * (masses + 1.0))) ** 2 / limit(method)
+
+
+def _spring(masses: float) -> float:
+    """K [N/m] of each spring of a string that sounds at its pitch."""
+    omega = 2.0 * pi * _PITCH
+    return _STRING / masses * (omega / (2.0 * sin(pi / (2.0 * (masses + 1.0))))) ** 2
+
+
+def struck(speed: float) -> Bare:
+    """A string whose springs harden; one mass is struck and leaves at `speed` [m/s]."""
+
+    def build(network: _core.Network) -> None:
+        network.part("string")
+        first = network.string(
+            "s", masses=_STRUCK, M=_STRING, f=_PITCH, t60=3.0, hardening=_HARDENING
+        )
+        network.start(first + 7, 0.0, speed)
+        network.listen("s", positions=[(first + 26, 1, 1.0)])
+
+    return Bare(build, RATE)
+
+
+def struck_load(speed: float, times: float, method: str) -> float:
+    """λ over the limit if all the energy of the stroke is in one spring: an upper bound.
+
+    The elongation d then satisfies ½k·d² + ¼q·d⁴ = ½m·v², and the slope is k + 3q·d².
+    """
+    k, m, q = _spring(_STRUCK), _STRING / _STRUCK, _HARDENING
+    square = (sqrt(k * k + 2.0 * q * m * speed * speed) - k) / q
+    stepped = _PLAIN if method in _LINEAR else method
+    return (1.0 + 3.0 * q * square / k) * string_load(_STRUCK, RATE * times, stepped)

@@ -1,0 +1,431 @@
+"""Error against cost: a scene by many methods, at each oversampling and in each precision."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite, isnan, log10, nan
+from statistics import median
+from typing import Literal, Protocol
+
+import numpy as np
+
+from ergon import _core
+from ergon.common.errors import ErgonError
+from ergon.scores.staging.refusals import StageError
+from ergon.workshop.lab import canonical, runs
+from ergon.workshop.lab.energy import drift, production_db
+from ergon.workshop.lab.metrics import Floats, bands_db, early_db, onset, spectral, waveform_db
+from ergon.workshop.lab.names import Metric
+from ergon.workshop.lab.partials import Partial, compare, strongest
+from ergon.workshop.lab.reference import Reference, doubts, refine, steps
+from ergon.workshop.lab.runs import Run, Setting
+from ergon.workshop.lab.scene import Scene
+
+ROUNDS = 3  # timed, after one that warms up and makes the sound
+_LOOKS = 20  # into the ledger, to see a drift
+_DOUBLINGS = 2  # of the reference, beyond all that is charted
+_YARDSTICK = 100  # masses of a string, for a second: some 10 ms
+_SCATTER = 1.1  # between two timings of the same work
+Progress = Callable[[int], None]
+
+
+class SilentPieceError(ErgonError):
+    """The piece makes no sound that can be compared."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One setting: its cost [s of one core per s of sound] and its errors.
+
+    None means not measured. `t60` [%] and `cents` are the worst among the strongest partials;
+    `bands_db` is of third octaves; `energy_db` is energy made by the scheme over energy given,
+    `drift_db_s` its trend.
+    """
+
+    setting: Setting
+    status: Literal["ok", "refused", "diverged"] = "ok"
+    reason: str = ""
+    cost: float | None = None
+    waveform_db: float | None = None
+    early_db: float | None = None
+    spectral_db: float | None = None
+    convergence: float | None = None
+    bands_db: float | None = None
+    cents: float | None = None
+    t60: float | None = None
+    energy_db: float | None = None
+    drift_db_s: float | None = None
+    on_front: bool = False
+
+    def error(self, metric: Metric) -> float | None:
+        """The error in a metric; smaller is better."""
+        return {
+            "waveform": self.waveform_db,
+            "spectral": self.spectral_db,
+            "cents": self.cents,
+            "energy": self.energy_db,
+        }[metric]
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """All points of a scene, and the reference against which they were measured.
+
+    `floor` is the reference's own error in the metric: smaller errors cannot be distinguished.
+    It is None for energy, whose true error is 0. `doubts` name methods that converge to another
+    sound. `alike` are groups of methods whose samples are the same wherever both ran: each is
+    one curve.
+    """
+
+    points: list[Point]
+    reference: Reference | None
+    floor: float | None
+    metric: Metric
+    seconds: float
+    rate: float
+    doubts: tuple[str, ...] = ()
+    alike: tuple[tuple[str, ...], ...] = ()
+
+
+@dataclass(slots=True)
+class _Bench:
+    """Runs in progress, and the number of frames computed."""
+
+    scene: Scene
+    n_frames: int
+    progress: Progress
+    ready: dict[Setting, Run] = field(default_factory=dict)
+    failed: dict[Setting, Point] = field(default_factory=dict)
+    sounds: dict[Setting, Floats] = field(default_factory=dict)
+    done: int = 0
+
+    def begin(self, setting: Setting) -> Run | None:
+        try:
+            return runs.start(self.scene, setting)
+        except (_core.EngineError, StageError) as error:
+            self.failed[setting] = Point(setting, "refused", _sentence(error))
+            return None
+
+    def play(self, setting: Setting, run: Run) -> Floats | None:
+        try:
+            frames = run.frames(self.n_frames)
+        except _core.DivergedError as error:
+            self.failed[setting] = Point(setting, "diverged", _sentence(error))
+            return None
+        self.done += self.n_frames * setting.oversampling
+        self.progress(self.done)
+        return frames
+
+    def sound(self, setting: Setting) -> Floats | None:
+        run = self.begin(setting)
+        frames = None if run is None else self.play(setting, run)
+        return None if frames is None else self.scene.hear(frames)
+
+
+def _sentence(error: Exception) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
+
+
+def settings(methods: Sequence[str], precisions: Sequence[str], upto: int) -> list[Setting]:
+    """Every method at every oversampling up to `upto` in every precision."""
+    return [Setting(m, s, p) for m in methods for s in steps(upto) for p in precisions]
+
+
+def planned(budget_db: float | None = None) -> list[Setting]:
+    """Settings of the planner: by ear and, if `budget_db` is given, for that error."""
+    by_ear = Setting(None)
+    return [by_ear] if budget_db is None else [by_ear, Setting(None, budget_db=budget_db)]
+
+
+def work(wanted: Sequence[Setting], n_frames: int) -> int:
+    """Frames to compute for a chart, for the display of progress."""
+    top = max(setting.oversampling for setting in wanted)
+    beyond = sum(top << i for i in range(1, _DOUBLINGS + 1))
+    return n_frames * ((ROUNDS + 1) * sum(setting.oversampling for setting in wanted) + beyond)
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """A setting that was played: its sound (n_frames, n_channels), or None with the reason in the
+    point.
+    """
+
+    point: Point
+    sound: Floats | None
+
+
+class Players(Protocol):
+    """Plays settings elsewhere, such as on a cluster."""
+
+    def played(
+        self, wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
+    ) -> Iterator[Played]:
+        """Each setting, in any order, with its cost and, with `has_energy`, its energy errors."""
+
+
+def measure(
+    scene: Scene,
+    wanted: Sequence[Setting],
+    seconds: float,
+    metric: Metric,
+    progress: Progress,
+    players: Players | None = None,
+) -> Chart:
+    """Run and compare every setting, by `players` if they are given.
+
+    Raises SilentPieceError if there is no sound.
+    """
+    bench = _Bench(scene, max(2, round(seconds * scene.rate)), progress)
+    has_energy = metric == "energy"
+    if players is None:
+        played = _play_settings(bench, wanted, has_energy=has_energy)
+    else:
+        played = _play_with(players, bench, wanted, has_energy=has_energy)
+    heard = {one.point.setting: one.sound for one in played if one.sound is not None}
+    sounds = dict(heard)
+    reference = refine(sounds, bench.sound, doublings=_DOUBLINGS)
+    points = [one.point for one in played]
+    floor = None
+    doubtful: tuple[str, ...] = ()
+    if reference is not None:
+        doubtful = tuple(doubts(sounds, reference))
+        if onset(reference.sound) is None:
+            raise SilentPieceError(f"nothing sounds in the first {seconds:g} s")
+        judge = Judge(reference, scene.rate)
+        points = [
+            judge.point(point, heard[point.setting]) if point.setting in heard else point
+            for point in points
+        ]
+        floor = judge.floor(metric)
+    alike = _alike(sounds)
+    marked = _marked(points, metric, floor, alike)
+    return Chart(marked, reference, floor, metric, seconds, scene.rate, doubtful, alike)
+
+
+def _play_settings(bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool) -> list[Played]:
+    """All settings, in order. Their costs are those of interleaved rounds."""
+    for setting in wanted:
+        run = bench.begin(setting)
+        frames = None if run is None else bench.play(setting, run)
+        if run is not None and frames is not None:
+            bench.ready[setting] = run
+            bench.sounds[setting] = bench.scene.hear(frames)
+    costs = _costs(bench)
+    # `refine` may add failures of settings that were not asked for; these are not failures of the
+    # chart.
+    found = {setting: Played(point, None) for setting, point in bench.failed.items()}
+    for setting, run in bench.ready.items():
+        point = Point(setting, "ok", run.chosen, costs[setting])
+        if has_energy:
+            point = _with_energy(bench, point)
+        found[setting] = Played(point, bench.sounds[setting])
+    return [found[setting] for setting in wanted]
+
+
+def _play_with(
+    players: Players, bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool
+) -> list[Played]:
+    """All settings, in order, played by `players`."""
+    found = {}
+    for one in players.played(wanted, bench.n_frames, has_energy=has_energy):
+        found[one.point.setting] = one
+        bench.done += (ROUNDS + 1) * bench.n_frames * one.point.setting.oversampling
+        bench.progress(bench.done)
+    return [found[setting] for setting in wanted]
+
+
+def played_beside(
+    scene: Scene, setting: Setting, n_frames: int, *, has_energy: bool
+) -> tuple[Played, float]:
+    """A setting played alone, and the time of the yardstick in rounds between its own [s].
+
+    The cost of the point is in seconds of this machine.
+    """
+    bench = _Bench(scene, n_frames, lambda done: None)
+    run = bench.begin(setting)
+    frames = None if run is None else bench.play(setting, run)
+    if run is None or frames is None:
+        return Played(bench.failed[setting], None), nan
+    spent, beside = [], []
+    for _ in range(ROUNDS):
+        beside.append(yardstick())
+        run.rewind()
+        bench.play(setting, run)
+        spent.append(run.spent)
+    point = Point(setting, "ok", run.chosen, median(spent) * scene.rate / n_frames)
+    if has_energy:
+        point = _with_energy(bench, point)
+    return Played(point, scene.hear(frames)), median(beside)
+
+
+def yardstick() -> float:
+    """The time of a fixed piece of work on this processor [s]."""
+    run = runs.start(canonical.string(_YARDSTICK, canonical.RATE), Setting("ca"))
+    run.frames(round(canonical.RATE))
+    return run.spent
+
+
+def _alike(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
+    """Groups of methods whose sounds are the same, wherever both were computed."""
+    of: dict[str, dict[Setting, Floats]] = {}
+    for setting, sound in sounds.items():
+        if setting.method is not None:
+            of.setdefault(setting.method, {})[replace(setting, method=None)] = sound
+    groups: list[list[str]] = []
+    for method, own in of.items():
+        for group in groups:
+            theirs = of[group[0]]
+            both = own.keys() & theirs.keys()
+            if both and all(np.array_equal(own[one], theirs[one]) for one in both):
+                group.append(method)
+                break
+        else:
+            groups.append([method])
+    return tuple(tuple(group) for group in groups if len(group) > 1)
+
+
+def _costs(bench: _Bench) -> dict[Setting, float]:
+    """Medians of interleaved rounds, so that other load on the machine slows all settings alike."""
+    spent: dict[Setting, list[float]] = {setting: [] for setting in bench.ready}
+    for _ in range(ROUNDS):
+        for setting, run in bench.ready.items():
+            run.rewind()
+            bench.play(setting, run)
+            spent[setting].append(run.spent)
+    heard = bench.n_frames / bench.scene.rate
+    return {setting: median(one) / heard for setting, one in spent.items()}
+
+
+def _with_energy(bench: _Bench, point: Point) -> Point:
+    """The point with the energy errors from its ledger, or from the accounts of contacts and laws
+    if the method keeps none.
+    """
+    if point.status != "ok":
+        return point
+    edges = np.linspace(0, bench.n_frames, _LOOKS + 1).astype(int)
+    try:
+        run = runs.start(bench.scene, point.setting, ledger=True)
+        ledgers = []
+        for n_frames in np.diff(edges):
+            run.frames(int(n_frames))
+            ledgers.append(run.energy())
+    except _core.EngineError:
+        run = runs.start(bench.scene, point.setting)
+        run.frames(bench.n_frames)
+        return replace(point, energy_db=run.made_db())
+    t = [float(edge) / bench.scene.rate for edge in edges[1:]]
+    found = drift(t, ledgers)
+    return replace(point, energy_db=production_db(ledgers[-1]), drift_db_s=found.per_second)
+
+
+class Judge:
+    """Measures sounds against a reference."""
+
+    def __init__(self, reference: Reference, rate: float) -> None:
+        """Find where the reference sounds, and its strongest partials, in its loudest channel."""
+        self.reference, self.rate = reference, rate
+        x = reference.sound
+        self._channel = int(np.argmax(np.sum(x**2, axis=0)))
+        self._first = onset(x) or 0
+        self._partials = strongest(x[self._first :, self._channel], rate)
+
+    def point(self, point: Point, y: Floats) -> Point:
+        """The point with all its errors."""
+        x = self.reference.sound
+        found = spectral(y, x)
+        partials = self._compared(y)
+        t60 = [abs(p.t60_ratio - 1.0) for p in partials if not isnan(p.t60_ratio)]
+        return replace(
+            point,
+            waveform_db=waveform_db(y, x),
+            early_db=early_db(y, x, self.rate),
+            spectral_db=found.difference,
+            convergence=found.convergence,
+            bands_db=bands_db(y, x, self.rate),
+            cents=max((abs(p.cents) for p in partials), default=None),
+            t60=100.0 * max(t60) if t60 else None,
+        )
+
+    def floor(self, metric: Metric) -> float | None:
+        """The reference's own error in the metric."""
+        if metric == "waveform":
+            return self.reference.floor_db
+        if metric == "energy":
+            return None
+        before = self.point(Point(self.reference.setting), self.reference.before).error(metric)
+        return None if before is None else before * self.reference.share
+
+    def _compared(self, y: Floats) -> list[Partial]:
+        span = slice(self._first, None), self._channel
+        x, y = self.reference.sound[span], y[span]
+        found = (compare(y, x, f, self.rate) for f in self._partials)
+        return [partial for partial in found if partial is not None]
+
+
+def _marked(
+    points: list[Point],
+    metric: Metric,
+    floor: float | None,
+    alike: Sequence[Sequence[str]] = (),
+) -> list[Point]:
+    front = set(_front(points, metric, floor, alike))
+    return [replace(point, on_front=point.setting in front) for point in points]
+
+
+def _front(
+    points: list[Point], metric: Metric, floor: float | None, alike: Sequence[Sequence[str]] = ()
+) -> Iterator[Setting]:
+    """Settings that no other setting of about the same cost beats in error; all errors below the
+    floor are equal.
+
+    Costs that differ by no more than the scatter of timings are equal: then the smaller error
+    counts, and of equal errors the first point. The first of methods that are alike stands for
+    all.
+    """
+    echoes = {method for group in alike for method in group[1:]}
+    told = [
+        (point.cost, error if floor is None else max(error, floor), at, point.setting)
+        for at, point in enumerate(points)
+        if point.setting.method not in (None, *echoes)
+        and point.cost is not None
+        and (error := point.error(metric)) is not None
+    ]
+    for cost, error, at, setting in sorted(told, key=lambda one: one[:3]):
+        rivals = (
+            one for one in told if one[0] <= cost * _SCATTER and (one[1], one[2]) != (error, at)
+        )
+        if not any(
+            other < error or (other == error and (its < cost / _SCATTER or place < at))
+            for its, other, place, _ in rivals
+        ):
+            yield setting
+
+
+def likely_cost(chart: Chart, point: Point) -> float | None:
+    """The cost of a point, measured or estimated: a run that failed costs S times the highest cost
+    per oversampling of its method.
+    """
+    if point.cost is not None:
+        return point.cost
+    same = [p for p in chart.points if p.setting.method == point.setting.method and p.cost]
+    every = same or [p for p in chart.points if p.cost]
+    if not every:
+        return None
+    shares = [p.cost / p.setting.oversampling for p in every if p.cost]
+    return max(shares) * point.setting.oversampling
+
+
+def slope(chart: Chart, method: str) -> float | None:
+    """Decades of error per decade of step, from the waveform of one method above the floor."""
+    floor = -300.0 if chart.reference is None else chart.reference.floor_db + 6.0
+    row = [
+        (log10(p.setting.oversampling), p.waveform_db / 20.0)
+        for p in chart.points
+        if p.setting.method == method and p.setting.precision == "f64" and p.waveform_db is not None
+        if isfinite(p.waveform_db) and floor < p.waveform_db < -6.0
+    ]
+    if len(row) < 2:
+        return None
+    doublings, errors = zip(*row, strict=True)
+    return -float(np.polyfit(doublings, errors, 1)[0])

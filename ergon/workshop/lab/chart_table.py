@@ -1,0 +1,80 @@
+"""A chart in numbers: a CSV file, records, and a short table for the terminal."""
+
+from __future__ import annotations
+
+from dataclasses import fields as names_of
+
+from ergon.workshop.lab import table
+from ergon.workshop.lab.chart import Chart, Point
+from ergon.workshop.lab.names import METRICS
+
+_MEASURES = [f.name for f in names_of(Point) if f.name not in ("setting", "status", "reason")]
+
+
+def csv(chart: Chart, title: str, machine: str) -> str:
+    """The whole file."""
+    rows = [fields(point) for point in chart.points]
+    known = ", ".join(f"{k} {v}" for k, v in reference(chart).items() if v is not None)
+    facts = [
+        f"chart of {title}, the first {chart.seconds:g} s at {chart.rate:g} Hz",
+        f"measured on {machine}",
+        "cost: seconds of one core per second of sound, median of interleaved rounds",
+        f"reference: {known or 'none'}",
+        *(f"doubt: {doubt}" for doubt in chart.doubts),
+        *(f"the same samples: {', '.join(group)}" for group in chart.alike),
+    ]
+    names = [*_HEAD, *_MEASURES, "reason"]
+    return table.text(facts, names, ([row[name] for name in names] for row in rows))
+
+
+_HEAD = ("method", "oversampling", "precision", "budget_db", "status")
+
+
+def fields(point: Point) -> dict[str, table.Value]:
+    """Everything about a point."""
+    setting = point.setting
+    head = (
+        setting.method or "planner",
+        setting.oversampling,
+        setting.precision,
+        setting.budget_db,
+        point.status,
+    )
+    measures = {name: getattr(point, name) for name in _MEASURES}
+    return {**dict(zip(_HEAD, head, strict=True)), **measures, "reason": point.reason}
+
+
+def reference(chart: Chart) -> dict[str, table.Value]:
+    """The reference, its order and its own error."""
+    found = chart.reference
+    if found is None:
+        return {}
+    return {
+        "setting": str(found.setting),
+        "changed_by_last_doubling_db": found.changes[-1],
+        "order_seen": found.order,
+        "own_error_db": found.floor_db,
+        "floor_of_metric": chart.floor,
+    }
+
+
+def lines(chart: Chart) -> str:
+    """One line a point: its cost and its errors; * is best for its cost."""
+    rows = []
+    for point in chart.points:
+        error = point.error(chart.metric)
+        star = "*" if point.on_front else " "
+        if point.status != "ok" or error is None or point.cost is None:
+            rows.append(f"  {point.setting!s:<14} {point.status}: {point.reason}\n")
+        else:
+            note = f"  {point.reason}" if point.reason else ""
+            rows.append(f"{star} {point.setting!s:<14} {point.cost:9.3g} {error:9.3g}{note}\n")
+    if chart.reference is not None:
+        order = chart.reference.order
+        seen = "" if order is None else f", order {order:.1f} seen"
+        rows.append(
+            f"  reference: {chart.reference.setting}, own error about "
+            f"{chart.reference.floor_db:.0f} dB of waveform{seen}\n"
+        )
+    rows.extend(f"  the same samples here: {', '.join(group)}\n" for group in chart.alike)
+    return f"{'':16}   s per s  {METRICS[chart.metric]}\n" + "".join(rows)

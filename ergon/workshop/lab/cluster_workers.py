@@ -1,0 +1,154 @@
+"""Points of charts and columns of maps, computed by workers of a cluster.
+
+Only names, texts, numbers and samples are sent to a worker and back; a worker computes by the
+functions of this module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from statistics import median
+from typing import Any, NotRequired, TypedDict
+
+import numpy as np
+
+from ergon.api import score as scores
+from ergon.api.cluster import Cluster
+from ergon.api.cluster_worker import check_version, lock, version
+from ergon.api.score_bundle import ScoreBundle, unpack, with_local_paths
+from ergon.rendering.remote import ClusterError
+from ergon.workshop.lab import map_catalogue
+from ergon.workshop.lab.chart import ROUNDS, Played, Point, played_beside, yardstick
+from ergon.workshop.lab.maps import Map, Spot, compute_spot
+from ergon.workshop.lab.names import MapMetric
+from ergon.workshop.lab.runs import Setting
+from ergon.workshop.lab.scene import Score
+
+
+class _Sound(TypedDict):
+    """A worker's result for a setting: its point, its samples (n_frames · n_channels of
+    little-endian f64), and the seconds of its yardstick.
+    """
+
+    point: dict[str, Any]
+    samples: bytes
+    n_channels: int
+    yardstick: float
+
+
+class _Which(TypedDict):
+    """The maps of a `method`; if a score comes with it, those of the score for so many
+    `seconds`.
+    """
+
+    method: str
+    seconds: float
+    accurate: float | None
+    metric: MapMetric
+    content: NotRequired[ScoreBundle]
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """A cluster that computes points of a score, which is sent with its files."""
+
+    cluster: Cluster
+    content: ScoreBundle | None = None
+
+    def played(
+        self, wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
+    ) -> Iterator[Played]:
+        """Settings of the score. A cost is scaled by the ratio of the yardsticks here and at the
+        worker.
+
+        Raises ClusterError.
+        """
+        content = self.content
+        assert content is not None
+        own, here = version(), median(yardstick() for _ in range(ROUNDS))
+        found = self.cluster.computed(
+            # The most expensive first, so that none of them is left alone at the end.
+            sorted(wanted, key=lambda setting: -setting.oversampling),
+            lambda pool, setting: pool.submit(
+                play, own, content, asdict(setting), n_frames, has_energy
+            ),
+        )
+        for setting, sound in found:
+            point = Point(setting, **sound["point"])
+            samples = np.frombuffer(sound["samples"], dtype="<f8").astype(np.float64)
+            if point.status != "ok":
+                yield Played(point, None)
+                continue
+            if len(samples) != n_frames * sound["n_channels"]:
+                raise ClusterError("a worker sent a sound of another length")
+            if point.cost is not None:
+                point = replace(point, cost=point.cost * here / sound["yardstick"])
+            yield Played(point, samples.reshape(n_frames, sound["n_channels"]))
+
+    def surveyors(
+        self, method: str, seconds: float, accurate: float | None, metric: MapMetric = "waveform"
+    ) -> Surveyors:
+        """The surveyors of columns of maps, for `maps`."""
+        which = _Which(method=method, seconds=seconds, accurate=accurate, metric=metric)
+        if self.content is not None:
+            which["content"] = self.content
+        return Surveyors(self.cluster, which)
+
+
+@dataclass(frozen=True, slots=True)
+class Surveyors:
+    """A cluster that surveys columns of maps."""
+
+    cluster: Cluster
+    which: _Which
+
+    def columns(self, wanted: Sequence[tuple[str, float]]) -> Iterator[tuple[str, list[Spot]]]:
+        """Each column with its spots. Raises ClusterError."""
+        own = version()
+        for (name, _), spots in self.cluster.computed(
+            wanted, lambda pool, one: pool.submit(survey, own, self.which, *one)
+        ):
+            yield name, [Spot(**spot) for spot in spots]
+
+
+# --- at a worker --------------------------------------------------------------------------------
+
+
+def play(
+    asked: list[Any],
+    content: ScoreBundle,
+    setting: dict[str, Any],
+    n_frames: int,
+    has_energy: bool,
+) -> _Sound:
+    """Play a score by the Setting `setting`. Raises ClusterError if another version of ergon
+    asks.
+    """
+    check_version(asked)
+    with lock, unpack(content) as path:
+        scene = Score(scores.piece_of(scores.read(path)))
+        found, seconds = played_beside(scene, Setting(**setting), n_frames, has_energy=has_energy)
+        own = {one.name: getattr(found.point, one.name) for one in fields(found.point)}
+        del own["setting"]
+        own["reason"] = with_local_paths(own["reason"], path, content)
+    sound = np.zeros((0, 1)) if found.sound is None else found.sound
+    samples = sound.astype("<f8", copy=False).tobytes()
+    return _Sound(point=own, samples=samples, n_channels=sound.shape[1], yardstick=seconds)
+
+
+def survey(asked: list[Any], which: _Which, name: str, x: float) -> list[dict[str, Any]]:
+    """Survey a column of a map. Raises ClusterError if another version of ergon asks."""
+    check_version(asked)
+    with lock:
+        found = _map(which, name)
+        return [asdict(compute_spot(found, x, y)) for y in found.ys]
+
+
+def _map(which: _Which, name: str) -> Map:
+    content, others = which.get("content"), (which["seconds"], which["accurate"], which["metric"])
+    if content is None:
+        return map_catalogue.maps(which["method"], None, *others)[name]
+    with unpack(content) as path:
+        piece = scores.piece_of(scores.read(path))
+        return map_catalogue.maps(which["method"], piece, *others)[name]

@@ -1,0 +1,154 @@
+"""The picture of a chart: error over cost, both logarithmic; failures are on the upper edge."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from ergon.workshop.lab.chart import Chart, Point, likely_cost
+from ergon.workshop.lab.names import METHODS, METRICS
+from ergon.workshop.lab.pictures import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_IN_DB = ("waveform", "energy")
+_LEAST = 1e-6  # cents, or dB of spectra: smaller is nothing, and a logarithm needs an end
+_LEAST_DB = -320.0
+
+
+def draw(chart: Chart, title: str, machine: str) -> Figure:
+    """A figure of the chart."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator
+
+    figure = Figure(figsize=(7.5, 5.0), layout="constrained")
+    ax = figure.subplots()
+    ax.set_title(f"{title}: the first {chart.seconds:g} s", loc="left", fontweight="bold", pad=14)
+    ax.set_xscale("log")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter("")
+    ax.grid(True)
+    ax.set_xlabel(f"cost: seconds of one core per second of sound ({machine})", fontsize=8)
+    ax.set_ylabel(METRICS[chart.metric])
+    if chart.metric not in _IN_DB:
+        ax.set_yscale("log")
+    told = [p for p in chart.points if p.status == "ok" and p.error(chart.metric) is not None]
+    _front(ax, chart, told)
+    names: dict[str, str] = {method: method for method in METHODS}
+    for group in chart.alike:
+        names.update({method: "" for method in group[1:]}, **{group[0]: " = ".join(group)})
+    for method in METHODS:
+        if names[method]:
+            row = [p for p in told if p.setting.method == method]
+            _method(ax, chart, row, method, names[method])
+    for point in told:
+        if point.setting.method is None:
+            _planner(ax, chart, point)
+    _limits(ax, chart, told)
+    _failures(ax, chart)
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc="best", frameon=False)
+    return figure
+
+
+def _height(chart: Chart, point: Point) -> float:
+    """The height of a point; points below the floor are drawn on it."""
+    error = point.error(chart.metric)
+    assert error is not None
+    least = _LEAST_DB if chart.metric in _IN_DB else _LEAST
+    return max(error, least if chart.floor is None else chart.floor, least)
+
+
+def _cost(point: Point) -> float:
+    assert point.cost is not None
+    return point.cost
+
+
+def _method(ax: Axes, chart: Chart, points: list[Point], method: str, name: str) -> None:
+    colour = COLOURS[METHODS.index(method)]
+    for precision, marker, line in (("f64", "o", "-"), ("f32", "s", ":")):
+        row = [p for p in points if p.setting.precision == precision]
+        row.sort(key=lambda p: p.setting.oversampling)
+        if row:
+            label = name if precision == "f64" else f"{name}, single precision"
+            x, y = [_cost(p) for p in row], [_height(chart, p) for p in row]
+            ax.plot(x, y, line, color=colour, marker=marker, markersize=5, label=label, zorder=3)
+        for point in row:
+            at = _cost(point), _height(chart, point)
+            _word(ax, f"×{point.setting.oversampling}", at, colour)
+
+
+def _planner(ax: Axes, chart: Chart, point: Point) -> None:
+    """A full star is the planner's choice by ear, an empty one its choice for an error."""
+    at, budget = (_cost(point), _height(chart, point)), point.setting.budget_db
+    inside, label = "black", "the planner's choice"
+    if budget is not None:
+        inside, label = "white", f"the planner's choice for {budget:g} dB"
+        if chart.metric == "waveform":
+            ax.axhline(budget, color="black", linewidth=0.8, linestyle=":", zorder=0,
+                       label=f"{budget:g} dB, as asked for")  # fmt: skip
+    ax.plot(*at, "*", color="black", markerfacecolor=inside, markersize=14, label=label, zorder=4)
+    _word(ax, point.reason, at, "black")
+
+
+def _front(ax: Axes, chart: Chart, told: list[Point]) -> None:
+    """No fixed setting is both cheaper and better than the points on this line; stars may be."""
+    row = sorted((_cost(p), _height(chart, p)) for p in told if p.on_front)
+    if row:
+        x, y = zip(*row, strict=True)
+        label = "best fixed setting for its cost"
+        ax.step(x, y, where="post", color="#bbbbbb", linewidth=5, label=label,
+                solid_capstyle="round", zorder=1)  # fmt: skip
+
+
+def _limits(ax: Axes, chart: Chart, told: list[Point]) -> None:
+    floor = chart.floor
+    heights = [_height(chart, p) for p in told] or [0.0]
+    if chart.metric not in _IN_DB:
+        ax.set_ylim(top=2.5 * max(*heights, 1e-3))
+    else:
+        known = heights if floor is None else [*heights, max(floor, _LEAST_DB)]
+        low, high = min(known), max(heights)
+        room = max(6.0, 0.08 * (high - low))
+        ax.set_ylim(low - room, high + 2 * room)
+    costs = [cost for p in chart.points if (cost := likely_cost(chart, p))] or [0.3]
+    ax.set_xlim(min(costs) / 1.5, max(costs) * 2.0)
+    if ax.get_xlim()[0] < 1.0 < ax.get_xlim()[1]:
+        ax.axvline(1.0, color="#999999", linewidth=0.8, linestyle="--", zorder=0)
+        ax.text(1.0, 0.01, " real time", transform=ax.get_xaxis_transform(), fontsize=8)
+    if floor is None or not isfinite(floor) or chart.reference is None:
+        return
+    floor = max(floor, _LEAST_DB if chart.metric in _IN_DB else _LEAST)
+    bottom = ax.get_ylim()[0]
+    if chart.metric not in _IN_DB:
+        bottom = min(bottom, floor / 3.0)
+        ax.set_ylim(bottom=bottom)
+    ax.axhspan(bottom, floor, facecolor="#eeeeee", edgecolor="#cccccc", hatch="///", zorder=0)
+    said = f"the reference ({chart.reference.setting}) is itself no surer than this"
+    paper = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+    ax.annotate(said, (0.0, floor), xycoords=ax.get_yaxis_transform(), xytext=(6, -4),
+                textcoords="offset points", fontsize=8, va="top", bbox=paper)  # fmt: skip
+
+
+def _failures(ax: Axes, chart: Chart) -> None:
+    """Draw failures on the upper edge, at the cost that each would have."""
+    left = ax.get_xlim()[0]
+    failed = [p for p in chart.points if p.status != "ok"]
+    for point in failed:
+        at = likely_cost(chart, point) or left
+        method = point.setting.method
+        colour = COLOURS[METHODS.index(method)] if method else "black"
+        ax.plot(at, 1.0, "X", color=colour, markersize=9, transform=ax.get_xaxis_transform(),
+                clip_on=False, zorder=5)  # fmt: skip
+        ax.annotate(
+            f"{point.setting}: {point.status}", (at, 1.0), xycoords=ax.get_xaxis_transform(),
+            xytext=(4, -6), textcoords="offset points", rotation=-60, va="top", fontsize=7,
+            color=colour,
+        )  # fmt: skip
+
+
+def _word(ax: Axes, word: str, at: tuple[float, float], colour: str) -> None:
+    ax.annotate(word, at, xytext=(5, 4), textcoords="offset points", fontsize=8, color=colour)

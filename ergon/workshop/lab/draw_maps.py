@@ -1,0 +1,154 @@
+"""The picture of maps: colours are outcomes, marks say whether they are accurate, lines are
+predictions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ergon.workshop.lab.map_table import Surveyed
+from ergon.workshop.lab.maps import Map, Spot
+from ergon.workshop.lab.metrics import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_STAYS, _RUNS_AWAY, _NOT_RUN = "#cfe6f5", "#eda06f", "#d9d9d9"
+_HAPPENED = {True: _STAYS, False: _RUNS_AWAY, None: _NOT_RUN}
+_FINE = 160  # points a side on which a formula's border is drawn
+_COLUMNS = 2
+_AS_WRITTEN: dict[str, Any] = {
+    "marker": "D", "linestyle": "", "markersize": 9, "markerfacecolor": "none",
+    "markeredgecolor": "#b3261e", "markeredgewidth": 1.6,
+}  # fmt: skip
+
+
+def draw(surveyed: Surveyed, title: str) -> Figure:
+    """A figure with a panel for each map."""
+    from matplotlib.figure import Figure
+
+    columns = min(_COLUMNS, len(surveyed))
+    rows = -(-len(surveyed) // columns)
+    figure = Figure(figsize=(4.6 * columns, 3.4 * rows + 1.0), layout="constrained")
+    figure.suptitle(title, fontweight="bold")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for ax, (one, spots) in zip(grid, surveyed.values(), strict=False):
+        _panel(ax, one, spots)
+    for ax in grid[len(surveyed) :]:
+        ax.set_axis_off()
+    has_written = any(one.as_written is not None for one, _ in surveyed.values())
+    _legend(figure, grid[len(surveyed)] if len(grid) > len(surveyed) else None, has_written)
+    return figure
+
+
+def _panel(ax: Axes, one: Map, spots: Sequence[Spot]) -> None:
+    ax.set_title(one.title, fontsize=9)
+    ax.set_xlabel(one.x_label)
+    ax.set_ylabel(one.y_label)
+    ax.set_xscale("log" if one.log_x else "linear")
+    ax.set_yscale("log" if one.log_y else "linear")
+    for axis, values in ((ax.xaxis, one.xs), (ax.yaxis, one.ys)):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")
+        if len(values) <= 5:
+            axis.set_ticks(values)
+    _colours(ax, one, spots)
+    _marks(ax, spots)
+    _borders(ax, one, spots)
+    if one.as_written is not None:
+        ax.plot(*one.as_written, **_AS_WRITTEN, zorder=3)
+
+
+def _colours(ax: Axes, one: Map, spots: Sequence[Spot]) -> None:
+    """Draw a rectangle for each run of spots in a row with the same outcome."""
+    from matplotlib.patches import Rectangle
+
+    x, y = _edges(one.xs, one.log_x), _edges(one.ys, one.log_y)
+    n = len(one.xs)
+    for row in range(len(one.ys)):
+        happened = groupby(enumerate(s.stable for s in spots[row * n : (row + 1) * n]), _second)
+        for stable, run in happened:
+            columns = [column for column, _ in run]
+            left, right = x[columns[0]], x[columns[-1] + 1]
+            size = float(right - left), float(y[row + 1] - y[row])
+            colour = _HAPPENED[stable]
+            ax.add_patch(Rectangle((float(left), float(y[row])), *size, color=colour, zorder=0))
+    ax.set_xlim(x[0], x[-1])
+    ax.set_ylim(y[0], y[-1])
+
+
+def _second(pair: tuple[int, bool | None]) -> bool | None:
+    return pair[1]
+
+
+def _marks(ax: Axes, spots: Sequence[Spot]) -> None:
+    for accurate, marker, size in ((True, "o", 2.6), (False, "x", 3.0)):
+        x = [s.x for s in spots if s.accurate is accurate]
+        y = [s.y for s in spots if s.accurate is accurate]
+        ax.plot(x, y, marker, color="#1f3b57", markersize=size, markeredgewidth=0.7, zorder=2)
+
+
+def _borders(ax: Axes, one: Map, spots: Sequence[Spot]) -> None:
+    """Draw the border of the formula as a solid line, and that of the certificate as a dashed line
+    between spots.
+    """
+    if one.load is not None:
+        x, y = (_fine(v, log) for v, log in ((one.xs, one.log_x), (one.ys, one.log_y)))
+        load = np.array([[np.log(max(one.load(a, b), 1e-300)) for a in x] for b in y])
+        if load.min() < 0.0 < load.max():
+            ax.contour(x, y, load, levels=[0.0], colors="black", linewidths=1.4)
+    allowed = np.array([s.certified is not False for s in spots]).reshape(len(one.ys), -1)
+    x, y = _edges(one.xs, one.log_x), _edges(one.ys, one.log_y)
+    for row, column in np.argwhere(allowed[:, 1:] != allowed[:, :-1]):
+        _parting(ax, [x[column + 1]] * 2, y[row : row + 2])
+    for row, column in np.argwhere(allowed[1:] != allowed[:-1]):
+        _parting(ax, x[column : column + 2], [y[row + 1]] * 2)
+
+
+def _parting(ax: Axes, x: Sequence[float] | Floats, y: Sequence[float] | Floats) -> None:
+    ax.plot(x, y, "--", color="black", linewidth=1.6, zorder=1)
+
+
+def _edges(values: Sequence[float], is_log: bool) -> Floats:
+    """The boundaries of cells centred on some values."""
+    at = np.log(values) if is_log else np.array(values)
+    if len(at) == 1:
+        edges = np.array([at[0] - 0.5, at[0] + 0.5])
+    else:
+        middle = 0.5 * (at[1:] + at[:-1])
+        first, last = 2 * at[0] - middle[0], 2 * at[-1] - middle[-1]
+        edges = np.concatenate([[first], middle, [last]])
+    return np.exp(edges) if is_log else edges
+
+
+def _fine(values: Sequence[float], is_log: bool) -> Floats:
+    edges = _edges(values, is_log)
+    low, high = max(edges[0], 0.0), edges[-1]
+    return np.geomspace(low, high, _FINE) if is_log else np.linspace(low, high, _FINE)
+
+
+def _legend(figure: Figure, ax: Axes | None, has_written: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    ink = "#1f3b57"
+    handles: list[Line2D | Patch] = [
+        Patch(color=_STAYS, label="stays finite"),
+        Patch(color=_RUNS_AWAY, label="runs away"),
+        Patch(color=_NOT_RUN, label="refused, and not run"),
+        Line2D([], [], marker="o", linestyle="", color=ink, markersize=4, label="and is right"),
+        Line2D([], [], marker="x", linestyle="", color=ink, markersize=5, label="but is wrong"),
+        Line2D([], [], color="black", linewidth=1.4, label="border by a formula"),
+        Line2D([], [], color="black", linestyle="--", label="border by the certificate"),
+    ]
+    if has_written:
+        handles.append(Line2D([], [], label="the score as it is written", **_AS_WRITTEN))
+    if ax is not None:
+        ax.legend(handles=handles, loc="center", frameon=False)
+    else:
+        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)

@@ -1,0 +1,233 @@
+"""The maps that exist: those of the laboratory's own scenes, and those of a score."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from math import inf
+
+import numpy as np
+
+from ergon.scores.reading.piece import Piece
+from ergon.workshop.lab import canonical, slow_key_scene
+from ergon.workshop.lab.canonical import RATE
+from ergon.workshop.lab.map_point import MapPoint, Stepped
+from ergon.workshop.lab.maps import Map
+from ergon.workshop.lab.metrics import Floats
+from ergon.workshop.lab.names import PLAN, SLOW, MapMetric
+from ergon.workshop.lab.runs import Setting
+from ergon.workshop.lab.scene import Bare, Scene, Score
+from ergon.workshop.lab.stiffness import has_contacts, stiffer
+from ergon.workshop.lab.truth import EXACT_DB, Truth, converged
+
+_TIMES = (1.0, 2.0, 4.0, 8.0)
+_OVERSAMPLED = "oversampling"
+
+
+def _spaced(low: float, high: float, count: int) -> tuple[float, ...]:
+    return tuple(float(x) for x in np.geomspace(low, high, count))
+
+
+def _found(scene: Scene) -> Callable[[int], Truth]:
+    return lambda n_frames: converged(scene, n_frames)
+
+
+def maps(
+    method: str,
+    piece: Piece | None,
+    seconds: float,
+    accurate: float | None,
+    metric: MapMetric = "waveform",
+) -> dict[str, Map]:
+    """The maps of a method, or of a piece; an error up to `accurate` [dB] counts as right."""
+    if piece is not None:
+        found = of_score(piece, seconds, method)
+        found = {name: replace(one, metric=metric) for name, one in found.items()}
+    elif metric == "energy":
+        found = {"rattle": _rattle(method)}
+    else:
+        found = built_in(method)
+    if accurate is not None:
+        found = {name: replace(one, right=((inf, accurate),)) for name, one in found.items()}
+    return found
+
+
+def built_in(method: str) -> dict[str, Map]:
+    """The maps of a method, by name."""
+    if method == SLOW:
+        maps = tuple(_cut(name, *one) for name, one in _CUTS.items())
+    else:
+        of = (_cell, _contact, _strike, _rate, _coupling)
+        maps = tuple(make(method) for make in of)
+    return {one.name: one for one in maps}
+
+
+def _cell(method: str) -> Map:
+    def case(kappa: float, zeta: float) -> MapPoint:
+        def exact(n_frames: int) -> Truth:
+            return Truth(canonical.cell_exactly(kappa, zeta, n_frames), EXACT_DB)
+
+        return Stepped(canonical.cell(kappa, zeta, method), Setting(method), exact)
+
+    def load(kappa: float, zeta: float) -> float:
+        return canonical.cell_load(kappa, zeta, method)
+
+    # Offset from round numbers, so that no spot lies exactly on the border.
+    top = 1.25 * min(canonical.limit(method), 16.0)
+    xs = tuple(float(x) for x in (np.arange(25) + 0.5) * top / 25)
+    ys = tuple(float(y) for y in (np.arange(13) + 0.25) * 2.5 / 13)
+    return Map("cell", "a mass on a spring and a damper", "κ = K/M", "ζ = Z/M", xs, ys, 0.1, case,
+               load, log_x=False, log_y=False)  # fmt: skip
+
+
+def _oversampled(
+    method: str, make: Callable[[float], Bare], finer: int = 16
+) -> Callable[[float, float], MapPoint]:
+    """Cases of a scene over oversampling. The true motion does not depend on the oversampling, so
+    it is cached.
+    """
+
+    @cache
+    def truth(x: float, n_frames: int) -> Truth:
+        return converged(make(x), n_frames, finer)
+
+    def case(x: float, times: float) -> MapPoint:
+        setting = Setting(method, round(times))
+        return Stepped(make(x), setting, lambda n_frames: truth(x, n_frames))
+
+    return case
+
+
+def _setting(method: str) -> Setting:
+    return Setting(None if method == PLAN else method)
+
+
+def _rattle(method: str) -> Map:
+    def case(f: float, ratio: float) -> MapPoint:
+        def unknown(n_frames: int) -> Truth:
+            return Truth(None, inf)
+
+        return Stepped(canonical.rattle(f, ratio), _setting(method), unknown, canonical.risen)
+
+    return Map("rattle", "an undamped mass on a spring, which meets a stop", "its pitch [Hz]",
+               "K of the stop over K of the spring", _spaced(100.0, 6000.0, 13),
+               _spaced(0.1, 100.0, 7), 2.0, case, metric="energy")  # fmt: skip
+
+
+def _contact(method: str) -> Map:
+    def load(kappa: float, times: float) -> float:
+        return canonical.contact_load(kappa, times, method)
+
+    # Only CA steps a contact of two masses; for a contact between bodies a planner takes shorter
+    # steps.
+    title = "a hammer that bounces on a bar" + ("" if method == "ca" else ", by CA")
+    return Map("contact", title, "κ of the contact at 44.1 kHz",
+               _OVERSAMPLED, _spaced(0.03, 3000.0, 21), _TIMES, 0.25,
+               _oversampled(method, canonical.contact), load)  # fmt: skip
+
+
+def _strike(method: str) -> Map:
+    title = "a string whose springs harden, struck"
+    if method in ("modal", "trapezoid"):
+        title += ", by CA"
+
+    def load(speed: float, times: float) -> float:
+        return canonical.struck_load(speed, times, method)
+
+    return Map("strike", title, "speed of the stroke [m/s]",
+               _OVERSAMPLED, _spaced(0.1, 1000.0, 21), _TIMES, 0.1,
+               _oversampled(method, canonical.struck), load)  # fmt: skip
+
+
+def _rate(method: str) -> Map:
+    def case(rate: float, masses: float) -> MapPoint:
+        scene = canonical.string(round(masses), rate)
+        return Stepped(scene, Setting(method), _found(scene))
+
+    def load(rate: float, masses: float) -> float:
+        return canonical.string_load(masses, rate, method)
+
+    masses = tuple(float(n) for n in (10, 14, 20, 28, 40, 57, 80, 113, 160))
+    return Map("rate", "a string of many masses, 110 Hz", "rate [Hz]", "masses",
+               _spaced(RATE / 16.3, RATE * 2.1, 17), masses, 0.1, case, load)  # fmt: skip
+
+
+def _coupling(method: str) -> Map:
+    def load(kappa: float, times: float) -> float:
+        return canonical.coupled_load(kappa, times, method)
+
+    return Map("coupling", "two cells joined by a spring", "κ of the joint at 44.1 kHz",
+               _OVERSAMPLED, _spaced(0.003, 300.0, 21), _TIMES, 0.1,
+               # The difference mode is high and decays slowly, so its phase needs a finer
+               # reference.
+               _oversampled(method, lambda kappa: canonical.coupled(kappa, method), 256),
+               load)  # fmt: skip
+
+
+# A key, and its label. Errors count as right if a plan calls the slow key preserved. Above 20
+# frames a plan only reports the error, and the map keeps the limit of -70 dB.
+_CUTS = {
+    "soft": (slow_key_scene.SOFT, "23 Hz"),
+    "quick": (slow_key_scene.QUICK, "264 Hz, its last mass 1 g"),
+}
+_PRESERVED = ((10.0, -75.0), (inf, -70.0))
+
+
+def _cut(name: str, key: slow_key_scene.Key, modes: str) -> Map:
+    def case(stiffness: float, every: float) -> MapPoint:
+        return slow_key_scene.SlowKeyPoint(
+            slow_key_scene.SlowKeyScene(key, 1e3 * stiffness, round(every))
+        )
+
+    def load(stiffness: float, every: float) -> float:
+        return slow_key_scene.load(key, 1e3 * stiffness)
+
+    title = f"a slow key, modes to {modes}, pulls a string"
+    every = tuple(float(frames) for frames in range(2, 61, 2))
+    return Map(name, title, "K of the spring between [kN/m]", "frames from pull to pull",
+               _spaced(0.01, 1e3, 21), every, 4.0, case, load,
+               log_y=False, right=_PRESERVED, judged=1.0)  # fmt: skip
+
+
+# --- a score ------------------------------------------------------------------------------------
+
+_FACTORS = tuple(2.0**i for i in range(-2, 9))
+_RATES = (0.25, 0.5, 1.0, 2.0, 4.0)
+
+
+def of_score(piece: Piece, seconds: float, method: str) -> dict[str, Map]:
+    """Two maps: all springs stiffer, and, if there are contacts, contacts alone stiffer."""
+    maps = [_stiffer(piece, seconds, method, "springs", contacts_only=False)]
+    if has_contacts(piece):
+        maps.append(_stiffer(piece, seconds, method, "contacts", contacts_only=True))
+    return {one.name: one for one in maps}
+
+
+def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_only: bool) -> Map:
+    top = _RATES[-1]
+
+    def scene(factor: float, times: float) -> Score:
+        changed = stiffer(piece, factor, contacts_only=contacts_only)
+        return Score(replace(changed, rate=piece.rate * times))
+
+    @cache
+    def finest(factor: float) -> Truth:
+        n_frames = round(seconds * piece.rate * top) + 1
+        return converged(scene(factor, top), n_frames, finer=4)
+
+    def case(factor: float, times: float) -> MapPoint:
+        def truth(n_frames: int) -> Truth:
+            found = finest(factor)
+            if found.frames is None:
+                return found
+            stride = round(top / times)
+            frames: Floats = found.frames[::stride][:n_frames]
+            return Truth(frames, found.change_db)
+
+        return Stepped(scene(factor, times), _setting(method), truth)
+
+    what = "all its contacts" if contacts_only else "all its springs"
+    title = f"{piece.title or 'the score'}: {what} stiffer"
+    return Map(name, title, "stiffness, times the score's", "rate, times the score's", _FACTORS,
+               _RATES, seconds, case, as_written=(1.0, 1.0))  # fmt: skip

@@ -1,0 +1,96 @@
+"""One spot of a map: the engine's certificate, and what happens when it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ergon import _core
+from ergon.workshop.lab import runs
+from ergon.workshop.lab.energy import production_db, share_db
+from ergon.workshop.lab.metrics import Floats
+from ergon.workshop.lab.runs import Setting
+from ergon.workshop.lab.scene import Scene
+from ergon.workshop.lab.truth import Truth
+
+RUNAWAY_DB = 10.0  # ten times the energy that went in, made by the scheme alone
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The result of a run: whether it stayed finite (None: the engine refused it), its outputs, the
+    reason, and the energy that its steps made over the energy that was there [dB].
+    """
+
+    stable: bool | None
+    frames: Floats | None = None
+    reason: str = ""
+    energy_db: float | None = None
+
+
+class MapPoint(Protocol):
+    """A scene with a method of computing it."""
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+
+    def refused(self) -> str:
+        """Why the engine would refuse to run it; empty if it would not."""
+
+    def run(self, n_frames: int) -> Outcome:
+        """Run it, refused or not."""
+
+    def truth(self, n_frames: int) -> Truth:
+        """The true motion (outputs)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stepped:
+    """A scene by one method, oversampled."""
+
+    scene: Scene
+    setting: Setting
+    known: Callable[[int], Truth]
+    made: Callable[[Floats], float] | None = None  # share of energy made, where outputs tell it
+
+    def refused(self) -> str:
+        """The objection of the certificate; empty if there is none."""
+        try:
+            if self.setting.method == "ca":
+                rate = self.scene.rate * self.setting.oversampling
+                self.scene.at(rate).network.certify(rate)
+            else:
+                runs.start(self.scene, self.setting)
+        except _core.UnstableError as error:
+            return str(error)
+        return ""
+
+    def run(self, n_frames: int) -> Outcome:
+        """Run it unchecked; CA keeps a ledger, so that a run whose scheme makes energy counts as
+        unstable too.
+        """
+        ledger = self.setting.method == "ca"
+        try:
+            run = runs.start(self.scene, self.setting, ledger=ledger, unchecked=True)
+        except _core.UnstableError as error:
+            return Outcome(None, reason=str(error))
+        try:
+            frames = run.frames(n_frames)
+        except _core.DivergedError as error:
+            return Outcome(False, reason=str(error))
+        if not np.all(np.isfinite(frames)):
+            return Outcome(False, reason="an output is not finite")
+        made = production_db(run.energy()) if ledger else run.made_db()
+        energy = made if self.made is None else share_db(self.made(frames))
+        if made > RUNAWAY_DB:
+            times = f"{10 ** (made / 10):.3g} times the energy given"
+            return Outcome(False, frames, f"the scheme made {times}", energy)
+        return Outcome(True, frames, energy_db=energy)
+
+    def truth(self, n_frames: int) -> Truth:
+        """The truth from `known`."""
+        return self.known(n_frames)

@@ -1,0 +1,63 @@
+"""Maps in numbers: a CSV file, records, and a few lines for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields as names_of
+
+from ergon.workshop.lab import table
+from ergon.workshop.lab.maps import Map, Spot, disagreements
+
+_NAMES = [f.name for f in names_of(Spot) if f.name not in ("x", "y")]
+Surveyed = Mapping[str, tuple[Map, Sequence[Spot]]]
+
+
+def csv(surveyed: Surveyed, method: str) -> str:
+    """The whole file: a row for every spot of every map."""
+    facts = [
+        f"stability of {method}",
+        "theory, certified: predicted by a formula, by the engine before it runs",
+        *dict.fromkeys(
+            f"stable: what happened; accurate: {_bar(one)}" for one, _ in surveyed.values()
+        ),
+        *(f"{name}: x is {one.x_label}, y is {one.y_label}" for name, (one, _) in surveyed.items()),
+    ]
+    names = ["map", "x", "y", *_NAMES]
+    rows = ([record[name] for name in names] for record in records(surveyed))
+    return table.text(facts, names, rows)
+
+
+def _bar(one: Map) -> str:
+    *steps, (_, last) = one.right
+    upto = [f"{db:g} dB up to {y:g}, " for y, db in steps]
+    what = "energy_db" if one.metric == "energy" else "error_db"
+    return f"{what} of at most {''.join(upto)}{last:g} dB"
+
+
+def records(surveyed: Surveyed) -> list[dict[str, table.Value]]:
+    """Everything about every spot."""
+    return [
+        {"map": name, "x": spot.x, "y": spot.y, **{one: getattr(spot, one) for one in _NAMES}}
+        for name, (_, spots) in surveyed.items()
+        for spot in spots
+    ]
+
+
+def lines(surveyed: Surveyed) -> str:
+    """One line a map: how many spots are stable, how many accurate, and where predictions
+    failed.
+    """
+    rows = []
+    for name, (one, spots) in surveyed.items():
+        stable = sum(1 for spot in spots if spot.stable)
+        right = sum(1 for spot in spots if spot.accurate)
+        missed, strict = disagreements(spots)
+        words = f"{name}: {one.title}. Of {len(spots)} spots {stable} are stable, {right} accurate"
+        if missed:
+            words += f"; {missed} ran away though certified"
+        if strict:
+            words += f"; {strict} stayed though refused"
+        if refused := sum(1 for spot in spots if spot.stable is None):
+            words += f"; {refused} could not be run"
+        rows.append(words + "\n")
+    return "".join(rows)

@@ -1,0 +1,200 @@
+"""Stability maps of a method: the predicted border, where runs diverge, where they are accurate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import inf
+from typing import Protocol
+
+from ergon import _core
+from ergon.scores.staging.refusals import StageError
+from ergon.workshop.lab.map_point import MapPoint
+from ergon.workshop.lab.metrics import EARLY, Floats, early_db, spectral
+from ergon.workshop.lab.names import MapMetric
+
+# The error that still counts as right: (up to this y, at most so many dB). -20 dB is a tenth of the
+# motion, or a hundredth of the energy.
+RIGHT = ((inf, -20.0),)
+_SURE_DB = -6.0  # by so much the truth must be surer than what it judges
+Progress = Callable[[int], None]
+Right = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Map:
+    """A grid over two parameters.
+
+    `load` is λ over the limit by a formula: 1 is the predicted border; None if there is no
+    formula. The error is that of the first `judged` seconds of sound. `as_written` is the spot
+    of the unchanged score. By the metric `energy` a spot is right if its steps made little.
+    """
+
+    name: str
+    title: str
+    x_label: str
+    y_label: str
+    xs: tuple[float, ...]
+    ys: tuple[float, ...]
+    seconds: float
+    case: Callable[[float, float], MapPoint]
+    load: Callable[[float, float], float] | None = None
+    log_x: bool = True
+    log_y: bool = True
+    right: Right = RIGHT
+    judged: float = EARLY
+    as_written: tuple[float, float] | None = None
+    metric: MapMetric = "waveform"
+
+    @property
+    def n_spots(self) -> int:
+        """The number of runs."""
+        return len(self.xs) * len(self.ys)
+
+    def right_db(self, y: float) -> float:
+        """The error that still counts as right [dB]."""
+        return next(db for upto, db in self.right if y <= upto)
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """One cell of a map. None means not known.
+
+    `theory` and `certified` are predictions (by a formula; by the engine before it runs),
+    `stable` is the outcome, and `accurate` says whether the outcome is also near the truth.
+    """
+
+    x: float
+    y: float
+    theory: bool | None
+    certified: bool | None
+    stable: bool | None
+    accurate: bool | None = None
+    load: float | None = None
+    error_db: float | None = None
+    spectral_db: float | None = None
+    energy_db: float | None = None
+    reason: str = ""
+
+
+class Surveyors(Protocol):
+    """Surveys columns of maps elsewhere."""
+
+    def columns(self, wanted: Sequence[tuple[str, float]]) -> Iterator[tuple[str, list[Spot]]]:
+        """The spots of columns, each the name of a map and an x, in any order."""
+
+
+def survey(found: Map, progress: Progress) -> list[Spot]:
+    """Every spot of a map, row by row; `progress` hears how many are done."""
+    spots = []
+    for y in found.ys:
+        for x in found.xs:
+            spots.append(compute_spot(found, x, y))
+            progress(len(spots))
+    return spots
+
+
+def survey_all(
+    maps: Mapping[str, Map], progress: Progress, surveyors: Surveyors | None = None
+) -> dict[str, tuple[Map, list[Spot]]]:
+    """Survey several maps with a common progress, by `surveyors` if they are given."""
+    if surveyors is not None:
+        return _surveyed_by(surveyors, maps, progress)
+    found: dict[str, tuple[Map, list[Spot]]] = {}
+    before = 0
+    for name, one in maps.items():
+        spots = survey(one, partial(_shifted, progress, before))
+        found[name] = one, spots
+        before += len(spots)
+    return found
+
+
+def _surveyed_by(
+    surveyors: Surveyors, maps: Mapping[str, Map], progress: Progress
+) -> dict[str, tuple[Map, list[Spot]]]:
+    """Survey maps column by column: the spots of a column share their truth, so one process
+    computes a column.
+    """
+    wanted = [(name, x) for name, one in maps.items() for x in one.xs]
+    spots: dict[tuple[str, float, float], Spot] = {}
+    for name, column in surveyors.columns(wanted):
+        spots |= {(name, spot.x, spot.y): spot for spot in column}
+        progress(len(spots))
+    return {
+        name: (one, [spots[name, x, y] for y in one.ys for x in one.xs])
+        for name, one in maps.items()
+    }
+
+
+def _shifted(progress: Progress, shift: int, done: int) -> None:
+    progress(shift + done)
+
+
+def compute_spot(found: Map, x: float, y: float) -> Spot:
+    """Predict, run, and compare one spot."""
+    spot, case, frames = predicted_and_run(found, x, y)
+    return spot if case is None or frames is None else _judged(found, spot, case, frames)
+
+
+def predicted_and_run(
+    found: Map, x: float, y: float
+) -> tuple[Spot, MapPoint | None, Floats | None]:
+    """Predict and run one spot; its case and frames are returned if it ran and was stable."""
+    load = None if found.load is None else found.load(x, y)
+    theory = None if load is None else load < 1.0
+    try:
+        case = found.case(x, y)
+        said = case.refused()
+        n_frames = max(2, round(found.seconds * case.scene.rate))
+        ran = case.run(n_frames)
+    except (StageError, _core.EngineError) as error:
+        reason = str(error).splitlines()[0]
+        return Spot(x, y, theory, None, None, load=load, reason=reason), None, None
+    spot = Spot(
+        x,
+        y,
+        theory,
+        not said,
+        ran.stable,
+        load=load,
+        energy_db=ran.energy_db,
+        reason=ran.reason or said,
+    )
+    return spot, case, ran.frames if ran.stable else None
+
+
+def _judged(found: Map, spot: Spot, case: MapPoint, frames: Floats) -> Spot:
+    right_db = found.right_db(spot.y)
+    if found.metric == "energy":
+        made = spot.energy_db
+        return replace(spot, accurate=None if made is None else made <= right_db)
+    truth = case.truth(len(frames))
+    if truth.frames is None:
+        reason = "accuracy is not known: no finer run went through"
+        return replace(spot, reason=reason)
+    hear = case.scene.hear
+    y, x = hear(frames), hear(truth.frames)
+    error = early_db(y, x, case.scene.rate, found.judged)
+    sure = truth.change_db < max(error, right_db) + _SURE_DB
+    accurate = error <= right_db if sure else None
+    if not x.any():
+        accurate, reason = None, "accuracy is not known: nothing sounds"
+    else:
+        reason = "" if sure else "accuracy is not known: finer runs differ as much"
+    return replace(
+        spot,
+        accurate=accurate,
+        error_db=error,
+        spectral_db=spectral(y, x).difference,
+        reason=reason or spot.reason,
+    )
+
+
+def disagreements(spots: Sequence[Spot]) -> tuple[int, int]:
+    """Number of spots that diverged though certified, and of spots that stayed stable though
+    refused.
+    """
+    missed = sum(1 for s in spots if s.certified is True and s.stable is False)
+    strict = sum(1 for s in spots if s.certified is False and s.stable is True)
+    return missed, strict

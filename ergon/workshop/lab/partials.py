@@ -1,0 +1,119 @@
+"""Pitch and decay of one partial in two sounds: cents and ratio of T60, by demodulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite, log, log2, nan, pi
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from ergon.workshop.lab.metrics import Floats
+
+Complexes = NDArray[np.complex128]
+
+_SMOOTHING = 0.05  # [s] of Hann window: partials 40 Hz apart do not mix
+_APART = 2.0 / _SMOOTHING  # [Hz] its main lobe, to one side
+_HOP = 1e-3  # [s]
+_DOWN = 1e-3  # of the strongest: what is weaker is not followed
+_RISE = 1.12  # growth over one window that means another stroke: 1 dB
+_SHORTEST = 0.05  # [s] of ringing that tell a pitch
+
+
+@dataclass(frozen=True, slots=True)
+class Partial:
+    """y compared with x near `f` [Hz]: pitch [cents], T60 of y over that of x, and x's T60 [s]."""
+
+    f: float
+    cents: float
+    t60_ratio: float
+    t60: float
+
+
+def compare(y: Floats, x: Floats, f: float, rate: float) -> Partial | None:
+    """Follow the partial near `f` in both sounds, through the longest decay of x; None if there is
+    none.
+
+    Both are shifted to zero frequency and smoothed. With ρ their ratio, the slopes of arg ρ and
+    ln|ρ|, weighted by |X|², are the difference of frequency (2πΔf) and of decay (-Δσ).
+    """
+    at, Y, X = _baseband(y, x, f, rate)
+    span = _ringing(np.abs(X))
+    if span is None or not np.all(np.isfinite(Y[span])) or not np.all(np.abs(Y[span]) > 0.0):
+        return None
+    t, ratio, weight = at[span] / rate, Y[span] / X[span], np.abs(X[span]) ** 2
+    drift = _slope(t, np.unwrap(np.angle(ratio)), weight) / (2.0 * pi)
+    # The reference of the comparison is the true frequency of the partial, not the `f` of the
+    # search.
+    true = f + _slope(t, np.unwrap(np.angle(X[span])), weight) / (2.0 * pi)
+    decay = -_slope(t, np.log(np.abs(X[span])), weight)
+    ours = decay - _slope(t, np.log(np.abs(ratio)), weight)
+    ratio60 = decay / ours if decay > 0.0 and ours > 0.0 else nan
+    cents = 1200.0 * log2(1.0 + drift / true) if drift > -true else -inf
+    return Partial(true, cents, ratio60, 3.0 * log(10.0) / decay if decay > 0.0 else inf)
+
+
+def strongest(x: Floats, rate: float, count: int = 5) -> list[float]:
+    """Frequencies of the strongest partials [Hz], each the strongest within 40 Hz around it.
+
+    Found on a Hann window over all of x, between bins by a parabola through logarithms.
+    """
+    if not x.any():
+        return []
+    size = 4 * len(x)
+    magnitude = np.abs(np.fft.rfft(x * np.hanning(len(x) + 1)[:-1], size))
+    reach = max(2, int(_APART * size / rate))
+    low, high = int(1.5 * reach), int(0.45 * size)
+    # The rise towards a stronger peak's neighbour is not a peak.
+    nearby = sliding_window_view(np.pad(magnitude, reach), 2 * reach + 1)
+    tops: list[int] = []
+    for at in np.argsort(magnitude[low:high])[::-1] + low:
+        if len(tops) == count or magnitude[at] < _DOWN * magnitude[low:high].max():
+            break
+        if magnitude[at] > 0.0 and magnitude[at] == nearby[at].max():
+            tops.append(int(at))
+    return [_between(magnitude, at) * rate / size for at in tops]
+
+
+def _between(magnitude: Floats, at: int) -> float:
+    a, b, c = np.log(np.maximum(magnitude[at - 1 : at + 2], 1e-300))
+    curve = a - 2.0 * b + c
+    return at + 0.5 * float((a - c) / curve) if curve < 0.0 and isfinite(curve) else float(at)
+
+
+def _baseband(y: Floats, x: Floats, f: float, rate: float) -> tuple[Floats, Complexes, Complexes]:
+    """The middle frame of each window, and y and x there, shifted by -f and smoothed."""
+    size = min(len(x), max(4, round(_SMOOTHING * rate)))
+    hop = max(1, round(_HOP * rate))
+    window = np.hanning(size + 2)[1:-1]
+    shift = np.exp(-2j * pi * f / rate * np.arange(len(x)))
+
+    def smooth(signal: Floats) -> Complexes:
+        found: Complexes = sliding_window_view(signal * shift, size)[::hop] @ (
+            window / window.sum()
+        )
+        return found
+
+    ours, theirs = smooth(y), smooth(x)
+    return size / 2.0 + hop * np.arange(len(theirs), dtype=np.float64), ours, theirs
+
+
+def _ringing(size: Floats) -> slice | None:
+    """The section with most energy in which a partial only decays: from one stroke to the next."""
+    window = round(_SMOOTHING / _HOP)
+    strong = size > _DOWN * size.max(initial=0.0)
+    rising = np.zeros(len(size), dtype=bool)
+    for i in np.flatnonzero(size[window:] > _RISE * size[:-window]):
+        rising[i : i + window] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], strong & ~rising, [False]])))
+    spans = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    spans = [span for span in spans if (span.stop - span.start) * _HOP >= _SHORTEST]
+    return max(spans, key=lambda span: float(np.sum(size[span] ** 2)), default=None)
+
+
+def _slope(t: Floats, value: Floats, weight: Floats) -> float:
+    """The slope of the line fitted by weighted least squares."""
+    total = np.sum(weight)
+    t, value = t - np.sum(weight * t) / total, value - np.sum(weight * value) / total
+    return float(np.sum(weight * t * value) / np.sum(weight * t * t))

@@ -1,0 +1,150 @@
+"""A reference to measure against, and an estimate of its own error.
+
+The best method is run at higher and higher oversampling. The changes of the last doublings give
+the order p at which its error falls, and so the remaining error (Richardson): the change divided
+by 2^p - 1. Contacts make these changes uneven, because the result depends on where between two
+samples they close. So p and the last change come from a straight line through several changes,
+and a change that falls faster than the method's own order counts as chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import log10
+
+import numpy as np
+
+from ergon.workshop.lab.metrics import Floats, waveform_db
+from ergon.workshop.lab.names import order_of
+from ergon.workshop.lab.runs import Setting
+
+EXACT_DB = -180.0  # what doubling changes in a method that is exact: rounding
+_DOUBLING_DB = 20.0 * log10(2.0)  # of an error of order 1
+_LOOKED_AT = 4  # changes that tell the order
+_DOUBT_DB = 20.0  # the estimates themselves may be wrong by so much
+_ORDER_MIN = 0.5  # slower than that nothing is left out by extrapolating
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The sound against which others are measured.
+
+    `changes` are the changes by each doubling [dB], the last one last; `before` is the sound one
+    doubling earlier.
+    """
+
+    setting: Setting
+    sound: Floats
+    before: Floats
+    changes: tuple[float, ...]
+
+    @property
+    def order(self) -> float | None:
+        """The observed p, at most the method's own; None if none can be observed."""
+        return self._line()[0]
+
+    @property
+    def floor_db(self) -> float:
+        """Estimated error of the reference as a waveform [dB]."""
+        return self.changes[-1] + 20.0 * log10(self.share)
+
+    @property
+    def share(self) -> float:
+        """The reference's own error over the change of the last doubling."""
+        order, last = self._line()
+        luck: float = 10.0 ** (max(0.0, last - self.changes[-1]) / 20.0)
+        return luck if order is None else luck / float(2.0**order - 1.0)
+
+    def _line(self) -> tuple[float | None, float]:
+        """The order, and the last change [dB], from a straight line through the last changes."""
+        if len(self.changes) < 2 or min(self.changes[-_LOOKED_AT:]) < EXACT_DB:
+            return None, self.changes[-1]
+        steepest = _DOUBLING_DB * (order_of(self.setting.method))
+        row = [self.changes[0]]
+        for change in self.changes[1:]:
+            row.append(max(change, row[-1] - steepest))
+        row = row[-_LOOKED_AT:]
+        fall, start = np.polyfit(np.arange(len(row)), row, 1)
+        last = max(float(start + fall * (len(row) - 1)), row[-1])
+        p = -float(fall) / _DOUBLING_DB
+        return (p, last) if p >= _ORDER_MIN else (None, last)
+
+
+def steps(upto: int) -> tuple[int, ...]:
+    """1, 2, 4 … up to `upto`."""
+    return tuple(2**i for i in range(max(1, upto).bit_length()))
+
+
+def best(sounds: Mapping[Setting, Floats]) -> str | None:
+    """The method whose last doubling changed least, of those in double precision."""
+    found = {}
+    for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
+        row = ladder(sounds, method)
+        if len(row) > 1:
+            found[method] = waveform_db(row[-2][1], row[-1][1])
+    return min(found, key=lambda method: found[method], default=None)
+
+
+def ladder(sounds: Mapping[Setting, Floats], method: str) -> list[tuple[int, Floats]]:
+    """Sounds of one method in double precision, each twice as oversampled as the one before."""
+    row = sorted(
+        ((s.oversampling, sound) for s, sound in sounds.items()
+         if s.method == method and s.precision == "f64"),
+        key=lambda one: one[0],
+    )  # fmt: skip
+    # A run that failed breaks the ladder: only the part above it counts.
+    last = next((i for i in range(len(row) - 1, 0, -1) if row[i][0] != 2 * row[i - 1][0]), 0)
+    return row[last:]
+
+
+def refine(
+    sounds: dict[Setting, Floats],
+    run: Callable[[Setting], Floats | None],
+    *,
+    doublings: int = 2,
+) -> Reference | None:
+    """Take the best method further by `doublings`; None if nothing can be compared.
+
+    `run` returns a sound, or None if it fails; sounds are added to `sounds`.
+    """
+    method = best(sounds)
+    if method is None:
+        return None
+    for _ in range(doublings):
+        row = ladder(sounds, method)
+        if waveform_db(row[-2][1], row[-1][1]) < EXACT_DB:
+            break
+        further = Setting(method, 2 * row[-1][0])
+        sound = run(further)
+        if sound is None:
+            break
+        sounds[further] = sound
+    return _top(sounds, method)
+
+
+def _top(sounds: Mapping[Setting, Floats], method: str) -> Reference:
+    row = ladder(sounds, method)
+    return Reference(Setting(method, row[-1][0]), row[-1][1], row[-2][1], _changes(row))
+
+
+def doubts(sounds: Mapping[Setting, Floats], chosen: Reference) -> list[str]:
+    """Methods that converge to another sound than the reference: one of the two must be wrong."""
+    said = []
+    for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
+        if method == chosen.setting.method or len(ladder(sounds, method)) < 2:
+            continue
+        other = _top(sounds, method)
+        apart = waveform_db(other.sound, chosen.sound)
+        if apart > max(other.floor_db, chosen.floor_db) + _DOUBT_DB:
+            said.append(
+                f"{other.setting} and {chosen.setting} differ by {apart:.0f} dB, though their own "
+                f"errors seem to be {other.floor_db:.0f} and {chosen.floor_db:.0f} dB"
+            )
+    return said
+
+
+def _changes(row: Sequence[tuple[int, Floats]]) -> tuple[float, ...]:
+    """The change of each doubling [dB]."""
+    return tuple(max(waveform_db(one, two), 2.0 * EXACT_DB) for (_, one), (_, two) in pairwise(row))

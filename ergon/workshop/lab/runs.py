@@ -1,0 +1,167 @@
+"""Running a scene by a method, oversampled.
+
+With oversampling S the scene runs at S times the rate, and every S-th frame is kept. Speeds and
+accelerations are derived from the kept frames, so their delay is the same at every S.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from ergon import _core
+from ergon.workshop.lab.energy import share_db
+from ergon.workshop.lab.metrics import Floats
+from ergon.workshop.lab.names import PRECISIONS
+from ergon.workshop.lab.scene import NetworkAndTimeline, Scene
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ergon.workshop.lab.names import Method
+
+_BLOCK = 512  # frames heard between two looks at the clock
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """A way of computing. Method None is the planner's own choice, with everything that it decides.
+
+    The planner can be given an error of the waveform, `budget_db`; without one it plans by ear.
+    """
+
+    method: str | None = "ca"
+    oversampling: int = 1
+    precision: str = "f64"
+    budget_db: float | None = None
+
+    def __str__(self) -> str:
+        """`ca ×4`, `ca ×4 f32`, `planner`, `planner -60 dB`."""
+        if self.method is None:
+            return "planner" if self.budget_db is None else f"planner {self.budget_db:g} dB"
+        precision = "" if self.precision == "f64" else f" {self.precision}"
+        return f"{self.method} ×{self.oversampling}{precision}"
+
+
+@dataclass(frozen=True, slots=True)
+class Oversampled(NetworkAndTimeline):
+    """A scene set up at `times` its rate.
+
+    If `times` is above 1 its outputs are positions, from which `derivatives` makes speeds at the
+    scene's own rate.
+    """
+
+    times: int
+    derived: _core.Network
+    rate: float  # [Hz], the scene's own
+
+    @classmethod
+    def of(cls, scene: Scene, times: int) -> Oversampled:
+        """A scene at `times` its rate. Raises EngineError or StageError."""
+        made = scene.at(scene.rate * times)
+        positions = made.network.undifferentiated()
+        # At its own rate the engine derives speeds itself, and nothing is left to derive.
+        heard, derived = (made.network, positions) if times == 1 else (positions, made.network)
+        return cls(heard, made.timeline, times, derived, scene.rate)
+
+    def derivatives(self) -> _core.Derivatives:
+        """The derivatives still to compute from every `times`-th frame, from frame 0 on."""
+        return _core.Derivatives(self.derived, self.rate)
+
+
+class Run:
+    """A running scene; `spent` is the processor time of its thread so far [s]."""
+
+    def __init__(self, simulation: Any, whole: Oversampled, chosen: str = "") -> None:
+        """Start at frame 0."""
+        self._simulation, self._whole = simulation, whole
+        self._derivatives = whole.derivatives()
+        self._start = simulation.snapshot()
+        self.chosen = chosen
+        self.n_out = int(simulation.n_out)
+        self.spent = 0.0
+
+    def rewind(self) -> None:
+        """Go back to frame 0, and reset the clock."""
+        self._simulation.restore(self._start)
+        self._derivatives = self._whole.derivatives()
+        self.spent = 0.0
+
+    def frames(self, n_frames: int) -> Floats:
+        """The next outputs (n_frames, n_out). Raises DivergedError."""
+        heard = np.empty((n_frames, self.n_out))
+        stride = self._whole.times
+        block = np.empty((min(_BLOCK, n_frames) * stride, self.n_out))
+        for at in range(0, n_frames, _BLOCK):
+            part = block[: min(_BLOCK, n_frames - at) * stride]
+            begin = time.thread_time()
+            self._simulation.process(part)
+            self.spent += time.thread_time() - begin
+            heard[at : at + _BLOCK] = part[::stride]
+        self._derivatives.process(heard)
+        return heard
+
+    def made_db(self) -> float:
+        """The energy that one link or mesh has made over the energy that was there [dB]."""
+        return share_db(self._simulation.created_share())
+
+    def energy(self) -> _core.Energy:
+        """The ledger of a run that keeps one."""
+        ledger: _core.Energy = self._simulation.energy()
+        return ledger
+
+
+def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bool = False) -> Run:
+    """Set a scene up at frame 0.
+
+    Raises EngineError if the engine refuses (UnstableError if the run would diverge).
+    `unchecked` lets the CA scheme run nevertheless, and a mesh by another method too. Raises
+    StageError if the score itself is at fault.
+    """
+    if setting.precision not in PRECISIONS:
+        raise _core.EngineError(f"there is no precision {setting.precision}")
+    whole = Oversampled.of(scene, setting.oversampling)
+    if setting.method == "ca":
+        simulation = _core.Simulation(
+            whole.network, whole.timeline, ledger=ledger, unchecked=unchecked
+        )
+        return Run(simulation, whole)
+    plan = _planned(scene, setting, unchecked=unchecked)
+    simulation = _core.Simulation(whole.network, whole.timeline, plan=plan, ledger=ledger)
+    chosen = "" if setting.method else describe(plan)
+    return Run(simulation, whole, chosen)
+
+
+_SURELY = 64  # times finer, nothing that a map shows is refused
+
+
+def _planned(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
+    """The plan of a scene; if it is refused and `unchecked`, the plan with the choices of a finer
+    one.
+    """
+    method = cast("Method | None", setting.method)
+
+    def plan(finer: int, pins: Sequence[_core.IslandChoice] | None = None) -> _core.Plan:
+        whole = Oversampled.of(scene, setting.oversampling * finer)
+        return _core.Plan(
+            whole.network, whole.timeline, method=method, error_db=setting.budget_db, pins=pins
+        )
+
+    try:
+        return plan(1)
+    except _core.UnstableError as refused:
+        if not unchecked:
+            raise
+        try:
+            # Choices that are given are not certified again.
+            return plan(1, plan(_SURELY).choices())
+        except _core.EngineError:
+            raise refused from None
+
+
+def describe(plan: _core.Plan) -> str:
+    """A plan in a line: `bell: modes, action: stepped`."""
+    return ", ".join(f"{' + '.join(row.parts)}: {row.what}" for row in plan.rows())

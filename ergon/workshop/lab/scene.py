@@ -1,0 +1,82 @@
+"""Scenes that can run at any rate: a network, its timeline, and its outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from ergon import _core
+from ergon.rendering.level import HIGHPASS
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.preparing import prepare
+from ergon.workshop.lab.metrics import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkAndTimeline:
+    """A scene set up at one rate."""
+
+    network: _core.Network
+    timeline: _core.Timeline
+
+
+class Scene(Protocol):
+    """A scene to run. Its parameters are physical, so it is the same instrument at any rate."""
+
+    @property
+    def rate(self) -> float:
+        """Frames a second at which it is heard [Hz]."""
+
+    def at(self, rate: float) -> NetworkAndTimeline:
+        """The scene at a rate. Raises EngineError or StageError."""
+
+    def hear(self, frames: Floats) -> Floats:
+        """Outputs (n_frames, n_out) at the scene's own rate as a sound (n_frames, n_channels)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """A piece, heard as in a rendered file: mixed, without the constant part that displaces
+    loudspeaker cones.
+    """
+
+    piece: Piece
+
+    @property
+    def rate(self) -> float:
+        """The piece's own rate."""
+        return self.piece.rate
+
+    def at(self, rate: float) -> NetworkAndTimeline:
+        """The piece at another rate."""
+        ready = prepare(replace(self.piece, rate=rate))
+        return NetworkAndTimeline(ready.network, ready.timeline)
+
+    def hear(self, frames: Floats) -> Floats:
+        """Mix by the piece's own routes."""
+        listening = prepare(self.piece).built.listening
+        mixed = np.zeros((len(frames), listening.n_channels))
+        mixer = listening.mixer(self.rate, frames.shape[1], highpass=HIGHPASS)
+        mixer.process(np.ascontiguousarray(frames), mixed)
+        return mixed
+
+
+@dataclass(frozen=True, slots=True)
+class Bare:
+    """A network of the laboratory, started by its X0 and V0; its outputs are heard directly."""
+
+    build: Callable[[_core.Network], None]
+    rate: float = 44_100.0
+
+    def at(self, rate: float) -> NetworkAndTimeline:
+        """Build the network anew."""
+        network = _core.Network()
+        self.build(network)
+        return NetworkAndTimeline(network, _core.Timeline(network, rate))
+
+    def hear(self, frames: Floats) -> Floats:
+        """Every output is a channel."""
+        return frames

@@ -1,0 +1,42 @@
+"""Force by which the jump of an input in the first step of a model acts through its links.
+
+Before the first sample an input stands at its x0, then at the first value of its file. A model's
+dampers feel that jump. A score's input begins where its file begins, so the force of the jump
+becomes a strike there, one sample long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ergon import _core
+from ergon.workshop.models.mims.laws import Link
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """A point when the score begins: its position [m], its last step [m], and the jump that its
+    dampers feel [m].
+    """
+
+    x: float
+    step: float = 0.0
+    jump: float = 0.0
+
+
+def kick(law: Link, values: Mapping[str, float], a: Begin, b: Begin) -> float:
+    """The force of the jump on the first end of a link, which the score lacks; the second end has
+    its opposite.
+
+    `values` are those of the statement.
+    """
+    d = b.x - a.x - (0.0 if "thresh" in law.fields else values.get("thresh", 0.0))
+    step, jump = b.step - a.step, b.jump - a.jump
+    if law.kind == "LNL":
+        constants = {letter: values.get(name, 0.0) for letter, name in law.fields.items()}
+        own = _core.Law(law.law or None, law.damping or None, constants)
+        return own.force(d, step + jump) - own.force(d, step)
+    if law.kind == "BUT" and d >= 0.0:
+        return 0.0
+    return values.get("Z", 0.0) * jump

@@ -1,0 +1,83 @@
+"""A model as written: statements with their lines, macros not expanded, values as expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ergon.notation.tables.expressions import Amount, evaluate
+from ergon.notation.text.errors import TextError, quote
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.mims.grammar import Dialect, Family
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A mass, or a place on a macro from 0 to 1, along one or two sides."""
+
+    name: str
+    along: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One line: a name, a word of the grammar, the points that it joins, its values as written."""
+
+    name: str
+    keyword: str
+    family: Family
+    line: int
+    points: tuple[Point, ...]
+    values: Mapping[str, str]
+
+
+@dataclass(slots=True)
+class Model:
+    """A whole model, and the values of its parameters."""
+
+    file: str
+    dialect: Dialect
+    statements: tuple[Statement, ...]
+    params: dict[str, Amount] = field(default_factory=dict)
+    _numbers: dict[str, float] = field(default_factory=dict)  # of expressions that were read
+
+    def of(self, *families: Family) -> tuple[Statement, ...]:
+        """Statements of some families, in order."""
+        return tuple(one for one in self.statements if one.family in families)
+
+    @property
+    def signals(self) -> dict[str, str]:
+        """Parameters that follow a signal, and the input of each."""
+        params = (one for one in self.statements if one.keyword == "audioParam")
+        return {one.name: one.values["input"].removeprefix("@") for one in params}
+
+    @property
+    def inputs(self) -> list[str]:
+        """All inputs, of masses and of parameters."""
+        own = (one.name for one in self.of("input"))
+        return list(dict.fromkeys((*own, *self.signals.values())))
+
+    def value(self, statement: Statement, name: str, default: float = 0.0) -> float:
+        """A value of a statement as a number; `default` where it is left out. Raises ModelError."""
+        text = statement.values.get(name)
+        if text is None:
+            return default
+        return self.number(text, f"{name} of {quote(statement.name)}", statement.line)
+
+    def number(self, text: str, what: str, line: int) -> float:
+        """The value of an expression, computed once. Raises ModelError."""
+        if text not in self._numbers:
+            self._numbers[text] = number(text, self.params, what, line)
+        return self._numbers[text]
+
+
+def number(text: str, params: Mapping[str, Amount], what: str, line: int) -> float:
+    """The value of an expression of parameters. Raises ModelError."""
+    try:
+        found = evaluate(text, params)
+    except TextError as error:
+        message = error.message.replace("name of `let:`, a note or a number", "parameter")
+        raise ModelError(f"{what}: {message}", line, error.suggestion) from None
+    if found.unit:
+        raise ModelError(f"{what}: {quote(text)} is neither a number nor a parameter", line)
+    return float(found.number)

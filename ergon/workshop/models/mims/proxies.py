@@ -1,0 +1,124 @@
+"""Points between masses of a macro as PROXY, at a place or moved by a signal."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from ergon.notation.tables.expressions import Amount
+from ergon.notation.text.errors import quote
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.mims.grammar import STRINGS
+from ergon.workshop.models.mims.model import Model, Point, number
+from ergon.workshop.models.mims.places import Macro
+from ergon.workshop.models.refused import REFUSED
+
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_PROBES = (0.0, 1.0, 2.0, 0.3)  # values of a signal at which a place is asked for
+_CLOSE = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """A place or a value: `start` plus `slope` times a signal; `start` alone if there is no
+    signal.
+    """
+
+    signal: str | None
+    slope: float
+    start: float
+
+
+def signals_in(model: Model, text: str) -> list[str]:
+    """The parameters in an expression that follow a signal."""
+    return [word for word in dict.fromkeys(_WORD.findall(text)) if word in model.signals]
+
+
+def along(model: Model, point: Point, line: int) -> list[Along]:
+    """The position of a point along each side of its macro. Raises ModelError."""
+    return [
+        straight(model, text, f"the place on {quote(point.name)}", line) for text in point.along
+    ]
+
+
+def straight(model: Model, text: str, what: str, line: int) -> Along:
+    """An expression as a linear function of its signal. Raises ModelError."""
+    named = signals_in(model, text)
+    if not named:
+        return Along(None, 0.0, model.number(text, what, line))
+    if len(named) > 1:
+        raise ModelError(REFUSED["two signals"].format(what=what, text=quote(text)), line)
+
+    def at(value: float) -> float:
+        params = {**model.params, named[0]: Amount(Fraction(value), "")}
+        return number(text, params, what, line)
+
+    start, one, *others = (at(value) for value in _PROBES)
+    slope = one - start
+    line_at = (start + slope * value for value in _PROBES[2:])
+    straight = zip(others, line_at, strict=True)
+    if any(abs(found - wanted) > _CLOSE * (1.0 + abs(wanted)) for found, wanted in straight):
+        raise ModelError(REFUSED["curved"].format(what=what, text=quote(text)), line)
+    return Along(named[0], slope, start) if slope else Along(None, 0.0, start)
+
+
+def between_masses(shares: Sequence[tuple[float, str]]) -> str:
+    """A fixed place between masses, as a module."""
+    of = ", ".join(name for _, name in shares)
+    each = ", ".join(repr(share) for share, _ in shares)
+    return f"PROXY: {{of: [{of}], shares: [{each}]}}"
+
+
+def moving(macro: Macro, sides: Sequence[Along], guides: Sequence[str], *, is_2019: bool) -> str:
+    """A point that signals move, as a module; `guides` are the MATs whose positions are the
+    signals.
+    """
+    counts = (macro.columns,) if macro.of.keyword in STRINGS else (macro.rows, macro.columns)
+    said = [f"of: {_row(macro)}"]
+    if " " in said[0] and len(counts) > 1:
+        said.append(f"columns: {macro.columns - 2 * _has_rim(macro)}")
+    if _has_rim(macro):
+        macro.is_joined = True
+        said.append(f"rim: {macro.edge}")
+    said.append(f"follows: {_list(list(guides))}")
+    offsets, spans = [], []
+    for side, count in zip(sides, counts, strict=True):
+        # The laws of 2019 take N in place of N - 1, and hold a point beyond the last mass at the
+        # last mass.
+        reach = (count - 1) / count if is_2019 else 1.0
+        slope = side.slope if side.signal else 1.0
+        spans.append(f"{reach / slope!r}m")
+        offsets.append(f"{side.start / slope if side.signal else 0.0!r}m")
+    if any(offset != "0.0m" for offset in offsets):
+        said.append(f"offset: {_list(offsets)}")
+    if any(span != "1.0m" for span in spans):
+        said.append(f"span: {_list(spans)}")
+    return f"PROXY: {{{', '.join(said)}}}"
+
+
+def _list(items: list[str]) -> str:
+    return items[0] if len(items) == 1 else f"[{', '.join(items)}]"
+
+
+def _has_rim(macro: Macro) -> bool:
+    """Whether fixed points surround the moving points, and lie nowhere else."""
+    keyword = macro.of.keyword
+    return keyword in ("string", "stiffString") or (keyword == "closedMesh" and macro.rows > 3)
+
+
+def _row(macro: Macro) -> str:
+    """The masses, row by row."""
+    if macro.of.keyword in STRINGS or (macro.is_whole and macro.rows != 3):
+        return macro.name
+    if _has_rim(macro):
+        return _list([macro.row(row) for row in range(1, macro.rows - 1)])
+    every: list[str] = []
+    for row in range(macro.rows):
+        first, count = macro.span(row)
+        held = [macro.edge] * first
+        macro.is_joined = macro.is_joined or bool(held) or not count
+        whole = macro.member(row, first, count) if count else ""
+        every += [*held, whole, *held] if count else [macro.edge] * macro.columns
+    return f"[{', '.join(every)}]"

@@ -1,0 +1,279 @@
+"""Reads the text of a `.mdl` file into a `Model`, in both dialects."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+from pathlib import Path
+
+from ergon.common.regular import read_bounded
+from ergon.notation.tables.expressions import Amount
+from ergon.notation.text.errors import quote
+from ergon.notation.text.spelling import nearest
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.mims.faust import script
+from ergon.workshop.models.mims.grammar import FORMS, MESHES, NAMES, Dialect, Form
+from ergon.workshop.models.mims.model import Model, Point, Statement, number
+
+BYTES_MAX = 16 << 20
+LINES_MAX = 200_000
+CHARACTERS_MAX = 1_000  # of a line that says something
+_LINE_END = re.compile(r"\r\n|\r|\n")
+_NAME = re.compile(r"@[A-Za-z_]\w{0,63}")
+_V2_WORD = re.compile(r"[^\s\[\]]+|\[[^\[\]]*\]")
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_CHANNEL = {"input": re.compile(r"in([1-9]\d?)"), "output": re.compile(r"out([1-9]\d?)")}
+_DISPLAYED = ("ground", "mass", "massG", "osc", "posInput")  # v1: a buffer, x and y may follow
+
+
+def text_of(path: Path) -> str:
+    """The text of a model, or of the script in a Faust program (`.dsp`).
+
+    Raises ModelError if the file has neither, and OSError.
+    """
+    text = _text_of(path)
+    return script(text) if path.suffix.lower() == ".dsp" else text
+
+
+def _text_of(path: Path) -> str:
+    data = read_bounded(path, BYTES_MAX)
+    if len(data) > BYTES_MAX:
+        raise ModelError(f"it is larger than {BYTES_MAX >> 20} MB")
+    if b"\0" in data:
+        raise ModelError(
+            "it is not text: it has null bytes", data[: data.index(b"\0")].count(10) + 1
+        )
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")  # comments of older editors
+
+
+def is_table(text: str) -> bool:
+    """Whether a text is rows of three or four numbers, as a table of resonances is."""
+    lines = (line.replace(",", " ").split() for line in text.splitlines())
+    rows = [words for words in lines if words and words[0][0] not in ";#"]
+    return bool(rows) and all(
+        len(words) in (3, 4) and all(map(_NUMBER.fullmatch, words)) for words in rows
+    )
+
+
+def parse(text: str, dialect: Dialect, file: str = "", given: Mapping[str, str] = {}) -> Model:
+    """A model in one dialect; `given` are values of parameters by name. Raises ModelError."""
+    words = _v1_words if dialect == "v1" else _v2_words
+    lines = _LINE_END.split(text)
+    if len(lines) > LINES_MAX:
+        raise ModelError(f"it has more than {LINES_MAX:,} lines", LINES_MAX + 1)
+    try:
+        rows = [(at, row) for at, line in enumerate(lines, 1) if (row := words(line, at))]
+        if not rows:
+            raise ModelError(
+                f"it says nothing in {NAMES[dialect]}: no line begins with @ and a name"
+            )
+        macros = {row[0][1:] for _, row in rows if _family(row, dialect) == "macro"}
+        statements = tuple(_statement(at, row, dialect, macros) for at, row in rows)
+        model = Model(file, dialect, statements)
+        _refuse_duplicate_names(model)
+        model.params = _params(model, given)
+        _known_points(model, macros)
+        for one in statements:
+            _numbers(model, one)
+    except ModelError as error:
+        error.file = file
+        raise
+    return model
+
+
+# --- lines --------------------------------------------------------------------------------------
+
+
+def _v1_words(line: str, at: int) -> tuple[str, ...]:
+    said = line.split("#", 1)[0].strip()
+    if said and not said.startswith("@"):
+        raise ModelError("a line begins with @ and a name, or with # for a comment", at)
+    return _bounded(tuple(said.split()), line, at)
+
+
+def _v2_words(line: str, at: int) -> tuple[str, ...]:
+    said = line.strip()
+    if said.startswith("~") and not re.match(r"~(begin|end)\s+\S", said):
+        raise ModelError("a buffer is `~begin NAME`, later `~end NAME`", at)
+    if not said.startswith("@"):
+        return ()
+    words = _bounded(tuple(_V2_WORD.findall(said)), line, at)
+    if re.sub(r"\s", "", "".join(words)) != re.sub(r"\s", "", said):
+        raise ModelError("brackets do not match; a value in brackets is [a + b]", at)
+    for word in words:
+        if word.startswith("#"):
+            message = "a comment behind a statement is read as values; give it a line of its own"
+            raise ModelError(message, at)
+        if "+" in word and not word.startswith("["):
+            message = f"{quote(word)} is taken apart at the +; write it in brackets, [a + b]"
+            raise ModelError(message, at)
+    return words
+
+
+def _bounded(words: tuple[str, ...], line: str, at: int) -> tuple[str, ...]:
+    if words and len(line) > CHARACTERS_MAX:
+        raise ModelError(f"a line has at most {CHARACTERS_MAX:,} characters", at)
+    return words
+
+
+def _family(row: tuple[str, ...], dialect: Dialect) -> str:
+    form = FORMS[dialect].get(row[1]) if len(row) > 1 else None
+    return "" if form is None else form.family
+
+
+# --- statements ---------------------------------------------------------------------------------
+
+
+def _statement(line: int, row: tuple[str, ...], dialect: Dialect, macros: set[str]) -> Statement:
+    name, *words = row
+    if not _NAME.fullmatch(name):
+        message = f"{quote(name)} is not a name: write @, a letter, then letters, digits and _"
+        raise ModelError(message, line)
+    if not words:
+        raise ModelError(f"{name} says nothing: a word such as mass or spring follows", line)
+    keyword, *rest = words
+    form = FORMS[dialect].get(keyword)
+    if form is None:
+        message = f"{quote(keyword)} is not a word of {NAMES[dialect]}"
+        raise ModelError(message, line, nearest(keyword, FORMS[dialect]))
+    if len(rest) < form.points:
+        raise ModelError(f"{keyword} is written {form.words}", line)
+    ends, values = rest[: form.points], rest[form.points :]
+    points = tuple(_point(end, line) for end in ends)
+    if dialect == "v1":
+        points, values = _v1_points(points, values, macros, keyword, line)
+        if keyword in _DISPLAYED and len(values) == len(form.values) + 3:
+            values = values[:-3]
+    said = _values(form, [word.strip("[]").strip() for word in values], keyword, line)
+    if "x0" in said:
+        said["x0"] = _height(said["x0"], line)
+    if "v0" in said:
+        said["v0"] = _height(said["v0"], line)
+    channel = _CHANNEL.get(form.family)
+    if channel is not None and not channel.fullmatch(name[1:]):
+        message = f"{name} has no number of a channel: write @in1 to @in99, @out1 to @out99"
+        raise ModelError(message, line)
+    return Statement(name[1:], keyword, form.family, line, points, said)
+
+
+def _point(word: str, line: int) -> Point:
+    name, *along = word.strip("[]").split(None, 1)[:2] if word.strip("[] ") else ("",)
+    if not _NAME.fullmatch(name):
+        raise ModelError(f"{quote(word)} is not a point: write @ and its name", line)
+    return Point(name[1:], tuple(along[0].split()) if along else ())
+
+
+def _v1_points(
+    points: tuple[Point, ...], values: list[str], macros: set[str], keyword: str, line: int
+) -> tuple[tuple[Point, ...], list[str]]:
+    """The places on macros, which stand after the values, in the order of the points."""
+    on = [point for point in points if point.name in macros]
+    if len(values) < len(on):
+        raise ModelError(f"{keyword}: where on {quote(on[0].name)} is left out", line)
+    places = iter(values[len(values) - len(on) :])
+    found = tuple(
+        Point(point.name, tuple(next(places).split(":"))) if point.name in macros else point
+        for point in points
+    )
+    return found, values[: len(values) - len(on)]
+
+
+def _values(form: Form, words: list[str], keyword: str, line: int) -> dict[str, str]:
+    least = len(form.values) + len(form.after)
+    if not least <= len(words) <= least + len(form.optional) or not all(words):
+        raise ModelError(
+            f"{keyword} is written {form.words}; here it has {len(words)} values", line
+        )
+    names = (*form.values, *form.optional[: len(words) - least], *form.after)
+    return dict(zip(names, words, strict=True))
+
+
+def _height(text: str, line: int) -> str:
+    """The third component of [x y z], the only one that moves; or the number as written."""
+    words = text.split()
+    if len(words) == 1 or not all(re.fullmatch(r"[+-]?[\d.eE+-]+", word) for word in words):
+        return text
+    if len(words) != 3:
+        raise ModelError(f"{quote(text)}: a position has one number, or three in brackets", line)
+    return words[2]
+
+
+# --- what statements mean together --------------------------------------------------------------
+
+
+def _refuse_duplicate_names(model: Model) -> None:
+    seen: dict[str, int] = {}
+    for one in model.statements:
+        if model.dialect == "v1" and one.family == "link":
+            continue  # MIMS has no use for the names of links
+        if one.name in seen:
+            message = f"{quote(one.name)} is the name of line {seen[one.name]} already"
+            raise ModelError(message, one.line)
+        seen[one.name] = one.line
+
+
+def _params(model: Model, given: Mapping[str, str]) -> dict[str, Amount]:
+    found: dict[str, Amount] = {}
+    own = {one.name: one for one in model.of("param")}
+    for name in given:
+        if name not in own:
+            raise ModelError(f"{quote(name)} is not a parameter", 0, nearest(name, own))
+    for name, one in own.items():
+        if one.keyword == "audioParam":
+            if not re.fullmatch(r"@in[1-9]\d?", one.values["input"]):
+                raise ModelError(f"{quote(name)} needs an input, such as @in1", one.line)
+            found[name] = Amount(Fraction(0), "")
+            continue
+        text = given.get(name, one.values["value"])
+        value = number(text, {}, f"parameter {quote(name)}", one.line)
+        found[name] = Amount(Fraction(value), "")
+    return found
+
+
+def _known_points(model: Model, macros: set[str]) -> None:
+    known = {one.name: one for one in model.of("mass", "macro") if one.name not in macros}
+    inputs = {one.name for one in model.of("input") if one.keyword == "posInput"}
+    masses = {*known, *inputs}
+    kinds = {one.name: one.keyword for one in model.of("macro")}
+    for statement in model.statements:
+        for point in statement.points:
+            if point.name in macros:
+                sides = 2 if kinds[point.name] in MESHES else 1
+                if len(point.along) != sides:
+                    way = "one number from 0 to 1" if sides == 1 else "two numbers from 0 to 1"
+                    message = f"a point of {quote(point.name)} needs {way}"
+                    raise ModelError(message, statement.line)
+            elif point.name not in masses:
+                message = f"{quote('@' + point.name)} is not a mass of this model"
+                suggestion = nearest(point.name, (*masses, *macros))
+                raise ModelError(message, statement.line, suggestion)
+            elif point.along:
+                message = f"{quote(point.name)} is not a macro and has no places"
+                raise ModelError(message, statement.line)
+
+
+def _numbers(model: Model, one: Statement) -> None:
+    """Check that every value is a number, even if it is not used later."""
+    for name in _values_of(one):
+        model.value(one, name)
+        if model.dialect == "v2" and name in ("x0", "v0") and not _is_plain(one.values[name]):
+            message = f"{name} of {quote(one.name)} is a plain number in mi-gen, no parameter"
+            raise ModelError(message, one.line)
+    for point in one.points:
+        for along in point.along:
+            model.number(along, f"the place on {quote(point.name)}", one.line)
+    for name in ("N", "L", "W"):
+        if name in one.values and not re.fullmatch(r"[1-9]\d{0,6}", one.values[name]):
+            raise ModelError(f"{name} of {quote(one.name)} is a whole number above 0", one.line)
+
+
+def _is_plain(text: str) -> bool:
+    return re.fullmatch(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?", text) is not None
+
+
+def _values_of(one: Statement) -> Iterator[str]:
+    return (name for name in one.values if name != "input" and one.family != "param")

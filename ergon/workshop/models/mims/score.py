@@ -1,0 +1,83 @@
+"""A model as a score under `units: ca`, which sounds the same sample for sample."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from fractions import Fraction
+
+from ergon.notation.tables.expressions import Amount
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.mims.grammar import NAMES
+from ergon.workshop.models.mims.heard import heard_ends, output
+from ergon.workshop.models.mims.laws import Laws
+from ergon.workshop.models.mims.links import link
+from ergon.workshop.models.mims.masses import MAKERS, push
+from ergon.workshop.models.mims.model import Model
+from ergon.workshop.models.mims.writing import Writing
+from ergon.workshop.models.naming import Params, metres
+from ergon.workshop.models.page import RATE, Input, Line, Page, number
+
+
+def written(
+    model: Model, laws: Laws = "head", inputs: Mapping[str, Input] | None = None, title: str = ""
+) -> str:
+    """The text of a score with the same sound as a model. Raises ModelError with the line at fault.
+
+    `laws`: those that mi-gen had in 2019, for which older models were made, or today's.
+    """
+    params = (one.name for one in model.of("param") if one.name not in model.signals)
+    inputs = inputs or {}
+    firsts = {
+        signal: Amount(Fraction(inputs[source].first), "")
+        for signal, source in model.signals.items()
+        if source in inputs
+    }
+    if firsts:
+        model = replace(model, params={**model.params, **firsts}, _numbers={})
+    own = Writing(model, laws, inputs, Params(params))
+    try:
+        for one in model.of("mass", "macro", "input"):
+            MAKERS[one.keyword](own, one)
+        for one in model.of("input"):
+            push(own, one)
+        heard = heard_ends(own)
+        for one in model.of("link"):
+            link(own, one, heard)
+        for one in model.of("output"):
+            output(own, one)
+    except ModelError as error:
+        error.file = model.file
+        raise
+    for macro in own.macros.values():
+        if macro.is_joined:
+            place = "" if macro.height == "0" else f"X0: {metres(macro.height)}"
+            own.add(macro.edge, f"SOL: {{{place}}}", f"the fixed points of {macro.name}")
+    return _page(own, title).written()
+
+
+def _page(own: Writing, title: str) -> Page:
+    model = own.model
+    of = "2019" if own.laws == "2019" else "today"
+    params = {one.name: float(model.params[one.name].number) for one in model.of("param")}
+    params = {name: value for name, value in params.items() if name not in model.signals}
+    fed = [name for name in model.inputs if name in own.inputs]
+    return Page(
+        head=[
+            f"From {title or 'a model'}, in the language of {NAMES[model.dialect]}, laws of {of}.",
+            f"One sample is 1/{RATE} s; the numbers are those of the discrete network.",
+        ],
+        parameters=[Line(own.params.of[name], number(value)) for name, value in params.items()],
+        inputs={name: own.inputs[name] for name in fed} | own.takes,
+        pushes=[one.name for one in model.of("input") if one.keyword == "frcInput"],
+        modules=own.modules,
+        outs=own.outs,
+        before_strikes=["An input jumps to its first value, which the model's dampers feel."],
+        strikes=list(_strikes(own)),
+    )
+
+
+def _strikes(own: Writing) -> Iterator[Line]:
+    for target, force in own.kicks.items():
+        name = own.names.new(f"{target.replace('.', '_')}_kick")
+        yield Line(name, f"{{to: model.{target}, at: 0s, impulse: {force / RATE!r}Ns}}")

@@ -1,0 +1,57 @@
+"""A score in the making: what has been written of a model so far."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ergon.notation.text.errors import quote
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.mims import places
+from ergon.workshop.models.mims.kicks import Begin
+from ergon.workshop.models.mims.laws import Laws
+from ergon.workshop.models.mims.model import Model, Statement
+from ergon.workshop.models.mims.proxies import signals_in
+from ergon.workshop.models.naming import Names, Params
+from ergon.workshop.models.page import Input, Line, Out
+from ergon.workshop.models.refused import REFUSED
+
+
+@dataclass(slots=True)
+class Writing:
+    """A score in the making; `model` has its signals at their first values."""
+
+    model: Model
+    laws: Laws
+    inputs: Mapping[str, Input]
+    params: Params
+    names: Names = field(default_factory=Names)
+    modules: list[Line] = field(default_factory=list)
+    targets: dict[str, str] = field(default_factory=dict)  # of masses
+    macros: dict[str, places.Macro] = field(default_factory=dict)
+    links: list[tuple[Statement, str]] = field(default_factory=list)  # with the module's name
+    outs: list[Out] = field(default_factory=list)
+    begins: dict[str, Begin] = field(default_factory=dict)  # of masses and inputs
+    held: set[str] = field(default_factory=set)  # what no force moves
+    kicks: dict[str, float] = field(default_factory=dict)  # forces in the first sample
+    proxies: dict[tuple[object, ...], str] = field(default_factory=dict)  # by where they are
+    guides: dict[str, str] = field(default_factory=dict)  # what has the value of a signal
+    ahead: dict[str, str] = field(default_factory=dict)  # takes by the inputs that they lead
+    takes: dict[str, Input] = field(default_factory=dict)  # beside those of inputs
+
+    def add(self, name: str, text: str, comment: str = "") -> None:
+        """Add a module."""
+        self.modules.append(Line(name, f"{{{text}}}", comment))
+
+    def text(self, one: Statement, name: str, default: str = "0") -> str:
+        """A value as an expression of the score."""
+        expression = one.values.get(name, default)
+        for signal in signals_in(self.model, expression):
+            message = REFUSED["signal"].format(name=quote(signal), value=name)
+            raise ModelError(message, one.line)
+        return self.params.written(expression)
+
+    def value(self, one: Statement, name: str, default: float = 0.0) -> float:
+        """A value as a number."""
+        self.text(one, name)
+        return self.model.value(one, name, default)

@@ -1,0 +1,185 @@
+"""From a model file of miPhysics (XML) to its masses and links, each with its line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from ergon.notation.text.errors import quote
+from ergon.notation.text.spelling import nearest
+from ergon.workshop.models.errors import ModelError
+
+MOST = 200_000  # elements
+_MOST_DEPTH = 8
+_PLACE = ("initPos.x", "initPos.y", "initPos.z")
+_SPEED = ("initVel.x", "initVel.y", "initVel.z")
+
+# The values of each kind; those of masses begin with their place.
+MASSES: Mapping[str, tuple[str, ...]] = {
+    "Ground3D": _PLACE,
+    "Mass3D": (*_PLACE, *_SPEED, "mass"),
+    "Ground1D": _PLACE,
+    "Mass1D": (*_PLACE, *_SPEED, "mass"),
+    "Osc1D": (*_PLACE, *_SPEED, "mass", "stiffness", "damping"),
+}
+LINKS: Mapping[str, tuple[str, ...]] = {
+    "Spring3D": ("stiffness", "drest"),
+    "Damper3D": ("damping",),
+    "SpringDamper3D": ("stiffness", "damping", "drest"),
+    "Rope3D": ("stiffness", "damping", "drest"),
+    "Bubble3D": ("stiffness", "damping", "drest"),
+    "Contact3D": ("stiffness", "damping", "drest"),
+    "PlaneContact3D": ("stiffness", "damping", "drest", "orientation", "position"),
+    "SpringDamper1D": ("stiffness", "damping", "drest"),
+}
+_REFUSED = {
+    "Osc3D": "a point in space that its own place pulls back is not built yet",
+    "Mass2DPlane": "a mass that stays in a plane is not built yet",
+    "Mass3DSimple": "it has gone from miPhysics, and nothing says what it was",
+    "HapticInput3D": "a device in space is not built yet",
+    "PosInput3D": "a device in space is not built yet",
+    "Attractor3D": "its law of distance is not built yet",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A mass or a link: its kind, its name, the masses that it joins, and its values by name."""
+
+    kind: str
+    name: str
+    ends: tuple[str, ...]
+    values: Mapping[str, float]
+    line: int
+
+
+@dataclass(slots=True)
+class Network:
+    """The content of a file; gravity [m per sample²] acts against the third axis."""
+
+    gravity: float = 0.0
+    friction: float = 0.0
+    masses: list[Part] = field(default_factory=list)
+    links: list[Part] = field(default_factory=list)
+
+
+def is_model(text: str) -> bool:
+    """Whether a text is XML with masses, as miPhysics writes it."""
+    return text.lstrip().startswith("<") and "<MAT>" in text[:20_000]
+
+
+def parse(text: str) -> Network:
+    """The masses and links of a file. Raises ModelError with the line at fault."""
+    reading = _Reading()
+    parser = expat.ParserCreate("utf-8")
+    # Only a document type can declare entities: without one, nothing expands and nothing is loaded.
+    parser.StartDoctypeDeclHandler = reading.refuse
+    parser.StartElementHandler = reading.start
+    parser.EndElementHandler = reading.end
+    reading.line = lambda: parser.CurrentLineNumber
+    try:
+        parser.Parse(text.encode("utf-8", "replace"), True)
+    except expat.ExpatError as error:
+        what = expat.errors.messages[error.code]
+        raise ModelError(f"the XML is not well formed: {what}", error.lineno) from None
+    if not reading.found.masses:
+        raise ModelError("it has no masses", parser.CurrentLineNumber)
+    return reading.found
+
+
+class _Reading:
+    def __init__(self) -> None:
+        self.found, self.path, self.count = Network(), list[str](), 0
+        self.names: dict[str, int] = {}
+        self.gravity, self.direction = 0.0, (0.0, 0.0, 1.0)
+        self.line: Callable[[], int] = int
+
+    def refuse(self, *_: object) -> None:
+        raise ModelError("the XML has a document type, which is not read", self.line())
+
+    def start(self, tag: str, given: dict[str, str]) -> None:
+        self.count += 1
+        self.path.append(tag)
+        if self.count > MOST:
+            raise ModelError(f"the XML has more than {MOST:,} elements", self.line())
+        if len(self.path) > _MOST_DEPTH:
+            raise ModelError(f"elements are nested deeper than {_MOST_DEPTH}", self.line())
+        where = self.path[1:]
+        if len(where) == 1 and tag not in ("global", "MAT", "Link", "Interaction"):
+            known = ("global", "MAT", "Link")
+            raise ModelError(
+                f"{quote(tag)} is not part of a model", self.line(), nearest(tag, known)
+            )
+        if len(where) == 2 and where[0] == "global":
+            self.whole(tag, given)
+        if len(where) == 3 and where[0] == "MAT":
+            self.part(where[1], given, MASSES, self.found.masses)
+        elif len(where) == 3 and where[0] in ("Link", "Interaction"):
+            self.part(where[1], given, LINKS, self.found.links)
+
+    def end(self, tag: str) -> None:
+        self.path.pop()
+        if tag == "global":
+            along = [self.gravity * one for one in self.direction]
+            if along[0] or along[1] or along[2] < 0.0:
+                message = "gravity goes along another axis than z, which is not built yet"
+                raise ModelError(message, self.line())
+            self.found.gravity = along[2]
+
+    def whole(self, tag: str, given: Mapping[str, str]) -> None:
+        if tag == "gravity":
+            self.gravity = self.number(given, "gravity")
+        elif tag == "friction":
+            self.found.friction = self.number(given, "friction")
+            if self.found.friction < 0.0:
+                raise ModelError("friction is below 0, which gives energy", self.line())
+        elif tag == "vector":
+            x, y, z = (self.number(given, f"pos.{axis}") for axis in "xyz")
+            self.direction = (x, y, z)
+        else:
+            known = ("gravity", "friction", "vector")
+            message = f"{quote(tag)} is not part of what holds for all"
+            raise ModelError(message, self.line(), nearest(tag, known))
+
+    def part(
+        self,
+        kind: str,
+        given: Mapping[str, str],
+        forms: Mapping[str, tuple[str, ...]],
+        into: list[Part],
+    ) -> None:
+        at = self.line()
+        if kind in _REFUSED:
+            raise ModelError(f"{kind}: {_REFUSED[kind]}", at)
+        if kind not in forms:
+            what = "masses" if forms is MASSES else "links"
+            message = f"{quote(kind)} is not a kind of {what}"
+            raise ModelError(message, at, nearest(kind, forms))
+        name = given.get("name", "")
+        if not name:
+            raise ModelError(f"a {kind} has no name", at)
+        if forms is MASSES:  # links may have one name, for nothing calls them
+            if name in self.names:
+                raise ModelError(f"{quote(name)} is the name of line {self.names[name]} too", at)
+            self.names[name] = at
+        ends: tuple[str, ...] = ()
+        if forms is LINKS:
+            ends = (given.get("m1", ""),)
+            if kind != "PlaneContact3D":
+                ends += (given.get("m2", ""),)
+        values = {one: self.number(given, one) for one in forms[kind]}
+        into.append(Part(kind, name, ends, values, at))
+
+    def number(self, given: Mapping[str, str], name: str) -> float:
+        text = given.get(name)
+        if text is None:
+            raise ModelError(f"{name} is missing", self.line())
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or "_" in text:
+            raise ModelError(f"{name} is {quote(text)}, which is not a number", self.line())
+        return value

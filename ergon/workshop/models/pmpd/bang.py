@@ -1,0 +1,42 @@
+"""The first bang of pmpd, in which links do not act yet."""
+
+from __future__ import annotations
+
+from ergon.workshop.models.pmpd.network import Link, Network
+from ergon.workshop.models.pmpd.tables import table
+
+
+def first_bang(network: Network) -> dict[int, float]:
+    """Move the masses by one bang; returns the forces that links then have in addition to those of
+    a score's links.
+
+    In its first bang pmpd moves masses by the forces sent to it, then reads the links for the
+    first time. Their dampers feel all movement since they were made.
+    """
+    for one in network.masses:
+        if one.is_mobile:
+            one.v += one.f / one.M
+            one.x += one.v
+        else:
+            one.v = 0.0
+    kicks: dict[int, float] = {}
+    for link in network.links:
+        a, b = network.masses[link.a], network.masses[link.b]
+        length = a.x - b.x
+        felt, moved = length - link.before, a.v - b.v
+        # A score's damper feels the step of a mass too, so only the rest counts, above rounding.
+        if abs(felt - moved) <= 1e-12 * max(abs(length), abs(link.before)):
+            continue
+        if not (link.Lmin <= length < link.Lmax) or length == 0.0:
+            continue
+        more = _damping(network, link, felt) - _damping(network, link, moved)
+        kicks[link.a] = kicks.get(link.a, 0.0) - more
+        kicks[link.b] = kicks.get(link.b, 0.0) + more
+    return {at: f for at, f in kicks.items() if f and network.masses[at].is_mobile}
+
+
+def _damping(network: Network, link: Link, step: float) -> float:
+    if link.tables is None:
+        return link.D * step
+    _, _, array, length = link.tables
+    return link.D * table(network.arrays, array, link.line).at(step / length)

@@ -1,0 +1,341 @@
+"""Interpreter of pmpd's messages: the masses, links and ports that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+from ergon.notation.text.errors import quote
+from ergon.notation.text.spelling import nearest
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.pmpd.network import MOST_PORTS, Asked, Link, Mass, Network, Port
+from ergon.workshop.models.pmpd.reading import MOST, Message, number
+from ergon.workshop.models.pmpd.words import FORMS, OBJECTS, REFUSED, Object, Value, written
+
+_ANY_TIME = ("bang", "print", "infosL", "reset")
+_KINDS = {"mass": "masses", "link": "links", "NLlink": "nl_links"}
+
+
+def network(kind: Object, messages: Sequence[Message]) -> Network:
+    """The masses and links that messages make. Raises ModelError with the line at fault."""
+    made = Network(kind)
+    arrays = {
+        one.rest[at]
+        for one in messages
+        if one.word == "tabLink"
+        for at in (3, 5)
+        if at < len(one.rest)
+    }
+    for nth, message in enumerate(messages):
+        if nth == 0 and message.word in OBJECTS:
+            _created(made, message)
+        elif kind == "pmpd" and message.word in arrays:
+            _array(made, message)
+        else:
+            _obey(made, message)
+    if not made.masses:
+        raise ModelError("it makes no mass", messages[-1].line if messages else 0)
+    return made
+
+
+def _created(made: Network, message: Message) -> None:
+    """Create the object as a patch writes it: `pmpd~ 1 2` has one inlet and two outlets."""
+    values = [number(word) for word in message.rest]
+    if made.kind == "pmpd":
+        return  # how many masses and links it has room for
+    if message.rest[:1] == ("-m",):
+        values = values[1:]
+    if None in values:
+        raise ModelError("pmpd~ is written pmpd~ [inlets] [outlets]", message.line)
+    given = [int(value or 0.0) for value in values]
+    inlets, outlets, loops = (max(1, one) for one in (*given, *[1] * 3)[:3])
+    if loops > 1:
+        message_text = f"{loops} steps in a sample are not built yet; a score has one"
+        raise ModelError(message_text, message.line)
+    made.n_ports = min(inlets, MOST_PORTS), min(outlets, MOST_PORTS)
+
+
+def _array(made: Network, message: Message) -> None:
+    """Set an array as Pure Data does: `NAME resize 5`, or `NAME 0 1 2` for values from an index
+    on.
+    """
+    first, *rest = message.rest or ("",)
+    values = [number(word) for word in rest]
+    start = number(first)
+    own = made.arrays.setdefault(message.word, [])
+    if first == "resize" and len(values) == 1 and values[0] is not None:
+        size = _whole(values[0], 1, MOST, "a size", message.line)
+        own[size:] = []
+        own += [0.0] * (size - len(own))
+    elif start is not None and None not in values:
+        at = _whole(start, 0, MOST, "an index", message.line)
+        own += [0.0] * (min(at + len(values), MOST) - len(own))
+        own[at : at + len(values)] = [value for value in values if value is not None]
+    else:
+        example = f"{message.word} resize 3; {message.word} 0 0.5 1 2"
+        raise ModelError(f"an array is written {example}", message.line)
+
+
+def _obey(made: Network, message: Message) -> None:
+    forms = FORMS[made.kind]
+    form = forms.get(message.word)
+    line = message.line
+    if form is None:
+        if message.word in REFUSED:
+            raise ModelError(f"{message.word}: {REFUSED[message.word]}", line)
+        if number(message.word) is not None:
+            raise ModelError("a message begins with a word, and this one with a number", line)
+        (other,) = (name for name in OBJECTS if name != made.kind)
+        of = f"; it is one of [{other}]" if message.word in FORMS[other] else ""
+        near = None if of else nearest(message.word, forms)
+        raise ModelError(f"{quote(message.word)} is not a word of [{made.kind}]{of}", line, near)
+    least = sum(value.default is None for value in form)
+    if not least <= len(message.rest) <= len(form):
+        said = f"{written(message.word, form)}; here it has {len(message.rest)} values"
+        raise ModelError(f"{message.word} is written {said}", line)
+    if made.has_run and message.word not in _ANY_TIME and not _asks(message.word):
+        why = "masses and links that change while it plays are not built yet"
+        raise ModelError(f"{message.word} behind the first bang: {why}", line)
+    values = [
+        _value(made, value, message.rest[at] if at < len(message.rest) else value.default, line)
+        for at, value in enumerate(form)
+    ]
+    _MAKERS[made.kind, message.word](made, message.word, line, *values)
+
+
+def _asks(word: str) -> bool:
+    return word.startswith("mass") and word != "mass"
+
+
+def _value(made: Network, value: Value, word: str | None, line: int) -> Any:
+    """The value of a word, by the kind of value that is expected."""
+    if not word:  # left out: all masses, or nothing
+        return list(range(len(made.masses))) if value.kind == "masses" else None
+    found = number(word)
+    if value.kind == "class":
+        if found is not None:
+            raise ModelError(f"{quote(word)}: a class is a word, and a number names none", line)
+        return word
+    if value.kind == "array":
+        return word
+    own = {"masses": "masses", "links": "links"}.get(value.kind)
+    if own is not None:
+        things = getattr(made, own)
+        if found is None:
+            of = [at for at, one in enumerate(things) if one.of == word]
+            if not of:
+                near = nearest(word, {one.of for one in things})
+                raise ModelError(f"no {own} are called {quote(word)}", line, near)
+            return of
+        return [_index(made, own, found, line)]
+    if found is None:
+        raise ModelError(f"{value.name} is {quote(word)}, which is not a number", line)
+    if value.kind in _KINDS:
+        return _index(made, _KINDS[value.kind], found, line)
+    if value.kind == "port":
+        most = made.n_ports[value.name == "outlet"]
+        return _whole(found, 0, most - 1, f"{value.name}", line)
+    return found
+
+
+def _index(made: Network, of: str, value: float, line: int) -> int:
+    things = getattr(made, of)
+    what = {"masses": "mass", "links": "link", "nl_links": "NLlink"}[of]
+    if not things:
+        raise ModelError(f"there is no {what} yet", line)
+    return _whole(value, 0, len(things) - 1, what, line)
+
+
+def _whole(value: float, least: int, most: int, what: str, line: int) -> int:
+    if value != int(value) or not least <= value <= most:
+        raise ModelError(f"{what} is {value:g}: a whole number from {least} to {most:,}", line)
+    return int(value)
+
+
+# --- what each word does ------------------------------------------------------------------------
+
+
+def _room(things: Sequence[object], line: int) -> None:
+    if len(things) >= MOST:
+        raise ModelError(f"there are more than {MOST:,} masses or links", line)
+
+
+def _mass_audio(made: Network, word: str, line: int, M: float, x: float) -> None:
+    _room(made.masses, line)
+    made.masses.append(Mass("mass", M > 0.0, M, x, line))
+
+
+def _mass(made: Network, word: str, line: int, of: str, mobile: float, M: float, x: float) -> None:
+    _room(made.masses, line)
+    made.masses.append(Mass(of, int(mobile) > 0, M if M > 0.0 else 1.0, x, line))
+
+
+def _link_audio(
+    made: Network, word: str, line: int, a: int, b: int, K: float, D: float, *rest: float
+) -> None:
+    Pow, L, low, high = rest or (1.0, 0.0, -1e6, 1e6)
+    things = made.nl_links if word == "NLlink" else made.links
+    _room(things, line)
+    if a == b:
+        raise ModelError(f"{word} joins mass {a} to itself", line)
+    things.append(Link(word, f"{word}~", a, b, K, D, Pow, L, low, high, 0.0, line))
+
+
+def _joined(made: Network, a: list[int], b: list[int], line: int) -> Iterator[tuple[int, int]]:
+    """Any two of two classes; within one class each two masses once."""
+    if len(a) == len(b) == 1 and a == b:
+        raise ModelError(f"a link joins mass {a[0]} to itself", line)
+    is_same = a == b
+    for i in a:
+        for j in b:
+            if i != j and not (is_same and i > j):
+                _room(made.links, line)
+                yield i, j
+
+
+def _link(
+    made: Network, word: str, line: int, of: str, a: list[int], b: list[int], *rest: float
+) -> None:
+    K, D, Pow, low, high = rest
+    for i, j in _joined(made, a, b, line):
+        L = made.masses[i].x - made.masses[j].x
+        made.links.append(Link(of, "link", i, j, K, D, Pow, L, low, high, L, line))
+
+
+def _table_link(
+    made: Network, word: str, line: int, of: str, a: list[int], b: list[int], *rest: Any
+) -> None:
+    array_k, length_k, array_d, length_d = rest
+    tables = (
+        array_k,
+        (length_k if length_k > 0 else 1.0),
+        array_d,
+        (length_d if length_d > 0 else 1.0),
+    )
+    for i, j in _joined(made, a, b, line):
+        L = made.masses[i].x - made.masses[j].x
+        link = Link(of, "table", i, j, 1.0, 1.0, 1.0, L, -1e6, 1e6, L, line, tables)
+        made.links.append(link)
+
+
+def _port(made: Network, word: str, line: int, at: int, mass: int, gain: float) -> None:
+    made.ports.append(Port(word.removesuffix("X"), at, mass, gain, line))
+
+
+def _ask(made: Network, word: str, line: int, masses: list[int]) -> None:
+    made.asked.append(Asked(word, tuple(masses), line))
+
+
+def _bang(made: Network, word: str, line: int) -> None:
+    made.has_run = made.kind == "pmpd"
+
+
+def _reset(made: Network, word: str, line: int) -> None:
+    """Reset everything except arrays and the number of ports, which do not belong to the object."""
+    fresh = Network(made.kind, arrays=made.arrays, n_ports=made.n_ports)
+    for one in fields(Network):
+        setattr(made, one.name, getattr(fresh, one.name))
+
+
+def _nothing(made: Network, word: str, line: int) -> None:
+    """It prints, and changes nothing."""
+
+
+def _set(things: str, name: str) -> Callable[..., None]:
+    """A setter of one value of some masses or links; an omitted value is left as it is."""
+
+    def change(made: Network, word: str, line: int, which: int | list[int], value: float) -> None:
+        for at in [which] if isinstance(which, int) else which:
+            setattr(getattr(made, things)[at], name, value)
+
+    return change
+
+
+def _add(things: str, name: str) -> Callable[..., None]:
+    def change(made: Network, word: str, line: int, which: int | list[int], value: float) -> None:
+        for at in [which] if isinstance(which, int) else which:
+            one = getattr(made, things)[at]
+            setattr(one, name, getattr(one, name) + value)
+
+    return change
+
+
+def _set_mass(made: Network, word: str, line: int, which: int | list[int], M: float) -> None:
+    for at in [which] if isinstance(which, int) else which:
+        if made.kind == "pmpd~":
+            made.masses[at].is_mobile = M > 0.0
+        if M > 0.0:
+            made.masses[at].M = M
+
+
+def _put(made: Network, word: str, line: int, masses: list[int], x: float) -> None:
+    """Put masses at `x` and stop them."""
+    for at in masses:
+        one = made.masses[at]
+        one.x, one.v, one.f = x, 0.0, 0.0
+
+
+def _set_nl_k(made: Network, word: str, line: int, at: int, K: float, Pow: float | None) -> None:
+    made.nl_links[at].K = K
+    if Pow is not None:
+        made.nl_links[at].Pow = Pow
+
+
+def _set_mobile(made: Network, word: str, line: int, masses: list[int]) -> None:
+    for at in masses:
+        made.masses[at].is_mobile = word == "setMobile"
+
+
+def _words(text: str, maker: Callable[..., None]) -> dict[str, Callable[..., None]]:
+    return dict.fromkeys(text.split(), maker)
+
+
+_AUDIO: Mapping[str, Callable[..., None]] = {
+    "mass": _mass_audio,
+    **_words("link NLlink", _link_audio),
+    **_words(
+        "inPos inPosX inForce inForceX outPos outPosX outSpeed outSpeedX",
+        _port,
+    ),
+    **_words("pos posX", _set("masses", "x")),
+    **_words("force forceX", _add("masses", "f")),
+    "setM": _set_mass,
+    "setK": _set("links", "K"),
+    "setD": _set("links", "D"),
+    "setNLK": _set_nl_k,
+    "setNLD": _set("nl_links", "D"),
+    "setNLKPow": _set("nl_links", "Pow"),
+    "setNLL": _set("nl_links", "L"),
+    "setNLLMin": _set("nl_links", "Lmin"),
+    "setNLLMax": _set("nl_links", "Lmax"),
+    "reset": _reset,
+    **_words("print bang", _nothing),
+}
+_CONTROL: Mapping[str, Callable[..., None]] = {
+    "mass": _mass,
+    "link": _link,
+    "tabLink": _table_link,
+    **_words("pos posX setPos setPosX", _put),
+    **_words("addPos addPosX", _add("masses", "x")),
+    **_words("force forceX", _add("masses", "f")),
+    **_words("setForce setForceX", _set("masses", "f")),
+    **_words("setSpeed setSpeedX", _set("masses", "v")),
+    "setM": _set_mass,
+    "setDEnv": _set("masses", "D"),
+    **_words("setFixed setMobile", _set_mobile),
+    "setK": _set("links", "K"),
+    "setD": _set("links", "D"),
+    "setPow": _set("links", "Pow"),
+    "setL": _set("links", "L"),
+    "addL": _add("links", "L"),
+    **_words("massPos massPosL massPosXL massSpeed massSpeedL massSpeedXL", _ask),
+    **_words("massPosMean massSpeedMean", _ask),
+    "reset": _reset,
+    **_words("print infosL", _nothing),
+    "bang": _bang,
+}
+_MAKERS = {
+    **{("pmpd~", word): maker for word, maker in _AUDIO.items()},
+    **{("pmpd", word): maker for word, maker in _CONTROL.items()},
+}

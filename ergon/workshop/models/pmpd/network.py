@@ -1,0 +1,80 @@
+"""Masses and links of a pmpd object, and its inlets and outlets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ergon.workshop.models.pmpd.words import Object
+
+MOST_PORTS = 99  # inlets, outlets
+
+
+@dataclass(slots=True)
+class Mass:
+    """A mass of a class at x [m] with a last step v [m] and a pending force f."""
+
+    of: str
+    is_mobile: bool
+    M: float
+    x: float
+    line: int
+    v: float = 0.0
+    f: float = 0.0
+    D: float = 0.0  # against its own speed
+
+
+@dataclass(slots=True)
+class Link:
+    """A link of masses by their indices; `before` is its length [m] when it was last read.
+
+    `form` is the kind of law: "link~" and "NLlink~" of pmpd~, "link" and "table" of pmpd.
+    """
+
+    of: str
+    form: str
+    a: int
+    b: int
+    K: float
+    D: float
+    Pow: float
+    L: float
+    Lmin: float
+    Lmax: float
+    before: float
+    line: int
+    tables: tuple[str, float, str, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """An inlet or outlet of a mass: `what` is the word, `gain` its factor."""
+
+    what: str
+    number: int
+    mass: int
+    gain: float
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Masses of which pmpd is asked for positions or speeds."""
+
+    word: str
+    masses: tuple[int, ...]
+    line: int
+
+
+@dataclass(slots=True)
+class Network:
+    """The object that messages have made."""
+
+    kind: Object
+    masses: list[Mass] = field(default_factory=list)
+    links: list[Link] = field(default_factory=list)
+    nl_links: list[Link] = field(default_factory=list)
+    ports: list[Port] = field(default_factory=list)
+    asked: list[Asked] = field(default_factory=list)
+    arrays: dict[str, list[float]] = field(default_factory=dict)
+    n_ports: tuple[int, int] = (MOST_PORTS, MOST_PORTS)  # inlets, outlets
+    has_run: bool = False

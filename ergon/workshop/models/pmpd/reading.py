@@ -1,0 +1,108 @@
+"""From a text to the messages of a pmpd object, each with its line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite
+
+from ergon.notation.text.errors import quote
+from ergon.workshop.models.errors import DialectError, ModelError
+from ergon.workshop.models.pmpd.words import FORMS, OBJECTS, REFUSED, Object
+
+MOST = 200_000  # messages, masses, links
+_SEPARATOR = re.compile(r"\\?[;,]")
+_LINE_END = re.compile(r"\r\n|\r|\n")
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_OTHER = re.compile(r"pmpd[23]d~?")
+_MOST_WORDS = 20_000  # of a message: the values of an array
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A word and its arguments."""
+
+    word: str
+    rest: tuple[str, ...]
+    line: int
+
+
+def is_list(text: str) -> bool:
+    """Whether a text is a list of messages: its first word is one of pmpd's."""
+    for message in messages(text, most=1):
+        known = {*OBJECTS, *REFUSED, *(one for of in FORMS.values() for one in of)}
+        return message.word in known or bool(_OTHER.fullmatch(message.word))
+    return False
+
+
+def messages(text: str, most: int = MOST + 1) -> Iterator[Message]:
+    """Split a text into messages, at `;` and `,`, and at line ends if there is no `;`.
+
+    Lines that begin with `#` and a space are comments. Raises ModelError.
+    """
+    lines = _LINE_END.split(text)
+    said = [(at, line) for at, line in enumerate(lines, 1) if not re.match(r"\s*#(\s|$)", line)]
+    is_pure = any(";" in line for _, line in said)
+    words: list[str] = []
+    first, count = 0, 0
+    for at, line in said:
+        parts = _SEPARATOR.split(line)
+        for nth, part in enumerate(parts):
+            found = part.split()
+            first = at if found and not words else first
+            words += found
+            if len(words) > _MOST_WORDS:
+                raise ModelError(f"a message has at most {_MOST_WORDS:,} words", first)
+            if words and (nth + 1 < len(parts) or not is_pure):
+                yield Message(words[0], tuple(words[1:]), first)
+                words, count = [], count + 1
+                if count >= most:
+                    return
+    if words:
+        yield Message(words[0], tuple(words[1:]), first)
+
+
+def parse(text: str, wanted: Object | None) -> tuple[Object, list[Message]]:
+    """The object that messages are for, and the messages. Raises ModelError and DialectError."""
+    found = list(messages(text))
+    if len(found) > MOST:
+        raise ModelError(f"it has more than {MOST:,} messages", found[-1].line)
+    for one in found:
+        for word in (one.word, *one.rest):
+            if word.startswith("#"):
+                message = "this is a patch; write the messages to its object in the order in which"
+                raise ModelError(f"{message} they are sent, one a line", one.line)
+            if "$" in word:
+                message = f"{quote(word)} stands for a number that a patch gives; write the number"
+                raise ModelError(message, one.line)
+    return _object(found, wanted), found
+
+
+def _object(found: list[Message], wanted: Object | None) -> Object:
+    if found and found[0].word in OBJECTS:
+        named: Object = "pmpd~" if found[0].word == "pmpd~" else "pmpd"
+        if wanted not in (None, named):
+            raise ModelError(f"these messages are for [{named}]", found[0].line)
+        return named
+    if found and _OTHER.fullmatch(found[0].word):
+        raise ModelError("of pmpd the objects of one dimension are read", found[0].line)
+    if wanted is not None:
+        return wanted
+    own = {name: set(FORMS[name]) - set(FORMS[other]) for name, other in (OBJECTS, OBJECTS[::-1])}
+    said = {one.word for one in found}
+    has_class = any(
+        one.word in ("mass", "link") and one.rest and number(one.rest[0]) is None for one in found
+    )
+    is_control = has_class or bool(said & own["pmpd"])
+    is_audio = bool(said & own["pmpd~"])
+    if is_control == is_audio:
+        message = "it may be for [pmpd] or for [pmpd~]; write the object as the first line, "
+        raise DialectError(f"{message}or --dialect pmpd, --dialect pmpd~", 1)
+    return "pmpd" if is_control else "pmpd~"
+
+
+def number(word: str) -> float | None:
+    """The number that a word is; None if it is not a number."""
+    value = float(word) if _NUMBER.fullmatch(word) else None
+    return value if value is None or isfinite(value) else None

@@ -1,0 +1,89 @@
+"""Drawn stiffness and viscosity of pmpd's tabLink: arrays as laws of LNL modules."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from ergon.notation.text.errors import quote
+from ergon.notation.text.spelling import nearest
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.pmpd.network import Link
+
+_BENDS = 20  # of a law: an expression has 2,000 characters
+_MOST = 2_000  # values of an array that is viscosity
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Values of an array at 0, 1/n … (n - 1)/n, linear between them; odd, and constant beyond the
+    last.
+    """
+
+    values: Sequence[float]
+
+    def at(self, place: float) -> float:
+        """The value that pmpd reads at a place, by linear interpolation."""
+        size = abs(place) * len(self.values)
+        sign = 1.0 if place > 0.0 else -1.0
+        if size >= len(self.values) - 1:
+            return sign * self.values[-1]
+        low = int(size)
+        part = size - low
+        return sign * (part * self.values[low + 1] + (1.0 - part) * self.values[low])
+
+
+def table(arrays: Mapping[str, Sequence[float]], name: str, line: int) -> Table:
+    """The array of a name. Raises ModelError where there is none."""
+    values = arrays.get(name)
+    if not values:
+        message = f"no values of the array {quote(name)}: write {name} 0, then its values"
+        raise ModelError(message, line, nearest(name, [one for one in arrays if arrays[one]]))
+    return Table(values)
+
+
+def springs(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
+    """Laws that add up to a tabLink: first of the elongation, then of its rate. Raises
+    ModelError.
+    """
+    assert link.tables is not None
+    name_k, length_k, name_d, length_d = link.tables
+    k, d = table(arrays, name_k, link.line).values, table(arrays, name_d, link.line).values
+    if d[0] and link.D:
+        message = f"viscosity that jumps at rest is not built yet: let {name_d} begin with 0"
+        raise ModelError(message, link.line)
+    if len(d) > _MOST:
+        raise ModelError(
+            f"{quote(name_d)} has {len(d):,} values, and {_MOST:,} are read", link.line
+        )
+    yield from _elastic([link.K * value for value in k], length_k)
+    yield from _viscous([link.D * value for value in d], length_d)
+
+
+def _elastic(values: Sequence[float], length: float) -> Iterator[str]:
+    """The points of a law without its jump at 0, then the jump as a law of its own."""
+    first, n = values[0], len(values)
+    if any(value != first for value in values):
+        half = [(length * at / n, value - first) for at, value in enumerate(values)]
+        half.append((2.0 * half[-1][0], half[-1][1]))  # from the last value on it is level
+        points = [(-d, -f) for d, f in reversed(half[1:])] + half
+        yield f"points: [{', '.join(f'[{d!r}m, {f!r}N]' for d, f in points)}]"
+    if first:
+        # Written as friction: a law with an infinite slope at rest has no certificate.
+        yield f'damping: "f*sign(d)", f: {first!r}'
+
+
+def _viscous(values: Sequence[float], length: float) -> Iterator[str]:
+    """A sum of terms b·max(0, |v| - c) with the sign of v, in as many laws as needed."""
+    n = len(values)
+    slopes = [0.0, *((b - a) * n / length for a, b in pairwise(values)), 0.0]
+    bends = [
+        (length * at / n, after - before)
+        for at, (before, after) in enumerate(pairwise(slopes))
+        if after != before
+    ]
+    for first in range(0, len(bends), _BENDS):
+        some = bends[first : first + _BENDS]
+        terms = " + ".join(f"{b!r}*max(0, abs(v) - {c!r})" for c, b in some)
+        yield f'damping: "sign(v)*({terms})"'

@@ -1,0 +1,184 @@
+"""Laws of LNL modules as functions of Faust, computed in the order in which the engine does."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from ergon.workshop.models.naming import Names
+from ergon.workshop.models.programs.network import Law
+
+HELPERS = {
+    "square": "square(x) = x*x;",
+    "sign": "sign(x) = (x > 0.0) - (x < 0.0);",
+    "tanh": 'tanh = ffunction(float tanhf|tanh|tanhl(float), <math.h>, "");',
+}
+_WORD = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[^\W\d]\w*")
+_NO_LETTER = re.compile(r"\W", re.ASCII)
+_CALLS = frozenset({"where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh"})
+# Infix operators and their precedence.
+_INFIX: Mapping[type[ast.AST], tuple[str, int]] = {
+    ast.Lt: (" < ", 1),
+    ast.LtE: (" <= ", 1),
+    ast.Gt: (" > ", 1),
+    ast.GtE: (" >= ", 1),
+    ast.Eq: (" == ", 1),
+    ast.NotEq: (" != ", 1),
+    ast.Add: (" + ", 2),
+    ast.Sub: (" - ", 2),
+    ast.Mult: ("*", 3),
+    ast.Div: ("/", 3),
+}
+_ALONE = 4  # binds more tightly than any sign
+_WHOLE = 64.0  # the engine multiplies for whole exponents up to this, and calls pow beyond
+
+
+@dataclass(slots=True)
+class Laws:
+    """Functions for the laws of a program: links with the same law share one."""
+
+    names: dict[object, str] = field(default_factory=dict)
+    lines: list[str] = field(default_factory=list)
+    helpers: set[str] = field(default_factory=set)
+
+    def name(self, law: Law, word: str) -> str:
+        """The function (d [m], v [m/s]) -> force [N] of a law; `word` names the link."""
+        fields = law.fields
+        constants, points = fields["constants"], fields["points"]
+        key = (fields["law"], fields["damping"], *sorted(constants.items()), str(points))
+        if key not in self.names:
+            self.names[key] = f"law_{word}"
+            self.lines += self._function(f"law_{word}", fields["law"], fields["damping"], law)
+        return self.names[key]
+
+    def written(self) -> Iterator[str]:
+        """Lines of a program: what the functions need, and the functions."""
+        yield from (text for name, text in HELPERS.items() if name in self.helpers)
+        yield from self.lines
+
+    def _function(self, name: str, text: str | None, damping: str | None, law: Law) -> list[str]:
+        constants, points = law.fields["constants"], law.fields["points"]
+        used = Names()
+        letters = {one: used.new(f"c_{_NO_LETTER.sub('_', one)}") for one in constants}
+        terms = [self._expression(one, letters) for one in (text, damping) if one is not None]
+        if points:
+            terms.insert(0, "line(d)")
+        own = [f"  {letters[one]} = {number(value)};" for one, value in constants.items()]
+        own += _line(points) if points else []
+        head = f"{name}(d, v) = {' + '.join(terms)}"
+        return [head, "with {", *own, "};"] if own else [f"{head};"]
+
+    def _expression(self, text: str, letters: Mapping[str, str]) -> str:
+        """An expression that the engine has accepted; its operators have the precedence of
+        Python's.
+        """
+        mapped = {name: f"c{at}" for at, name in enumerate(letters)}
+
+        def said(found: re.Match[str]) -> str:
+            word = found[0]
+            is_known = word in ("d", "v") or word in _CALLS
+            known = word if is_known else mapped.get(word)
+            return known or repr(float(word))
+
+        tree = ast.parse(f"({_WORD.sub(said, text)})", mode="eval")
+        back = {f"c{at}": faust for at, faust in enumerate(letters.values())}
+        return self._said(tree.body, back)
+
+    def _said(self, node: ast.expr, letters: Mapping[str, str], least: int = 0) -> str:
+        """A part of an expression, in parentheses if its precedence is below `least`."""
+
+        def two(a: ast.expr, operation: ast.AST, b: ast.expr) -> str:
+            sign, own = _INFIX[type(operation)]
+            text = f"{self._said(a, letters, own)}{sign}{self._said(b, letters, own + 1)}"
+            return f"({text})" if own < least else text
+
+        match node:
+            case ast.Constant(value=float(value)):
+                return repr(value)
+            case ast.Name(id=name):
+                return letters.get(name, name)
+            case ast.UnaryOp(op=ast.UAdd(), operand=of):
+                return self._said(of, letters, least)
+            case ast.UnaryOp(operand=of):
+                return f"(0.0 - {self._said(of, letters, _ALONE)})"
+            case ast.BinOp(left=a, op=ast.Pow(), right=b):
+                return self._power(a, b, letters)
+            case ast.BinOp(left=a, op=operation, right=b):
+                return two(a, operation, b)
+            case ast.Compare(left=a, ops=[operation], comparators=[b]):
+                return two(a, operation, b)
+            case ast.Call(func=ast.Name(id="where"), args=[condition, yes, no]):
+                if isinstance(condition, ast.Compare):
+                    is_true = self._said(condition, letters)
+                else:
+                    is_true = f"{self._said(condition, letters, 2)} != 0.0"
+                values = f"{self._said(no, letters)}, {self._said(yes, letters)}"
+                return f"select2({is_true}, {values})"
+            case ast.Call(func=ast.Name(id=name), args=arguments):
+                self.helpers |= {name} & HELPERS.keys()
+                return f"{name}({', '.join(self._said(one, letters) for one in arguments)})"
+        raise AssertionError(ast.dump(node))
+
+    def _power(self, of: ast.expr, exponent: ast.expr, letters: Mapping[str, str]) -> str:
+        """A power by repeated squaring, from the highest bit of the exponent down, as the engine
+        does.
+        """
+        value = _whole(exponent)
+        if value is None:
+            return f"pow({self._said(of, letters)}, {self._said(exponent, letters)})"
+        own = text = self._said(of, letters, _ALONE)
+        for bit in bin(abs(value))[3:]:
+            self.helpers.add("square")
+            text = f"square({text})" + (f"*{own}" if bit == "1" else "")
+        text = text if abs(value) == 1 else f"({text})" if value else "1.0"
+        return f"(1.0/{text})" if value < 0 else text
+
+
+def _whole(node: ast.expr) -> int | None:
+    match node:
+        case ast.Constant(value=float(value)) if value == int(value) and value <= _WHOLE:
+            return int(value)
+        case ast.UnaryOp(op=ast.USub(), operand=of):
+            size = _whole(of)
+            return None if size is None else -size
+    return None
+
+
+def _line(points: Sequence[tuple[float, float]]) -> Iterator[str]:
+    """Straight lines through points, extended beyond the first and the last; the segment is found
+    by bisection.
+    """
+    pairs = list(pairwise(points))
+    slopes = [(f1 - f0) / (d1 - d0) for (d0, f0), (d1, f1) in pairs]
+    if len(slopes) == 1:
+        ((d0, f0), _), (slope,) = pairs[0], slopes
+        yield f"  line(d) = {number(f0)} + {number(slope)}*(d - {number(d0)});"
+        return
+    steps = [2**bit for bit in reversed(range((len(slopes) - 1).bit_length()))]
+    # The knots are padded with values that are never reached, so that every bisection step has a
+    # knot to compare with.
+    knots = [d for d, _ in points[1:-1]]
+    knots += [sys.float_info.max] * (sum(steps) - len(knots))
+    at = "".join(f" : next({step})" for step in steps)
+    yield "  line(d) = force(at) + slope(at)*(d - from(at))"
+    yield "  with {"
+    yield f"    at = 0{at};"
+    yield "    next(n, i) = i + n*(d >= knot(i + n - 1));"
+    yield "  };"
+    for name, values in (
+        ("knot", knots),
+        ("from", [d for d, _ in points[:-1]]),
+        ("force", [f for _, f in points[:-1]]),
+        ("slope", slopes),
+    ):
+        table = ", ".join(map(repr, values))
+        yield f"  {name}(i) = waveform{{{table}}}, int(i) : rdtable;"
+
+
+def number(value: float) -> str:
+    """A number that Faust can read in any place."""
+    return f"({value!r})" if value < 0 else repr(value)

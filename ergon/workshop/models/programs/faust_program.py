@@ -1,0 +1,183 @@
+"""Points and links as a Faust program, which steps them as the engine does."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from ergon.workshop.models.naming import Names
+from ergon.workshop.models.programs.derivative import differentiated
+from ergon.workshop.models.programs.faust_law import Laws
+from ergon.workshop.models.programs.faust_law import number as _number
+from ergon.workshop.models.programs.network import Link, Point, Stepped
+
+_NO_LETTER = re.compile(r"\W", re.ASCII)
+
+
+def program(network: Stepped, title: str) -> str:
+    """The text of a program: an audio input for each input, an audio output for each output.
+
+    The state of a point is its displacement from its start, and its step minus its first step,
+    because a delay of Faust begins at 0.
+    """
+    return "\n".join(_lines(network, title)) + "\n"
+
+
+def _lines(network: Stepped, title: str) -> Iterator[str]:
+    names = Names()
+    points = [names.new(_word(point.name)) for point in network.points]
+    links = [names.new(_word(link.name)) for link in network.links]
+    laws = Laws()
+    called = {
+        word: laws.name(link.law, word)
+        for word, link in zip(links, network.links, strict=True)
+        if link.law is not None
+    }
+    inputs = [f"in_{number}" for number in range(1, len(network.inputs) + 1)]
+    outputs = [f"out_{number}" for number in range(1, len(network.outputs) + 1)]
+    yield f"// {plain(title)}, made by ergon: a network that is stepped sample by sample."
+    yield f"// Its numbers hold at {network.rate!r} Hz alone. Compile it with -double."
+    for kind, words in (
+        ("input", [one.name for one in network.inputs]),
+        ("output", [one.name for one in network.outputs]),
+    ):
+        yield from (f"// {kind} {number}: {plain(word)}" for number, word in enumerate(words, 1))
+    yield from (f"// Left out: {plain(one)}" for one in network.left_out)
+    yield f'declare name "{plain(title)}";'
+    yield ""
+    for word, point in zip(points, network.points, strict=True):
+        yield from _constants(word, point)
+    for word, link in zip(links, network.links, strict=True):
+        yield from _link_constants(word, link)
+    yield from laws.written()
+    yield ""
+    yield f"process({', '.join(inputs)}) = " if inputs else "process = "
+    heard = zip(outputs, network.outputs, strict=True)
+    yield "  " + ",\n  ".join(differentiated(w, o.order, network.rate) for w, o in heard)
+    yield "letrec {"
+    for word, point in zip(points, network.points, strict=True):
+        if _moves(point):
+            yield f"  'u_{word} = u_{word} + y_{word};"
+            yield f"  'e_{word} = y_{word} - D0_{word};"
+    for word, one in zip(outputs, network.outputs, strict=True):
+        # The force heard is that on the second end of a link.
+        terms = [f"(0.0 - f_{links[link]})" for link in one.links]
+        ways = [points[point] for point in one.points]
+        # A differentiated signal stood still before it began. Without X0 it is 0 then, as Faust's
+        # delays are.
+        terms += [f"(x_{way} - X0_{way})" if one.order else f"x_{way}" for way in ways]
+        yield f"  '{word} = {' + '.join(terms) or '0.0'};"
+    yield "where"
+    for word, point in zip(points, network.points, strict=True):
+        yield from _state(word, point, points)
+    for word, link in zip(links, network.links, strict=True):
+        yield from _force(word, link, points, called)
+    ends = _ends(network)
+    passed: list[list[str]] = [[] for _ in points]  # to masses of proxies
+    for number, (word, point) in enumerate(zip(points, network.points, strict=True)):
+        if point.shares:
+            felt = [f"{sign} f_{links[one]}" for one, sign in ends[number]]
+            felt += [f"+ {inputs[one]}" for one in point.forces]
+            yield f"  g_{word} = 0.0 {' '.join(felt)};"
+            for mass, share in point.shares:
+                passed[mass].append(f"+ {share!r}*g_{word}")
+    for number, (word, point) in enumerate(zip(points, network.points, strict=True)):
+        if _moves(point):
+            terms = [f"{sign} f_{links[one]}" for one, sign in ends[number]]
+            terms += [f"+ {inputs[one]}" for one in point.forces]
+            terms += [f"+ W_{word}"] if point.weight else []
+            terms += passed[number]
+            yield f"  y_{word} = {_step(word, point, terms)};"
+    yield "};"
+
+
+def _moves(point: Point) -> bool:
+    return bool(point.mass) and point.fed is None
+
+
+def _constants(word: str, point: Point) -> Iterator[str]:
+    yield f"// {plain(point.name)}: {point.said}"
+    yield f"X0_{word} = {_number(point.x0)}; // [m] where it starts"
+    if _moves(point):
+        yield f"D0_{word} = {_number(point.d0)}; // [m] its step before it starts"
+        if point.weight:
+            yield f"W_{word} = {_number(point.weight)}; // [N] a force that never changes"
+        yield f"G_{word} = {_number(point.gain)}; // [m/N] step for a force"
+        if point.kappa or point.zeta:
+            yield f"K_{word} = {_number(point.kappa)}; // of its way from its rest, in a step"
+            yield f"Z_{word} = {_number(point.zeta)}; // of its last step"
+            yield f"R_{word} = {_number(point.rest)}; // [m] its rest"
+
+
+def _link_constants(word: str, link: Link) -> Iterator[str]:
+    yield f"// {plain(link.name)}: {plain(link.said)}"
+    if link.law is not None:
+        yield f"L_{word} = {_number(link.offset)}; // [m]"
+        return
+    yield f"K_{word} = {_number(link.K)}; // [N/m{'' if link.exponent in (None, 1.0) else '^n'}]"
+    yield f"Z_{word} = {_number(link.z)}; // [N/m] for a step of 1 m"
+    yield f"L_{word} = {_number(link.offset)}; // [m]"
+
+
+def _state(word: str, point: Point, points: Sequence[str]) -> Iterator[str]:
+    if point.shares:
+        for letter in "xd":
+            terms = (f"{share!r}*{letter}_{points[one]}" for one, share in point.shares)
+            yield f"  {letter}_{word} = {' + '.join(terms)};"
+        return
+    if point.fed is not None:
+        given = f"in_{point.fed + 1}"
+        yield f"  x_{word} = {given};"
+        yield f"  d_{word} = ({given} - {given}') * 1';"
+    elif point.mass:
+        yield f"  x_{word} = X0_{word} + u_{word};"
+        yield f"  d_{word} = D0_{word} + e_{word};"
+    else:
+        yield f"  x_{word} = X0_{word};"
+        yield f"  d_{word} = 0.0;"
+
+
+def _force(word: str, link: Link, points: Sequence[str], laws: Mapping[str, str]) -> Iterator[str]:
+    """The force that pulls the first end of a link towards the second."""
+    a, b = points[link.a], points[link.b]
+    if link.law is not None:
+        per_step = "" if link.law.per_step == 1.0 else f"*{link.law.per_step!r}"
+        yield f"  p_{word} = x_{b} - x_{a} - L_{word};"
+        yield f"  f_{word} = {laws[word]}(p_{word}, (d_{b} - d_{a}){per_step});"
+        return
+    if link.exponent is None:
+        yield f"  f_{word} = K_{word}*(x_{b} - x_{a} - L_{word}) + Z_{word}*(d_{b} - d_{a});"
+        return
+    first, second = (a, b) if link.side > 0 else (b, a)
+    yield f"  p_{word} = x_{first} - x_{second} - L_{word};"
+    deep = f"p_{word}" if link.exponent == 1.0 else f"pow(max(p_{word}, 0.0), {link.exponent!r})"
+    push = f"K_{word}*{deep} + Z_{word}*(d_{first} - d_{second})"
+    push = f"max({push}, 0.0)" if link.is_clamped else f"({push})"
+    sign = "0.0 -" if link.side > 0 else ""
+    yield f"  f_{word} = {sign} (p_{word} > 0.0)*{push};".replace("=  ", "= ")
+
+
+def _step(word: str, point: Point, terms: Sequence[str]) -> str:
+    step = f"d_{word}"
+    if point.kappa or point.zeta:
+        step += f" - Z_{word}*d_{word} - K_{word}*(x_{word} - R_{word})"
+    return f"{step} + G_{word}*(0.0 {' '.join(terms)})" if terms else step
+
+
+def _ends(network: Stepped) -> list[list[tuple[int, str]]]:
+    """The links of each point, and the sign of their force there."""
+    ends: list[list[tuple[int, str]]] = [[] for _ in network.points]
+    for number, link in enumerate(network.links):
+        ends[link.a].append((number, "+"))
+        ends[link.b].append((number, "-"))
+    return ends
+
+
+def _word(name: str) -> str:
+    """A name of a score as part of a Faust identifier."""
+    return _NO_LETTER.sub("_", name)
+
+
+def plain(text: str) -> str:
+    """A text that can end neither a comment nor a string."""
+    return "".join(c if c.isprintable() and c not in '"\\' else " " for c in text)

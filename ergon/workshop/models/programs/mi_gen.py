@@ -1,0 +1,358 @@
+"""Points and links as a model of mi-gen (v2), the format that `ergon import` reads."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from ergon.notation.text.values import Place
+from ergon.workshop.models.exact_numbers import nudge_to_goal
+from ergon.workshop.models.mims.laws import LINKS
+from ergon.workshop.models.naming import Names
+from ergon.workshop.models.page import RATE
+from ergon.workshop.models.programs.network import Body, Heard, Link, Point, Stepped, refusal
+from ergon.workshop.models.programs.places_back import place_of
+
+MOST = 20_000  # points
+_CHANNELS = 99
+_NO_LETTER = re.compile(r"\W", re.ASCII)
+_SPACES = re.compile(r"\s+")
+
+
+def model(network: Stepped, title: str) -> str:
+    """The text of a model. Raises ModelError with the places of all that the format cannot
+    express.
+    """
+    return _Writing(network).text(title)
+
+
+@dataclass(slots=True)
+class _Writing:
+    of: Stepped
+    names: Names = field(default_factory=Names)
+    lines: list[str] = field(default_factory=list)
+    refused: list[tuple[Place, str]] = field(default_factory=list)
+    at: dict[int, str] = field(default_factory=dict)  # how each point is written in a link
+    whole: dict[int, Body] = field(default_factory=dict)  # by their first points
+    called: dict[int, str] = field(default_factory=dict)  # names of these
+    ends: dict[int, list[int]] = field(default_factory=dict)  # links of each point
+    links: set[int] = field(default_factory=set)  # within bodies that are written as a whole
+
+    def text(self, title: str) -> str:
+        network = self.of
+        if network.rate != RATE:
+            place = network.points[0].place
+            why = f"a model of mi-gen is for {RATE:,} Hz, and this score has {network.rate:,g} Hz"
+            raise refusal([(place, f"{why}; write rates: {{audio: {RATE}Hz}}")])
+        for number, link in enumerate(network.links):
+            for end in {link.a, link.b}:
+                self.ends.setdefault(end, []).append(number)
+        inputs = _channels("in", [one.take for one in network.inputs])
+        heard = [one.name.split(" ")[0].rpartition(".")[2] for one in network.outputs]
+        outputs = _channels("out", heard)
+        self.names.taken |= {*inputs, *outputs}
+        if max(len(inputs), len(outputs)) > _CHANNELS:
+            self.refuse(network.points[0].place, f"a model has at most {_CHANNELS} channels")
+        self._bodies()
+        self._masses(inputs)
+        for number, link in enumerate(network.links):
+            if number not in self.links:
+                self._link(link)
+        self._pushes(inputs)
+        for name, one in zip(outputs, network.outputs, strict=True):
+            self._output(name, one)
+        if self.refused:
+            raise refusal(list(dict.fromkeys(self.refused)))
+        return "\n".join([*self._heading(title, inputs, outputs), *self.lines]) + "\n"
+
+    def refuse(self, place: Place, why: str) -> None:
+        self.refused.append((place, why))
+
+    def _heading(self, title: str, inputs: list[str], outputs: list[str]) -> Iterator[str]:
+        yield f"# {_plain(title)}, made by ergon: a model of mi-gen (v2), laws of today."
+        yield f"# One sample is 1/{RATE} s. M is in kg {RATE}^2, K in N/m, Z in N {RATE}/(m/s), x0"
+        yield "# in m, v0 in m/s; of a network under units: ca the numbers are its own."
+        for name, fed in zip(inputs, self.of.inputs, strict=True):
+            yield f"# {name}: {_plain(fed.name)}{f', from {_plain(fed.take)}' * bool(fed.take)}"
+        for name, one in zip(outputs, self.of.outputs, strict=True):
+            yield f"# {name}: {_plain(one.name)}"
+        yield from (f"# Left out: {_plain(one)}" for one in self.of.left_out)
+        yield ""
+
+    # --- masses ---
+
+    def _name(self, text: str) -> str:
+        """A name of the score; the name of its part is left out if the rest is unique."""
+        short = text.partition(".")[2] or text
+        word = _NO_LETTER.sub("_", short)
+        if word in self.names.taken:
+            word = _NO_LETTER.sub("_", text)
+        return self.names.new(word if word[:1].isalpha() else f"m{word}")
+
+    def _bodies(self) -> None:
+        for body in self.of.bodies:
+            own = [self.of.points[at] for at in body.points]
+            is_still = not any(one.x0 or one.d0 or one.weight or one.fed is not None for one in own)
+            if is_still and body.K >= 0.0 and body.z >= 0.0:
+                self.whole[body.points[0]] = body
+                self.links.update(body.links)
+
+    def _masses(self, inputs: list[str]) -> None:
+        written = -1
+        for number, point in enumerate(self.of.points):
+            if number in self.whole:
+                body = self.whole[number]
+                self._body(body)
+                written = body.points[-1]
+            elif number > written:
+                self._mass(number, point, inputs)
+
+    def _body(self, body: Body) -> None:
+        name, (across, up) = self._name(body.name), body.sides
+        mass = self._matter(self.of.points[body.points[0]])
+        more = 2 * body.is_held
+        ties = f"{_number(body.K)} {_number(body.z)} 0 0"
+        if body.kind == "STRING":
+            count = across
+            mass = nudge_to_goal(mass, lambda m: count * m / count, mass)
+            self.called[body.points[0]] = name
+            word = "string" if body.is_held else "chain"
+            self.lines.append(f"@{name} {word} {count + more} {_number(mass)} {ties}")
+            for member in range(count):
+                share = _share(member + body.is_held, count + more)
+                self.at[body.points[member]] = f"[@{name} {share}]"
+        else:
+            word = "closedMesh" if body.is_held else "mesh"
+            size = f"{up + more} {across + more}"
+            self.called[body.points[0]] = name
+            self.lines.append(f"@{name} {word} {size} {_number(mass)} {ties}")
+            for member in range(across * up):
+                row, column = divmod(member, across)
+                shares = (
+                    _share(row + body.is_held, up + more),
+                    _share(column + body.is_held, across + more),
+                )
+                self.at[body.points[member]] = f"[@{name} {' '.join(shares)}]"
+
+    def _between(self, point: Point) -> str:
+        """A point between masses as a place on their macro; empty if there is no such place."""
+        masses = [mass for mass, _ in point.shares]
+        bodies = [one for one in self.whole.values() if set(one.points) & set(masses)]
+        if len(bodies) != 1:
+            return ""
+        place = place_of(bodies[0], point.shares, lambda mass: self.of.points[mass])
+        name = self.called[bodies[0].points[0]]
+        return f"[@{name} {' '.join(_number(share) for share in place)}]" if place else ""
+
+    def _matter(self, point: Point) -> float:
+        return point.mass if point.is_ca else point.mass * self.of.rate * self.of.rate
+
+    def _mass(self, number: int, point: Point, inputs: list[str]) -> None:
+        if point.fed is not None:
+            name = inputs[point.fed]
+            self.lines.append(f"@{name} posInput {_number(point.x0)}")
+            self.at[number] = f"@{name}"
+            return
+        if point.shares:
+            self.at[number] = self._between(point) or "@"
+            if self.at[number] == "@":
+                why = "a PROXY that lies at no place of one whole STRING or rectangle at rest"
+                self.refuse(point.place, f"{point.name}: {why}")
+            return
+        name = self._name(point.name)
+        self.at[number] = f"@{name}"
+        if not point.mass:
+            self.lines.append(f"@{name} ground {_number(point.x0)}")
+            return
+        m = self._matter(point)
+        if point.rest and (point.kappa or point.zeta):
+            self._resting(name, number, point, m)
+            return
+        k = nudge_to_goal(point.kappa * m, lambda k: k / m, point.kappa)
+        z = nudge_to_goal(point.zeta * m, lambda z: z / m, point.zeta)
+        if k < 0.0 or z < 0.0:
+            self.refuse(point.place, f"{point.name}: {_NEGATIVE}")
+        word = f"osc {_number(m)} {_number(k)} {_number(z)}" if k or z else f"mass {_number(m)}"
+        self._heavy(name, word, point, m, k, z)
+
+    def _resting(self, name: str, number: int, point: Point, m: float) -> None:
+        """Write a CEL whose rest is not 0 as a mass tied to a ground there."""
+        self._heavy(name, f"mass {_number(m)}", point, m, 0.0, 0.0)
+        rest, tie = self._name(f"{point.name}_rest"), self._name(f"{point.name}_tie")
+        self.lines.append(f"@{rest} ground {_number(point.rest)}")
+        values = f"{_number(point.kappa * m)} {_number(point.zeta * m)}"
+        self.lines.append(f"@{tie} springDamper @{rest} @{name} {values}")
+        self.ends.setdefault(number, []).append(-1)
+
+    def _heavy(self, name: str, word: str, point: Point, m: float, k: float, z: float) -> None:
+        """Write a mass that is where the score begins after its first step, in which no link
+        acts.
+        """
+        if z == m:
+            self.refuse(point.place, f"{point.name}: it is damped within one sample")
+            return
+        g = nudge_to_goal(-point.weight * RATE, lambda g: g / RATE, -point.weight)
+        step = point.d0
+        x0 = nudge_to_goal(point.x0 - step, lambda x: (point.x0 - x) * RATE / RATE, step)
+        first = (step + (g / RATE + k * x0) / m) / (1.0 - z / m)
+
+        def begun(v0: float) -> float:
+            before = x0 - v0 / RATE
+            return (2.0 - (k + z) / m) * x0 + (z / m - 1.0) * before - g / RATE / m
+
+        v0 = nudge_to_goal(first * RATE, begun, point.x0)
+        weight = f" {_number(g)}" if g else ""
+        self.lines.append(f"@{name} {word}{weight} {_number(x0)} {_number(v0)}")
+
+    # --- links and ports ---
+
+    def _link(self, link: Link) -> None:
+        a, b = self.at[link.a], self.at[link.b]
+        name = self._name(link.name)
+        if link.law is not None:
+            self._law(name, link, f"{a} {b}")
+        elif link.exponent is not None:
+            if link.K < 0.0 or link.z < 0.0:
+                self.refuse(link.place, f"{link.name}: {_NEGATIVE}")
+                return
+            if link.exponent != 1.0 or link.is_clamped:
+                what = "an exponent" if link.exponent != 1.0 else "a clamp"
+                self.refuse(link.place, f"{link.name}: mi-gen has no contact with {what}")
+                return
+            ends = f"{a} {b}" if link.side > 0 else f"{b} {a}"
+            tie = f"{_number(link.K)} {_number(link.z)} {_number(-link.offset)}"
+            self.lines.append(f"@{name} contact {ends} {tie}")
+        elif link.offset:
+            self.refuse(link.place, f"{link.name}: a spring of mi-gen has no length at rest")
+        elif link.K < 0.0 or link.z < 0.0:
+            self._linear(name, f"{a} {b}", link.K, link.z)
+        else:
+            ties = [_number(one) for one in (link.K, link.z) if one] or ["0"]
+            word = "springDamper" if len(ties) == 2 else "damper" if link.z else "spring"
+            self.lines.append(f"@{name} {word} {a} {b} {' '.join(ties)}")
+
+    def _law(self, name: str, link: Link, ends: str) -> None:
+        assert link.law is not None
+        fields, per_step = link.law.fields, link.law.per_step
+        texts = _bare(fields["law"]), _bare(fields["damping"])
+        linear, known_z = _LINEAR.get(texts[0]), texts[1] in ("", "z*v")
+        if linear is not None and known_z and not link.offset and not fields["points"]:
+            k, z = (fields["constants"].get(one, 0.0) for one in (linear, "z"))
+            self._linear(name, ends, k, z * per_step)
+            return
+        word = _WORDS.get(texts)
+        if word is None or fields["points"]:
+            why = f"{link.name}: its law is none of mi-gen's; docs/import.md has them"
+            self.refuse(link.place, why)
+            return
+        known = LINKS["head"][word]
+        if link.offset and known.rest != "thresh":
+            self.refuse(link.place, f"{link.name}: a {word} of mi-gen has no rest")
+            return
+        keyword = word.split()[-1]
+        values = {value: fields["constants"][letter] for letter, value in known.fields.items()}
+        if per_step != 1.0:
+            if "0.3" in known.damping:
+                self.refuse(link.place, f"{link.name}: this law is written under units: ca alone")
+                return
+            if "Z" in values:
+                values["Z"] *= per_step
+            if keyword == "nlBow":
+                values["scale"] /= per_step
+        words = _ORDER[word]
+        values.setdefault("thresh", link.offset)
+        said = " ".join(_number(float(values.get(one, _SAID.get(one, 0.0)))) for one in words)
+        self.lines.append(f"@{name} {keyword} {ends} {said}")
+
+    def _linear(self, name: str, ends: str, K: float, z: float) -> None:
+        """Write K·d + Z·v, of any sign, as a law whose cubic part is 0."""
+        k = _number(K)
+        self.lines.append(f"@{name} nlSpringDamper {ends} {k} 0 {k} {_number(z)}")
+
+    def _pushes(self, inputs: list[str]) -> None:
+        for number, name in enumerate(inputs):
+            pushed = [at for at, one in enumerate(self.of.points) if number in one.forces]
+            if len(pushed) == 1:
+                self.lines.append(f"@{name} frcInput {self.at[pushed[0]]}")
+            elif pushed:
+                point = self.of.points[pushed[0]]
+                why = f"{self.of.inputs[number].name}: an input of mi-gen pushes one mass"
+                self.refuse(point.place, why)
+
+    def _output(self, name: str, one: Heard) -> None:
+        called = one.name.split(" ")[0]
+        if one.order:
+            self.refuse(one.place, f"{called}: mi-gen hears positions and forces (SOX, SOF) alone")
+        elif one.links:
+            self._force(name, called, one)
+        elif len(one.points) != 1:
+            self.refuse(one.place, f"{called}: an output of mi-gen hears one point")
+        else:
+            self.lines.append(f"@{name} posOutput {self.at[one.points[0]]}")
+
+    def _force(self, name: str, called: str, one: Heard) -> None:
+        """Write the force on a mass as an output. mi-gen hears all links of a mass together, or
+        none.
+        """
+        ends = {self.of.links[link].b for link in one.links}
+        (end,) = ends if len(ends) == 1 else (-1,)
+        is_all = sorted(self.ends.get(end, [])) == sorted(one.links)
+        if not is_all or self.of.points[end].forces or self.of.points[end].fed is not None:
+            why = f"{called}: mi-gen hears the force of all links of one mass together"
+            self.refuse(one.place, f"{why}, and here they are others")
+        elif self.at[end].startswith("["):
+            self.refuse(one.place, f"{called}: mi-gen hears no force on a member of a body")
+        else:
+            self.lines.append(f"@{name} frcOutput {self.at[end]}")
+
+
+_NEGATIVE = "a stiffness or a viscosity below 0"
+_LINEAR = {"k*d": "k", "lim*d": "lim", "": "k"}
+_SAID = {"smooth": 1.0}
+_PICKED = {
+    "nlContact": "K Q lim Z thresh",
+    "nlSpring2": "K Q Z",
+    "nlSpring3": "K Q Z",
+    "nlSpringDamper": "K Q lim Z",
+    "nlBow": "Z scale",
+    "smooth nlBow": "Z scale smooth",
+    "nlPluck": "K scale",
+    "damped nlPluck": "K scale Z",
+}
+_ORDER: Mapping[str, list[str]] = {word: text.split() for word, text in _PICKED.items()}
+
+
+def _bare(text: str | None) -> str:
+    return _SPACES.sub("", text or "")
+
+
+_WORDS = {
+    (_bare(LINKS["head"][word].law), _bare(LINKS["head"][word].damping)): word for word in _ORDER
+}
+
+
+def _channels(letters: str, wanted: list[str]) -> list[str]:
+    """Channel names such as `in1`: wanted names that are free, else the lowest numbers that are
+    left.
+    """
+    form = re.compile(rf"{letters}[1-9]\d?")
+    kept = [name if form.fullmatch(name) else "" for name in wanted]
+    kept = [name if name not in kept[:at] else "" for at, name in enumerate(kept)]
+    free = (f"{letters}{n}" for n in range(1, 10_000) if f"{letters}{n}" not in kept)
+    return [name or next(free) for name in kept]
+
+
+def _share(at: int, count: int) -> str:
+    return _number(at / (count - 1)) if count > 1 else "0"
+
+
+def _number(value: float) -> str:
+    """A number without `+`, which mi-gen would read as a sum."""
+    if value == int(value) and abs(value) < 1e15:
+        return str(int(value))
+    return repr(value).replace("+", "")
+
+
+def _plain(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text)

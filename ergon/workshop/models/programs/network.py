@@ -1,0 +1,554 @@
+"""Modules of a score as stepped points and links, the form that can be written for other
+programs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ergon import _core
+from ergon.instruments import following
+from ergon.instruments.assemble import Assembly
+from ergon.instruments.model import Module, Output, Target
+from ergon.instruments.module_kinds import GENERATORS, LINKS
+from ergon.instruments.proxies import add as add_proxy
+from ergon.instruments.proxies import targets
+from ergon.instruments.spread import single_links
+from ergon.notation.text.values import Place
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.programs.first_step import last_step, ratios
+
+MOST = 200  # points: Faust takes 7 s for 150 that are joined, more than 100 s for 990
+
+NOWHERE = Place("", 0, 0)
+_WRITTEN = ("RES", "FRO", "REF", "BUT", "LNL")
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """An instrument or a key: its modules, its outputs, and the rate of its algorithmic values.
+
+    `struck` is the module of a key that a hand moves.
+    """
+
+    name: str
+    modules: Sequence[Module]
+    outputs: Sequence[Output] = ()
+    ca_rate: float | None = None
+    struck: str | None = None
+
+
+@dataclass(slots=True)
+class Point:
+    """A mass. Its step [m] for a force f is y = (1 - zeta)·d - kappa·(x - rest) + gain·f.
+
+    It starts at `x0` [m] after a step `d0` [m]. `mass` is 0 for a fixed point, and `fed` is the
+    input that gives its position. `said` describes it as the score does.
+    """
+
+    name: str
+    x0: float
+    said: str
+    mass: float = 0.0
+    gain: float = 0.0
+    kappa: float = 0.0
+    zeta: float = 0.0
+    rest: float = 0.0
+    v0: float = 0.0
+    d0: float = 0.0
+    is_ca: bool = False
+    fed: int | None = None
+    forces: list[int] = field(default_factory=list)  # inputs that push it
+    weight: float = 0.0  # [N] a force that never changes
+    shares: tuple[tuple[int, float], ...] = ()  # of a PROXY: points, and how much of each it is
+    place: Place = NOWHERE
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A link between the points `a` and `b`: K in N/m, `z` the force for a step of one metre.
+
+    A contact has an `exponent`, and the `side` (1 or -1) from which the first point comes. An
+    LNL has its `law`, and K and z are 0.
+    """
+
+    name: str
+    a: int
+    b: int
+    K: float
+    z: float
+    offset: float
+    said: str
+    exponent: float | None = None
+    side: int = 1
+    is_clamped: bool = False
+    law: Law | None = None
+    place: Place = NOWHERE
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """The law of an LNL: the fields of the module, and the law of the core.
+
+    `per_step` is the speed for a step of one metre: 1 under `units: ca`, else the rate [1/s].
+    """
+
+    fields: Mapping[str, Any]
+    of: _core.Law
+    per_step: float
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A generator of equal masses and equal links, `sides` across and up, at rest at 0.
+
+    Its points that move are the first of `points`, row by row.
+    """
+
+    name: str
+    kind: str
+    is_held: bool
+    sides: tuple[int, int]
+    points: range
+    links: range
+    K: float
+    z: float
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """An output: the sum of positions of points, differentiated `order` times, or of forces of
+    links.
+    """
+
+    name: str
+    points: Sequence[int] = ()
+    links: Sequence[int] = ()
+    order: int = 0
+    place: Place = NOWHERE
+
+
+@dataclass(frozen=True, slots=True)
+class Fed:
+    """An input: its description, and the take from which a score feeds it, if any."""
+
+    name: str
+    take: str = ""
+
+
+@dataclass(slots=True)
+class Stepped:
+    """Points and links at a rate, with inputs and outputs."""
+
+    rate: float
+    points: list[Point] = field(default_factory=list)
+    links: list[Link] = field(default_factory=list)
+    inputs: list[Fed] = field(default_factory=list)
+    outputs: list[Heard] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    bodies: list[Body] = field(default_factory=list)
+
+
+def stepped(
+    parts: Sequence[Part],
+    struck: Iterable[Target],
+    rate: float,
+    *,
+    most: int = MOST,
+) -> Stepped:
+    """Parts as the engine steps them at `rate` [Hz], with the links between them.
+
+    `struck` points have an input for a force. Links to other parts are left out. There may be at
+    most `most` points. Raises ModelError with the places of all that cannot be written.
+    """
+    return _Builder(Stepped(rate), most).made(parts, struck)
+
+
+class _Builder:
+    def __init__(self, made: Stepped, most: int) -> None:
+        self.to, self.most = made, most
+        self.at: dict[tuple[str, str], list[int]] = {}  # points of a module
+        self.centres: dict[tuple[str, str], int] = {}
+        self.links: dict[tuple[str, str], list[int]] = {}
+        self.pushes: dict[tuple[int, ...], int] = {}  # points -> input
+        self.refused: list[tuple[Place, str]] = []
+
+    def made(self, parts: Sequence[Part], struck: Iterable[Target]) -> Stepped:
+        for part in parts:
+            if part.ca_rate not in (None, self.to.rate):
+                why = f"its numbers are for {part.ca_rate:,g} Hz, and the score has"
+                self._refuse(
+                    part.modules[0].place,
+                    f"{part.name}: {why} {self.to.rate:,g} Hz; write the same",
+                )
+            for module in part.modules:
+                self._holder(part, module)
+        for part in parts:
+            for module in part.modules:
+                if module.kind == "PROXY":
+                    self._proxy(part, module)
+        for part in parts:
+            for module in part.modules:
+                self._rest(part, module)
+        for part in parts:
+            if part.struck is not None:
+                self._push_all(self.at[part.name, part.struck], part.name)
+        for target in struck:
+            self._push(target)
+        for part in parts:
+            for output in part.outputs:
+                self._output(part, output)
+        if len(self.to.points) > self.most:
+            self._refuse(
+                parts[0].modules[0].place,
+                f"there are {len(self.to.points):,} masses, and at most {self.most:,} are written",
+            )
+        if not any(part.outputs for part in parts):
+            names = ", ".join(part.name for part in parts)
+            self._refuse(parts[0].modules[0].place, f"{names} has no output; add an `out`")
+        if self.refused:
+            raise refusal(self.refused)
+        self._start()
+        return self.to
+
+    def _refuse(self, place: Place, why: str) -> None:
+        self.refused.append((place, why))
+
+    # --- points ---
+
+    def _holder(self, part: Part, module: Module) -> None:
+        where = (part.name, module.name)
+        name = f"{part.name}.{module.name}" if module.name else part.name
+        if module.kind in _POINTS:
+            point = _POINTS[module.kind](module.fields, name, part.ca_rate, self.to.rate)
+            point.is_ca, point.place = part.ca_rate is not None, module.place
+            self.at[where] = [len(self.to.points)]
+            self.to.points.append(point)
+        elif module.kind in GENERATORS:
+            self._generator(part, module, name)
+
+    def _proxy(self, part: Part, module: Module) -> None:
+        name, fields = f"{part.name}.{module.name}", module.fields
+        self.at[part.name, module.name] = [len(self.to.points)]
+        shares: list[tuple[int, float]] = []
+        if fields["follows"]:
+            self._refuse(module.place, f"{name}: a PROXY that follows a MAT is not written yet")
+        elif any((one.part, one.module) not in self.at for one in targets(fields)):
+            self._refuse(module.place, f"{name}: a PROXY between masses of another part")
+        else:
+            network = _core.Network()
+            mats: dict[int, int] = {}
+
+            def members(target: Target) -> list[int]:
+                for point in self._members(target):
+                    mats.setdefault(point, network.sol(f"{point}"))
+                return [mats[point] for point in self._members(target)]
+
+            proxy = add_proxy(network, name, fields, members)
+            points = {mat: point for point, mat in mats.items()}
+            shares = [(points[mat], share) for mat, share in network.shares(proxy)]
+        x0 = sum(share * self.to.points[one].x0 for one, share in shares)
+        v0 = sum(share * self.to.points[one].v0 for one, share in shares)
+        point = Point(name, x0, f"PROXY between {len(shares)} masses", v0=v0, shares=tuple(shares))
+        point.place = module.place
+        self.to.points.append(point)
+
+    def _generator(self, part: Part, module: Module, name: str) -> None:
+        fields, where = module.fields, (part.name, module.name)
+        self.at[where] = []
+        if module.kind == "MODES":
+            why = f"{name}: MODES is a bank of resonators, and no network of masses"
+            self._refuse(module.place, f"{why}; name {part.name} for a Faust program of its own")
+            return
+        starts = {one: fields.get(one) or 0.0 for one in ("X0", "V0")}
+        if not all(isinstance(value, float) for value in starts.values()):
+            self._refuse(module.place, f"{name}: members that start elsewhere than the others")
+            return
+        assembly = Assembly()
+        assembly.part(part.name, [module], ca_rate=part.ca_rate)
+        network = assembly.network
+        count, parts = network.count(0), network.elements([part.name])
+        if not {*parts.kinds} <= {"CEL", "RES", "FRO", "REF"} or (parts.stiffness < 0).any():
+            self._refuse(module.place, f"{name}: a {module.kind} that hardens, stretches or bends")
+            return
+        if count > self.most:
+            self._refuse(
+                module.place, f"{name}: {count:,} masses, and at most {self.most:,} are written"
+            )
+            return
+        first = len(self.to.points)
+        self.at[where] = list(range(first, first + count))
+        self.centres[where] = first + network.centre(0)
+        slots = {mat: slot for slot, mat in enumerate(parts.mats)}
+        ties = {
+            int(a): (float(k), float(z))
+            for kind, a, k, z in zip(
+                parts.kinds, parts.a, parts.stiffness, parts.damping, strict=True
+            )
+            if kind == "CEL"
+        }
+        rate = self.to.rate
+        for member in range(count):
+            of, slot = f"{name}.{member}", slots.get(member)
+            if slot is None:
+                point = Point(of, 0.0, f"SOL of {module.kind}")
+            else:
+                m = float(parts.masses[slot])
+                tie = dict(zip(("K", "Z"), ties.get(slot, (None, 0.0)), strict=True))
+                make = _mas if slot not in ties else _cel
+                point = make({"M": m, **tie, **starts}, of, part.ca_rate, rate)
+            point.is_ca, point.place = part.ca_rate is not None, module.place
+            self.to.points.append(point)
+        first_link = len(self.to.links)
+        ground = None
+        at = [first + mat for mat in parts.mats]
+        each = zip(parts.kinds, parts.a, parts.b, parts.stiffness, parts.damping, strict=True)
+        for number, (kind, a, b, k, z) in enumerate(each):
+            if kind == "CEL":
+                continue
+            if ground is None and min(a, b) < 0:
+                ground = len(self.to.points)
+                self.to.points.append(Point(f"{name}.ground", 0.0, f"SOL of {module.kind}"))
+            ends = [ground if end < 0 else at[end] for end in (int(a), int(b))]
+            tie = {"K": float(k), "Z": float(z)}
+            self._join(part, f"{name}.link.{number}", ends, kind, tie, module.place)
+        own = range(first, len(self.to.points)), range(first_link, len(self.to.links))
+        self._body(module, name, count, *own)
+
+    def _body(self, module: Module, name: str, count: int, points: range, links: range) -> None:
+        """Add a generator as a whole, if it is one row or one rectangle of equal masses."""
+        fields = module.fields
+        sides = (count, 1)
+        if module.kind == "PLATE" and fields["shape"] == "rectangle":
+            sides = fields["sides"]
+        elif module.kind != "STRING" or fields["ends"] == "left" or fields.get("stiffness"):
+            return
+        is_held = fields.get("ends") == "fixed" or fields.get("rim") == "fixed"
+        own = [self.to.links[link] for link in links]
+        masses = {self.to.points[point].mass for point in points[:count]}
+        ties = {(link.K, link.z) for link in own}
+        across, up = sides
+        expected = across * (up - 1) + up * (across - 1)
+        if is_held:
+            expected += 2 if module.kind == "STRING" else 2 * (across + up)
+        is_tied = any(self.to.points[point].kappa for point in points)
+        if len(masses) == len(ties) == 1 and len(own) == expected and not is_tied:
+            (K, z), *_ = ties
+            self.to.bodies.append(Body(name, module.kind, is_held, sides, points, links, K, z))
+
+    # --- links and inputs ---
+
+    def _rest(self, part: Part, module: Module) -> None:
+        name = f"{part.name}.{module.name}"
+        if following.of(module):
+            self._refuse(module.place, f"{name}: what follows a MAT is not written yet")
+            return
+        if module.kind in ("ENX", "ENF"):
+            self._input(module, name)
+        elif module.kind in LINKS:
+            if module.kind not in _WRITTEN:
+                self._refuse(module.place, f"{name}: {module.kind} is not written yet")
+                return
+            if module.fields.get("contact", "plain") != "plain":
+                how = module.fields["contact"]
+                self._refuse(
+                    module.place, f"{name}: a contact that is {how}; only plain is written"
+                )
+                return
+            ends = module.fields["between"]
+            others = [end.text for end in ends if (end.part, end.module) not in self.at]
+            if others:
+                self.to.left_out.append(f"{name}, which joins {' and '.join(others)}")
+                for end in ends:
+                    self._push(end)
+                return
+            first = len(self.to.links)
+            for one in single_links(module):
+                a, b = (self._members(end)[:1] for end in one.fields["between"])
+                if a and b:
+                    called = f"{part.name}.{one.name}"
+                    self._join(part, called, [*a, *b], module.kind, one.fields, module.place)
+            if (module.fields.get("K") or 0.0) < 0 and part.ca_rate is None:
+                self._refuse(module.place, f"{name}: a stiffness below 0")
+            self.links[part.name, module.name] = list(range(first, len(self.to.links)))
+
+    def _join(
+        self,
+        part: Part,
+        name: str,
+        ends: Sequence[int | None],
+        kind: str,
+        fields: Any,
+        place: Place,
+    ) -> None:
+        K, Z = float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0)
+        z = Z * (self.to.rate if part.ca_rate is None else self.to.rate / part.ca_rate)
+        a, b = (end for end in ends if end is not None)
+        units = ("", "") if part.ca_rate is not None else (" N/m", " N·s/m")
+        said = f"{kind}: K = {K!r}{units[0]}, Z = {Z!r}{units[1]}"
+        if kind == "LNL":
+            terms = (fields[one] for one in ("law", "damping", "constants", "points"))
+            law = Law(fields, _core.Law(*terms), 1.0 if part.ca_rate else self.to.rate)
+            rest = float(fields["rest"])
+            words = (f"{one} = {fields[one]}" for one in ("law", "damping") if fields[one])
+            said = f"LNL: {', '.join([*words, f'rest = {rest!r} m'])}"
+            self.to.links.append(Link(name, a, b, 0.0, 0.0, rest, said, law=law, place=place))
+            return
+        if kind != "BUT":
+            rest = float(fields.get("rest") or 0.0)
+            said += f", rest = {rest!r} m"
+            self.to.links.append(Link(name, a, b, K, z, rest, said, place=place))
+            return
+        gap, exponent, side = float(fields["gap"]), fields["exponent"], fields["side"]
+        said += f", gap = {gap!r} m, {side}, exponent = {exponent!r}"
+        sign, clamped = 1 if side == "below" else -1, fields["clamp"]
+        self.to.links.append(
+            Link(name, a, b, K, z, gap, said, exponent, sign, clamped, place=place)
+        )
+
+    def _members(self, target: Target) -> list[int]:
+        where = (target.part, target.module)
+        members = self.at.get(where, [])
+        if target.first == "centre":
+            return [self.centres[where]] if where in self.centres else []
+        return members[target.first : target.first + target.count]
+
+    def _input(self, module: Module, name: str) -> None:
+        to = module.fields["to"]
+        if (to.part, to.module) not in self.at:
+            self.to.left_out.append(f"{name}, which feeds {to.text}")
+            return
+        source = module.fields["from"]
+        take = source if isinstance(source, str) else ""
+        if module.kind == "ENF":
+            if take or module.fields["at"] is not None:
+                self._push(to, take)
+            else:
+                for member in self._members(to):
+                    for mass, share in self.to.points[member].shares or [(member, 1.0)]:
+                        self.to.points[mass].weight += share * float(source)
+            return
+        for member in self._members(to):
+            point = self.to.points[member]
+            if point.fed is None:
+                point.fed = len(self.to.inputs)
+                self.to.inputs.append(Fed(f"position of {point.name} [m]", take))
+
+    def _push(self, target: Target, take: str = "") -> None:
+        self._push_all(self._members(target), target.text, take)
+
+    def _push_all(self, points: Sequence[int], text: str, take: str = "") -> None:
+        members = tuple(points)
+        moved = [one for one in members if self.to.points[one].mass or self.to.points[one].shares]
+        if not moved or members in self.pushes:
+            return
+        number = self.pushes[members] = len(self.to.inputs)
+        one = self.to.points[members[0]].name
+        name = f"force on {one if len(members) == 1 else text} [N]"
+        self.to.inputs.append(Fed(name, take))
+        for member in moved:
+            self.to.points[member].forces.append(number)
+
+    def _output(self, part: Part, output: Output) -> None:
+        name = f"{part.name}.{output.name}" if output.name else part.name
+        if output.nearest:
+            why = f"{name}: an output of which each member goes to its own loudspeaker"
+            self._refuse(output.place, why)
+            return
+        if output.is_movement:
+            for target in output.targets:
+                if (target.part, target.module) not in self.at:
+                    self.to.left_out.append(f"{target.text}, which {name} hears")
+            heard = [one for target in output.targets for one in self._members(target)]
+            unit = ("m", "m/s", "m/s^2")[output.order]
+            self.to.outputs.append(Heard(f"{name} [{unit}]", heard, (), output.order, output.place))
+            return
+        links: list[int] = []
+        for target in output.targets:
+            own = self.links.get((target.part, target.module), [])
+            if not own or target.first == "centre":
+                self._refuse(output.place, f"{name}: the force of {target.text} is not written yet")
+                continue
+            links += own[target.first : target.first + target.count]
+        self.to.outputs.append(Heard(f"{name} [N]", (), links, 0, output.place))
+
+    # --- the first step ---
+
+    def _start(self) -> None:
+        """Set d0 of every point: the step of its own motion, less half a step of the forces at the
+        start.
+        """
+        points, T = self.to.points, 1.0 / self.to.rate
+        force = [0.0] * len(points)
+        for link in self.to.links:
+            a, b = points[link.a], points[link.b]
+            e = b.x0 - a.x0
+            f = _pull(link, e, T * (b.v0 - a.v0))
+            force[link.a] += f
+            force[link.b] -= f
+        for point, f in zip(points, tuple(force), strict=True):
+            for one, share in point.shares:
+                force[one] += share * f
+        for point, f in zip(points, force, strict=True):
+            if point.fed is not None or not point.mass:
+                point.d0 = 0.0
+            elif not point.is_ca:
+                point.d0 -= 0.5 * point.gain * (f + point.weight)
+
+
+def _pull(link: Link, e: float, d: float) -> float:
+    """Force on the first point, for x_b - x_a = e with a last step d."""
+    if link.law is not None:
+        return link.law.of.force(e - link.offset, d * link.law.per_step)
+    if link.exponent is None:
+        return link.K * (e - link.offset) + link.z * d
+    p = -link.side * e - link.offset
+    if p <= 0.0:
+        return 0.0
+    size = link.K * _core.pow(p, link.exponent) - link.z * link.side * d
+    return -link.side * (max(size, 0.0) if link.is_clamped else size)
+
+
+def refusal(refused: Sequence[tuple[Place, str]]) -> ModelError:
+    """An error that lists all that cannot be written, each with its place."""
+    (first, why), *others = refused
+    more = "".join(f"; {place.file}:{place.line}: {text}" for place, text in others)
+    error = ModelError(f"{why}{more}", first.line)
+    error.file = first.file
+    return error
+
+
+def _sol(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
+    return Point(name, fields["X0"], "SOL")
+
+
+def _mas(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
+    m, v0 = fields["M"], fields.get("V0", 0.0)
+    gain = _gain(m, ca_rate, rate)
+    said = f"MAS: M = {m!r}{'' if ca_rate else ' kg'}"
+    return Point(name, fields.get("X0", 0.0), said, m, gain, v0=v0, d0=v0 / rate)
+
+
+def _cel(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
+    m, v0, rest = fields["M"], fields.get("V0", 0.0), fields.get("rest", 0.0)
+    x0, f, t60 = fields.get("X0", 0.0), fields.get("f"), fields.get("t60")
+    K, Z = fields.get("K") or 0.0, fields.get("Z") or 0.0
+    kappa, zeta = (K / m, Z / m) if ca_rate and f is None else ratios(m, K, Z, f, t60, rate)
+    d0 = v0 / rate if ca_rate else last_step(m, K, Z, f, t60, rate, x0 - rest, v0)
+    tie = f"f = {f!r} Hz, t60 = {t60!r} s" if f is not None else f"K = {K!r}, Z = {Z!r}"
+    said = f"CEL: M = {m!r}, {tie}"
+    return Point(name, x0, said, m, _gain(m, ca_rate, rate), kappa, zeta, rest, v0, d0)
+
+
+def _gain(m: float, ca_rate: float | None, rate: float) -> float:
+    """The step for a force of one newton [m/N]."""
+    return 1.0 / m if ca_rate else 1.0 / (m * rate * rate)
+
+
+_POINTS: dict[str, Callable[[Any, str, float | None, float], Point]] = {
+    "SOL": _sol,
+    "MAS": _mas,
+    "CEL": _cel,
+}

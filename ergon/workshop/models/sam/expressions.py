@@ -1,0 +1,217 @@
+"""Expressions of Faust as trees, as far as models of Synth-A-Modeler use them.
+
+Infix operators bind tighter than `,`, and `,` binds tighter than `:`. `*(2)` alone is a function
+that multiplies by 2; `_` is its input.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ergon.notation.text.errors import quote
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.sam.reading import Code
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z]\w*(?:\.[A-Za-z]\w*)?)"
+    r'|(?P<text>"[^"]*")|(?P<sign><:|:>|[-+*/^%(),:_!~=;]))'
+)
+_LEVELS = ((":",), (",",), ("+", "-"), ("*", "/", "%"), ("^",))  # loosest first
+_MOST_NESTED, _MOST_TOKENS = 40, 20_000
+_PLAIN = {"number", "name", "chain", "negative"}
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A part of an expression, `kind`: number, text, name, call, chain, negative, partial, input.
+
+    `word` is the number, the name, the text or the operator; a chain has an operator for each
+    operand but the first. `text` is the whole part as written.
+    """
+
+    kind: str
+    word: str
+    parts: tuple[Node, ...] = ()
+    operators: tuple[str, ...] = ()
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """A line `name(arguments) = expression;` of Faust; `comment` is the text after `//`."""
+
+    name: str
+    arguments: tuple[str, ...]
+    text: str
+    line: int
+    comment: str = ""
+    before: tuple[str, ...] = ()
+
+
+def parse(text: str, line: int) -> Node:
+    """The tree of an expression. Raises ModelError."""
+    return _Parser(text, line).whole()
+
+
+def is_plain(node: Node) -> bool:
+    """Whether an expression has only names, numbers and arithmetic, as expressions of a score
+    do.
+    """
+    if node.kind not in _PLAIN or any(sign not in "+-*/" for sign in node.operators):
+        return False
+    return all(map(is_plain, node.parts))
+
+
+def names(node: Node) -> set[str]:
+    """The names in an expression."""
+    found = {node.word} if node.kind in ("name", "call") else set()
+    return found.union(*map(names, node.parts))
+
+
+class _Parser:
+    def __init__(self, text: str, line: int) -> None:
+        self.text, self.line, self.at, self.depth = text, line, 0, 0
+        self.tokens: list[tuple[str, str]] = []
+        at = 0
+        while text[at:].strip():
+            found = _TOKEN.match(text, at)
+            if found is None or len(self.tokens) >= _MOST_TOKENS:
+                what = quote(text[at:].strip()[:20])
+                raise ModelError(f"of Faust {what} is not read here", line)
+            self.tokens.append((str(found.lastgroup), found[0].strip()))
+            at = found.end()
+
+    def whole(self) -> Node:
+        if not self.tokens:
+            raise ModelError("an expression is missing", self.line)
+        node = self.level(0)
+        if self.at < len(self.tokens):
+            raise self.wrong()
+        return node
+
+    def wrong(self) -> ModelError:
+        if self.at >= len(self.tokens):
+            return ModelError(f"{quote(self.text.strip()[:60])} ends too early", self.line)
+        sign = self.tokens[self.at][1]
+        message = f"{quote(sign)} in {quote(self.text.strip()[:60])} is not read here"
+        return ModelError(message, self.line)
+
+    def sign(self) -> str:
+        kind, word = self.tokens[self.at] if self.at < len(self.tokens) else ("", "")
+        return word if kind == "sign" else ""
+
+    def take(self, wanted: str) -> None:
+        if self.sign() != wanted:
+            raise self.wrong()
+        self.at += 1
+
+    def level(self, nth: int) -> Node:
+        if nth == len(_LEVELS):
+            return self.primary()
+        parts, operators = [self.level(nth + 1)], []
+        while self.sign() in _LEVELS[nth] and self.sign():
+            operators.append(self.sign())
+            self.at += 1
+            parts.append(self.level(nth + 1))
+        if not operators:
+            return parts[0]
+        return Node("chain", "", tuple(parts), tuple(operators))
+
+    def primary(self) -> Node:
+        if self.at >= len(self.tokens):
+            raise self.wrong()
+        kind, word = self.tokens[self.at]
+        self.depth += 1
+        if self.depth > _MOST_NESTED:
+            message = f"more than {_MOST_NESTED} parentheses or signs inside one another"
+            raise ModelError(message, self.line)
+        self.at += 1
+        if kind == "number":
+            node = Node("number", word)
+        elif kind == "text":
+            node = Node("text", word[1:-1])
+        elif kind == "name":
+            node = Node("call", word, self.arguments()) if self.sign() == "(" else Node(kind, word)
+        elif word == "_":
+            node = Node("input", word)
+        elif word == "(":
+            node = self.level(0)
+            self.take(")")
+        elif word in ("+", "-", "*", "/", "^") and self.sign() == "(":
+            node = Node("partial", word, self.arguments())
+        elif word == "-":
+            node = Node("negative", word, (self.primary(),))
+        else:
+            self.at -= 1
+            raise self.wrong()
+        self.depth -= 1
+        return node
+
+    def arguments(self) -> tuple[Node, ...]:
+        self.take("(")
+        found = []
+        while True:
+            # A comma separates arguments here, so an argument has no comma outside parentheses.
+            first = self.at
+            parts, operators = [self.level(2)], []
+            while self.sign() == ":":
+                operators.append(":")
+                self.at += 1
+                parts.append(self.level(2))
+            one = parts[0] if not operators else Node("chain", "", tuple(parts), tuple(operators))
+            text = " ".join(word for _, word in self.tokens[first : self.at])
+            found.append(replace(one, text=text))
+            if self.sign() != ",":
+                break
+            self.at += 1
+        self.take(")")
+        return tuple(found)
+
+
+# --- definitions --------------------------------------------------------------------------------
+
+_DEFINED = re.compile(
+    r"\s*([A-Za-z]\w*)\s*(?:\(([A-Za-z]\w*(?:\s*,\s*[A-Za-z]\w*)*)\s*\))?\s*=(.*)"
+)
+
+
+def definitions(code: Sequence[Code]) -> dict[str, Definition]:
+    """Lines of Faust by the names that they define. Raises ModelError.
+
+    Expressions are parsed when they are needed, so that Faust code that nothing uses cannot
+    fail.
+    """
+    found: dict[str, Definition] = {}
+    waiting, first = "", 0
+    before: tuple[str, ...] = ()
+    for one in code:
+        said, comment = _without_comment(one.text)
+        parts = said.split(";")
+        for nth, part in enumerate(parts):
+            if not waiting.strip():
+                first, before = one.line, one.before if nth == 0 else ()
+            waiting += part + " "
+            if nth + 1 == len(parts):
+                break
+            if not waiting.strip():
+                continue
+            defined = _DEFINED.fullmatch(waiting)
+            if defined is None:
+                raise ModelError("a line of Faust is written faustcode: name = expression;", first)
+            name, arguments, text = defined[1], defined[2], defined[3].strip()
+            if name in found:
+                message = f"{quote(name)} is defined in line {found[name].line} too"
+                raise ModelError(message, first)
+            split = tuple(word.strip() for word in arguments.split(",")) if arguments else ()
+            found[name] = Definition(name, split, text, first, comment, before)
+            waiting = ""
+    if waiting.strip():
+        raise ModelError("a line of Faust ends with a semicolon", first)
+    return found
+
+
+def _without_comment(line: str) -> tuple[str, str]:
+    said, slashes, comment = line.partition("//")
+    return (said, comment.strip()) if slashes else (line, "")

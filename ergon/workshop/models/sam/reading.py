@@ -1,0 +1,191 @@
+"""Reads a text into the statements of Synth-A-Modeler and its lines of Faust, with their
+comments.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from ergon.notation.text.errors import quote
+from ergon.notation.text.spelling import nearest
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.sam.words import CODE, LINKS, MASSES, OUTPUTS, REFUSED, WORDS, written
+
+MOST = 200_000  # lines
+_MOST_CHARACTERS = 100_000  # of a line
+_LINE_END = re.compile(r"\r\n|\r|\n")
+_HEAD = re.compile(r"\s*([A-Za-z]\w*)\s*([(,:])")
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
+_LAYOUT = re.compile(r"#*\s*(pos\s+-?\d|v\d|$)")  # where a drawing has it; of which version it is
+_DRAWN = re.compile(r'#+\s*comment\("([^"]*)"')  # a text in the drawing
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """A line: its word, values as written, its name, the masses that it joins; comments before and
+    after it.
+    """
+
+    word: str
+    values: tuple[str, ...]
+    name: str
+    ends: tuple[str, ...]
+    line: int
+    before: tuple[str, ...] = ()
+    behind: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """A line of Faust, and the comments before it."""
+
+    text: str
+    line: int
+    before: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class Sheet:
+    """The content of a text; `head` are the comments at its beginning, `tail` those at its end."""
+
+    head: list[str] = field(default_factory=list)
+    statements: list[Statement] = field(default_factory=list)
+    code: list[Code] = field(default_factory=list)
+    tail: list[str] = field(default_factory=list)
+
+
+def ports(sheet: Sheet) -> list[str]:
+    """The names of ports, which files may drive."""
+    return [one.name for one in sheet.statements if one.word == "port"]
+
+
+def parse(text: str) -> Sheet:
+    """The statements of a model. Raises ModelError with the line at fault."""
+    sheet = Sheet()
+    comments: list[str] = []
+    lines = _LINE_END.split(text)
+    if len(lines) > MOST:
+        raise ModelError(f"it has more than {MOST:,} lines", MOST + 1)
+    has_begun = False
+    names: dict[str, int] = {}
+    for at, whole in enumerate(lines, 1):
+        if len(whole) > _MOST_CHARACTERS:
+            raise ModelError(f"a line has at most {_MOST_CHARACTERS:,} characters", at)
+        said, comment = _parted(whole)
+        if not said.strip():
+            comments += _kept(comment)
+            if comments and not comment and not has_begun:  # an empty line ends the head
+                sheet.head += [*comments, ""]
+                comments = []
+            continue
+        has_begun = True
+        head = _HEAD.match(said)
+        if head and head[1] == CODE and head[2] == ":":
+            sheet.code.append(Code(said[head.end() :], at, tuple(comments)))
+            comments = []
+            continue
+        one = _statement(said, at, tuple(comments), " ".join(_kept(comment)))
+        comments = []
+        if one.name in names:
+            message = f"{quote(one.name)} is the name of line {names[one.name]} too"
+            raise ModelError(message, at)
+        names[one.name] = at
+        sheet.statements.append(one)
+    sheet.tail = comments
+    if not sheet.statements:
+        raise ModelError("it has no statement of Synth-A-Modeler", len(lines))
+    return sheet
+
+
+def _parted(line: str) -> tuple[str, str]:
+    """A line's code, and the comment after it; a `#` within quotes does not begin a comment."""
+    is_quoted = False
+    for at, letter in enumerate(line):
+        if letter == '"':
+            is_quoted = not is_quoted
+        elif letter == "#" and not is_quoted:
+            return line[:at], line[at:]
+    return line, ""
+
+
+def _kept(comment: str) -> list[str]:
+    """The lines of a comment that a person wrote, without the layout of a drawing."""
+    if drawn := _DRAWN.match(comment):
+        return [line for line in drawn[1].split("|") if line.strip()]
+    if not comment or _LAYOUT.match(comment):
+        return []
+    return [comment.lstrip("#").strip()]
+
+
+def _statement(said: str, at: int, before: tuple[str, ...], behind: str) -> Statement:
+    head = _HEAD.match(said)
+    word = head[1] if head else said.split(None, 1)[0].strip(",;(")
+    if word in REFUSED:
+        raise ModelError(f"{word}: {REFUSED[word]}", at)
+    if word not in WORDS:
+        message = f"{quote(word)} is not a word of Synth-A-Modeler"
+        raise ModelError(message, at, nearest(word, WORDS))
+    if not said.rstrip().endswith(";"):
+        raise ModelError("a statement ends with a semicolon", at)
+    wrong = ModelError(f"{word} is written {written(word)}", at)
+    if head is None or (head[2] == ",") != (word in OUTPUTS) or head[2] == ":":
+        raise wrong
+    rest = said.rstrip()[:-1][head.end() :]
+    if word in OUTPUTS:
+        name, comma, expression = rest.partition(",")
+        if not comma:
+            raise wrong
+        return Statement(word, (expression.strip(),), _name(name, at), (), at, before, behind)
+    inside, found, outside = _closed(rest)
+    if not found:
+        raise ModelError("a parenthesis is not closed", at)
+    values = tuple(_split(inside)) if inside.strip() else ()
+    form = MASSES.get(word, LINKS.get(word, ()))
+    is_right = len(values) == len(form)
+    if word == "resonators":
+        if len(values) == 1:  # a list in parentheses of its own
+            own, _, more = _closed(values[0].strip()[1:])
+            if values[0].strip().startswith("(") and not more.strip():
+                values = tuple(_split(own))
+        is_right = len(values) > 0 and len(values) % len(form) == 0
+    n_names = 3 if word in LINKS else 1
+    names = outside.split(",")
+    if "(" in names[-1] and is_right:
+        message = f"the group {names[-1].strip()} says nothing any more; leave it out"
+        raise ModelError(message, at)
+    if not is_right or names[0].strip() or len(names) != n_names + 1:
+        raise wrong
+    if not all(value.strip() for value in values):
+        raise wrong
+    name, *ends = (_name(one, at) for one in names[1:])
+    return Statement(word, tuple(v.strip() for v in values), name, tuple(ends), at, before, behind)
+
+
+def _name(text: str, at: int) -> str:
+    name = text.strip()
+    if not _NAME.fullmatch(name):
+        raise ModelError(f"{quote(name)} is not a name: a letter, then letters and digits", at)
+    return name
+
+
+def _closed(text: str) -> tuple[str, bool, str]:
+    """The text before the closing parenthesis, whether there is one, and the text after it."""
+    depth = 1
+    for at, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if depth == 0:
+            return text[:at], True, text[at + 1 :]
+    return text, False, ""
+
+
+def _split(text: str) -> Iterator[str]:
+    """The values between commas, except commas within parentheses."""
+    depth, first = 0, 0
+    for at, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if letter == "," and depth == 0:
+            yield text[first:at]
+            first = at + 1
+    yield text[first:]

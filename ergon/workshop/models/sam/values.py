@@ -1,0 +1,358 @@
+"""Values of Synth-A-Modeler's expressions: numbers, lists, and sums of positions and forces.
+
+A slider has its initial value.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from ergon.notation.text.errors import quote
+from ergon.notation.text.spelling import nearest
+from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.sam.expressions import Definition, Node, names, parse
+from ergon.workshop.models.sam.words import RATE
+
+SLIDERS = ("hslider", "vslider", "nentry")
+_SMOOTHERS = ("onePoleBLT", "smooth", "paramSmooth")
+_LIMITER = "SAMlimiter"
+_MOST_STEPS = 200_000
+_MOST_DEEP = 150  # parts of expressions inside one another, definitions included
+_NUMBERS: Mapping[str, Callable[[float], float]] = {
+    "db2linear": lambda x: 10.0 ** (x / 20.0),
+    "mtof": lambda x: 440.0 * 2.0 ** ((x - 69.0) / 12.0),
+    "int": lambda x: float(math.trunc(x)),
+    "float": float,
+    "round": lambda x: float(math.trunc(x + 0.5)),
+    **{name: getattr(math, name) for name in ("sqrt", "exp", "log", "sin", "cos", "tan", "floor")},
+    "log10": math.log10,
+    "abs": abs,
+}
+_PAIRS: Mapping[str, Callable[[float, float], float]] = {
+    "pow": lambda x, y: math.pow(x, y),
+    "min": min,
+    "max": max,
+}
+_OPERATORS: Mapping[str, Callable[[float, float], float]] = {
+    "+": lambda x, y: x + y,
+    "-": lambda x, y: x - y,
+    "*": lambda x, y: x * y,
+    "/": lambda x, y: x / y,
+    "%": math.fmod,
+    "^": lambda x, y: math.pow(x, y),
+}
+
+
+# Definitions of the language's library, besides functions of numbers.
+LIBRARY = {
+    name: Definition(name, (), text, 0)
+    for name, text in (("defaultOutputDSP", "highpass(4,20.0):SAMlimiter"), ("fs", f"{RATE}.0"))
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """A Butterworth high-pass; order 0 stands for the limiter of the library."""
+
+    order: int
+    cutoff: float  # [Hz]
+
+
+@dataclass(frozen=True, slots=True)
+class Sound:
+    """A sum of positions and forces by their names, each with a factor; then filters."""
+
+    of: Mapping[str, float]
+    filters: tuple[Filter, ...] = ()
+    constant: float = 0.0
+
+
+Value = float | Sound | tuple["Value", ...]
+
+
+@dataclass(slots=True)
+class Values:
+    """Values by name. `heard` are the names of positions and forces, as sums."""
+
+    definitions: Mapping[str, Definition]
+    heard: Mapping[str, Sound] = field(default_factory=dict)
+    given: Mapping[str, float] = field(default_factory=dict)
+    _trees: dict[str, Node] = field(default_factory=dict)
+    _known: dict[str, Value] = field(default_factory=dict)
+    _open: list[str] = field(default_factory=list)
+    _steps: int = 0
+    _depth: int = 0
+
+    def number(self, text: str, line: int, what: str) -> float:
+        """The value of an expression that must be a number. Raises ModelError."""
+        value = self._value(parse(text, line), {}, line)
+        if not isinstance(value, float):
+            raise ModelError(f"{what}: {quote(text[:60])} is not a number", line)
+        return value
+
+    def sound(self, text: str, line: int) -> Sound:
+        """The value of an expression that must be a sum. Raises ModelError."""
+        value = self._value(parse(text, line), {}, line)
+        if isinstance(value, tuple):
+            raise ModelError(f"{quote(text[:60])} is a list; an output has one channel", line)
+        return value if isinstance(value, Sound) else Sound({}, (), value)
+
+    def tree(self, name: str) -> Node:
+        """The expression that a name stands for. Raises ModelError."""
+        if name not in self._trees:
+            one = self.definitions[name]
+            self._trees[name] = parse(one.text, one.line)
+        return self._trees[name]
+
+    def needed(self, name: str) -> set[str]:
+        """The defined names that the definition of a name uses."""
+        return names(self.tree(name)) & set(self.definitions)
+
+    def by_name(self, name: str, line: int) -> Value:
+        """The value of a name. Raises ModelError."""
+        if name in self.given:
+            return self.given[name]
+        if name in self.heard:
+            return self.heard[name]
+        if name == "PI" and name not in self.definitions:
+            return math.pi
+        if name not in self.definitions:
+            near = nearest(name, [*self.definitions, *self.heard])
+            raise ModelError(f"nothing is called {quote(name)}", line, near)
+        if name not in self._known:
+            self._enter(name, line)
+            self._known[name] = self._value(self.tree(name), {}, self.definitions[name].line)
+            self._open.pop()
+        return self._known[name]
+
+    def _enter(self, name: str, line: int) -> None:
+        """Begin to read a definition. Raises ModelError."""
+        if name in self._open:
+            raise ModelError(f"{quote(name)} is defined by itself", line)
+        self._open.append(name)
+
+    def _value(self, node: Node, own: Mapping[str, Value], line: int) -> Value:
+        """The value of an expression; `own` are arguments of the function around it."""
+        self._count(line)
+        self._depth += 1
+        value = self._value_of(node, own, line)
+        self._depth -= 1
+        return value
+
+    def _count(self, line: int) -> None:
+        """Raises ModelError if expressions take too many steps, or are nested too deeply."""
+        self._steps += 1
+        if self._steps > _MOST_STEPS or self._depth > _MOST_DEEP:
+            raise ModelError("its expressions are nested too deeply, or are too many", line)
+
+    def _value_of(self, node: Node, own: Mapping[str, Value], line: int) -> Value:
+        if node.kind == "number":
+            return _finite(float(node.word), line)
+        if node.kind == "name":
+            return own[node.word] if node.word in own else self.by_name(node.word, line)
+        if node.kind == "negative":
+            return _pair("*", -1.0, self._value(node.parts[0], own, line), line)
+        if node.kind == "call":
+            return self._call(node, own, line)
+        if node.kind == "chain" and node.operators[0] == ",":
+            return tuple(self._value(part, own, line) for part in node.parts)
+        if node.kind == "chain":
+            value = self._value(node.parts[0], own, line)
+            for sign, part in zip(node.operators, node.parts[1:], strict=True):
+                if sign == ":":
+                    value = self._through(part, value, own, line)
+                else:
+                    value = _pair(sign, value, self._value(part, own, line), line)
+            return value
+        raise ModelError(f"{quote(node.word)} has no value by itself", line)
+
+    # --- functions ------------------------------------------------------------------------------
+
+    def _call(self, node: Node, own: Mapping[str, Value], line: int) -> Value:
+        name = node.word
+        if name in SLIDERS and name not in self.definitions:
+            if len(node.parts) != 5:
+                message = f"{name} is written {name}(label, value, least, most, step)"
+                raise ModelError(message, line)
+            return self._value(node.parts[1], own, line)
+        if name in ("checkbox", "button") and name not in self.definitions:
+            return 0.0
+        if name == "mytake" and name not in self.definitions and len(node.parts) == 3:
+            return self._value(node.parts[2], own, line)  # the list of a table
+        arguments = [self._value(part, own, line) for part in node.parts]
+        if name == "rdtable" and name not in self.definitions and len(arguments) == 3:
+            return _row(arguments, line)
+        if (one := self.definitions.get(name)) is not None:
+            if len(one.arguments) != len(arguments):
+                message = f"{name} has {len(one.arguments)} arguments, and here {len(arguments)}"
+                raise ModelError(message, line)
+            self._enter(name, line)
+            inner = dict(zip(one.arguments, arguments, strict=True))
+            value = self._value(self.tree(name), inner, one.line)
+            self._open.pop()
+            return value
+        numbers = [one for one in arguments if isinstance(one, float)]
+        if len(numbers) == len(arguments) == 1 and name in _NUMBERS:
+            return _computed(_NUMBERS[name], numbers, line)
+        if len(numbers) == len(arguments) == 2 and name in _PAIRS:
+            return _computed(_PAIRS[name], numbers, line)
+        known = [*_NUMBERS, *_PAIRS, *SLIDERS, *self.definitions]
+        raise ModelError(f"of Faust {quote(name)} is not read here", line, nearest(name, known))
+
+    def _takes(self, node: Node, own: Mapping[str, Value], depth: int = 0) -> bool:
+        """Whether an expression takes an input."""
+        if node.kind in ("input", "partial") or depth > _MOST_DEEP:
+            return True
+        if node.kind == "call":
+            is_own = node.word in self.definitions
+            return not is_own and node.word in ("highpass", *_SMOOTHERS)
+        if node.kind == "name":
+            if node.word in own or node.word in self.heard or node.word in self.given:
+                return False
+            if node.word in self.definitions:
+                if self.definitions[node.word].arguments:
+                    return False
+                return self._takes(self.tree(node.word), {}, depth + 1)
+            return node.word in (*_NUMBERS, *_SMOOTHERS, _LIMITER)
+        if node.kind == "chain" and node.operators[0] == ":":
+            return self._takes(node.parts[0], own, depth + 1)
+        return any(self._takes(part, own, depth + 1) for part in node.parts)
+
+    def _through(self, node: Node, value: Value, own: Mapping[str, Value], line: int) -> Value:
+        """The output of an expression for an input value. Raises ModelError."""
+        self._count(line)
+        if not self._takes(node, own):
+            raise ModelError("what stands behind ':' takes nothing in", line)
+        if node.kind == "input":
+            return value
+        if node.kind == "partial":
+            if len(node.parts) != 1:
+                raise ModelError(f"{node.word}(...) takes one value here", line)
+            return _pair(node.word, value, self._value(node.parts[0], own, line), line)
+        if node.kind == "name":
+            if node.word in self.definitions:
+                self._enter(node.word, line)
+                self._depth += 1
+                value = self._through(self.tree(node.word), value, {}, line)
+                self._depth -= 1
+                self._open.pop()
+                return value
+            if node.word in _SMOOTHERS:
+                return _smooth(value, line)
+            if node.word == _LIMITER and isinstance(value, Sound):
+                return Sound(value.of, (*value.filters, Filter(0, 0.0)), value.constant)
+            if not isinstance(value, float) or node.word == _LIMITER:
+                raise ModelError(f"{node.word} of a sound is not built", line)
+            return _computed(_NUMBERS[node.word], [value], line)
+        if node.kind == "call":
+            if node.word in _SMOOTHERS:
+                return _smooth(value, line)
+            return self._filtered(node, value, own, line)
+        if node.kind == "chain" and node.operators[0] == ":":
+            for part in node.parts:
+                value = self._through(part, value, own, line)
+            return value
+        taking = [self._takes(part, own) for part in node.parts]
+        if sum(taking) != 1 or node.kind != "chain" or "," in node.operators:
+            raise ModelError("more than one part behind ':' takes a sound in", line)
+        found = [
+            self._through(part, value, own, line) if takes else self._value(part, own, line)
+            for part, takes in zip(node.parts, taking, strict=True)
+        ]
+        whole = found[0]
+        for sign, part_of in zip(node.operators, found[1:], strict=True):
+            whole = _pair(sign, whole, part_of, line)
+        return whole
+
+    def _filtered(self, node: Node, value: Value, own: Mapping[str, Value], line: int) -> Value:
+        numbers = [self._value(part, own, line) for part in node.parts]
+        if len(numbers) != 2 or not all(isinstance(one, float) for one in numbers):
+            raise ModelError("highpass is written highpass(order, frequency)", line)
+        order, cutoff = (one for one in numbers if isinstance(one, float))
+        if not (1.0 <= order <= 64.0 and order == int(order) and 0.0 < cutoff < RATE / 2):
+            message = "highpass has an order from 1 to 64 and a frequency between 0 and 22,050 Hz"
+            raise ModelError(message, line)
+        if not isinstance(value, Sound):
+            return 0.0  # of what stands still
+        return Sound(value.of, (*value.filters, Filter(int(order), cutoff)), 0.0)
+
+
+def text_of_slider(node: Node) -> tuple[str, str] | None:
+    """The label and the initial value of a slider, with any smoothing skipped."""
+    while node.kind == "chain" and node.operators[0] == ":":
+        if not all(part.word in _SMOOTHERS for part in node.parts[1:]):
+            return None
+        node = node.parts[0]
+    if node.kind != "call" or node.word not in SLIDERS or len(node.parts) != 5:
+        return None
+    label = node.parts[0].word if node.parts[0].kind == "text" else ""
+    return re.sub(r"\s+", " ", label), node.parts[1].text
+
+
+def _smooth(value: Value, line: int) -> Value:
+    if isinstance(value, float):
+        return value  # a slider that nobody moves
+    raise ModelError("a low-pass of a sound is not built: a route has a high-pass alone", line)
+
+
+def _row(arguments: list[Value], line: int) -> Value:
+    """A value of a table."""
+    _, rows, at = arguments
+    if not isinstance(rows, tuple) or not isinstance(at, float) or not 0 <= int(at) < len(rows):
+        raise ModelError("rdtable is written rdtable(size, mytake(...), index) here", line)
+    return rows[int(at)]
+
+
+def _finite(value: float, line: int) -> float:
+    if not math.isfinite(value):
+        raise ModelError("a number is too large", line)
+    return value
+
+
+def _computed(by: Callable[..., float], of: list[float], line: int) -> float:
+    try:
+        return _finite(float(by(*of)), line)
+    except (ArithmeticError, ValueError, TypeError):
+        raise ModelError(
+            "an expression has no value: it divides by 0, or is too large", line
+        ) from (None)
+
+
+def _pair(sign: str, a: Value, b: Value, line: int) -> Value:
+    """Two values joined by an operator. Raises ModelError if the result is not a sum."""
+    if isinstance(a, tuple) or isinstance(b, tuple):
+        raise ModelError(f"{sign} of a list is not built", line)
+    if isinstance(a, float) and isinstance(b, float):
+        return _computed(_OPERATORS[sign], [a, b], line)
+    if sign in "+-":
+        return _sum(a, b if sign == "+" else _pair("*", -1.0, b, line), line)
+    if sign == "*" and isinstance(a, float):
+        a, b = b, a
+    if isinstance(a, Sound) and isinstance(b, float) and sign in "*/":
+
+        def scaled(x: float) -> float:
+            return _computed(_OPERATORS[sign], [x, b], line)
+
+        of = {name: scaled(factor) for name, factor in a.of.items()}
+        return Sound(of, a.filters, scaled(a.constant))
+    raise ModelError("a product of sounds is not built: outputs are sums with factors", line)
+
+
+def _sum(a: Value, b: Value, line: int) -> Sound:
+    parts = [
+        one if isinstance(one, Sound) else Sound({}, (), one)
+        for one in (a, b)
+        if not isinstance(one, tuple)
+    ]
+    chains = {one.filters for one in parts if one.of}
+    if len(chains) > 1:
+        raise ModelError("a sum of sounds with filters of their own is not built", line)
+    of: dict[str, float] = {}
+    for one in parts:
+        for name, factor in one.of.items():
+            of[name] = _finite(of.get(name, 0.0) + factor, line)
+    constant = _finite(sum(one.constant for one in parts), line)
+    return Sound(of, chains.pop() if chains else (), constant)
