@@ -2,7 +2,8 @@
 
 `--minutes 10`: the duration of the duet, `pages` and `soak_live`; one minute by default. `--runs
 20`: how often each stop is made, and how many keys are measured in each way.
-`--pieces bloom,workshop`: the bundled pieces that `pieces` renders.
+`--pieces bloom,workshop`: the bundled pieces that `pieces` renders. `--instruments guitar,viol`:
+those of which `voices` counts the voices; `--page`: it writes docs/voices.md.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ from benches.soak import soak, soak_live
 from benches.stall import stall
 from benches.stops import stops
 from benches.string import string
+from benches.voices import voices
 
 
 def main(arguments: list[str]) -> int:
@@ -55,6 +57,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--minutes", type=float, default=1.0)
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--pieces", default=",".join(PIECES))
+    parser.add_argument("--instruments", default="")
+    parser.add_argument("--page", action="store_true")
     asked = parser.parse_args(arguments)
     wanted: list[str] = asked.scenes
     loops = Loops() if compiler() is not None else None
@@ -87,6 +91,9 @@ def main(arguments: list[str]) -> int:
     # Each takes minutes, so it runs only if it is named.
     if "pieces" in wanted:
         scenes["pieces"] = partial(pieces, asked.pieces.split(","))
+    if "voices" in wanted:
+        names = [name for name in asked.instruments.split(",") if name]
+        scenes["voices"] = partial(voices, names, asked.page)
     if "soak_live" in wanted:
         scenes["soak_live"] = partial(soak_live, asked.minutes)
     if "midi_clock" in wanted:

@@ -50,6 +50,7 @@ interleaved, medians. Only the ratios travel to other machines.
   allows: 144 bytes a mass and frame go beyond the nearest cache (x, d and forces in two passes over
   the links, then all that a mass is), at the speed at which numpy adds two arrays of that size.
 * Growth in all sizes: `benches/growth.csv`.
+* Voices of each instrument on one core, beside Csound and Faust: [voices](voices.md).
 * Targets in brackets are wall time on an idle machine; beside it stands processor time, which does
   not count what else the machine did.
 

@@ -45,6 +45,7 @@ class Program:
         except OSError as error:
             raise Missing(f"`faust` made what cannot be loaded: {error}") from None
         self._library.begin.restype = ctypes.c_void_p
+        self._library.play.restype = ctypes.c_double
 
     def begin(self, rate: float) -> Callable[[int], NDArray[np.float64]]:
         """Start from the beginning; returns a call that advances n_frames and returns (n_frames,
@@ -67,3 +68,17 @@ class Program:
             return out.T
 
         return compute
+
+    def voices(self, rate: float, count: int) -> Callable[[int], float]:
+        """Start `count` voices; returns a call that advances all of them by n_frames, a multiple of
+        256, and returns the peak of their sum.
+        """
+        library = self._library
+        begun = [library.begin(ctypes.c_int64(int(rate))) for _ in range(count)]
+        voices = (ctypes.c_void_p * count)(*begun)
+
+        def play(n_frames: int) -> float:
+            peak = library.play(voices, ctypes.c_int64(count), ctypes.c_int64(n_frames))
+            return float(peak)
+
+        return play
