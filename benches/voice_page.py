@@ -28,7 +28,8 @@ measures some.
 * ergon: one score of one to eight voices, planned by ear as `ergon render` does, one thread, blocks
   of 256 frames; the mix with its high-pass counts. *Modules* are MATs and LIAs of a voice, its bow
   included. *Computed* says [how](numerics.md), with modules; `× 2` is two steps a frame. What some
-  of the voices do otherwise stands behind a semicolon.
+  of the voices do otherwise stands behind a semicolon. A part that has fallen by 90 dB sleeps until
+  its next stroke.
 * Csound: in double precision, `ksmps` 256, without a sound card; the difference of 4 s and 1 s of
   sound. `mode × 5` is a voice of five `mode`, as many as the instrument has oscillators; an
   impulse excites them, where a mallet touches ergon's. `prepiano` has two strings.

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
 from benches import voices
 from benches.measure import Row
 from benches.peers import Missing
@@ -13,7 +14,6 @@ from benches.voice_cost import Voices, evenness, in_turns, polyphony
 from benches.voice_kinds import kinds
 from benches.voice_page import Line, method, number, table
 from benches.voice_scores import Instrument, instruments, score
-
 from ergon.scores.reading.load import load
 
 _MARIMBA = Line(

@@ -104,11 +104,12 @@ ergon: 1
 use: [instruments/bars.yaml]
 strikes: {tap: {to: triangle.hammer, at: 0, impulse: 4mNs}}
 """
+REPEATED = "d1 strikes triangle.hammer every 1 impulse 4mNs"
 
 
 @pytest.mark.parametrize(
     ("command", "typed"),
-    [("check", ""), ("plan", ""), ("render", ""), ("repl", "d1 strikes triangle.hammer every 1 impulse 4mNs\nquit\n")],
+    [("check", ""), ("plan", ""), ("render", ""), ("repl", REPEATED + "\nquit\n")],
 )
 def test_a_piece_plays_without_the_workshop(command: str, typed: str, tmp_path: Path):
     (tmp_path / "piece.yaml").write_text(SCORE, encoding="utf-8")
