@@ -49,6 +49,8 @@ class EngineError(ValueError):
     """An argument, network, law or timeline that the core refuses."""
 
     module: str | None  # as written in the score, e.g. `bell.m`; or an argument, e.g. `trim`
+    index: int | None  # the point of a gesture, or the hand, that is at fault, from 0
+    sentence: str  # what is wrong, without the module
     refusals: list[EngineError]  # one for each module, if several are refused; else empty
 
 class UnstableError(EngineError):

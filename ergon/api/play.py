@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -141,14 +140,12 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
             )
 
 
-def _named(error: Exception, stage: Stage) -> str:
-    """The message of an error of the core, with the player in place of a hand's number."""
-
-    def player(match: re.Match[str]) -> str:
-        hand = stage.live[int(match[1])]
-        return f"{hand.player} on {hand.key}:"
-
-    return re.sub(r"^hand (\d+):", player, str(error))
+def _named(error: _core.EngineError, stage: Stage) -> str:
+    """The sentence of an error of the core, with the player whose hand is at fault."""
+    if error.index is None:
+        return str(error)
+    hand = stage.live[error.index]
+    return f"{hand.player} on {hand.key}: {error.sentence}"
 
 
 def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:

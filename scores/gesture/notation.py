@@ -33,6 +33,10 @@ SAME = 1e-9  # tolerance for rounding: beats, seconds, metres
 _TOKEN = re.compile(r"(\()|(\))(?:\s*+\*\s*+([^\s()|]++))?|(\|)|([^\s()|]++)")
 
 
+class HoldMovesError(TextError):
+    """A point with `hold` that is elsewhere than the one before it."""
+
+
 @dataclass(frozen=True, slots=True)
 class BarCheck:
     """A `|`: the instant of the point before it should be on a bar."""
@@ -239,7 +243,7 @@ def _joined(events: list[_Event]) -> Notation:
         if last is not None and last.x is not None:
             still = abs(x - last.x) <= SAME
             if event.curve == "hold" and not still:
-                raise TextError(
+                raise HoldMovesError(
                     f"'hold' keeps the position {_millimetres(last.x)}; "
                     f"this point is at {_millimetres(x)}",
                     offset=event.offset,

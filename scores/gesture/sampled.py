@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,7 +38,7 @@ def sampled(points: Sequence[Point], beat: float, rate: float) -> NDArray[np.flo
         timeline.gesture(key, t, x, curves, touch="tracked")  # type: ignore[arg-type]
         simulation = Simulation(network, timeline)
     except EngineError as error:
-        raise _wrong(points, refused_point(error), sentence(error)) from None
+        raise _wrong(points, error.index or 0, error.sentence) from None
     n = int(t[-1] * rate + 0.5) + 1
     path = np.empty(n)
     nothing = np.empty((1, 0))
@@ -52,18 +51,6 @@ def sampled(points: Sequence[Point], beat: float, rate: float) -> NDArray[np.flo
             message = "the path to this point, or on from it, is too fast for any mass"
             raise _wrong(points, index, message) from None
     return path
-
-
-def sentence(error: EngineError) -> str:
-    """The sentence of a refusal, without the name of the module or argument before it."""
-    text, module = str(error), getattr(error, "module", None)
-    return text.removeprefix(f"{module}: ") if module else text
-
-
-def refused_point(error: EngineError) -> int:
-    """The index of the point that the engine refuses in a gesture; 0 if it names none."""
-    named = re.search(r"\bpoint (\d+)", str(error))
-    return int(named[1]) if named else 0
 
 
 def _wrong(points: Sequence[Point], index: int, message: str) -> TextError:

@@ -65,7 +65,7 @@ def parse_curve(text: str, read: Callable[[str], float]) -> tuple[CurvePoint, ..
         here = [pair for pair in moved if pair[0] <= error.offset]
         if here:
             error.offset += here[-1][1] - here[-1][0]
-        if error.message.startswith("'hold' keeps"):
+        if isinstance(error, notation.HoldMovesError):
             error.message = "'hold' keeps the value; this point has another"
         error.length = max(1, min(error.length, len(text) - error.offset))
         raise

@@ -17,7 +17,6 @@ from ergon.notation.clock.positions import Position
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.points import Curve
-from ergon.scores.gesture.sampled import refused_point, sentence
 from ergon.scores.gesture.transforms import Chance, MidpointChance, Transform, apply, apply_to_take
 from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
@@ -332,10 +331,10 @@ class Hands:
                 index, t, shape.x, shape.curves, sources=shape.sources, **shape.options
             )
         except _core.EngineError as error:
-            index = min(refused_point(error), len(shape.sources) - 1)
+            index = min(error.index or 0, len(shape.sources) - 1)
             self.collector.error(
                 "E308",
-                f"{quote(play.what)}: {sentence(error)}",
+                f"{quote(play.what)}: {error.sentence}",
                 self.sources[shape.sources[index]],
                 help=f"{play.player} plays the gesture at {play.place}",
             )
@@ -441,7 +440,7 @@ class Hands:
                 **options,
             )
         except _core.EngineError as error:
-            self.collector.error("E308", f"{quote(play.what)}: {sentence(error)}", play.place)
+            self.collector.error("E308", f"{quote(play.what)}: {error.sentence}", play.place)
             return
         self.gestures.append(
             StagedGesture(

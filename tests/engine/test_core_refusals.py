@@ -54,3 +54,36 @@ def test_columns_are_not_taken_for_rows():
     out = np.zeros((3, 2))
     simulation.process(out)
     np.testing.assert_allclose(out, [[1.0, 2.0]] * 3, rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("t", "x", "curve", "point"),
+    [
+        ([0.0, 1.0, 1.0], [0.0, 0.1, 0.2], ["line"] * 3, 2),
+        ([0.0, 1.0, 2.0], [0.0, 0.1, np.nan], ["line"] * 3, 2),
+        ([0.0, 1.0, 2.0], [0.0, 0.1, 0.1], ["line", "hold", "line"], 1),
+        ([], [], [], None),
+    ],
+)
+def test_refused_gesture_has_the_index_of_its_point(
+    t: list[float], x: list[float], curve: list[str], point: int | None
+):
+    _, timeline = scene()
+    with pytest.raises(_core.EngineError) as refused:
+        timeline.gesture(0, t, x, curve)
+    assert refused.value.index == point
+    assert refused.value.module == "gesture"
+    assert str(refused.value) == f"gesture: {refused.value.sentence}"
+
+
+def test_refused_modules_have_sentences_without_their_names():
+    network = _core.Network()
+    network.part("p")
+    network.mas("a", M=1e-9)
+    network.sol("c")
+    network.ref("l", 0, 1, K=1e6)
+    with pytest.raises(_core.UnstableError) as unstable:
+        _core.Simulation(network, _core.Timeline(network, RATE))
+    assert unstable.value.module == "p.a"
+    assert unstable.value.index is None
+    assert str(unstable.value) == f"p.a: {unstable.value.sentence}"

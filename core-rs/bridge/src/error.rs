@@ -2,6 +2,7 @@
 
 use std::fmt::Display;
 
+use ergon_engine::gesture::error::GestureError;
 use ergon_engine::law;
 use ergon_engine::network;
 use ergon_engine::simulation::Fault;
@@ -30,7 +31,8 @@ create_exception!(
     "An axis whose direction could not be measured."
 );
 
-/// `error` with `module`, an empty `refusals`, and whatever `attributes` sets: the attributes that the stub declares.
+/// `error` with `module`, an empty `refusals`, no `index`, the whole message as `sentence`, and whatever `attributes`
+/// sets: the attributes that the stub declares.
 pub(crate) fn with_attributes(
     error: PyErr,
     module: Option<&str>,
@@ -40,6 +42,8 @@ pub(crate) fn with_attributes(
         let value = error.value(py).as_any();
         value.setattr("module", module)?;
         value.setattr("refusals", Vec::<PyErr>::new())?;
+        value.setattr("index", None::<usize>)?;
+        value.setattr("sentence", value.to_string())?;
         attributes(value)
     });
     // If an attribute cannot be set (out of memory), that error is returned instead.
@@ -71,11 +75,21 @@ create_exception!(
 
 /// EngineError about a module or an argument.
 pub(crate) fn module_error(module: &str, message: impl Display) -> PyErr {
-    with_attributes(
-        EngineError::new_err(format!("{module}: {message}")),
-        Some(module),
-        |_| Ok(()),
-    )
+    indexed_error(module, message, None)
+}
+
+/// The same about one element of it, such as a point of a gesture; `index` counts from 0.
+pub(crate) fn indexed_error(module: &str, message: impl Display, index: Option<usize>) -> PyErr {
+    let raised = EngineError::new_err(format!("{module}: {message}"));
+    with_attributes(raised, Some(module), |raised| {
+        raised.setattr("index", index)?;
+        raised.setattr("sentence", message.to_string())
+    })
+}
+
+/// EngineError about a gesture; `index` is that of the point at fault, if one is.
+pub(crate) fn from_gesture(argument: &str, error: &GestureError) -> PyErr {
+    indexed_error(argument, error, error.point())
 }
 
 /// EngineError or UnstableError that names the module; for several faults, an EngineError with each fault in
@@ -83,11 +97,17 @@ pub(crate) fn module_error(module: &str, message: impl Display) -> PyErr {
 pub(crate) fn from_engine(error: network::Error) -> PyErr {
     let message = error.to_string();
     match error {
-        network::Error::Refused { module, .. } => {
-            with_attributes(EngineError::new_err(message), Some(&module), |_| Ok(()))
-        }
+        network::Error::Refused {
+            module,
+            message: sentence,
+        } => with_attributes(EngineError::new_err(message), Some(&module), |raised| {
+            raised.setattr("sentence", sentence)
+        }),
         network::Error::Unstable { module, .. } => {
-            with_attributes(UnstableError::new_err(message), Some(&module), |_| Ok(()))
+            let sentence = message.replacen(&format!("{module}: "), "", 1);
+            with_attributes(UnstableError::new_err(message), Some(&module), |raised| {
+                raised.setattr("sentence", sentence)
+            })
         }
         network::Error::Several(each) => {
             let refusals: Vec<PyErr> = each.into_iter().map(from_engine).collect();

@@ -10,7 +10,7 @@ use ergon_engine::timeline::{self, InputSource, Rain, SoundInSettings, Source};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::error::{from_engine, hertz, module_error, word};
+use crate::error::{from_engine, from_gesture, hertz, module_error, word};
 use crate::named::{Impulse, Range};
 use crate::network::Network;
 use crate::take::Take;
@@ -82,7 +82,7 @@ impl Timeline {
         };
         Gesture::written(key, &written, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
-            .map_err(|error| module_error("gesture", error))
+            .map_err(|error| from_gesture("gesture", &error))
     }
 
     /// Lowest and highest position [m] of each gesture's written points and paths, by index.
@@ -127,7 +127,7 @@ impl Timeline {
             .map_err(|error| module_error("take", error))?;
         Gesture::from_take(key, path, until, source, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
-            .map_err(|error| module_error("take", error))
+            .map_err(|error| from_gesture("take", &error))
     }
 
     /// A strike on a MAT at `at` [s]: an impulse [N·s], or a mass [kg] that arrives at a speed [m/s].

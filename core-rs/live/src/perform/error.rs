@@ -38,7 +38,7 @@ pub enum PlayError {
     Hands(usize),
     /// A piece that is too stiff for a device to be stable.
     #[error(
-        "hand {hand}: the piece is {stiffness:.0} N/m stiff at this key, and the device is stable up to {limit:.0} N/m; \
+        "the piece is {stiffness:.0} N/m stiff at this key, and the device is stable up to {limit:.0} N/m; \
          use a smaller K or a larger Z in what the key touches"
     )]
     Stiff {
