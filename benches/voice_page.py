@@ -105,7 +105,7 @@ def table(lines: Sequence[Line], counts: Mapping[str, float], missing: Mapping[s
     return "\n".join(rows) + "\n"
 
 
-def write(text: str, made_on: Mapping[str, str | int | float], rounds: int) -> None:
+def write(text: str, machine: Mapping[str, str | int | float], rounds: int) -> None:
     """Write the page."""
-    load = f"{made_on['load_before']:.1f}"
-    PAGE.write_text(_HEAD.format(**made_on, load=load, rounds=rounds) + text, encoding="utf-8")
+    load = f"{machine['load_before']:.1f}"
+    PAGE.write_text(_HEAD.format(**machine, load=load, rounds=rounds) + text, encoding="utf-8")

@@ -24,7 +24,7 @@ def voices(names: Sequence[str] = (), page: bool = False) -> list[Row]:
     wanted = [each for each in instruments() if not names or each.name in names]
     if unknown := sorted(set(names) - {each.name for each in wanted}):
         raise SystemExit(f"no instrument {', '.join(unknown)} says how it is played")
-    made_on = report.machine()
+    machine = report.machine()
     plans = {}
     for instrument in wanted:
         plans[instrument.name] = plan(instrument)
@@ -49,7 +49,7 @@ def voices(names: Sequence[str] = (), page: bool = False) -> list[Row]:
     text = voice_page.table(lines, counts, missing)
     print(text, flush=True)
     if page:
-        voice_page.write(text, made_on, ROUNDS)
+        voice_page.write(text, machine, ROUNDS)
     return [row for line in lines for row in rows(line, counts, missing)]
 
 

@@ -53,7 +53,12 @@ def test_in_turns_takes_sides_alternately() -> None:
 
 
 def test_number_of_many_and_of_few() -> None:
-    assert [number(one) for one in (13_567.0, 134.9, 9.96, 0.84)] == ["14,000", "130", "10", "0.8"]
+    assert [number(count) for count in (13_567.0, 134.9, 9.96, 0.84)] == [
+        "14,000",
+        "130",
+        "10",
+        "0.8",
+    ]
 
 
 def test_method_of_voices_that_differ() -> None:

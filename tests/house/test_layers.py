@@ -1,9 +1,9 @@
 """Layers of the Rust crates: what a top-level module may import, as DESIGN.md says."""
 
-import re
 from pathlib import Path
 
 import pytest
+from design_tables import uses
 from rust_imports import Graph, branches, circles, imports
 
 ROOT = Path(__file__).parents[2]
@@ -12,14 +12,7 @@ CRATES = ["engine", "view", "live"]
 
 def layers(crate: str) -> dict[str, set[str]]:
     """The table of a crate in DESIGN.md: module, and what it may use."""
-    text = (ROOT / "DESIGN.md").read_text(encoding="utf-8")
-    table = text.split(f"| layers of `{crate}` |", 1)[1].split("\n\n", 1)[0]
-    rows = re.findall(r"^\| (.+?) \|.*\| (.+?) \|$", table, flags=re.MULTILINE)
-    return {
-        layer: set(re.findall(r"`(\w+)`", may))
-        for layers, may in rows
-        for layer in re.findall(r"`(\w+)`", layers)
-    }
+    return dict(uses(f"layers of `{crate}`"))
 
 
 def graph(crate: str) -> Graph:

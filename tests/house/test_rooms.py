@@ -1,12 +1,12 @@
 """Arrows point one way: what each room may import, as DESIGN.md says."""
 
 import ast
-import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from design_tables import uses
 from rust_imports import circles
 
 ROOT = Path(__file__).parents[2]
@@ -14,21 +14,12 @@ PACKAGE = ROOT / "ergon"
 LINKS = {"cli", "instruments", "repl", "scores"}
 
 
-def read_rooms() -> dict[str, set[str]]:
-    """The tables of rooms and of their steps in DESIGN.md: the name, and what it may use."""
-    text = (ROOT / "DESIGN.md").read_text(encoding="utf-8")
-    rooms: dict[str, set[str]] = {}
-    for head in (r"\| room \| its job \| may use \|", r"\| step \| may use \|"):
-        for table in re.findall(rf"^{head}\n(.+?)\n\n", text, flags=re.MULTILINE | re.DOTALL):
-            for row in table.splitlines()[1:]:
-                names, *_, may = (cell.strip() for cell in row.strip("|").split(" | "))
-                above = {*rooms, "_core"} if may == "all above" else set()
-                for name in re.findall(r"`([\w./-]+)`", names):
-                    rooms[name] = above | set(re.findall(r"`([\w./-]+)`", may))
-    return {name: may for name, may in rooms.items() if not name.startswith("core-rs/")}
-
-
-MAY = read_rooms()
+MAY = {
+    name: used
+    for heading in ("room", "step")
+    for name, used in uses(heading)
+    if not name.startswith("core-rs/")
+}
 
 
 def nodes(path: Path) -> list[ast.AST]:
@@ -75,7 +66,7 @@ def room_of(name: str) -> str:
 ROOMS = sorted({room_of(name) for name in MAY})
 
 
-def test_the_tables_hold_every_room():
+def test_tables_of_rooms_and_links():
     folders = {path.parent for path in PACKAGE.glob("*/*.py")} - {PACKAGE / "workshop"}
     folders |= {path.parent for path in PACKAGE.glob("workshop/*/*.py")}
     assert {".".join(folder.relative_to(PACKAGE).parts) for folder in folders} == set(ROOMS)
@@ -88,7 +79,7 @@ def test_the_tables_hold_every_room():
 
 
 @pytest.mark.parametrize("room", [room for room in ROOMS if not room.startswith("workshop.")])
-def test_no_room_but_the_commands_uses_the_workshop(room: str):
+def test_tables_of_rooms_that_need_no_workshop(room: str):
     used = {name for name in MAY[room] if name.startswith("workshop")}
     assert room == "cli" or not used
 
@@ -111,7 +102,7 @@ REPEATED = "d1 strikes triangle.hammer every 1 impulse 4mNs"
     ("command", "typed"),
     [("check", ""), ("plan", ""), ("render", ""), ("repl", REPEATED + "\nquit\n")],
 )
-def test_a_piece_plays_without_the_workshop(command: str, typed: str, tmp_path: Path):
+def test_commands_without_the_workshop(command: str, typed: str, tmp_path: Path):
     (tmp_path / "piece.yaml").write_text(SCORE, encoding="utf-8")
     run = subprocess.run(
         [sys.executable, "-c", WITHOUT_WORKSHOP, command, "piece.yaml"],
