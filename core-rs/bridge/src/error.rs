@@ -79,12 +79,18 @@ pub(crate) fn module_error(module: &str, message: impl Display) -> PyErr {
 }
 
 /// The same about one element of it, such as a point of a gesture; `index` counts from 0.
-pub(crate) fn indexed_error(module: &str, message: impl Display, index: Option<usize>) -> PyErr {
+fn indexed_error(module: &str, message: impl Display, index: Option<usize>) -> PyErr {
     let raised = EngineError::new_err(format!("{module}: {message}"));
     with_attributes(raised, Some(module), |raised| {
         raised.setattr("index", index)?;
         raised.setattr("sentence", message.to_string())
     })
+}
+
+/// EngineError with a sentence about one hand, which whoever shows it calls by its player.
+pub(crate) fn hand_error(sentence: impl Display, hand: usize) -> PyErr {
+    let raised = EngineError::new_err(sentence.to_string());
+    with_attributes(raised, None, |raised| raised.setattr("index", hand))
 }
 
 /// EngineError about a gesture; `index` is that of the point at fault, if one is.
@@ -104,7 +110,8 @@ pub(crate) fn from_engine(error: network::Error) -> PyErr {
             raised.setattr("sentence", sentence)
         }),
         network::Error::Unstable { module, .. } => {
-            let sentence = message.replacen(&format!("{module}: "), "", 1);
+            let sentence = message.strip_prefix(&format!("{module}: "));
+            let sentence = sentence.unwrap_or(&message).to_owned();
             with_attributes(UnstableError::new_err(message), Some(&module), |raised| {
                 raised.setattr("sentence", sentence)
             })

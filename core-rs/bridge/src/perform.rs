@@ -18,7 +18,7 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::device::{self, AxisTuple};
-use crate::error::{EngineError, module_error, plain_error, unwritten, with_attributes};
+use crate::error::{hand_error, module_error, plain_error, unwritten};
 use crate::fold::Fold;
 use crate::guardian;
 use crate::mixer::Mixer;
@@ -155,12 +155,7 @@ impl Performance {
             perform::Performance::start(stage, boards, config).map_err(|error| match error {
                 perform::PlayError::Recording(_)
                 | perform::PlayError::Audio(AudioError::File { .. }) => unwritten(error),
-                // Which hand is data; whoever shows the sentence knows its player.
-                perform::PlayError::Stiff { hand, .. } => {
-                    with_attributes(EngineError::new_err(error.to_string()), None, |raised| {
-                        raised.setattr("index", hand)
-                    })
-                }
+                perform::PlayError::Stiff { hand, .. } => hand_error(error, hand),
                 error => plain_error(error),
             })
         })

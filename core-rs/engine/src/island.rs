@@ -206,11 +206,12 @@ impl Island {
     pub(crate) fn damp(&mut self, by: f64) {
         // The poles of x⁺ = (2 − κ − ζ)x − (1 − ζ)x⁻ have magnitude √(1 − ζ), so a factor `by²` on the last step scales
         // them by `by`.
+        let damped = by * by;
         // A new version of an island is damped as the old one was, which wakes nothing.
-        if self.state.damped != by * by {
+        if self.state.damped != damped {
             self.wake();
         }
-        self.state.damped = by * by;
+        self.state.damped = damped;
         for body in &mut self.state.bodies {
             body.damp(by);
         }

@@ -2,25 +2,6 @@
 
 use super::profile::PathError;
 
-impl GestureError {
-    /// Index of the point at fault, from 0; `None` if the fault is of no single point.
-    pub fn point(&self) -> Option<usize> {
-        match self {
-            Self::Path(
-                PathError::NotFinite { index, .. }
-                | PathError::NotRising { index, .. }
-                | PathError::HoldMoves { index, .. },
-            )
-            | Self::Short { index, .. } => Some(*index),
-            Self::Path(PathError::Empty | PathError::Placement { .. })
-            | Self::NoKey(_)
-            | Self::Shape
-            | Self::TrackedParticle
-            | Self::Positive { .. } => None,
-        }
-    }
-}
-
 /// Why points do not define a gesture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GestureError {
@@ -58,4 +39,23 @@ pub enum GestureError {
         /// Its value.
         value: f64,
     },
+}
+
+impl GestureError {
+    /// Index of the point at fault, from 0; `None` if the fault is of no single point.
+    pub fn point(&self) -> Option<usize> {
+        match self {
+            Self::Path(
+                PathError::NotFinite { index, .. }
+                | PathError::NotRising { index, .. }
+                | PathError::HoldMoves { index, .. },
+            )
+            | Self::Short { index, .. } => Some(*index),
+            Self::Path(PathError::Empty | PathError::Placement { .. })
+            | Self::NoKey(_)
+            | Self::Shape
+            | Self::TrackedParticle
+            | Self::Positive { .. } => None,
+        }
+    }
 }

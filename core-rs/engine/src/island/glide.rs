@@ -208,7 +208,7 @@ enum Place {
 
 /// The runs of a scheme that are led; from now on each has its K and Z as numbers.
 pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -> Vec<Led> {
-    let mut found: Vec<Led> = Vec::new();
+    let mut led: Vec<Led> = Vec::new();
     for lead in &timeline.leads {
         for run in network
             .runs()
@@ -224,16 +224,16 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
                 at(&scheme.exact).map_or(Place::Fine, Place::Exact)
             };
             let lead = lead.on(run.first, run.len);
-            let before = found.last();
+            let before = led.last();
             let has_same_factors = before.is_some_and(|before| before.lead.has_factors_of(&lead));
-            found.push(Led {
+            led.push(Led {
                 lead,
                 place,
                 has_same_factors,
             });
         }
     }
-    found
+    led
 }
 
 /// Write K and Z of frame `n` into `now`.

@@ -155,7 +155,7 @@ impl Room {
             frame[channel] += row.iter().zip(&now).map(|(h, y)| h * y).sum::<f64>();
         }
         mix_lines(&mut now);
-        let into = now.map(|back| audible(x + back));
+        let into = now.map(|back| without_denormal(x + back));
         for (delay, into) in self.delays.iter_mut().zip(into) {
             delay.push(into);
         }
@@ -173,7 +173,7 @@ wide! {
 
 /// The sample, or 0 if it would be denormal.
 #[inline(always)]
-fn audible(x: f64) -> f64 {
+fn without_denormal(x: f64) -> f64 {
     if x.abs() < AMPLITUDE_MIN { 0.0 } else { x }
 }
 
@@ -242,7 +242,7 @@ impl Filters {
     fn next(&mut self, x: [f64; LINES]) -> [f64; LINES] {
         for (line, x) in x.into_iter().enumerate() {
             let y = self.b0[line] * x + self.b1[line] * self.x[line] - self.a1[line] * self.y[line];
-            (self.x[line], self.y[line]) = (x, audible(y));
+            (self.x[line], self.y[line]) = (x, without_denormal(y));
         }
         self.y
     }

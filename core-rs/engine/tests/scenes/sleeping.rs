@@ -113,8 +113,8 @@ fn sleep_between_strikes_is_not_heard() {
 fn sleep_in_blocks_of_any_size_and_from_stored_states() {
     let (network, hammer) = drum(1e9);
     let timeline = strikes(&network, hammer);
-    let mut whole = simulation(&network, &timeline);
-    let expected = play(&mut whole, N, &[N]);
+    let mut unsplit = simulation(&network, &timeline);
+    let expected = play(&mut unsplit, N, &[N]);
     assert!(
         play(
             &mut simulation(&network, &timeline),
