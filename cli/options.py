@@ -93,7 +93,7 @@ accuracy = several(
     click.option(
         "--method",
         metavar="NAME",
-        help="Compute all parts by one method: ca, modal, ca2p, bm4, ieq or trapezoid.",
+        help="Compute all parts by one method: ca, modal, ca2p, bm4 or ieq.",
     ),
     click.option(
         "--error",

@@ -27,7 +27,6 @@ _HOW = {
     "ca2p": "CA in two passes",
     "bm4": "splitting of order 4",
     "ieq": "quadratised energy",
-    "trapezoid": "trapezoidal rule",
     "e4": "exact flow (E4)",
     "unheard": "nothing: no output hears it",
     "still": "nothing: nothing moves it",

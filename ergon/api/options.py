@@ -39,7 +39,7 @@ def check_seed(seed: int | None) -> None:
 class AccuracyOptions(ReadOptions):
     """How exactly a score is computed; None leaves a value to the score.
 
-    At most one of three is given: `method` ("ca", "modal", "ca2p", "bm4", "ieq", "trapezoid"),
+    At most one of three is given: `method` ("ca", "modal", "ca2p", "bm4", "ieq"),
     `error`, the largest error of the waveform (-60.0 [dB] or "-60dB"), and `cents`, the largest
     error of a pitch. `plan` is the file of an earlier plan, which is followed. A `draft` is
     computed by the cheapest methods that are stable, without trials. `seed` is the seed of every

@@ -395,7 +395,7 @@ class RenderSpec:
     place: Place | None
 
 
-Method = Literal["ca", "modal", "ca2p", "bm4", "ieq", "trapezoid"]
+Method = Literal["ca", "modal", "ca2p", "bm4", "ieq"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 

@@ -20,7 +20,7 @@ _SHARE, _LOOSER_SHARE = 0.5, 0.125
 # The error that a draft may have: omitted modes are this far below the sound [dB].
 _DRAFT = -20.0
 # Methods of meshes, whose errors are known only from trials.
-_BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
+_BY_TRIAL = ("ca", "ca2p", "bm4", "ieq")
 # What has no error but for what is left out.
 _EXACT = ("modes", "complex modes", "oscillators", "unheard", "still")
 

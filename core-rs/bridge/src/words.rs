@@ -56,5 +56,4 @@ pub(crate) const METHODS: Words<Method> = &[
     ("ca2p", Method::Ca2p),
     ("bm4", Method::Bm4),
     ("ieq", Method::Ieq),
-    ("trapezoid", Method::Trapezoid),
 ];

@@ -5,7 +5,6 @@
 //! the rate, apply an impulse as a jump of the velocity at the beginning of a frame, and neither allocate, fail nor
 //! panic while they step.
 
-mod banded;
 mod bm4;
 mod ca;
 mod ca2p;
@@ -17,10 +16,8 @@ mod local;
 mod mesh;
 mod mesh_stage;
 mod method;
-mod order;
 mod passes;
 pub(crate) mod square;
-mod trapezoid;
 
 pub(crate) use bm4::STAGES;
 pub(crate) use certify::certify;
@@ -88,7 +85,6 @@ enum Motion {
     Ca2p(ca2p::Ca2p),
     Bm4(bm4::Bm4),
     Ieq(ieq::Ieq),
-    Trapezoid(trapezoid::Trapezoid),
 }
 
 impl State for Motion {
@@ -98,7 +94,6 @@ impl State for Motion {
             Self::Ca2p(it) => it.archive(archive),
             Self::Bm4(it) => it.archive(archive),
             Self::Ieq(it) => it.archive(archive),
-            Self::Trapezoid(it) => it.archive(archive),
         }
     }
 }
@@ -110,7 +105,6 @@ impl Motion {
             Self::Ca2p(it) => it,
             Self::Bm4(it) => it,
             Self::Ieq(it) => it,
-            Self::Trapezoid(it) => it,
         }
     }
 
@@ -120,7 +114,6 @@ impl Motion {
             Self::Ca2p(it) => it,
             Self::Bm4(it) => it,
             Self::Ieq(it) => it,
-            Self::Trapezoid(it) => it,
         }
     }
 }
@@ -160,7 +153,6 @@ impl Integrator {
             MeshMethod::Ca2p => Motion::Ca2p(ca2p::Ca2p::new(mesh, network)?),
             MeshMethod::Bm4 => Motion::Bm4(bm4::Bm4::new(mesh, network)),
             MeshMethod::Ieq => Motion::Ieq(ieq::Ieq::new(mesh, network)?),
-            MeshMethod::Trapezoid => Motion::Trapezoid(trapezoid::Trapezoid::new(mesh, network)?),
         };
         Ok(Self { motion, substeps })
     }

@@ -25,18 +25,15 @@ _LIMITS: Mapping[str, tuple[float, float]] = {
     "bm4": (3.164**2, 2.0),
     "ieq": (inf, 0.0),
     "modal": (inf, 0.0),
-    "trapezoid": (inf, 0.0),
 }
 
-# Linear methods do not step laws or contacts of two masses: there CA steps the scene.
-_LINEAR = ("modal", "trapezoid")
 _PLAIN = "ca"
 
 # A method for meshes needs at least this many masses. A scene of one or two masses is copied: the
 # copies start alike, so the very weak springs that join them exert no force.
 _LEAST = 4
 _WEAK = 1e-9  # of the scene's own stiffness
-_OF_MESHES = ("ca2p", "bm4", "ieq", "trapezoid")
+_OF_MESHES = ("ca2p", "bm4", "ieq")
 
 
 def limit(method: str) -> float:
@@ -262,5 +259,6 @@ def struck_load(speed: float, times: float, method: str) -> float:
     """
     k, m, q = _spring(_STRUCK), _STRING / _STRUCK, _HARDENING
     square = (sqrt(k * k + 2.0 * q * m * speed * speed) - k) / q
-    stepped = _PLAIN if method in _LINEAR else method
+    # Modes do not step laws: there CA does.
+    stepped = _PLAIN if method == "modal" else method
     return (1.0 + 3.0 * q * square / k) * string_load(_STRUCK, RATE * times, stepped)

@@ -129,7 +129,7 @@ def _contact(method: str) -> Map:
 
 def _strike(method: str) -> Map:
     title = "a string whose springs harden, struck"
-    if method in ("modal", "trapezoid"):
+    if method == "modal":
         title += ", by CA"
 
     def load(speed: float, times: float) -> float:

@@ -7,14 +7,13 @@ from __future__ import annotations
 from typing import Literal
 
 # Method → order of its error in the step on smooth networks (None: exact where it applies).
-Method = Literal["ca", "modal", "ca2p", "bm4", "ieq", "trapezoid"]
+Method = Literal["ca", "modal", "ca2p", "bm4", "ieq"]
 ORDERS: dict[Method, int | None] = {
     "ca": 2,
     "modal": None,
     "ca2p": 4,  # on linear networks; 2 on others
     "bm4": 4,
     "ieq": 2,
-    "trapezoid": 2,
 }
 METHODS: tuple[Method, ...] = tuple(ORDERS)
 _PLAIN = 2  # of what contacts and laws fall back to where a method is exact for the rest

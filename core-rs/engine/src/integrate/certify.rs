@@ -1,13 +1,12 @@
 //! Stability certificates of each method, before the first frame; that of CA is computed by `scheme::certify`.
 //!
-//! | method    | condition on undamped bodies, at rest   | linear             | non-linear links   |
-//! |-----------|-----------------------------------------|--------------------|--------------------|
-//! | CA        | λmax(M⁻¹(K + 2Z)) < 4                   | proved             | guarded            |
-//! | CA2P      | λmax(M⁻¹K) < 12, with Z M⁻¹(K + 6Z) < 6 | proved             | guarded            |
-//! | CA2P      | λmax(M⁻¹(K + 6Z)) < 12                  | tried              | tried              |
-//! | BM4       | λmax(M⁻¹(K + 2Z)) < 3.164²              | tried              | tried              |
-//! | IEQ       | none                                    | proved             | guarded            |
-//! | trapezoid | none                                    | proved             | refused            |
+//! | method | condition on undamped bodies, at rest   | linear             | non-linear links   |
+//! |--------|-----------------------------------------|--------------------|--------------------|
+//! | CA     | λmax(M⁻¹(K + 2Z)) < 4                   | proved             | guarded            |
+//! | CA2P   | λmax(M⁻¹K) < 12, with Z M⁻¹(K + 6Z) < 6 | proved             | guarded            |
+//! | CA2P   | λmax(M⁻¹(K + 6Z)) < 12                  | tried              | tried              |
+//! | BM4    | λmax(M⁻¹(K + 2Z)) < 3.164²              | tried              | tried              |
+//! | IEQ    | none                                    | proved             | guarded            |
 //!
 //! BM4's kicks among losses are stable for κ < 3.164² with ζ < 7.5 mode by mode, which K + 2Z keeps well.
 //! CA2P's 12 is exact mode by mode (κ + 6ζ < 12). Where Z has other modes than K it is not safe; 6 is taken
@@ -15,7 +14,7 @@
 
 use super::mesh::Mesh;
 use super::method::{BM4_LIMIT, MeshMethod};
-use super::{faster, ieq, trapezoid};
+use super::{faster, ieq};
 use crate::guard::Limit;
 use crate::network::{Error, Network};
 use crate::scheme::{
@@ -79,12 +78,8 @@ pub(crate) fn certify(
                 Err(unstable(network, way, &found, most))
             }
         }
-        MeshMethod::Ca | MeshMethod::Ieq | MeshMethod::Trapezoid => {
-            if way == MeshMethod::Ieq {
-                ieq::check_supported(&mesh, network)?;
-            } else {
-                trapezoid::check_linear(&mesh, network)?;
-            }
+        MeshMethod::Ca | MeshMethod::Ieq => {
+            ieq::check_supported(&mesh, network)?;
             // IEQ has no stability limit, but for non-linear links it conserves an energy that is not that of their
             // laws.
             Ok(certificate(

@@ -14,8 +14,6 @@ pub(crate) enum MeshMethod {
     Bm4,
     /// Invariant energy quadratisation link by link, one linear system a step (Ducceschi et al. 2021).
     Ieq,
-    /// The trapezoidal rule (Newmark 1959, β = ¼), for linear bodies.
-    Trapezoid,
 }
 
 /// Properties of a method.
@@ -25,8 +23,8 @@ pub(crate) struct Facts {
     pub(crate) name: &'static str,
     /// Order of convergence of an undamped linear body.
     pub(crate) order: u32,
-    /// Order with non-linear links; `None` if the method refuses them.
-    pub(crate) order_nonlinear: Option<u32>,
+    /// Order with non-linear links.
+    pub(crate) order_nonlinear: u32,
     /// Rough number of evaluations of all links per step: the unit of cost. For implicit methods: measured for a mesh
     /// of some hundred masses under moderate strikes.
     pub(crate) passes: f64,
@@ -35,8 +33,8 @@ pub(crate) struct Facts {
 }
 
 impl MeshMethod {
-    /// All methods: explicit ones by rising cost, then implicit ones.
-    pub(crate) const ALL: [Self; 5] = [Self::Ca, Self::Ca2p, Self::Bm4, Self::Ieq, Self::Trapezoid];
+    /// All methods: explicit ones by rising cost, then the implicit one.
+    pub(crate) const ALL: [Self; 4] = [Self::Ca, Self::Ca2p, Self::Bm4, Self::Ieq];
 
     /// Properties of the method.
     pub(crate) const fn facts(self) -> Facts {
@@ -44,36 +42,29 @@ impl MeshMethod {
             Self::Ca => Facts {
                 name: "ca",
                 order: 2,
-                order_nonlinear: Some(2),
+                order_nonlinear: 2,
                 passes: 1.0,
                 limit: Some(2.0),
             },
             Self::Ca2p => Facts {
                 name: "ca2p",
                 order: 4,
-                order_nonlinear: Some(2),
+                order_nonlinear: 2,
                 passes: 2.0,
                 limit: Some(3.464_101_615_137_754), // 2√3
             },
             Self::Bm4 => Facts {
                 name: "bm4",
                 order: 4,
-                order_nonlinear: Some(4),
+                order_nonlinear: 4,
                 passes: 6.0,
                 limit: Some(BM4_LIMIT),
             },
             Self::Ieq => Facts {
                 name: "ieq",
                 order: 2,
-                order_nonlinear: Some(2),
+                order_nonlinear: 2,
                 passes: 12.0,
-                limit: None,
-            },
-            Self::Trapezoid => Facts {
-                name: "trapezoid",
-                order: 2,
-                order_nonlinear: None,
-                passes: 4.0,
                 limit: None,
             },
         }

@@ -69,7 +69,7 @@ impl State for RunningMesh {
 impl Mesh {
     /// Whether its method steps over motions that are faster than frames, without following them.
     pub(crate) fn steps_over_fast_motion(&self) -> bool {
-        matches!(self.way, MeshMethod::Ieq | MeshMethod::Trapezoid)
+        self.way == MeshMethod::Ieq
     }
 
     /// Whether network, method, ports and led links are those of another mesh. Strikes, and how the links are led, may

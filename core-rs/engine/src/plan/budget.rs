@@ -15,8 +15,6 @@ pub enum Method {
     Bm4,
     /// Meshes by quadratised energy.
     Ieq,
-    /// Linear meshes by the trapezoidal rule.
-    Trapezoid,
 }
 
 impl Method {
@@ -27,7 +25,6 @@ impl Method {
             Self::Ca2p => Some(MeshMethod::Ca2p),
             Self::Bm4 => Some(MeshMethod::Bm4),
             Self::Ieq => Some(MeshMethod::Ieq),
-            Self::Trapezoid => Some(MeshMethod::Trapezoid),
         }
     }
 }

@@ -260,7 +260,6 @@ fn mass_by_mass(has_key: bool) {
         Budget::Method(Method::Ca2p),
         Budget::Method(Method::Bm4),
         Budget::Method(Method::Ieq),
-        Budget::Method(Method::Trapezoid),
     ];
     let timeline = struck(&old);
     let plans = |network: &Network| -> Vec<Arc<Plan>> {

@@ -65,12 +65,7 @@ fn ca_is_the_island_s_scheme() {
 #[test]
 fn a_clone_is_a_snapshot() {
     for way in MeshMethod::ALL {
-        let hard = if way == MeshMethod::Trapezoid {
-            0.0
-        } else {
-            2e12
-        };
-        let network = hex(hard, Some(0.5));
+        let network = hex(2e12, Some(0.5));
         let mut it = by(&network, way, 2);
         it.step(&[(165, 0.02)], &mut ThreadTeam::alone());
         for _ in 0..20 {

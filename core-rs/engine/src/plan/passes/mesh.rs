@@ -54,7 +54,6 @@ fn cents(method: MeshMethod, x: f64) -> f64 {
         MeshMethod::Ca | MeshMethod::Ieq => 72.13 * x * x,
         MeshMethod::Ca2p => 2.404 * x * x * x * x,
         MeshMethod::Bm4 => 0.0255 * x * x * x * x,
-        MeshMethod::Trapezoid => 144.3 * x * x,
     }
 }
 
