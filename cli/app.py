@@ -253,13 +253,9 @@ def _refused(error: ErgonError) -> Outcome:
 
 
 def _engine(error: BaseException, core: Any) -> Outcome:
-    """The outcome for an error of the engine; the message begins with the module's name in the
-    score.
-    """
+    """The outcome for an error of the engine, whose message names the module as in the score."""
     module = getattr(error, "module", None)
     sentence = str(error)
-    if module and module not in sentence:
-        sentence = f"{module}: {sentence}"
     if isinstance(error, core.DivergedError):
         return Diverged(sentence, code="E401", module=module, frame=error.frame)
     return Findings(sentence, code="E309", module=module)

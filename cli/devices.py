@@ -97,7 +97,7 @@ def _probed(port: Port) -> dict[str, str]:
         try:
             device = _core.Device(url)
         except _core.EngineError as error:
-            found[url] = str(error).removeprefix(f"{url}: ")
+            found[url] = error.sentence
             continue
         plural = "axis" if device.axes == 1 else "axes"
         found[url] = f"{device.axes} {plural}, {device.force_max:g} N at most"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 from ergon.instruments.members import PATTERN, members
 from ergon.instruments.model import Module, Target
@@ -123,10 +123,8 @@ class PartNames:
             found, some, axis = self._coordinate(path, part, prefix)
         if found is None and (family := self.family(path, prefix)) is not None:
             examples = ", ".join([*family[0].values()][:4])
-            message = (
-                f"{who}: {quote(name)} has {len(family[0])} notes; write one of them: {examples}"
-            )
-            self.collector.error("E304", message, name.place)
+            problem = f"{quote(name)} has {len(family[0])} notes; write one of them: {examples}"
+            self._refuse(name, who, problem)
             return None
         if found is None:
             self._unknown(name, path, who, part)
@@ -146,11 +144,11 @@ class PartNames:
         if owner.axes > 1 and module.kind not in LINKS:
             return self._in_space(name, owner, module, some, axis, wanted, who)
         if wanted in ("point", "points"):
-            message = f"{who}: {quote(name)} moves along one axis, not in space; to link one "
-            message += (
+            problem = f"{quote(name)} moves along one axis, not in space; to link one "
+            problem += (
                 "coordinate of a point to it, write the link in an instrument without `space`"
             )
-            self.collector.error("E304", message, name.place)
+            self._refuse(name, who, problem)
             return None
         return self._members(name, owner, module, some, wanted, who)
 
@@ -216,7 +214,7 @@ class PartNames:
         elif size > 1 and wanted in ("mat", "point"):
             problem = f"one is expected here, but {size:,} are named"
         if problem:
-            self.collector.error("E304", f"{who}: {problem}", name.place)
+            self._refuse(name, who, problem)
             return None
         if is_point:
             return Target(owner.name, module.name, first, size, str(name), name.place, count)
@@ -285,15 +283,14 @@ class PartNames:
             return candidates[0]
         examples = ", ".join(f"{owner.name}.{c}" for c in candidates[:4])
         if some is not None and examples:
-            message = f"{who}: {quote(owner.name)} is made of named modules, which {quote(some)} "
-            message += f"does not select; write a list: [{examples}]"
-            self.collector.error("E304", message, name.place)
+            problem = f"{quote(owner.name)} is made of named modules, which {quote(some)} "
+            self._refuse(name, who, f"{problem}does not select; write a list: [{examples}]")
             return None
         word, count = quote(name.written), len(candidates)
-        message = f"{who}: {word} is ambiguous: it has {count} modules of this kind"
-        self.collector.error(
-            "E304", f"{message}; write one of them: {examples}" if examples else message, name.place
-        )
+        problem = f"{word} is ambiguous: it has {count} modules of this kind"
+        if examples:
+            problem += f"; write one of them: {examples}"
+        self._refuse(name, who, problem)
         return None
 
     def _members(
@@ -330,7 +327,7 @@ class PartNames:
         if not problem and size > 1 and not several:
             problem = f"one MAT is expected here, but {size:,} are named"
         if problem:
-            self.collector.error("E304", f"{who}: {problem}", name.place)
+            self._refuse(name, who, problem)
             return None
         return Target(owner.name, module.name, first, size, str(name), name.place)
 
@@ -352,9 +349,14 @@ class PartNames:
         if "." in path and (head := path.rpartition(".")[0]) in self.parts:
             written = name.written.rpartition(".")[0] if name.written != name else head
             names = [f"{written}.{own}" for own in _inside(self.parts[head].modules.values())]
-        message = f"{who}: nothing is called {quote(name.written)}"
         known = [known for known in names if known]  # a lone generator's module has no name
-        self.collector.error("E301", message, name.place, word=name.written, names=known)
+        problem = f"nothing is called {quote(name.written)}"
+        self._refuse(name, who, problem, "E301", word=name.written, names=known)
+
+    def _refuse(self, name: Name, who: str, problem: str, code: str = "E304", **more: Any) -> None:
+        """Report what is wrong with a name; `who` says whose name it is, or is empty."""
+        message = f"{who}: {problem}" if who else problem
+        self.collector.error(code, message, name.place, **more)
 
     def _is_broken(self, path: str, part: Part | None) -> bool:
         """Whether the name was refused already: each mistake is reported once."""
@@ -377,7 +379,7 @@ class PartNames:
             )
         else:
             sentence = f"{quote(name)} is a {module.kind}: it has no <M> point of its own"
-        self.collector.error("E304", f"{who}: {sentence}", name.place)
+        self._refuse(name, who, sentence)
 
 
 def _inside(modules: Iterable[Module]) -> Iterator[str]:

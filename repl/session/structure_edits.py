@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ergon.notation.text.errors import quote
 from ergon.repl.language import commands as c
 from ergon.repl.session import midi_maps
 from ergon.repl.session.edit_table import edits_texts, makes_edit, with_texts
@@ -75,14 +74,12 @@ def _fade(command: c.Fade, version: Version, beat: float) -> Texts:
 @edits_texts(c.Remove)
 def _remove(command: c.Remove, version: Version, beat: float) -> Texts:
     texts = structure.remove(version.texts, version.piece, command.name)
-    found = texts.load().diagnostics
-    needing = {one.message.partition(": ")[0]: None for one in found if one.severity == "error"}
-    if needing:
-        struck = (own.name for own in version.piece.strikes)
-        first = next((name for name in struck if f"strikes {quote(name)}" in needing), None)
+    if users := structure.entries_with_mistakes(texts):
+        strikes = (entry.name for entry in users if entry.section == "strikes")
+        first = next(strikes, None)
         raise NotTakenError(
-            f"cannot remove {command.name}, because it is used by {', '.join(needing)}; change or "
-            "remove that first",
+            f"cannot remove {command.name}, because it is used by {', '.join(map(str, users))}; "
+            "change or remove that first",
             None if first in (None, command.name) else f"remove {first}",
         )
     return texts

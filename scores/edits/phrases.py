@@ -38,5 +38,5 @@ def _check(texts: Texts, name: str) -> None:
     played = texts.put(("strikes", f"{_TRIAL}-{name}"), edit.flow({"play": name, "at": "1|1"}))
     loaded = played.load()
     if loaded.piece is None:
-        first = next(found for found in loaded.diagnostics if found.severity == "error")
-        raise EditError(first.message.replace(f"strikes '{_TRIAL}-{name}'", f"phrase '{name}'"))
+        first = next(mistake for mistake in loaded.diagnostics if mistake.severity == "error")
+        raise EditError(first.message)

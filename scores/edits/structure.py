@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
+from ergon.notation.tables.shapes import NamesOf
 from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import quote
+from ergon.notation.text.values import Place
 from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.names import free_name
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.sections import SCORE
 
 LINKS = "links"  # the instrument that holds links between others
 
@@ -102,6 +107,63 @@ def remove(texts: Texts, piece: Piece, name: str) -> Texts:
     if len(path) > 2 and isinstance(holder, document.Mapping) and len(holder.entries) == 1:
         return remove(texts, piece, path[1])  # an instrument needs a module
     return texts.remove(path)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A named entry of a section, or a module of one, such as `bell.m`; without a name, the section
+    itself or a file.
+    """
+
+    section: str
+    name: str = ""
+
+    def __str__(self) -> str:
+        """`strikes 'verse'`."""
+        if not self.name:
+            return self.section
+        if "." in self.name:
+            return f"module {quote(self.name)}"
+        shape = SCORE.by_name[self.section].shape
+        assert isinstance(shape, NamesOf)
+        return f"{shape.noun} {quote(self.name)}"
+
+
+def entries_with_mistakes(texts: Texts) -> list[Entry]:
+    """The entries of a score in which there are mistakes, in the order of the text, each once."""
+    mistakes = [found for found in texts.load().diagnostics if found.severity == "error"]
+    score = texts.document() if mistakes else None
+    entries = (
+        Entry(mistake.place.file)
+        if score is None or mistake.place.file != score.file
+        else _entry_at(score, mistake.place)
+        for mistake in mistakes
+    )
+    return [*dict.fromkeys(entries)]
+
+
+def _entry_at(score: document.Document, place: Place) -> Entry:
+    """The entry of the score in which a place lies."""
+    index = score.line_span(place.line - 1)[0] + place.column - 1
+    assert isinstance(score.root, document.Mapping)
+    section = _last_before(score.root, index)
+    names = score.root.entries[section][1]
+    if not isinstance(SCORE.by_name[section].shape, NamesOf) or not isinstance(
+        names, document.Mapping
+    ):
+        return Entry(section)
+    name = _last_before(names, index)
+    body = names.entries[name][1]
+    modules = body.get("modules") if isinstance(body, document.Mapping) else None
+    if isinstance(modules, document.Mapping) and modules.start <= index < modules.end:
+        name = f"{name}.{_last_before(modules, index)}"
+    return Entry(section, name)
+
+
+def _last_before(node: document.Mapping, index: int) -> str:
+    """The entry that begins last before a character; an entry reaches up to the next one."""
+    starts = ((word.start, name) for name, (word, _) in node.entries.items())
+    return max((start, name) for start, name in starts if start <= index)[1]
 
 
 def routed(texts: Texts, piece: Piece) -> Texts:

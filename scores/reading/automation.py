@@ -186,7 +186,7 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
                 v.error("E202", "automation: the period must be above 0", "period")
                 return None
     except TextError as error:
-        v.context.text_error(error, _node(v, name), name, inside=False)
+        v.context.text_error(error, _node(v, name), name)
         return None
     return Automation(
         target,

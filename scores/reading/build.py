@@ -124,7 +124,7 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
             text, lambda said: [_at_start(one, said, text) for one in parse(said)]
         )
     except TextError as error:
-        values.context.text_error(error, text, name, inside=True)
+        values.context.text_error(error, text, "")
         return None
     own = values["do"] or (), playing_options(values.given), values.place, text
     made = [Gesture(values.context.name, one.points, one.bar_checks, *own) for one in read]
@@ -283,7 +283,7 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         try:
             order, notes = parse_with_names(node, _pitches)
         except TextError as error:
-            v.context.text_error(error, node, "notes", inside=False)
+            v.context.text_error(error, node, "notes")
     has_pattern = v.written(*PATTERN_FIELDS, "notes")
     pattern = pattern_of(v.given, order) if has_pattern else None
     return Strikes(

@@ -82,6 +82,8 @@ def hits_of(
         return None
     to = values["to"] or (() if is_midi(phrase) else phrase["to"] or ())
     found = played(phrase, values, NoteTargets(part_names, to), files)
+    if not (values.written("to", "transpose", "do") or is_midi(phrase)):
+        who = phrase.context.of("")  # a name that is unknown is the phrase's
     return None if found is None else (_hits(found[0], found[1], who), found[2])
 
 

@@ -98,7 +98,7 @@ def _struck(word: str, start: int, node: Scalar, name: str, context: Context) ->
         note = note_of(word, node.document)
     except TextError as error:
         error.offset += start
-        context.text_error(error, node, name, inside=False)
+        context.text_error(error, node, name)
         return None
     return Name(note or word, node.place_at(start, len(word)))
 
@@ -170,7 +170,7 @@ class Entries(Shape):
             return shape.of_word(word, node.document)
         except TextError as error:
             error.offset += offset
-            context.text_error(error, node, field, inside=False)
+            context.text_error(error, node, field)
             return MISSING
 
     def chosen(self, node: Node) -> Shape:

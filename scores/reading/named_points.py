@@ -20,12 +20,11 @@ def named_point(piece: Piece, text: str) -> Target:
     for name, made in piece.instruments.items():
         own = {module.name: module for module in made.modules}
         parts[name] = Part(name, own, axes=made.axes)
-    found = PartNames(collector, parts).target(Name(text, piece.place), "mats", "point")
+    found = PartNames(collector, parts).target(Name(text, piece.place), "mats", "")
     if found is None:
         mistake = collector.finish()[0]
-        message = mistake.message.removeprefix("point: ")
         close = mistake.suggestion
         if close is None and mistake.code == "E301":
             close = nearest(text.partition(".")[0], parts)
-        raise TextError(message, suggestion=close)
+        raise TextError(mistake.message, suggestion=close)
     return found

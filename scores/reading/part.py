@@ -91,7 +91,7 @@ class _PlayedShape(Reference):
         try:
             order = parse(text, called)
         except TextError as error:
-            context.text_error(error, node, name, inside=False)
+            context.text_error(error, node, name)
             return MISSING
         return Played(" ".join(text.split()), order, node.place)
 
@@ -173,7 +173,7 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
             text, offset, lambda word, place: Name(word, node.place_at(place, len(word)))
         )
     except TextError as error:
-        context.text_error(error, node, "", inside=True)
+        context.text_error(error, node, "")
         return None
     given: dict[str, Any] = {}
     broken = False
@@ -217,7 +217,7 @@ def _option(name: str, word: words.Word, node: Scalar, context: Context) -> Any:
         return shape.of_word(word.text, node.document)
     except TextError as error:
         error.offset += word.offset
-        context.text_error(error, node, name, inside=False)
+        context.text_error(error, node, name)
         return MISSING
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from ergon.api.errors import OptionError
-from ergon.instruments.module_kinds import MAX_MODULES, MAX_RADIUS
+from ergon.instruments.kinds.bodies import MAX_MODULES
+from ergon.instruments.kinds.plate import MAX_RADIUS
 from ergon.workshop.api.model import ModelOptions, import_model
 from ergon.workshop.models.errors import DialectError, ModelError
 from ergon.workshop.models.mims import places
@@ -155,7 +156,9 @@ def test_an_expression_is_read_once(monkeypatch: pytest.MonkeyPatch):
 
     read = []
     whole = model.evaluate
-    monkeypatch.setattr(model, "evaluate", lambda *given: read.append(1) or whole(*given))
+    monkeypatch.setattr(
+        model, "evaluate", lambda *given, **more: read.append(1) or whole(*given, **more)
+    )
     lines = ["@k param 0.1"]
     lines += [f"@m{n} mass 1 0 0" for n in range(500)]
     lines += [f"@l{n} spring @m{n} @m{n + 1} [2*k]" for n in range(499)]

@@ -36,7 +36,7 @@ def report():
 
 def test_full_shows_line_caret_and_suggestion():
     assert full(*report()).split("\n") == [
-        "score:3:16: error[E204] unknown word 'smoth' in gesture 'knock'; "
+        "score:3:16: error[E204] gesture 'knock': unknown word 'smoth'; "
         "curves are smooth, line, hold, throw",
         " 3 |   knock: 0mm@0 smoth 6mm@1/8 throw 0mm@1/4 hold 0mm@1/3",
         "   |                ^^^^^ did you mean 'smooth'?",
@@ -60,7 +60,7 @@ def test_json():
         "file": "score",
         "line": 3,
         "column": 16,
-        "message": "unknown word 'smoth' in gesture 'knock'; curves are smooth, line, hold, throw",
+        "message": "gesture 'knock': unknown word 'smoth'; curves are smooth, line, hold, throw",
         "suggestion": "smooth",
     }
 

@@ -227,7 +227,7 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("route drum 1", "is not an instrument"),
         (
             "remove k1",
-            "used by like of key 'k2', BUT 'bell.b', key of player 'ada'; ",
+            "used by key 'k2', module 'bell.b', player 'ada'; ",
         ),
         ("remove bell", "is the last instrument that is heard"),
         ("remove nothing", "is not a name of this score"),

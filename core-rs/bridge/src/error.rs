@@ -101,28 +101,20 @@ pub(crate) fn from_gesture(argument: &str, error: &GestureError) -> PyErr {
 /// EngineError or UnstableError that names the module; for several faults, an EngineError with each fault in
 /// `refusals`.
 pub(crate) fn from_engine(error: network::Error) -> PyErr {
-    let message = error.to_string();
-    match error {
-        network::Error::Refused {
-            module,
-            message: sentence,
-        } => with_attributes(EngineError::new_err(message), Some(&module), |raised| {
-            raised.setattr("sentence", sentence)
-        }),
-        network::Error::Unstable { module, .. } => {
-            let sentence = message.strip_prefix(&format!("{module}: "));
-            let sentence = sentence.unwrap_or(&message).to_owned();
-            with_attributes(UnstableError::new_err(message), Some(&module), |raised| {
-                raised.setattr("sentence", sentence)
-            })
-        }
-        network::Error::Several(each) => {
-            let refusals: Vec<PyErr> = each.into_iter().map(from_engine).collect();
-            with_attributes(EngineError::new_err(message), None, |raised| {
-                raised.setattr("refusals", refusals)
-            })
-        }
-    }
+    let (message, sentence) = (error.to_string(), error.sentence());
+    let (raised, module) = match &error {
+        network::Error::Refused { module, .. } => (EngineError::new_err(message), Some(module)),
+        network::Error::Unstable { module, .. } => (UnstableError::new_err(message), Some(module)),
+        network::Error::Several(_) => (EngineError::new_err(message), None),
+    };
+    let raised = with_attributes(raised, module.map(String::as_str), |raised| {
+        raised.setattr("sentence", sentence)
+    });
+    let network::Error::Several(each) = error else {
+        return raised;
+    };
+    let refusals: Vec<PyErr> = each.into_iter().map(from_engine).collect();
+    Python::attach(|py| raised.value(py).setattr("refusals", refusals).err()).unwrap_or(raised)
 }
 
 /// DivergedError that names the module and the frame.

@@ -31,6 +31,8 @@ MAX_NAMES = 1_000
 _MAX_BITS = 4_096  # of a numerator or denominator
 _MAX_EXPONENT = 40
 
+_EXPECTED = "a name of `let:`, a note or a number"
+
 _NUMBER = re.compile(r"(\d{1,40}\.?\d{0,40}|\.\d{1,40})(?:[eE]([+-]?\d{1,2})(?!\d))?")
 _PART = re.compile(r"/(\d{1,15})(?![\d.eE])")
 _NOTE = re.compile(r"([A-G])([#♯b♭]?)(-?\d)(?![\w#♯♭])")
@@ -53,7 +55,7 @@ def _units() -> Iterator[tuple[str, tuple[str, int]]]:
     """Each unit with the unit in which its values are kept, and the power of ten between them."""
     own = (
         *(q.MASS, q.STIFFNESS, q.DAMPING, q.POSITION, q.SPEED, q.PUSH, q.IMPULSE, q.HARDENING),
-        *(q.FREQUENCY, q.DURATION, q.LEVEL, q.PRESSURE, q.DENSITY),
+        *(q.FREQUENCY, q.DURATION, q.LEVEL, q.PRESSURE, q.DENSITY, q.POLES),
     )
     for unit, power in q.CONSTANT.units.items():
         if power == 0:
@@ -104,10 +106,13 @@ def _hertz(note: Amount) -> float:
 class _Reader:
     """Reads one expression, from left to right, once."""
 
-    def __init__(self, text: str, names: Mapping[str, Amount], later: Container[str]) -> None:
+    def __init__(
+        self, text: str, names: Mapping[str, Amount], later: Container[str], expected: str
+    ) -> None:
         self.text = text
         self.names = names
         self.later = later
+        self.expected = expected
         self.at = 0
 
     def whole(self) -> Amount:
@@ -196,7 +201,7 @@ class _Reader:
             message = f"{quote(word[0])} is named below: a value of `let:` uses names above it"
             raise self._error(message, start, len(word[0]))
         if word is not None:
-            message = f"{quote(word[0])} is not a name of `let:`, a note or a number"
+            message = f"{quote(word[0])} is not {self.expected}"
             near = nearest(word[0], self.names)
             raise self._error(message, start, len(word[0]), near)
         if start >= len(self.text):
@@ -288,11 +293,13 @@ def _called(amount: Amount) -> str:
     return "a note" if amount.unit == "note" else f"a value in {amount.unit}"
 
 
-def evaluate(text: str, names: Mapping[str, Amount], later: Container[str] = ()) -> Amount:
-    """The value of an expression; `later` are names that it may not use yet. Raises TextError with
-    the characters at fault.
+def evaluate(
+    text: str, names: Mapping[str, Amount], later: Container[str] = (), expected: str = _EXPECTED
+) -> Amount:
+    """The value of an expression; `later` are names that it may not use yet, and `expected` is what
+    a word may be, for messages. Raises TextError with the characters at fault.
     """
-    return _Reader(text, names, later).whole()
+    return _Reader(text, names, later, expected).whole()
 
 
 def looks_like(text: str, names: Mapping[str, Amount]) -> bool:

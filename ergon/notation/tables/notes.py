@@ -192,7 +192,7 @@ class Notes(Shape):
                 found += parse_notes(item.text)
                 _bounded(found)
             except TextError as error:
-                context.text_error(error, item, name, inside=False)
+                context.text_error(error, item, name)
                 return MISSING
         if not found:
             context.error("E106", f"{context.of(name)}: no note is written", node.place)

@@ -76,15 +76,9 @@ class Context:
         """Report."""
         self.collector.error(code, message, place, **more)
 
-    def text_error(self, error: TextError, node: Scalar, field_name: str, inside: bool) -> None:
-        """Report a mistake inside a scalar at its characters."""
-        if inside:  # "unknown word 'smoth' in gesture 'knock'"
-            sentence, semicolon, more = error.message.partition(";")
-            message = (
-                f"{sentence} in {self.owner}{semicolon}{more}" if self.owner else error.message
-            )
-        else:
-            message = f"{self.of(field_name)}: {error.message}"
+    def text_error(self, error: TextError, node: Scalar, field_name: str) -> None:
+        """Report a mistake inside a scalar at its characters; an empty name means the owner."""
+        message = f"{self.of(field_name)}: {error.message}"
         place = node.place_at(error.offset, error.length)
         self.collector.error(error.code, message, place, suggestion=error.suggestion)
 
@@ -123,7 +117,6 @@ class Text(Shape):
     types: tuple[str, ...] = ("string", "number")
     choices: tuple[str | int, ...] = ()
     units: tuple[str, ...] = ()
-    inside: bool = False  # the message speaks of the whole text: "… in gesture 'knock'"
     is_value: bool = False  # names of `let:` and arithmetic may stand for it
     has_values: bool = False  # names of `let:` may stand for words of it
     is_position: bool = False  # both, unless a mark has the same name
@@ -141,7 +134,7 @@ class Text(Shape):
         except TextError as error:
             if self.is_value:
                 return self._computed(node, name, context, error)
-            context.text_error(error, node, name, self.inside)
+            context.text_error(error, node, name)
             return MISSING
 
     def of_word(self, word: str, of: document.Document) -> Any:
@@ -157,7 +150,7 @@ class Text(Shape):
             if said is not None and self.units == ("%",):
                 said = expressions.percent(said)
         except TextError as error:
-            context.text_error(error, node, name, self.inside)
+            context.text_error(error, node, name)
             return MISSING
         try:
             if said is None:
@@ -170,7 +163,7 @@ class Text(Shape):
                     length=max(1, len(node.text)),
                     code=error.code,
                 )
-            context.text_error(error, node, name, self.inside)
+            context.text_error(error, node, name)
             return MISSING
 
     def schema(self) -> dict[str, Any]:
@@ -199,7 +192,7 @@ class NamedValues(Shape):
             return wrong_shape(self, node, name, context)
         found = expressions.named_amounts(node.document)
         for scalar, error in found.wrong:
-            context.text_error(error, scalar, name, inside=False)
+            context.text_error(error, scalar, name)
         return dict(found.names)
 
     def schema(self) -> dict[str, Any]:

@@ -14,10 +14,7 @@ pub enum Error {
         message: String,
     },
     /// The CA scheme diverges at this rate.
-    #[error(
-        "{module}: unstable at this rate: λmax(M⁻¹(K+2Z)) is {lambda:.6} and must be below 4; \
-         use {oversampling} times the rate, a larger M, or a smaller K or Z"
-    )]
+    #[error("{module}: {}", self.sentence())]
     Unstable {
         /// The module that would move most.
         module: String,
@@ -41,6 +38,22 @@ impl Error {
         match each.len() {
             0 | 1 => each.pop(),
             _ => Some(Self::Several(each)),
+        }
+    }
+
+    /// What is wrong, without the name of the module.
+    pub fn sentence(&self) -> String {
+        match self {
+            Self::Refused { message, .. } => message.clone(),
+            Self::Unstable {
+                lambda,
+                oversampling,
+                ..
+            } => format!(
+                "unstable at this rate: λmax(M⁻¹(K+2Z)) is {lambda:.6} and must be below 4; \
+                 use {oversampling} times the rate, a larger M, or a smaller K or Z"
+            ),
+            Self::Several(_) => self.to_string(),
         }
     }
 

@@ -74,10 +74,9 @@ class Model:
 def number(text: str, params: Mapping[str, Amount], what: str, line: int) -> float:
     """The value of an expression of parameters. Raises ModelError."""
     try:
-        found = evaluate(text, params)
+        found = evaluate(text, params, expected="a parameter")
     except TextError as error:
-        message = error.message.replace("name of `let:`, a note or a number", "parameter")
-        raise ModelError(f"{what}: {message}", line, error.suggestion) from None
+        raise ModelError(f"{what}: {error.message}", line, error.suggestion) from None
     if found.unit:
         raise ModelError(f"{what}: {quote(text)} is neither a number nor a parameter", line)
     return float(found.number)
