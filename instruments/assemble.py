@@ -9,21 +9,23 @@ from typing import Any
 
 from ergon import _core
 from ergon.instruments import following, proxies
+from ergon.instruments.kinds.kind import picked
+from ergon.instruments.kinds.lnl import law
 from ergon.instruments.members import members
-from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import (
     FOLLOWERS,
     GENERATORS,
     HOLDERS,
+    KINDS,
     LINKS,
-    Start,
     member_count,
 )
 from ergon.instruments.space import Space
 from ergon.instruments.space import add as add_points
 from ergon.instruments.space.points import add_surface, along, unit
 from ergon.instruments.spread import is_pairwise, single_links
+from ergon.instruments.starts import Start
 
 _Fields = Mapping[str, Any]
 
@@ -71,7 +73,9 @@ class Assembly:
                 n_links = self.network.n_lia
                 with self._collecting_refusals():
                     if space is None:
-                        first = _MATS[module.kind](self, module.name, fields)
+                        built = KINDS[module.kind].add
+                        assert built is not None
+                        first = built(self.network, module.name, fields, self.seed)
                     else:
                         who = ".".join((name, module.name))
                         own = module.kind, module.name, fields
@@ -154,12 +158,14 @@ class Assembly:
             return index
         ends = self.mat(a), self.mat(b)
         if by := following.values(module, self.mat):
-            own = _pick(module.fields, "law", "damping", "constants", "rest")
+            own = picked(module.fields, "law", "damping", "constants", "rest")
             own = {"law": None, "damping": None} | own
             index = self.network.following_lnl(module.name, *ends, follows=by, **own)
         else:
-            make = _LINKS[module.kind]
-            index = make(self, module.name, *ends, _seen(module.fields, reach), reach)
+            add = KINDS[module.kind].add
+            assert add is not None
+            fields = _seen(module.fields, reach)
+            index = add(self.network, module.name, *ends, fields, reach)
         self.links[part, module.name] = range(index, index + 1)
         return index
 
@@ -168,22 +174,22 @@ class Assembly:
         first, second = self.coordinates(a), self.coordinates(b)
         if is_pairwise(module.kind, fields, (a, b)):
             groups = sorted(((first, a.count), (second, b.count)), key=lambda group: group[1])
-            own = _pick(fields, "K", "Z", "gap", "exponent", "clamp", "friction", "core")
-            own |= _pick(fields, "cohesion", "reach")
+            own = picked(fields, "K", "Z", "gap", "exponent", "clamp", "friction", "core")
+            own |= picked(fields, "cohesion", "reach")
             own["inside"] = fields.get("side") == "inside"
             own["normal"] = unit(fields.get("normal"))
             if (surface := fields.get("mesh")) is not None:
                 own["surface"] = surface.corners, surface.faces
             return self.network.pairwise(module.name, *groups, **own)
         if module.kind == "BUT":
-            own = _pick(fields, "K", "Z", "gap", "exponent", "clamp", "cohesion", "reach")
+            own = picked(fields, "K", "Z", "gap", "exponent", "clamp", "cohesion", "reach")
             return self.network.space_but(module.name, first, second, **own)
         rest = 0.0 if module.kind == "ATTRACTION" else fields.get("rest")
         if rest is None:
             rest = self.network.distance(first, second)
         if module.kind == "LNL":
-            return self.network.space_lnl(module.name, first, second, _law(fields), rest)
-        own = _pick(fields, "K", "Z", "yields", "breaks", "core")
+            return self.network.space_lnl(module.name, first, second, law(fields), rest)
+        own = picked(fields, "K", "Z", "yields", "breaks", "core")
         return self.network.space_ref(module.name, first, second, rest=rest, **own)
 
     def _chance(self, name: str) -> Callable[[int], _core.Chance]:
@@ -255,9 +261,9 @@ def _range(assembly: Assembly, first: int, count: int, start: Start) -> range:
 
 # --- a lever ------------------------------------------------------------------------------------
 
-_LENGTHS = ("X0", "V0", "rest", "gap", "vs", "speed")
-_PER_LENGTH = ("Fc", "Fs", "F", "static")
-_PER_LENGTH_SQUARED = ("M", "K", "Z", "sigma0", "sigma1", "sigma2")
+# The power of the ratio that multiplies a field: what all kinds have, then what one kind has.
+_POWERS = {"X0": 1, "V0": 1, "rest": 1, "gap": 1, "M": -2, "K": -2, "Z": -2}
+_POWERS |= {name: power for kind in KINDS.values() for name, power in kind.lever.items()}
 
 
 def _seen(fields: _Fields, reach: float) -> _Fields:
@@ -265,15 +271,9 @@ def _seen(fields: _Fields, reach: float) -> _Fields:
     if reach == 1.0:
         return fields
     seen = dict(fields)
-    for name in _LENGTHS:
-        if name in seen:
-            seen[name] = _stretched(seen[name], reach)
-    for name in _PER_LENGTH:
+    for name, power in _POWERS.items():
         if seen.get(name) is not None:
-            seen[name] /= reach
-    for name in _PER_LENGTH_SQUARED:
-        if seen.get(name) is not None:
-            seen[name] /= reach * reach
+            seen[name] = _stretched(seen[name], reach, power)
     for name in ("hardening", "stretching"):
         if seen.get(name):
             seen[name] /= reach**4  # q·(x/s)³/s
@@ -283,108 +283,10 @@ def _seen(fields: _Fields, reach: float) -> _Fields:
     return seen
 
 
-def _stretched(value: Any, reach: float) -> Any:
-    """A length, or those of some members of a generator, multiplied by `reach`."""
+def _stretched(value: Any, reach: float, power: int) -> Any:
+    """A value, or those of some members of a generator, times `reach` to the power 1, -1 or -2."""
     if isinstance(value, tuple):
-        return tuple(_stretched(one, reach) for one in value)
+        return tuple(_stretched(one, reach, power) for one in value)
     if isinstance(value, Start):
-        return replace(value, value=value.value * reach)
-    return value * reach
-
-
-# --- kinds --------------------------------------------------------------------------------------
-
-
-def _pick(fields: _Fields, *names: str) -> dict[str, Any]:
-    return {name: fields[name] for name in names if fields.get(name) is not None}
-
-
-def _mas(assembly: Assembly, name: str, f: _Fields) -> int:
-    return assembly.network.mas(name, **_pick(f, "M", "X0", "V0"))
-
-
-def _sol(assembly: Assembly, name: str, f: _Fields) -> int:
-    return assembly.network.sol(name, **_pick(f, "X0"))
-
-
-def _cel(assembly: Assembly, name: str, f: _Fields) -> int:
-    # K and Z have defaults; if f is written, f and t60 replace both.
-    tie = ("K", "Z") if f.get("f") is None else ("f", "t60")
-    return assembly.network.cel(name, **_pick(f, "M", *tie, "X0", "V0", "rest"))
-
-
-def _string(assembly: Assembly, name: str, f: _Fields) -> int:
-    options = ("masses", "M", "f", "t60", "K", "Z", "ends", "stiffness", "inharmonicity")
-    return assembly.network.string(name, **_pick(f, *options, "hardening", "stretching"))
-
-
-def _plate(assembly: Assembly, name: str, f: _Fields) -> int:
-    form = ("sides",) if f["shape"] == "rectangle" else ("shape", "radius")
-    options = (*form, "M", "f", "t60", "K", "Z", "rim", "bending", "hardening")
-    return assembly.network.plate(name, **_pick(f, *options))
-
-
-def _bank(assembly: Assembly, name: str, f: _Fields) -> int:
-    if isinstance(f["f"], Each):
-        masses = (f["M"] / gain for gain in f["gain"])
-        cells = list(zip(f["f"], f["t60"], masses, strict=True))
-        return assembly.network.cells(name, cells=cells, **_pick(f, "place", "hole"))
-    return assembly.network.bank(
-        name, **_pick(f, "count", "M", "f", "t60", "spread", "place", "hole"), seed=assembly.seed
-    )
-
-
-def _modes(assembly: Assembly, name: str, f: _Fields) -> int:
-    modes = list(zip(f["f"], f["t60"], strict=True))
-    levels = list(zip(*(levels for _, levels in f["places"]), strict=True))
-    return assembly.network.modal(name, M=f["M"], modes=modes, levels=levels)
-
-
-def _ref(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
-    return assembly.network.ref(name, a, b, **_pick(f, "K", "Z", "rest"))
-
-
-def _but(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
-    options = ("K", "Z", "gap", "side", "contact", "restitution", "exponent", "clamp", "steps")
-    return assembly.network.but(name, a, b, **_pick(f, *options))
-
-
-def _lnl(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
-    return assembly.network.lnl(name, a, b, _law(f, reach), rest=f["rest"])
-
-
-def _law(f: _Fields, reach: float = 1.0) -> _core.Law:
-    return _core.Law(f["law"], f["damping"], f["constants"], f["points"], reach)
-
-
-def _bristle(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
-    options = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
-    return assembly.network.bristle(name, a, b, **_pick(f, *options))
-
-
-def _dry(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
-    static = f["static"] or f["F"]
-    if f["K"] is None:
-        return assembly.network.dry(name, a, b, F=f["F"], static_level=static, speed=f["speed"])
-    # Dry friction with a stiffness K is a bristle without damping.
-    return assembly.network.bristle(name, a, b, sigma0=f["K"], Fc=f["F"], Fs=static, vs=f["speed"])
-
-
-_MATS: dict[str, Callable[[Assembly, str, _Fields], int]] = {
-    "MAS": _mas,
-    "SOL": _sol,
-    "CEL": _cel,
-    "STRING": _string,
-    "PLATE": _plate,
-    "BANK": _bank,
-    "MODES": _modes,
-}
-_LINKS: dict[str, Callable[[Assembly, str, int, int, _Fields, float], int]] = {
-    "RES": _ref,
-    "FRO": _ref,
-    "REF": _ref,
-    "BUT": _but,
-    "LNL": _lnl,
-    "BRISTLE": _bristle,
-    "DRY": _dry,
-}
+        return replace(value, value=_stretched(value.value, reach, power))
+    return value * reach if power == 1 else value / (reach if power == -1 else reach * reach)

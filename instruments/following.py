@@ -62,22 +62,29 @@ def targets(module: Module) -> Iterator[Target]:
     return (one.of for one in of(module).values() if isinstance(one.of, Target))
 
 
-def check(kind: str, values: Values) -> None:
-    """Report a following parameter that has a value of its own too, or cannot follow a MAT."""
-    if "follows" not in values.record.by_name:
-        return  # in space nothing follows
-    written = values["follows"] or {}
-    known = ("M",) if kind == "MAS" else ()
-    for name, own in written.items():
-        if known and name not in known:
+def check_mass(values: Values) -> None:
+    """Report another parameter of a MAS than M, and a mass that is not above 0."""
+    for name, following in _written(values).items():
+        if name != "M":
             message = f"{values.context.of('follows')}: of a MAS only M follows a MAT"
             values.error("E111", message, "follows")
-        elif name in values.nodes and name not in known:
-            message = f"{values.context.of(name)}: it follows a MAT too; keep one of the two"
-            values.error("E111", message, name)
-        elif kind == "MAS" and own is not MISSING and min(own.start, own.stop) <= 0.0:
+        elif following is not MISSING and min(following.start, following.stop) <= 0.0:
             message = f"{values.context.of('follows')}: a mass is above 0"
             values.error("E105", message, "follows")
+
+
+def _written(values: Values) -> Mapping[str, Any]:
+    """What follows; in space nothing does."""
+    return (values["follows"] or {}) if "follows" in values.record.by_name else {}
+
+
+def check_constants(values: Values) -> None:
+    """Report a constant of a law that has a value of its own too, and too many that follow."""
+    written = _written(values)
+    for name in written:
+        if name in values.nodes:
+            message = f"{values.context.of(name)}: it follows a MAT too; keep one of the two"
+            values.error("E111", message, name)
     if len(written) > MOST:
         message = f"{values.context.of('follows')}: at most {MOST} constants of a law follow MATs"
         values.error("E105", message, "follows")

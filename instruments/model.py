@@ -86,7 +86,8 @@ class Module:
     """One module or generator: its kind and its fields in SI units.
 
     Links have `between`: (Target, Target); ENX and ENF have `to`: Target. The law of an LNL is
-    in `law`, `damping`, `constants` or `points`.
+    in `law`, `damping`, `constants` or `points`. `written_kind` is set where a module was written
+    as another kind, such as a MAGNET, which is an LNL.
     """
 
     name: str
@@ -94,6 +95,14 @@ class Module:
     fields: Mapping[str, Any]
     place: Place
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
+    written_kind: str = field(
+        default="", compare=False, repr=False, metadata={"hash_omits_empty": True}
+    )
+
+    @property
+    def shown_kind(self) -> str:
+        """Its kind in messages and reports."""
+        return self.written_kind or self.kind
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,7 +47,7 @@ def table(endpoint: Shape) -> Record:
     return Record("module", "a massless point between masses", fields)
 
 
-def check(kind: str, values: Values) -> None:
+def check(values: Values) -> None:
     """Report fields that do not go together."""
     ways = values.written(*_WAYS)
     if not ways:

@@ -9,15 +9,13 @@ from itertools import chain
 from typing import Any
 
 from ergon import _core
-from ergon.instruments import checks
-from ergon.instruments.matter import MATTER, from_material
+from ergon.instruments.matter import from_material
 from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
-from ergon.instruments.module_kinds import GENERATORS, HOLDERS, KINDS, tables, with_optional_fields
+from ergon.instruments.module_kinds import HOLDERS, KINDS, tables, with_optional_fields
 from ergon.instruments.outputs import Outputs
 from ergon.instruments.space import Space
 from ergon.instruments.space.checks import check as check_in_space
-from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
@@ -82,7 +80,7 @@ class Members(Shape):
             try:
                 read_note(word)
             except TextError as error:
-                context.text_error(error, key, name, inside=False)
+                context.text_error(error, key, name)
                 continue
             inside = Context(context.collector, context.owner, context.name, key.place)
             value = self.item.read(child, "", inside)
@@ -257,34 +255,26 @@ def module(name: str, kind: str, values: Values, axes: int = 1) -> Module:
     """
     if axes > 1:
         return _in_space(name, kind, values, axes)
-    # The fields of the material have been turned into other fields already.
-    matter = (*MATTER, "masses") if kind == "PLATE" else MATTER if kind == "STRING" else ()
-    fields = {f.name: values[f.name] for f in values.record.fields if f.name not in matter}
-    if kind in ("BANK", "MODES"):
-        fields.pop("modes")
-    if kind in GENERATORS and fields.get("K") is None:
-        fields.pop("K", None)  # a body that has a pitch
-        fields.pop("Z", None)
-    if kind == "LNL":
-        fields["constants"] = dict(values.free)
-        if "interval" in values.given:
-            fields["interval"] = values.given["interval"]
-    if isinstance(wire := fields.get("stretching"), Stretched):
-        fields["stretching"] = wire.of(fields["masses"], fields["ends"])
-    checks.check(kind, values)
-    return Module(name, kind, fields, values.place, Places(values.nodes))
+    return _completed(
+        name, kind, {one.name: values[one.name] for one in values.record.fields}, values
+    )
 
 
 def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
     fields = {field.name: values[field.name] for field in values.record.fields}
     if kind in HOLDERS:
         fields["axes"] = axes
-    if kind == "LNL":
-        fields["constants"] = dict(values.free)
     check_in_space(kind, fields, values, axes)
-    if kind in ("RES", "FRO", "REF", "LNL"):
-        checks.check(kind, values)
-    return Module(name, kind, fields, values.place, Places(values.nodes))
+    return _completed(name, kind, fields, values)
+
+
+def _completed(name: str, kind: str, fields: dict[str, Any], values: Values) -> Module:
+    """A module of the fields that are built from those that are written."""
+    own = KINDS[kind]
+    own.complete(values, fields)
+    own.check(values)
+    becomes, written = (own.becomes, kind) if own.becomes else (kind, "")
+    return Module(name, becomes, fields, values.place, Places(values.nodes), written)
 
 
 def instrument(values: Values, recall: Recall = make_anew) -> Instrument:

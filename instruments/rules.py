@@ -12,9 +12,10 @@ from ergon.instruments import following_names, proxy_names, spread
 from ergon.instruments.laws import LawText, resolved
 from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
-from ergon.instruments.module_kinds import BODIES, GENERATORS, LINKS, Start, member_count
+from ergon.instruments.module_kinds import BODIES, GENERATORS, LINKS, member_count
 from ergon.instruments.names import Part, PartNames, Wanted
 from ergon.instruments.space import NETS
+from ergon.instruments.starts import Start
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import Collector, TextError, quote
@@ -43,7 +44,7 @@ class ModuleRules:
     def resolved(self, module: Module) -> Module | None:
         """A module with every name replaced by its target; None if it was refused."""
         part, part_names = self._part, self._part_names
-        who = f"{module.kind} {quote('.'.join(filter(None, (part.name, module.name))))}"
+        who = f"{module.shown_kind} {quote('.'.join(filter(None, (part.name, module.name))))}"
         fields = dict(module.fields)
         if module.kind in LINKS:
             ends = fields["between"] = _ends(module, part, part_names, who)

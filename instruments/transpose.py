@@ -18,7 +18,8 @@ from typing import Any
 from ergon import _core
 from ergon.instruments.matter import from_material
 from ergon.instruments.modal import Each
-from ergon.instruments.module_kinds import Start
+from ergon.instruments.module_kinds import KINDS
+from ergon.instruments.starts import Start
 from ergon.instruments.stiff import Stretched
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables.fields import Values
@@ -242,7 +243,7 @@ def _fields(kind: str, fields: Values, interval: Interval) -> Values:
         return fields
     fields = from_material(kind, fields, quietly=True) or fields
     given = {name: moved(name, value, interval) for name, value in fields.given.items()}
-    if kind == "LNL" or fields.written("modes"):
+    if KINDS[kind].role == "law" or fields.written("modes"):
         given["interval"] = given["interval"].then(interval) if "interval" in given else interval
     return replace(fields, given=given)
 
@@ -257,8 +258,8 @@ def is_slow(kind: str, fields: Mapping[str, Any]) -> bool:
     friction.
     """
     f, stiffness, mass = (fields.get(name) for name in ("f", "K", "M"))
-    if kind in ("BRISTLE", "DRY"):
-        return True  # friction belongs to the bow
+    if KINDS[kind].role == "friction":
+        return True  # it belongs to the bow
     if kind != "CEL":
         return False
     if isinstance(f, float):

@@ -14,7 +14,7 @@ from ergon.instruments.module_kinds import KINDS, LINKS
 from ergon.instruments.transpose import is_slow
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
-from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.errors import TextError, quote, with_article
 
 # By the kind of a module; a generator changes as a whole.
 PARAMETERS: Mapping[str, tuple[str, ...]] = {
@@ -65,7 +65,7 @@ def moved(owner: Instrument) -> list[Module]:
 def _stays(module: Module) -> str | None:
     """Why an instrument with this module cannot glide as a whole; None if it can."""
     if module.kind == "LNL" and (module.fields["law"] or module.fields["points"]):
-        return f"the law of its LNL {module.name} does not change while it plays"
+        return f"the law of its {module.shown_kind} {module.name} does not change while it plays"
     if module.kind == "MODES":
         return f"its MODES {module.name} do not change while they play"
     if module.fields.get("contact") == "magic":
@@ -86,7 +86,9 @@ def refusal(module: Module, parameter: str, *, is_ca: bool) -> str | None:
         return "has algorithmic values, which stay as they are; only values in SI units change"
     if not own:
         able = ", ".join(kind for kind in PARAMETERS if kind != "INSTRUMENT")
-        return f"is a {module.kind}, which does not change while it plays; {able} do"
+        return (
+            f"is {with_article(module.shown_kind)}, which does not change while it plays; {able} do"
+        )
     if module.kind == "INSTRUMENT" and parameter not in own:
         return f"has several modules: of the whole only f changes; name a module for {parameter}"
     if parameter not in own:

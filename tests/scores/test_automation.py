@@ -257,7 +257,7 @@ def test_scales_and_chords_have_names():
         ("{set: bell.s.3.f, to: A3, over: 1, at: 1|1}", "E304", "changes as a whole"),
         ("{set: bell.p.t60, to: 3s, over: 1, at: 1|1}", "E304", "each of several frequencies"),
         ("{set: bell.r.f, to: A3, over: 1, at: 1|1}", "E201", "write a factor"),
-        ("{set: bell.l.K, to: x2, over: 1, at: 1|1}", "E304", "is a LNL"),
+        ("{set: bell.l.K, to: x2, over: 1, at: 1|1}", "E304", "is an LNL"),
         ("{set: bell.m.f, to: A3, at: 1|1}", "E103", "needs `over`"),
         ("{set: bell.m.f, to: A3, over: 0, at: 1|1}", "E202", "above 0"),
         ("{set: bell.m.f, to: A3 C4, over: 1, at: 1|1}", "E201", "one value"),

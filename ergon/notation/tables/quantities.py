@@ -92,6 +92,9 @@ FORCE = _dimension("force", "N mN:-3 kN:3", "5N", "positive")
 INPUT_FORCE = _dimension("force", "N kN:3 mN:-3 uN:-6 µN:-6 μN:-6", "2mN", low=-1e3, high=1e3)
 INPUT_LENGTH = _dimension("length", _LENGTH, "0.1mm", low=-1.0, high=1.0)
 IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs")
+POLES = _dimension(
+    "force times the square of a distance", "Nm2 Ncm2:-4 Nmm2:-6 mNmm2:-9", "200Nmm2"
+)
 HARDENING = _dimension("hardening", _HARDENING, "4e8N/m3", "not negative")
 FREQUENCY = _dimension("frequency", "Hz kHz:3", "220Hz", "positive", high=1e6)
 RATE = _dimension("rate", "Hz kHz:3", "44100Hz", "positive", low=1e3, high=2e6)

@@ -139,6 +139,7 @@ POISSON = quantity(q.POISSON, "Poisson's ratio, such as 0.33")
 SPEED = quantity(q.SPEED)
 GRAVITY = quantity(q.GRAVITY)
 FORCE = quantity(q.FORCE)
+POLES = quantity(q.POLES)
 PUSH = quantity(q.PUSH, "a force of either sign, such as -5N")
 FULL_SCALE = Text(
     _cached(q.full_scale),

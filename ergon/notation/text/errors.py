@@ -164,12 +164,15 @@ def quote(word: str) -> str:
     return f"'{printable(shown)}'"
 
 
-_SPOKEN_VOWEL = (*"aeiou", "ENF", "ENX", "LNL")
+_VOWELS = "aeiou"
+_SPELLED_VOWELS = "AEFHILMNORSX"  # letters whose names begin with a vowel
 
 
 def with_article(noun: str) -> str:
     """The noun with its article: `a mass`, `an impulse`, `a MAS`, `an LNL`."""
-    return f"{'an' if noun.startswith(_SPOKEN_VOWEL) else 'a'} {noun}"
+    is_spelled = noun.isupper() and not set(noun.lower()) & set(_VOWELS)
+    begins = noun[0] in _SPELLED_VOWELS if is_spelled else noun[0].lower() in _VOWELS
+    return f"{'an' if begins else 'a'} {noun}"
 
 
 # --- showing ------------------------------------------------------------------------------------

@@ -8,9 +8,10 @@ from math import sqrt
 from typing import Any
 
 from ergon.instruments.model import Module
+from ergon.instruments.module_kinds import links_with
 from ergon.scores.reading.piece import Piece
 
-_CONTACTS = ("BUT", "LNL", "BRISTLE")
+_CONTACTS = links_with("contact", "law", "friction")
 
 
 def stiffer(piece: Piece, factor: float, *, contacts_only: bool = False) -> Piece:

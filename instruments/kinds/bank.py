@@ -1,0 +1,60 @@
+"""BANK: many CEL."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ergon import _core
+from ergon.instruments.kinds import bodies
+from ergon.instruments.kinds.kind import Fields, Quantities, kind, picked
+from ergon.instruments.modal import BANK_DECAYS, BANK_GAINS, BANK_PITCHES, Each
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Values
+from ergon.notation.tables.shapes import choice
+
+
+def _fields(quantities: Quantities) -> tuple[Field, ...]:
+    return (
+        Field("count", k.integer(1, bodies.MAX_MODULES, "10000"), "how many CEL", required=True),
+        Field("M", k.MASS, "mass of each", required=True),
+        Field("f", BANK_PITCHES, "frequencies, spread by logarithm, or of each", required=True),
+        Field("t60", BANK_DECAYS, "decays: low for high f where even, or of each", required=True),
+        Field("gain", BANK_GAINS, "of a list: how much faster than the mass M each moves"),
+        Field("modes", k.PATH, "a CSV file of f, t60 and gain, instead of lists"),
+        Field("spread", choice("random", "even"), "how f and t60 are spread", "even"),
+        Field(
+            "place",
+            choice("line", "spiral", "galaxy"),
+            "positions of the members on the bench",
+            "line",
+        ),
+        Field(
+            "hole", k.HOLE, "radius of the highest pitch of a galaxy over that of the lowest", 0.3
+        ),
+        *bodies.STARTS,
+    )
+
+
+def _complete(values: Values, fields: dict[str, Any]) -> None:
+    fields.pop("modes")
+
+
+def _add(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
+    if isinstance(fields["f"], Each):
+        masses = (fields["M"] / gain for gain in fields["gain"])
+        cells = list(zip(fields["f"], fields["t60"], masses, strict=True))
+        return network.cells(name, cells=cells, **picked(fields, "place", "hole"))
+    options = ("count", "M", "f", "t60", "spread", "place", "hole")
+    return network.bank(name, **picked(fields, *options), seed=seed)
+
+
+BANK = kind(
+    "BANK",
+    "generator",
+    "many CEL",
+    _fields,
+    gliding=("f", "t60"),
+    complete=_complete,
+    add=_add,
+    count=lambda fields: int(fields["count"]),
+)

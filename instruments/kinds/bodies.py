@@ -1,0 +1,58 @@
+"""Fields that several generators have: what each body is made of, and how it begins."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ergon.instruments.bodies import DECAY
+from ergon.instruments.kinds.kind import Quantities
+from ergon.instruments.materials import MATERIAL
+from ergon.instruments.starts import start
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Values
+
+MAX_MODULES = 2_000_000  # of one generator: some 200 MB of state and parameters
+
+STARTS = (
+    Field("X0", start("X0", k.POSITION, "x"), "positions at the beginning", 0.0),
+    Field("V0", start("V0", k.SPEED, "v"), "velocities at the beginning", 0.0),
+)
+HARDENING = Field("hardening", k.HARDENING, "q of k·d + q·d³ on every link", 0.0)
+MADE_OF = Field(
+    "material", MATERIAL, "what it is made of: sets M, f, t60 and stiffness from its size"
+)
+
+
+def pitched(quantities: Quantities) -> tuple[Field, ...]:
+    """M, f and t60 of a body; one of a discrete network is given by K and Z of its links too."""
+    links = (
+        Field("K", k.NUMBER, "K of each of its links, instead of f"),
+        Field("Z", k.NUMBER, "Z of each of its links, instead of t60"),
+    )
+    return (
+        Field("M", k.MASS, "mass of the whole body", required=True),
+        Field("f", k.PITCH, "lowest mode that is not rigid", required=not quantities.is_ca),
+        Field(
+            "t60", DECAY, "decay of that mode, or of modes at these frequencies", shown="no decay"
+        ),
+        *(links if quantities.is_ca else ()),
+    )
+
+
+def check_pitched(values: Values, name: str) -> None:
+    """Report a body without a pitch, or with K and Z of its links beside it."""
+    if "K" not in values.record.by_name:
+        return
+    tuned, plain = values.written("f", "t60", "inharmonicity", "bending"), values.written("K", "Z")
+    if tuned and plain:
+        message = f"{values.context.of(tuned[0])}: {plain[0]} is written too; "
+        message += f"a {name} has K and Z of its links, or f and t60"
+        values.error("E111", message, tuned[0])
+    elif not values.written("f", "K"):
+        values.error("E103", f"{values.context.of('')}: a {name} needs f (and t60), or K (and Z)")
+
+
+def without(fields: dict[str, Any], *names: str) -> None:
+    """Drop fields that were turned into others; without a K, the body has a pitch."""
+    for name in (*names, *(("K", "Z") if fields.get("K") is None else ())):
+        fields.pop(name, None)

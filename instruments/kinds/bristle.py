@@ -1,0 +1,51 @@
+"""BRISTLE: friction with memory."""
+
+from __future__ import annotations
+
+from ergon import _core
+from ergon.instruments.kinds.kind import BETWEEN, Fields, Quantities, kind, picked
+from ergon.notation.tables.fields import Field, Values
+
+
+def _fields(quantities: Quantities) -> tuple[Field, ...]:
+    damping, force = quantities.damping, quantities.force
+    return (
+        BETWEEN,
+        Field("sigma0", quantities.bristle, "stiffness of the bristles", required=True),
+        Field("sigma1", damping, "damping of the bristles", 0.0),
+        Field("sigma2", damping, "viscosity between the two MATs", 0.0),
+        Field("Fc", force, "friction of a fast slide", required=True),
+        Field("Fs", force, "friction of the slowest slide", shown="Fc"),
+        Field(
+            "vs",
+            quantities.speed,
+            "speed at which friction has fallen most of the way to Fc",
+            0.001,
+        ),
+    )
+
+
+def _check(values: Values) -> None:
+    level, static = values["Fc"], values["Fs"]
+    if isinstance(level, float) and isinstance(static, float) and static < level:
+        message = f"{values.context.of('Fs')}: Fs is below Fc; friction falls from Fs to Fc"
+        values.error("E111", message, "Fs")
+
+
+def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:
+    options = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
+    return network.bristle(name, a, b, **picked(fields, *options))
+
+
+BRISTLE = kind(
+    "BRISTLE",
+    "link",
+    "friction with memory: bristles that bend, then slip",
+    _fields,
+    gliding=("sigma0", "Fc"),
+    scaled=("sigma0", "Fc"),
+    role="friction",
+    lever={"sigma0": -2, "sigma1": -2, "sigma2": -2, "Fc": -1, "Fs": -1, "vs": 1},
+    check=_check,
+    add=_add,
+)

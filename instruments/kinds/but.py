@@ -1,0 +1,67 @@
+"""BUT: a one-sided contact."""
+
+from __future__ import annotations
+
+from ergon import _core
+from ergon.instruments.kinds.kind import BETWEEN, Fields, Quantities, kind, needs, picked
+from ergon.instruments.spread import GAP
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Values
+from ergon.notation.tables.shapes import choice
+
+
+def _fields(quantities: Quantities) -> tuple[Field, ...]:
+    return (
+        BETWEEN,
+        Field("K", quantities.stiffness, "stiffness (magic chooses its own)"),
+        Field("Z", quantities.damping, "viscosity while they touch", 0.0),
+        Field("gap", GAP, "distance at which they touch; of a range also one for each", 0.0),
+        Field("side", choice("below", "above"), "side from which the first MAT comes", "below"),
+        Field(
+            "contact",
+            choice("plain", "exact", "magic"),
+            "CA's own rule, the energy-exact one, or a rebound of exact restitution",
+            "plain",
+        ),
+        Field("restitution", k.UNIT_RATIO, "speed after a rebound over speed before (magic)", 1.0),
+        Field("exponent", k.EXPONENT, "power of the penetration (1.5: Hertz)", 1.0),
+        Field("clamp", k.BOOLEAN, "never pull at the exit", False),
+        Field("steps", k.integer(2, 1000, "4"), "samples that a magic contact lasts", 2),
+    )
+
+
+def _check(values: Values) -> None:
+    if "contact" not in values.record.by_name:
+        return  # in space there is one rule
+    magic = values["contact"] == "magic"
+    if magic and (extra := values.written("K", "Z")):
+        message = f"{values.context.of(extra[0])}: a magic contact has no K and Z; remove it"
+        values.error("E111", message, extra[0])
+    if not magic:
+        needs(values, "BUT", "K")
+        if extra := values.written("restitution", "steps"):
+            message = f"{values.context.of(extra[0])}: only a magic contact has this field"
+            values.error("E111", message, extra[0])
+    if magic and values["clamp"] and values["restitution"] < 1:
+        message = (
+            f"{values.context.of('clamp')}: a magic contact with "
+            "restitution < 1 must pull, so clamp must be false"
+        )
+        values.error("E111", message, "clamp")
+
+
+def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:
+    options = ("K", "Z", "gap", "side", "contact", "restitution", "exponent", "clamp", "steps")
+    return network.but(name, a, b, **picked(fields, *options))
+
+
+BUT = kind(
+    "BUT",
+    "link",
+    "a one-sided contact: the first of `between` strikes the second",
+    _fields,
+    gliding=("K", "Z"),
+    role="contact",
+    check=_check,
+    add=_add,
+)

@@ -1,0 +1,65 @@
+"""DRY: friction that sticks up to a level, then slides."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ergon import _core
+from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Fields, Quantities, kind
+from ergon.notation.tables.fields import Field, Values
+
+
+def _fields(quantities: Quantities) -> tuple[Field, ...]:
+    return (
+        Field("to", ENDPOINT, "the MAT that rubs on the ground, instead of `between`"),
+        replace(BETWEEN, doc="the two MATs that rub on each other: [a, b]", required=False),
+        Field("F", quantities.force, "level of the friction while they slide", required=True),
+        Field("K", quantities.bristle, "stiffness before they slide (presliding)", shown="rigid"),
+        Field("static", quantities.force, "level near rest", shown="F"),
+        Field(
+            "speed",
+            quantities.speed,
+            "speed at which the level has fallen most of the way to F",
+            0.001,
+        ),
+    )
+
+
+def _check(values: Values) -> None:
+    ends = values.written("to", "between")
+    if len(ends) == 2:
+        message = f"{values.context.of('between')}: `to` is written too; keep one of the two"
+        values.error("E111", message, "between")
+    elif not ends and values.record.by_name.keys() >= {"to"}:
+        values.error("E103", f"{values.context.of('')}: a DRY needs to or between")
+    level, static = values["F"], values["static"]
+    is_below = isinstance(level, float) and isinstance(static, float) and static < level
+    if is_below and values["K"] is not None:
+        message = f"{values.context.of('static')}: static is below F; with K the level falls from "
+        message += "static to F"
+        values.error("E111", message, "static")
+    if values.written("speed") and not values.written("static"):
+        message = f"{values.context.of('speed')}: only a DRY with static has this field"
+        values.error("E111", message, "speed")
+
+
+def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:
+    level, static, speed = fields["F"], fields["static"] or fields["F"], fields["speed"]
+    if fields["K"] is None:
+        return network.dry(name, a, b, F=level, static_level=static, speed=speed)
+    # Dry friction with a stiffness K is a bristle without damping.
+    return network.bristle(name, a, b, sigma0=fields["K"], Fc=level, Fs=static, vs=speed)
+
+
+DRY = kind(
+    "DRY",
+    "link",
+    "dry friction: it sticks up to a level, then slides",
+    _fields,
+    gliding=("F",),
+    scaled=("K", "F"),
+    role="friction",
+    lever={"F": -1, "static": -1, "speed": 1},
+    check=_check,
+    add=_add,
+)

@@ -1,0 +1,134 @@
+"""What a kind of module is: everything that is asked of it, said once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
+
+from ergon.instruments.model import Form
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import ListOf, Reference, Shape
+from ergon.notation.text.errors import with_article
+
+Family = Literal["mat", "link", "generator", "input"]
+# What a link is to whoever studies a network: its force is linear, that of a contact, that of a
+# law, or that of friction.
+Role = Literal["linear", "contact", "law", "friction"]
+Fields = Mapping[str, Any]
+
+ENDPOINT = Reference(
+    "a module, such as m, bell.m, gong.centre or a key", ("modules", "instruments", "keys")
+)
+BETWEEN = Field(
+    "between",
+    ListOf(ENDPOINT, 2, 2),
+    "the two MATs that it joins: [a, b]; of a range, as in [a, string.3..8], each",
+    required=True,
+)
+
+
+class Quantities(NamedTuple):
+    """How the values of an instrument are written: with units, or as numbers of a discrete
+    network.
+    """
+
+    mass: Shape
+    stiffness: Shape
+    damping: Shape
+    bristle: Shape  # a stiffness that is above 0
+    force: Shape  # above 0
+    speed: Shape
+    constant: Shape
+    is_ca: bool
+
+
+SI = Quantities(
+    *(k.MASS, k.STIFFNESS, k.DAMPING, k.STIFFNESS, k.FORCE, k.SPEED, k.CONSTANT), is_ca=False
+)
+CA = Quantities(
+    *(k.POSITIVE, k.NUMBER, k.NUMBER, k.POSITIVE, k.POSITIVE, k.POSITIVE, k.NUMBER), is_ca=True
+)
+
+
+def no_check(values: Values) -> None:
+    """Nothing contradicts anything."""
+
+
+def as_written(values: Values, fields: dict[str, Any]) -> None:
+    """Fields are what is written."""
+
+
+def one_member(fields: Fields) -> int:
+    """A module is one MAT."""
+    return 1
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of module: its family, and its table for each form of instrument that may have it.
+
+    `gliding`: the parameters that may change while a piece plays; a generator changes as a
+    whole. `scaled`: for a link, the fields that the engine's factors of K and of Z multiply.
+    `lever`: the power of a lever's ratio that multiplies a field that no other kind has.
+    `check` reports fields that contradict each other. `complete` turns fields into those that
+    are built. `add` builds: (network, name, fields, seed) of a MAT or a generator, (network,
+    name, a, b, fields, reach) of a link; both return an index. `count` is the number of MATs.
+    A module becomes one of the kind `becomes`, if that is another.
+    """
+
+    name: str
+    family: Family
+    tables: Mapping[Form, Record]
+    gliding: tuple[str, ...] = ()
+    scaled: tuple[str, str] = ("K", "Z")
+    role: Role = "linear"
+    lever: Mapping[str, int] = field(default_factory=dict)
+    check: Callable[[Values], None] = no_check
+    complete: Callable[[Values, dict[str, Any]], None] = as_written
+    add: Callable[..., int] | None = None
+    count: Callable[[Fields], int] = one_member
+    becomes: str = ""
+
+    @property
+    def table(self) -> Record:
+        """The table in SI units, or that of a kind that exists only in space."""
+        return self.tables.get("si") or self.tables["space"]
+
+
+def kind(
+    name: str,
+    family: Family,
+    doc: str,
+    fields: Callable[[Quantities], tuple[Field, ...]],
+    *,
+    free: Callable[[Quantities], Shape] | None = None,
+    meant: Mapping[str, str] | None = None,
+    space: Callable[[Quantities], tuple[Field, ...]] | None = None,
+    **more: Any,
+) -> Kind:
+    """A kind whose fields are those of `fields`, with units or without, and of `space` in space;
+    `free` reads fields of other names, and `meant` has names that others use.
+    """
+
+    def table(own: tuple[Field, ...], quantities: Quantities) -> Record:
+        free_shape = free(quantities) if free else None
+        return Record("module", doc, own, free=free_shape, meant=meant or {})
+
+    tables: dict[Form, Record] = {"si": table(fields(SI), SI), "ca": table(fields(CA), CA)}
+    if space:
+        tables["space"] = table(space(SI), SI)
+    return Kind(name, family, tables, **more)
+
+
+def picked(fields: Fields, *names: str) -> dict[str, Any]:
+    """Those of some fields that are not None."""
+    return {name: fields[name] for name in names if fields.get(name) is not None}
+
+
+def needs(values: Values, name: str, *alternatives: str) -> None:
+    """Report a module that has none of some fields."""
+    if not values.written(*alternatives):
+        message = f"{values.context.of('')}: {with_article(name)} needs {' or '.join(alternatives)}"
+        values.error("E103", message)

@@ -1,0 +1,81 @@
+"""LNL: a link whose force is a law of elongation and rate."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ergon import _core
+from ergon.instruments import following
+from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Fields, Quantities, kind
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Values
+from ergon.notation.tables.shapes import ListOf, Pair, Text
+from ergon.notation.text.errors import TextError
+
+MAX_LAW = 2_000  # characters of a law
+MAX_POINTS = 10_000  # of a law given by points
+
+
+def _law(text: str) -> str:
+    if not text.strip() or len(text) > MAX_LAW:
+        message = f"a law has from 1 to {MAX_LAW} characters, such as k*d + q*d**3"
+        raise TextError(message, length=max(1, min(len(text), 80)), code="E207")
+    return text
+
+
+LAW = Text(_law, "a law, such as k*d + q*d**3, or the name of one", types=("string",))
+LAW_FIELDS = (
+    Field("law", LAW, "force over elongation d [m]"),
+    Field("damping", LAW, "force over elongation d and its rate v [m/s]"),
+    Field(
+        "points",
+        ListOf(Pair(k.POSITION, k.PUSH), 2, MAX_POINTS),
+        "elongations and forces, joined by straight lines",
+    ),
+)
+
+
+def _fields(quantities: Quantities) -> tuple[Field, ...]:
+    doc = "constants of the law that go by where a MAT is"
+    return (
+        BETWEEN,
+        *LAW_FIELDS,
+        Field("rest", k.POSITION, "elongation that counts as d = 0", 0.0),
+        following.field(quantities.constant, ENDPOINT, doc),
+    )
+
+
+def _check(values: Values) -> None:
+    if values.written("law") and values.written("points"):
+        message = f"{values.context.of('points')}: `law` is written too; keep one of the two"
+        values.error("E111", message, "points")
+    following.check_constants(values)
+
+
+def _complete(values: Values, fields: dict[str, Any]) -> None:
+    fields["constants"] = dict(values.free)
+    if "interval" in values.given:
+        fields["interval"] = values.given["interval"]
+
+
+def law(fields: Fields, reach: float = 1.0) -> _core.Law:
+    """The compiled law of a module, behind a lever if `reach` is not 1."""
+    return _core.Law(fields["law"], fields["damping"], fields["constants"], fields["points"], reach)
+
+
+def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:
+    return network.lnl(name, a, b, law(fields, reach), rest=fields["rest"])
+
+
+LNL = kind(
+    "LNL",
+    "link",
+    "a non-linear link",
+    _fields,
+    # Free names in an LNL are its law's constants.
+    free=lambda quantities: quantities.constant,
+    role="law",
+    check=_check,
+    complete=_complete,
+    add=_add,
+)

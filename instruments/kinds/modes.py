@@ -1,0 +1,42 @@
+"""MODES: a body of which modes and their levels are known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ergon import _core
+from ergon.instruments.kinds.kind import Fields, Quantities, kind
+from ergon.instruments.modal import MODES_DECAYS, MODES_PITCHES, PLACES
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Values
+
+
+def _fields(quantities: Quantities) -> tuple[Field, ...]:
+    return (
+        Field("M", k.MASS, "mass of a mode where its level is 1", required=True),
+        Field("f", MODES_PITCHES, "frequency of each mode", required=True),
+        Field("t60", MODES_DECAYS, "decay of each mode, or of all", required=True),
+        Field("places", PLACES, "points of it: how far each mode moves there", shown="point: 1"),
+        Field("modes", k.PATH, "a CSV file of f, t60 and levels, instead of lists"),
+    )
+
+
+def _complete(values: Values, fields: dict[str, Any]) -> None:
+    fields.pop("modes")
+
+
+def _add(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
+    modes = list(zip(fields["f"], fields["t60"], strict=True))
+    levels = list(zip(*(levels for _, levels in fields["places"]), strict=True))
+    return network.modal(name, M=fields["M"], modes=modes, levels=levels)
+
+
+MODES = kind(
+    "MODES",
+    "generator",
+    "a body of which modes and their levels are known",
+    _fields,
+    complete=_complete,
+    add=_add,
+    count=lambda fields: len(fields["places"]),
+)

@@ -1,0 +1,94 @@
+"""PLATE: a mesh of masses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ergon import _core
+from ergon.instruments.bodies import Bending
+from ergon.instruments.kinds import bodies
+from ergon.instruments.kinds.kind import Fields, Quantities, kind, picked
+from ergon.instruments.matter import MATTER
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Values
+from ergon.notation.tables.shapes import Pair, choice
+
+MAX_RADIUS = 400  # half a million masses, whose lowest mode takes ten seconds to find
+_MAX_SIDE = 2 * MAX_RADIUS + 1
+
+_RADIUS = k.count_or_size(
+    1, MAX_RADIUS, f"a whole number from 1 to {MAX_RADIUS}, such as 12, or a length, such as 30cm"
+)
+_SIDE = k.count_or_size(
+    1, _MAX_SIDE, f"a whole number from 1 to {_MAX_SIDE}, such as 40, or a length, such as 40cm"
+)
+
+
+def _fields(quantities: Quantities) -> tuple[Field, ...]:
+    masses = k.integer(1, bodies.MAX_MODULES, "400")
+    return (
+        Field("shape", choice("hex", "square", "rectangle", "disc"), "form of the mesh", "hex"),
+        Field("radius", _RADIUS, "rings round its centre; with a material its size"),
+        Field(
+            "sides",
+            Pair(_SIDE, _SIDE),
+            "masses across and up a rectangle; with a material its size",
+        ),
+        bodies.MADE_OF,
+        Field("thickness", k.SIZE, "thickness of a sheet of that material"),
+        Field("tension", k.SURFACE_TENSION, "pull on each metre of it: it is a membrane"),
+        Field("masses", masses, "about how many, with a material"),
+        *bodies.pitched(quantities),
+        Field("rim", choice("free", "fixed"), "whether the rim is held", "free"),
+        Field("bending", Bending(), "whether it resists curvature, as metal does", shown="false"),
+        bodies.HARDENING,
+        *bodies.STARTS,
+    )
+
+
+def _check(values: Values) -> None:
+    bodies.check_pitched(values, "PLATE")
+    shape = values["shape"]
+    needed, other = ("sides", "radius") if shape == "rectangle" else ("radius", "sides")
+    if not values.written(needed):
+        example = {"sides": "sides: [40, 25]", "radius": "radius: 12"}[needed]
+        message = f"{values.context.of('')}: a PLATE of shape {shape} needs {example}"
+        values.error("E103", message)
+    if values.written(other):
+        message = f"{values.context.of(other)}: a PLATE of shape {shape} has no {other}; remove it"
+        values.error("E111", message, other)
+
+
+def _complete(values: Values, fields: dict[str, Any]) -> None:
+    bodies.without(fields, *MATTER, "masses")
+
+
+def _add(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
+    form = ("sides",) if fields["shape"] == "rectangle" else ("shape", "radius")
+    options = (*form, "M", "f", "t60", "K", "Z", "rim", "bending", "hardening")
+    return network.plate(name, **picked(fields, *options))
+
+
+def _count(fields: Fields) -> int:
+    shape, rim, radius = fields["shape"], fields["rim"], fields["radius"] or 1
+    if shape == "rectangle":
+        across, up = fields["sides"] or (1, 1)
+        return int(across * up)
+    if shape == "square":
+        return int((2 * radius + 1) ** 2)
+    # The outermost ring of a disc is its rim; a hexagon with a fixed one has one ring more.
+    rings = radius - 1 if shape == "disc" and rim == "fixed" else radius
+    return int(3 * rings * (rings + 1) + 1)
+
+
+PLATE = kind(
+    "PLATE",
+    "generator",
+    "a mesh of masses",
+    _fields,
+    gliding=("f", "t60"),
+    check=_check,
+    complete=_complete,
+    add=_add,
+    count=_count,
+)

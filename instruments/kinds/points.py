@@ -1,0 +1,71 @@
+"""MAS, SOL and CEL: single MATs."""
+
+from __future__ import annotations
+
+from ergon import _core
+from ergon.instruments import following
+from ergon.instruments.kinds.kind import ENDPOINT, Fields, Quantities, kind, picked
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Values
+
+_X0 = Field("X0", k.POSITION, "position at the beginning", 0.0)
+_V0 = Field("V0", k.SPEED, "velocity at the beginning", 0.0)
+
+
+def _mass(quantities: Quantities) -> Field:
+    return Field("M", quantities.mass, "mass", required=True)
+
+
+def _mas(quantities: Quantities) -> tuple[Field, ...]:
+    doc = "that M goes by where another MAT is"
+    return (_mass(quantities), _X0, _V0, following.field(quantities.mass, ENDPOINT, doc))
+
+
+def _cel(quantities: Quantities) -> tuple[Field, ...]:
+    return (
+        _mass(quantities),
+        Field("K", quantities.stiffness, "stiffness"),
+        Field("Z", quantities.damping, "viscosity"),
+        Field("f", k.PITCH, "damped frequency, instead of K"),
+        Field("t60", k.DURATION, "time to fall by 60 dB, instead of Z", shown="no decay"),
+        _X0,
+        _V0,
+        Field("rest", k.POSITION, "elongation at which the spring has no force", 0.0),
+    )
+
+
+def _check_cel(values: Values) -> None:
+    tuned, plain = values.written("f", "t60"), values.written("K", "Z")
+    if tuned and plain:
+        message = f"{values.context.of(tuned[0])}: {plain[0]} is written too; "
+        message += "a CEL has K and Z, or f and t60"
+        values.error("E111", message, tuned[0])
+    elif not values.written("f", "K"):
+        values.error("E103", f"{values.context.of('')}: a CEL needs K (and Z), or f (and t60)")
+
+
+def _add_mas(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
+    return network.mas(name, **picked(fields, "M", "X0", "V0"))
+
+
+def _add_sol(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
+    return network.sol(name, **picked(fields, "X0"))
+
+
+def _add_cel(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
+    # K and Z have defaults; if f is written, f and t60 replace both.
+    tie = ("K", "Z") if fields.get("f") is None else ("f", "t60")
+    return network.cel(name, **picked(fields, "M", *tie, "X0", "V0", "rest"))
+
+
+MAS = kind("MAS", "mat", "a point mass", _mas, check=following.check_mass, add=_add_mas)
+SOL = kind("SOL", "mat", "a fixed point", lambda quantities: (_X0,), add=_add_sol)
+CEL = kind(
+    "CEL",
+    "mat",
+    "a mass on a spring to the ground, with viscosity",
+    _cel,
+    gliding=("f", "t60", "K", "Z", "M"),
+    check=_check_cel,
+    add=_add_cel,
+)

@@ -1,0 +1,43 @@
+"""RES, FRO and REF: a spring, a damper, and both."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from ergon import _core
+from ergon.instruments.kinds.kind import BETWEEN, Fields, Kind, Quantities, kind, needs, picked
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Values
+
+
+def _fields(names: tuple[str, ...], quantities: Quantities) -> tuple[Field, ...]:
+    known = {
+        "K": Field("K", quantities.stiffness, "stiffness"),
+        "Z": Field("Z", quantities.damping, "viscosity"),
+        "rest": Field("rest", k.POSITION, "elongation at which the spring has no force", 0.0),
+    }
+    return (BETWEEN, *(known[name] for name in names))
+
+
+def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:
+    return network.ref(name, a, b, **picked(fields, "K", "Z", "rest"))
+
+
+def _kind(name: str, doc: str, fields: str, *parameters: str) -> Kind:
+    def check(values: Values) -> None:
+        needs(values, name, *parameters)
+
+    return kind(
+        name,
+        "link",
+        doc,
+        partial(_fields, tuple(fields.split())),
+        gliding=parameters,
+        check=check,
+        add=_add,
+    )
+
+
+RES = _kind("RES", "a spring", "K rest", "K")
+FRO = _kind("FRO", "a damper", "Z", "Z")
+REF = _kind("REF", "a spring and damper", "K Z rest", "K", "Z")

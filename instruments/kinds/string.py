@@ -1,0 +1,83 @@
+"""STRING: masses in a row."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ergon import _core
+from ergon.instruments.kinds import bodies
+from ergon.instruments.kinds.kind import Fields, Quantities, kind, picked
+from ergon.instruments.matter import MATTER
+from ergon.instruments.stiff import INHARMONICITY, STRETCHING, Stretched
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Values
+from ergon.notation.tables.shapes import choice
+
+
+def _fields(quantities: Quantities) -> tuple[Field, ...]:
+    return (
+        Field(
+            "masses", k.integer(1, bodies.MAX_MODULES, "60"), "how many MAS in a row", required=True
+        ),
+        bodies.MADE_OF,
+        Field("length", k.SIZE, "length of a wire of that material"),
+        Field("diameter", k.SIZE, "diameter of that wire"),
+        Field("tension", k.FORCE, "tension of that wire"),
+        *bodies.pitched(quantities),
+        Field("ends", choice("fixed", "free", "left"), "which ends are held", "fixed"),
+        Field(
+            "stiffness",
+            k.RATIO,
+            "springs to neighbours but one, which lower partials (see inharmonicity)",
+            0.0,
+        ),
+        Field(
+            "inharmonicity",
+            INHARMONICITY,
+            "B of partials f·n·√((1 + B·n²)/(1 + B)), or the wire that has it",
+            shown="that of a row of springs",
+        ),
+        bodies.HARDENING,
+        Field(
+            "stretching",
+            STRETCHING,
+            "q of q·S·d on every link, S the sum of the squares of all elongations; or the wire",
+            0.0,
+        ),
+        *bodies.STARTS,
+    )
+
+
+def _check(values: Values) -> None:
+    bodies.check_pitched(values, "STRING")
+    if values.written("inharmonicity") and values.written("stiffness"):
+        message = (
+            f"{values.context.of('stiffness')}: `inharmonicity` is written too; keep "
+            "`inharmonicity`, which raises high partials as bending does"
+        )
+        values.error("E111", message, "stiffness")
+
+
+def _complete(values: Values, fields: dict[str, Any]) -> None:
+    bodies.without(fields, *MATTER)
+    if isinstance(wire := fields.get("stretching"), Stretched):
+        fields["stretching"] = wire.of(fields["masses"], fields["ends"])
+
+
+def _add(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
+    options = ("masses", "M", "f", "t60", "K", "Z", "ends", "stiffness", "inharmonicity")
+    return network.string(name, **picked(fields, *options, "hardening", "stretching"))
+
+
+STRING = kind(
+    "STRING",
+    "generator",
+    "masses in a row",
+    _fields,
+    meant={"held": "ends"},
+    gliding=("f", "t60"),
+    check=_check,
+    complete=_complete,
+    add=_add,
+    count=lambda fields: int(fields["masses"]),
+)

@@ -1,0 +1,66 @@
+"""Kinds of links whose law is known: an LNL with its law written, and constants with units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ergon.instruments import following
+from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Kind, Quantities, kind, needs
+from ergon.notation.tables.fields import Field, Values
+from ergon.notation.tables.shapes import Shape
+
+
+def law_kind(
+    name: str,
+    doc: str,
+    constants: Mapping[str, tuple[Callable[[Quantities], Shape], str]],
+    *,
+    law: str | None = None,
+    damping: str | None = None,
+) -> Kind:
+    """A kind whose force is `law` of the elongation d [m], plus `damping` of d and its rate v
+    [m/s], which is joined on one axis and in space.
+
+    `constants` have the shape and the meaning of each constant. Each is written, or follows a MAT.
+    """
+
+    def in_space(quantities: Quantities) -> tuple[Field, ...]:
+        own = (Field(one, shape(quantities), text) for one, (shape, text) in constants.items())
+        return (BETWEEN, *own)
+
+    def fields(quantities: Quantities) -> tuple[Field, ...]:
+        text = "constants that go by where a MAT is"
+        return (*in_space(quantities), following.field(quantities.constant, ENDPOINT, text))
+
+    def check(values: Values) -> None:
+        following.check_constants(values)
+        follows = values["follows"] if "follows" in values.record.by_name else ()
+        for one in constants:
+            if one not in follows:
+                needs(values, name, one)
+
+    def complete(values: Values, made: dict[str, Any]) -> None:
+        given = {one: made.pop(one) for one in constants}
+        # A constant that is missing was reported; the law needs one nevertheless.
+        follows = made.get("follows") or ()
+        made["constants"] = {
+            one: 1.0 if value is None else value
+            for one, value in given.items()
+            if one not in follows
+        }
+        made |= {"law": law, "damping": damping, "points": None, "rest": 0.0}
+        if "interval" in values.given:
+            made["interval"] = values.given["interval"]
+
+    return kind(
+        name,
+        "link",
+        doc,
+        fields,
+        space=in_space,
+        role="law",
+        check=check,
+        complete=complete,
+        becomes="LNL",
+    )

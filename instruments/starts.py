@@ -1,0 +1,30 @@
+"""Where members of a generator begin: `X0: {at: centre, x: 1mm}`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import Either, ListOf, Name, Reference, Shape
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Members, and the value at which they start."""
+
+    at: Name
+    value: float
+
+
+def start(name: str, unit: Shape, letter: str) -> Shape:
+    """One value for all members, or values of some."""
+
+    def build(values: Values) -> Start:
+        return Start(values["at"], values[letter])
+
+    fields = (
+        Field("at", Reference("members, such as centre, 12 or 3..8"), "which members", None, True),
+        Field(letter, unit, "the value", None, True),
+    )
+    one = Record("start", f"{name} of some members", fields, build)
+    return Either(unit, one, ListOf(one))
