@@ -19,6 +19,7 @@ pub(crate) mod modal;
 mod pace;
 mod pair_energy;
 mod pair_gain;
+mod phases;
 mod put_in;
 mod quiet;
 mod real_hands;
@@ -28,7 +29,9 @@ pub(crate) mod slow;
 mod sounds_in;
 mod step;
 mod stored;
+mod strikes;
 mod takeover;
+mod voices;
 pub(crate) mod written_hand;
 
 pub use build::Options;
@@ -77,37 +80,64 @@ pub(crate) struct Script {
     on_fault: OnFault,
 }
 
-/// Everything that changes: cloning it is a snapshot.
+/// Everything that changes: cloning it is a snapshot. One struct for each of what a step sets, moves, plays and watches.
 #[derive(Clone, Debug)]
 struct State {
     frame: u64,
-    body: Body,
-    voices: Vec<Voice>,
-    reports: Vec<Report>,
-    /// Indices of the next push and of the next ergon.
-    pushed: usize,
-    ergons: usize,
+    values: Values,
+    matter: Matter,
+    hands: Hands,
+    watch: Watch,
+    /// Outputs of steps between frames, which are not heard   (n_out)
+    unheard: Vec<f64>,
+}
+
+/// What a frame does not compute but follows: parameters and gates.
+#[derive(Clone, Debug)]
+struct Values {
     /// How far each gate is open now, and (for the ledger) at the next frame.
     gates: Vec<f64>,
     gates_next: Vec<f64>,
     /// For gates that had another factor in the previous version: where they continue from   (n_gates)
     gate_continuations: Vec<Option<GateContinuation>>,
-    targets: Vec<Target>,
-    /// Sum of the deviations that layers add to each key [m]   (n_keys)
-    layers: Vec<f64>,
-    laws: Laws,
-    stream: Stream,
-    touches: contact_peaks::ContactPeaks,
-    /// Outputs of steps between frames, which are not heard   (n_out)
-    unheard: Vec<f64>,
+    /// Factor on every x[n] − x[n−1] at each step; below 1 it acts as additional viscosity.
+    damped: f64,
+    /// The scheme with the values of this frame, if glides, leads or laws that follow MATs change it.
+    scheme: Option<Box<Scheme>>,
+}
+
+/// What moves: positions, bodies inside the island, contacts between frames.
+#[derive(Clone, Debug)]
+struct Matter {
+    body: Body,
     bodies: Vec<inside::RunningBody>,
     fine: Option<fine::Fine>,
+    laws: Laws,
+    targets: Vec<Target>,
+}
+
+/// What plays: written hands, real hands, ergons, sounds that come in.
+#[derive(Clone, Debug)]
+struct Hands {
+    voices: Vec<Voice>,
+    reports: Vec<Report>,
+    /// Indices of the next push and of the next ergon.
+    pushed: usize,
+    ergons: usize,
+    /// Sum of the deviations that layers add to each key [m]   (n_keys)
+    layers: Vec<f64>,
+    stream: Stream,
+    hand_states: Vec<real_hands::HandState>,
     /// Impulses that act in the next step [N·s]   (n_strike_points)
     impulses: Vec<f64>,
     /// What each input received: samples or told values   (n_sound_drives)
     played: Vec<sounds_in::Played>,
-    hand_states: Vec<real_hands::HandState>,
-    ledger: Option<Ledger>,
+}
+
+/// What watches: peaks of contacts, faults, stability, energy.
+#[derive(Clone, Debug)]
+struct Watch {
+    touches: contact_peaks::ContactPeaks,
     mutes: Mutes,
     /// Present if links can stiffen beyond the limit of the scheme.
     guard: Option<Box<Guard>>,
@@ -115,10 +145,34 @@ struct State {
     gains: Option<Box<energy_gain::Gains>>,
     /// The energy of the whole island.
     rise: Option<Box<energy_rise::Rise>>,
-    /// Factor on every x[n] − x[n−1] at each step; below 1 it acts as additional viscosity.
-    damped: f64,
-    /// The scheme with the values of this frame, if glides, leads or laws that follow MATs change it.
-    scheme: Option<Box<Scheme>>,
+    ledger: Option<Ledger>,
+}
+
+impl Values {
+    /// Open the gates as they are at frame `n`.
+    fn open(&mut self, gates: &[Gate], n: u64) {
+        let each = gates.iter().zip(&self.gate_continuations);
+        for (open, (gate, continuation)) in self.gates.iter_mut().zip(each) {
+            *open = GateContinuation::open(continuation.as_ref(), gate, n);
+        }
+    }
+
+    /// The same for the ledger, at frame `n`, the next one.
+    fn open_next(&mut self, gates: &[Gate], n: u64) {
+        let each = gates.iter().zip(&self.gate_continuations);
+        for (open, (gate, continuation)) in self.gates_next.iter_mut().zip(each) {
+            *open = GateContinuation::open(continuation.as_ref(), gate, n);
+        }
+    }
+}
+
+impl Matter {
+    /// Give the ports of all bodies their positions and steps.
+    fn place(&mut self) {
+        for inside in &self.bodies {
+            inside.place(&mut self.body);
+        }
+    }
 }
 
 /// A network that plays.
@@ -143,25 +197,29 @@ impl Island {
 
     /// Positions now [m], (n_mat).
     pub(crate) fn positions(&self) -> &[f64] {
-        &self.state.body.x
+        &self.state.matter.body.x
     }
 
     /// Whether a team of threads can share its work.
     pub(crate) fn is_shared(&self) -> bool {
         let state = &self.state;
-        state.laws.mesh_partition.is_some()
-            || state.bodies.iter().any(inside::RunningBody::is_shared)
+        state.matter.laws.mesh_partition.is_some()
+            || state
+                .matter
+                .bodies
+                .iter()
+                .any(inside::RunningBody::is_shared)
     }
 
     /// Steps x[n] − x[n−1] now [m], (n_mat).
     pub(crate) fn steps(&self) -> &[f64] {
-        &self.state.body.d
+        &self.state.matter.body.d
     }
 
     /// Tells the position that each key's gesture asks for [m], NaN if none runs, then the deviation of each of the
     /// key's layers [m]. Arguments: key, value, whether it is a layer.
     pub(crate) fn asked(&self, mut tell: impl FnMut(usize, f64, bool)) {
-        for (voice, own) in self.state.voices.iter().zip(&self.script.voices) {
+        for (voice, own) in self.state.hands.voices.iter().zip(&self.script.voices) {
             // A key's own voice stands before its layers.
             let asked = if own.layer {
                 voice.deviation(own)
@@ -174,12 +232,13 @@ impl Island {
 
     /// Reports of all gestures, in the timeline's order.
     pub(crate) fn reports(&self) -> &[Report] {
-        &self.state.reports
+        &self.state.hands.reports
     }
 
     /// Whether a contact that is computed finely has been closed.
     pub(crate) fn has_touched(&self) -> bool {
         self.state
+            .matter
             .fine
             .as_ref()
             .is_some_and(|fine| fine.has_touched)
@@ -187,13 +246,13 @@ impl Island {
 
     /// Work of contacts that are computed finely, so far.
     pub(crate) fn fine_work(&self) -> fine::FineWork {
-        let fine = self.state.fine.as_ref();
+        let fine = self.state.matter.fine.as_ref();
         fine.map_or_else(fine::FineWork::default, fine::Fine::work)
     }
 
     /// Work of exact contacts and frictions, so far.
     pub(crate) fn exact_work(&self) -> ExactWork {
-        self.state.body.exact_work
+        self.state.matter.body.exact_work
     }
 
     /// Sum over parts of their finer frames so far times the most steps that one such frame took.
@@ -208,18 +267,18 @@ impl Island {
         // them by `by`.
         let damped = by * by;
         // A new version of an island is damped as the old one was, which wakes nothing.
-        if self.state.damped != damped {
+        if self.state.values.damped != damped {
             self.wake();
         }
-        self.state.damped = damped;
-        for body in &mut self.state.bodies {
+        self.state.values.damped = damped;
+        for body in &mut self.state.matter.bodies {
             body.damp(by);
         }
     }
 
     /// Raises the squares of the modes of each body to at least the square of their present amplitude.
     pub(crate) fn squares(&self, squares: &mut [Vec<f64>]) {
-        for (body, squares) in self.state.bodies.iter().zip(squares) {
+        for (body, squares) in self.state.matter.bodies.iter().zip(squares) {
             if let Some(modal) = body.modal() {
                 modal.squares(squares);
             }
@@ -228,34 +287,34 @@ impl Island {
 
     /// Ergons since the last call.
     pub(crate) fn take_ergons(&mut self) -> Vec<FramedErgon> {
-        self.state.stream.take()
+        self.state.hands.stream.take()
     }
 
     /// From here on, note the strongest push of each contact and the ergons of written hands.
     pub(crate) fn watch(&mut self) {
-        self.state.touches = contact_peaks::ContactPeaks::of(&self.network);
-        let voices = &mut self.state.voices;
+        self.state.watch.touches = contact_peaks::ContactPeaks::of(&self.network);
+        let voices = &mut self.state.hands.voices;
         voices.iter_mut().for_each(|voice| voice.sparks.watch());
         self.wake_from_rest();
     }
 
     /// Tells each contact that pushed since the last call: link, frame of the scene, force [N].
     pub(crate) fn take_touches(&mut self, mut tell: impl FnMut(usize, u64, f64)) {
-        let mut touches = std::mem::take(&mut self.state.touches);
+        let mut touches = std::mem::take(&mut self.state.watch.touches);
         touches.take(|link, touch| tell(link, self.frame_at(touch.frame), touch.force));
-        self.state.touches = touches;
+        self.state.watch.touches = touches;
     }
 
     /// Tells the ergons of written hands since the last call.
     pub(crate) fn take_sparks(&mut self, mut tell: impl FnMut(Record)) {
-        for voice in &mut self.state.voices {
+        for voice in &mut self.state.hands.voices {
             voice.sparks.take(&mut tell);
         }
     }
 
     /// Largest number of ergons that [`Self::take_sparks`] tells in one call.
     pub(crate) fn sparks_max(&self) -> usize {
-        SPARKS * self.state.voices.len()
+        SPARKS * self.state.hands.voices.len()
     }
 
     /// Whether a link in space is broken.
@@ -265,16 +324,20 @@ impl Island {
 
     /// The bodies of the island.
     pub(crate) fn bodies(&self) -> &[inside::RunningBody] {
-        &self.state.bodies
+        &self.state.matter.bodies
     }
 
     /// The ledger, if it is kept.
     pub(crate) fn energy(&self) -> Option<Energy> {
         let state = &self.state;
-        state.ledger.as_ref().map(|ledger| {
+        state.watch.ledger.as_ref().map(|ledger| {
             ledger.energy(
-                state.scheme.as_deref().unwrap_or(&self.script.scheme),
-                &state.body,
+                state
+                    .values
+                    .scheme
+                    .as_deref()
+                    .unwrap_or(&self.script.scheme),
+                &state.matter.body,
             )
         })
     }
@@ -282,6 +345,7 @@ impl Island {
     /// Muted parts, with the frame of the scene at which each was muted.
     pub(crate) fn muted(&self) -> Vec<(String, u64)> {
         self.state
+            .watch
             .mutes
             .list()
             .map(|(part, step)| {
@@ -293,19 +357,20 @@ impl Island {
 
     /// Number of muted parts.
     pub(crate) fn n_muted(&self) -> usize {
-        self.state.mutes.list().count()
+        self.state.watch.mutes.list().count()
     }
 
     /// Parts whose links stiffened: name, number of frames computed finer, and most steps in one of them.
     pub(crate) fn finer(&self) -> impl Iterator<Item = (&str, u64, u32)> {
         let parts = self.network.parts();
-        let own = self.state.guard.iter().filter_map(|guard| {
+        let own = self.state.watch.guard.iter().filter_map(|guard| {
             let finer_frames = guard.finer_frames()?;
             let part = self.script.scheme.part[finer_frames.mat] as usize;
             Some((&*parts[part].name, finer_frames))
         });
         let bodies = self
             .state
+            .matter
             .bodies
             .iter()
             .filter_map(inside::RunningBody::finer_frames);
@@ -318,20 +383,20 @@ impl Island {
     /// Reserves room for every target that can occur, because a cloned vector has no spare capacity.
     pub(crate) fn reserve(&mut self) {
         let most = self.script.drives.len() + self.script.voices.len();
-        self.state.targets.reserve(most);
-        for (voice, own) in self.state.voices.iter_mut().zip(&self.script.voices) {
+        self.state.matter.targets.reserve(most);
+        for (voice, own) in self.state.hands.voices.iter_mut().zip(&self.script.voices) {
             voice.reserve(own);
         }
-        for body in &mut self.state.bodies {
+        for body in &mut self.state.matter.bodies {
             body.reserve();
         }
-        if let Some(ledger) = &mut self.state.ledger {
+        if let Some(ledger) = &mut self.state.watch.ledger {
             ledger.reserve(most);
         }
-        if let Some(guard) = &mut self.state.guard {
+        if let Some(guard) = &mut self.state.watch.guard {
             guard.reserve(most);
         }
-        if let Some(gains) = &mut self.state.gains {
+        if let Some(gains) = &mut self.state.watch.gains {
             gains.reserve(most);
         }
         self.reserve_rest();

@@ -7,6 +7,7 @@ mod bodies;
 mod bristle;
 mod builder;
 mod checks;
+mod contact_law;
 mod damped;
 mod elements;
 mod error;
@@ -30,6 +31,7 @@ mod subset;
 
 pub use crate::dry::Dry;
 pub use bristle::Bristle;
+pub(crate) use contact_law::PowerLaw;
 pub use elements::{Element, ElementKind, Elements};
 pub use error::Error;
 pub use following::{FOLLOWING_MAX, Followed, Following, FollowingMass};

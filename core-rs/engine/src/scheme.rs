@@ -6,11 +6,13 @@
 mod alike;
 mod certify;
 mod discretise;
+mod link;
 mod listen;
 mod spring;
 
 pub use certify::{Certificate, Means, StabilityGuarantee};
 pub(crate) use certify::{LargestEigenvalue, Refusal, top, top_up_to};
+pub(crate) use link::tension_energy;
 pub(crate) use listen::Tap;
 pub(crate) use spring::{Pull, Spring};
 
@@ -22,8 +24,8 @@ use discretise::Ties;
 use crate::law::{Hardening, Law};
 use crate::network::forest::Forest;
 use crate::network::{
-    Bristle, But, Contact, Dry, Error, Followed, FollowingMass, Network, Output, PairRun, Pairwise,
-    Proxy, SpaceLink,
+    Bristle, But, Dry, Error, Followed, FollowingMass, Network, Output, PairRun, Pairwise, Proxy,
+    SpaceLink,
 };
 use crate::units::Rate;
 
@@ -197,49 +199,6 @@ impl Run {
             Kind::Bristle { by, rate } => Some((by.with(self.k, self.z), 1.0 / rate)),
             _ => None,
         }
-    }
-
-    /// Whether the run can be computed in substeps of a frame: a single link that is a law, or a plain or exact contact
-    /// (both have the same equation).
-    pub(crate) fn can_substep(&self) -> bool {
-        let is_one = match &self.kind {
-            Kind::Ref
-            | Kind::Followed { .. }
-            | Kind::Dry { .. }
-            | Kind::Space(_)
-            | Kind::Pairwise { .. } => false,
-            Kind::But(but) => but.contact != Contact::Magic,
-            Kind::Lnl { .. } | Kind::Bristle { .. } | Kind::Hardening(_) => true,
-        };
-        is_one && self.len == 1
-    }
-
-    /// The run as hardening springs; `None` for contacts and other laws.
-    pub(crate) fn spring(&self) -> Option<Spring> {
-        let (k, q, z) = match &self.kind {
-            Kind::Ref => (self.k, 0.0, self.z),
-            Kind::Hardening(q) => (self.k, *q, self.z),
-            Kind::But(_)
-            | Kind::Followed { .. }
-            | Kind::Bristle { .. }
-            | Kind::Dry { .. }
-            | Kind::Space(_)
-            | Kind::Pairwise { .. } => return None,
-            Kind::Lnl { law, rate, .. } => {
-                let Hardening { k, q, z } = law.hardening_spring()?;
-                (k, q, z.unwrap_or(0.0) * rate)
-            }
-        };
-        Some(Spring {
-            a: self.a,
-            b: self.b,
-            len: self.len,
-            k,
-            q,
-            z,
-            rest: self.rest,
-            pull: Pull::Both(self.a, self.b),
-        })
     }
 }
 

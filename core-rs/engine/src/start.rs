@@ -135,10 +135,7 @@ pub(crate) fn forces(
                 // Dry friction; the others were added above.
                 LinkKind::Dry(_) | LinkKind::Space(_) | LinkKind::Pairwise(_) => continue,
                 LinkKind::But(but) if but.contact == Contact::Exact => continue,
-                LinkKind::But(but) => {
-                    let s = kernel::side(but);
-                    kernel::push(but, run.k, run.z, s * e, s * v) * s
-                }
+                LinkKind::But(but) => but.force(run.k, run.z, e, v),
             };
             force[a] += f;
             force[b] -= f;
@@ -203,7 +200,7 @@ fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], f
             };
             let (a, b) = (*a, *b);
             interrupt::poll();
-            let s = kernel::side(but);
+            let s = but.sign();
             force[a] -= *push;
             force[b] += *push;
             let contact = kernel::Contact {

@@ -1,8 +1,8 @@
 //! Quantities of a mesh that a step does not need: acceleration of one MAT, energies.
 
-use super::mesh::{Mesh, force_of};
-use crate::kernel;
+use super::mesh::Mesh;
 use crate::scheme::Spring;
+use crate::scheme::tension_energy;
 
 impl Spring {
     /// Energy at elongation `e` [J].
@@ -49,8 +49,8 @@ impl Mesh {
                         None => {
                             let run = &self.others[at - self.springs.len()];
                             let at = |i: usize| x(run.b + i) - x(run.a + i) - run.rest;
-                            match kernel::tension(run, at) {
-                                0.0 => force_of(run, e - run.rest, de),
+                            match run.tension(at) {
+                                0.0 => run.force(e - run.rest, de),
                                 tension => tension * (e - run.rest),
                             }
                         }
@@ -77,9 +77,9 @@ impl Mesh {
         }
         for run in &self.others {
             let at = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
-            let tension = kernel::tension(run, at);
+            let tension = run.tension(at);
             sum += total(run.len, |i| {
-                kernel::potential(run, at(i)) + kernel::tension_energy(tension, at(i))
+                run.potential(at(i)) + tension_energy(tension, at(i))
             });
         }
         sum
@@ -106,12 +106,10 @@ impl Mesh {
         for run in &self.others {
             let now = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
             let last = |i: usize| before(run.b + i) - before(run.a + i) - run.rest;
-            let tensions = [kernel::tension(run, now), kernel::tension(run, last)];
+            let tensions = [run.tension(now), run.tension(last)];
             sum += total(run.len, |i| {
-                let [now, last] =
-                    [(now(i), tensions[0]), (last(i), tensions[1])].map(|(e, tension)| {
-                        kernel::potential(run, e) + kernel::tension_energy(tension, e)
-                    });
+                let [now, last] = [(now(i), tensions[0]), (last(i), tensions[1])]
+                    .map(|(e, tension)| run.potential(e) + tension_energy(tension, e));
                 0.5 * (now + last)
             });
         }

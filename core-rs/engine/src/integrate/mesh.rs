@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use super::method::MeshMethod;
 use super::passes::{self, Ties};
-use crate::kernel;
 use crate::kernel::Laws;
 use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::springs;
@@ -262,32 +261,14 @@ impl Mesh {
                         let e = x[run.b + i] - x[run.a + i] - run.rest;
                         let de = v[run.b + i] - v[run.a + i];
                         *f = match part {
-                            Part::Elastic => force_of(run, e, 0.0),
-                            Part::Viscous => force_of(run, e, de) - force_of(run, e, 0.0),
-                            Part::Total => force_of(run, e, de),
+                            Part::Elastic => run.force(e, 0.0),
+                            Part::Viscous => run.force(e, de) - run.force(e, 0.0),
+                            Part::Total => run.force(e, de),
                         };
                     }
                 }
             }
             passes::pull(f, run.a, run.b, force);
-        }
-    }
-}
-
-/// Force of one link at elongation `e` [m] and its rate per step `de` [N].
-pub(super) fn force_of(run: &Run, e: f64, de: f64) -> f64 {
-    match &run.kind {
-        Kind::Ref => run.k * e + run.z * de,
-        Kind::Hardening(q) => run.k * e + q * (e * e * e) + run.z * de,
-        Kind::Lnl { law, rate, .. } => law.force(e, de * rate),
-        Kind::Followed { .. }
-        | Kind::Bristle { .. }
-        | Kind::Dry { .. }
-        | Kind::Space(_)
-        | Kind::Pairwise { .. } => 0.0, // refused by all methods that compute this
-        Kind::But(but) => {
-            let s = kernel::side(but);
-            s * kernel::push(but, run.k, run.z, s * e, s * de)
         }
     }
 }

@@ -13,14 +13,12 @@ use super::live_strikes::strike_points;
 use super::real_hands::{HandState, hand_bindings};
 use super::rest::Rest;
 use super::sounds_in::sound_drives;
-use super::written_hand::framed::FramedGesture;
-use super::{Island, OnFault, Script, State, Stream};
+use super::voices::{build_voices, framed};
+use super::{Hands, Island, Matter, OnFault, Script, State, Stream, Values, Watch};
 use crate::gesture::report::Report;
-use crate::gesture::script::Touch;
 use crate::guard::{Guard, Limit};
 use crate::interrupt;
-use crate::island::written_hand::free::{FreeKey, FreeMotion};
-use crate::island::written_hand::voice::{Voice, VoiceScript};
+use crate::island::written_hand::voice::VoiceScript;
 use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::{self, Laws};
@@ -28,9 +26,7 @@ use crate::network::{Error, Network, Term};
 use crate::scheme::{Run, Scheme};
 use crate::start::backward_steps;
 use crate::state::{Body, PreviousState};
-use crate::timeline::{Drive, DriveKind, Key, Timeline, first, greatest, pushes};
-use crate::units::Rate;
-use crate::units::frame;
+use crate::timeline::{Drive, DriveKind, Ergon, Timeline, first, greatest, pushes};
 
 /// The least number of substeps at which contacts are computed finer than a frame.
 const FINE: usize = 2;
@@ -51,7 +47,7 @@ pub struct Options {
 }
 
 impl Island {
-    /// A network at frame 0 of its timeline.
+    /// A network at frame 0 of its timeline: its numbers, where everything begins, who plays, who watches.
     pub(crate) fn new(
         network: Arc<Network>,
         timeline: &Timeline,
@@ -59,152 +55,80 @@ impl Island {
         (steps, oversampling, every): (usize, u32, u32),
         options: Options,
     ) -> Result<Self, Error> {
-        if options.ledger && timeline.hands().next().is_some() {
-            return Err(Error::Refused {
-                module: "ledger".to_owned(),
-                message: "no energy ledger can be kept where a real hand plays, because its energy is not \
-                          measured"
-                    .to_owned(),
-            });
-        }
-        let mut scheme = Scheme::new(&network, timeline.rate)?;
-        gate(&mut scheme, timeline);
-        let mut links = if steps < FINE {
-            Vec::new()
-        } else {
-            scheme.take_fine(&timeline.steered())
-        };
-        let acts = |first: usize| interrupt::each(&links).all(|run| run.first != first);
-        let begun = match &timeline.leads[..] {
-            [] if network.following_masses().is_empty() => None,
-            leads => {
-                let begun = first(&network, leads)?;
-                let begun = begun.with_masses_at(&positions(&network, timeline, &timeline.drives));
-                let mut scheme = Scheme::new(&begun, timeline.rate)?;
-                gate(&mut scheme, timeline);
-                Some((begun, scheme))
-            }
-        };
-        let (at_first, own) = match &begun {
-            Some((begun, scheme)) => (begun, scheme),
-            None => (&*network, &scheme),
-        };
-        let mut body = start(at_first, own, timeline, &timeline.drives, &acts);
-        let plans = bodies;
-        let mut bodies = join(plans, at_first, timeline, &mut body, &acts)?;
-        for run in &mut links {
-            interrupt::poll();
-            let mut leads = timeline.leads.iter();
-            if leads.any(|lead| lead.links().contains(&run.first)) {
-                run.set_loose();
-            }
-        }
-        kernel::proxies::join(&scheme, &mut body); // bodies have moved their ports
-        let fine = fine(links, &scheme, &network, &mut bodies, steps, timeline);
+        refuse_ledger_of_hands(timeline, options)?;
+        let (mut scheme, links) = numbers(&network, timeline, steps)?;
+        let mut matter = begin(&network, timeline, bodies, &scheme, links, steps)?;
         let gestures = framed(timeline);
-        let (scripts, voices) = build_voices(&network, timeline, &gestures, plans)?;
-        let ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
-        let guard = if options.unchecked || timeline.is_unguarded {
-            None // the run has to show when it really diverges
-        } else if timeline.leads.is_empty() {
-            Guard::new(&scheme, &network, Limit::CA, &ports)?.map(Box::new)
-        } else {
-            let stiffest = greatest(&network, &timeline.leads)?;
-            let mut most = Scheme::new(&stiffest, timeline.rate)?;
-            if fine.is_some() {
-                most.take_fine(&timeline.steered());
-            }
-            Guard::new(&most, &stiffest, Limit::CA, &ports)?.map(Box::new)
-        };
-        body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
-        let mut springs = energy_gain::hardening_springs(&scheme);
+        let (scripts, voices) = build_voices(&network, timeline, &gestures, bodies)?;
+        let guard = guard(&network, timeline, bodies, &scheme, &matter, options)?;
+        matter.body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
+        let springs = energy_gain::hardening_springs(&scheme);
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts, timeline);
         }
-        let is_led = |link: usize| {
-            timeline
-                .leads
-                .iter()
-                .any(|lead| lead.links().contains(&link))
-        };
-        let gains = if options.unchecked {
-            None // the run has to show what really happens
-        } else {
-            springs.retain(|run| scheme.runs.iter().all(|own| own.first != run.first));
-            Gains::new(&scheme, &springs, is_led)
-        };
-        // A force does work all the time, a constant one too, although no event falls on the island then.
-        let is_pushed = timeline.drives.iter().any(Drive::pushes);
-        let is_watched = !options.unchecked && timeline.glides.is_empty() && !is_pushed;
-        let rise = is_watched
-            .then(|| Rise::new(&network, &scheme, &bodies, fine.as_ref(), timeline.rate))
-            .flatten();
+        let gains = gains(timeline, &scheme, springs, options);
+        let rise = rise(&network, timeline, &scheme, &matter, options);
         let led = super::glide::bind_leads(&mut scheme, &network, timeline);
         let glides = super::glide::glides(&network, timeline, &scheme)?;
-        let mut laws = Laws::new(&scheme);
-        laws.mesh_partition =
-            MeshPartition::for_threads(&scheme.fused, scheme.n_mat(), options.threads);
-        bodies
-            .iter_mut()
-            .for_each(|body| body.share(options.threads));
-        // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
-        let touches = |mat| fine.as_ref().map_or(0, |fine| fine.touches(mat));
-        let pushes = pushes(&network, timeline, |mat| {
-            network.degree(mat) == touches(mat)
-        });
-        let ergons = timeline.ergons.iter();
-        let mut ergons: Vec<_> = ergons
-            .map(|ergon| (timeline.frame(ergon.at), *ergon))
-            .collect();
-        ergons.sort_by_key(|(frame, _)| *frame);
+        matter.laws = laws(&scheme, options);
+        for inside in &mut matter.bodies {
+            inside.share(options.threads);
+        }
         let changes = !glides.is_empty() || !led.is_empty() || network.follows();
-        let gliding = changes.then(|| {
-            let mut gliding = scheme.changing();
-            super::glide::apply_following_masses(&scheme, &mut gliding, &body.x);
-            gliding
+        let changing = changes.then(|| {
+            let mut changing = scheme.changing();
+            super::glide::apply_following_masses(&scheme, &mut changing, &matter.body.x);
+            changing
         });
         let ledger = options.ledger.then(|| {
-            let scheme = gliding.as_deref().unwrap_or(&scheme);
-            Ledger::new(scheme, &timeline.gates, &mut body)
+            let scheme = changing.as_deref().unwrap_or(&scheme);
+            Ledger::new(scheme, &timeline.gates, &mut matter.body)
         });
         let hand_bindings = hand_bindings(&timeline.drives);
         let strike_points = strike_points(&timeline.drives);
         let (sound_drives, played) = sound_drives(&timeline.drives);
+        // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
+        let touches = |mat| matter.fine.as_ref().map_or(0, |fine| fine.touches(mat));
+        let pushes = pushes(&network, timeline, |mat| {
+            network.degree(mat) == touches(mat)
+        });
         let state = State {
             frame: 0,
-            voices,
-            reports: vec![Report::default(); timeline.gestures.len()],
-            pushed: 0,
-            ergons: 0,
-            gates: vec![0.0; timeline.gates.len()],
-            gates_next: vec![0.0; timeline.gates.len()],
-            gate_continuations: vec![None; timeline.gates.len()],
-            layers: vec![0.0; timeline.keys.len()],
-            targets: Vec::new(),
-            laws,
-            stream: Stream::new(options.record),
-            touches: ContactPeaks::default(),
             unheard: vec![0.0; scheme.n_out()],
-            bodies,
-            fine,
-            hand_states: vec![HandState::default(); hand_bindings.len()],
-            impulses: vec![0.0; strike_points.len()],
-            played,
-            ledger,
-            mutes: Mutes::new(&scheme),
-            guard,
-            gains,
-            rise,
-            damped: 1.0,
-            scheme: gliding,
-            body,
+            values: Values {
+                gates: vec![0.0; timeline.gates.len()],
+                gates_next: vec![0.0; timeline.gates.len()],
+                gate_continuations: vec![None; timeline.gates.len()],
+                damped: 1.0,
+                scheme: changing,
+            },
+            hands: Hands {
+                voices,
+                reports: vec![Report::default(); timeline.gestures.len()],
+                pushed: 0,
+                ergons: 0,
+                layers: vec![0.0; timeline.keys.len()],
+                stream: Stream::new(options.record),
+                hand_states: vec![HandState::default(); hand_bindings.len()],
+                impulses: vec![0.0; strike_points.len()],
+                played,
+            },
+            watch: Watch {
+                touches: ContactPeaks::default(),
+                mutes: Mutes::new(&scheme),
+                guard,
+                gains,
+                rise,
+                ledger,
+            },
+            matter,
         };
         let script = Script {
             scheme,
             gestures,
             voices: scripts,
             pushes,
-            ergons,
+            ergons: ergons(timeline),
             gates: timeline.gates.clone(),
             drives: timeline.drives.clone(),
             glides,
@@ -229,6 +153,157 @@ impl Island {
     }
 }
 
+fn refuse_ledger_of_hands(timeline: &Timeline, options: Options) -> Result<(), Error> {
+    if !options.ledger || timeline.hands().next().is_none() {
+        return Ok(());
+    }
+    Err(Error::Refused {
+        module: "ledger".to_owned(),
+        message: "no energy ledger can be kept where a real hand plays, because its energy is not \
+                  measured"
+            .to_owned(),
+    })
+}
+
+/// The numbers of the island, and the links that are computed finer than a frame.
+fn numbers(
+    network: &Network,
+    timeline: &Timeline,
+    steps: usize,
+) -> Result<(Scheme, Vec<Run>), Error> {
+    let mut scheme = Scheme::new(network, timeline.rate)?;
+    gate(&mut scheme, timeline);
+    let links = if steps < FINE {
+        Vec::new()
+    } else {
+        scheme.take_fine(&timeline.steered())
+    };
+    Ok((scheme, links))
+}
+
+/// Where everything is at frame 0, with values that glide or follow as they are there.
+fn begin(
+    network: &Network,
+    timeline: &Timeline,
+    plans: &[BodyPlan],
+    scheme: &Scheme,
+    mut links: Vec<Run>,
+    steps: usize,
+) -> Result<Matter, Error> {
+    let acts = |first: usize| interrupt::each(&links).all(|run| run.first != first);
+    let begun = match &timeline.leads[..] {
+        [] if network.following_masses().is_empty() => None,
+        leads => {
+            let begun = first(network, leads)?;
+            let begun = begun.with_masses_at(&positions(network, timeline, &timeline.drives));
+            let mut scheme = Scheme::new(&begun, timeline.rate)?;
+            gate(&mut scheme, timeline);
+            Some((begun, scheme))
+        }
+    };
+    let (at_first, own) = match &begun {
+        Some((begun, scheme)) => (begun, scheme),
+        None => (network, scheme),
+    };
+    let mut body = start(at_first, own, timeline, &timeline.drives, &acts);
+    let mut bodies = join(plans, at_first, timeline, &mut body, &acts)?;
+    for run in &mut links {
+        interrupt::poll();
+        if is_led(timeline, run.first) {
+            run.set_loose();
+        }
+    }
+    kernel::proxies::join(scheme, &mut body); // bodies have moved their ports
+    let fine = fine(links, scheme, network, &mut bodies, steps, timeline);
+    Ok(Matter {
+        laws: Laws::new(scheme),
+        body,
+        bodies,
+        fine,
+        targets: Vec::new(),
+    })
+}
+
+fn is_led(timeline: &Timeline, link: usize) -> bool {
+    let mut leads = timeline.leads.iter();
+    leads.any(|lead| lead.links().contains(&link))
+}
+
+/// The guard of links that may stiffen beyond what the scheme can step.
+fn guard(
+    network: &Network,
+    timeline: &Timeline,
+    plans: &[BodyPlan],
+    scheme: &Scheme,
+    matter: &Matter,
+    options: Options,
+) -> Result<Option<Box<Guard>>, Error> {
+    if options.unchecked || timeline.is_unguarded {
+        return Ok(None); // the run has to show when it really diverges
+    }
+    let ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
+    let found = if timeline.leads.is_empty() {
+        Guard::new(scheme, network, Limit::CA, &ports)?
+    } else {
+        let stiffest = greatest(network, &timeline.leads)?;
+        let mut most = Scheme::new(&stiffest, timeline.rate)?;
+        if matter.fine.is_some() {
+            most.take_fine(&timeline.steered());
+        }
+        Guard::new(&most, &stiffest, Limit::CA, &ports)?
+    };
+    Ok(found.map(Box::new))
+}
+
+/// Accounts of links that may create energy; `springs` are those that were there before some were fused.
+fn gains(
+    timeline: &Timeline,
+    scheme: &Scheme,
+    mut springs: Vec<Run>,
+    options: Options,
+) -> Option<Box<Gains>> {
+    if options.unchecked {
+        return None; // the run has to show what really happens
+    }
+    springs.retain(|run| scheme.runs.iter().all(|own| own.first != run.first));
+    Gains::new(scheme, &springs, |link| is_led(timeline, link))
+}
+
+/// The account of the island's whole energy.
+fn rise(
+    network: &Network,
+    timeline: &Timeline,
+    scheme: &Scheme,
+    matter: &Matter,
+    options: Options,
+) -> Option<Box<Rise>> {
+    // A force does work all the time, a constant one too, although no event falls on the island then.
+    let is_pushed = timeline.drives.iter().any(Drive::pushes);
+    if options.unchecked || is_pushed || !timeline.glides.is_empty() {
+        return None;
+    }
+    let (bodies, fine) = (&matter.bodies, matter.fine.as_ref());
+    Rise::new(network, scheme, bodies, fine, timeline.rate)
+}
+
+/// Scratch memory of laws, and the partition of a mesh for several threads.
+fn laws(scheme: &Scheme, options: Options) -> Laws {
+    let mut laws = Laws::new(scheme);
+    laws.mesh_partition =
+        MeshPartition::for_threads(&scheme.fused, scheme.n_mat(), options.threads);
+    laws
+}
+
+/// Ergons by rising frame.
+fn ergons(timeline: &Timeline) -> Vec<(u64, Ergon)> {
+    let ergons = timeline.ergons.iter();
+    let mut ergons: Vec<_> = ergons
+        .map(|ergon| (timeline.frame(ergon.at), *ergon))
+        .collect();
+    ergons.sort_by_key(|(frame, _)| *frame);
+    ergons
+}
+
 /// Sets the gate of each run that a gate opens; a gate covers whole runs, however they were cut.
 fn gate(scheme: &mut Scheme, timeline: &Timeline) {
     for (index, gate) in timeline.gates.iter().enumerate() {
@@ -240,7 +315,7 @@ fn gate(scheme: &mut Scheme, timeline: &Timeline) {
 }
 
 /// Where every MAT is at frame 0, and the step that led there.
-fn start(
+pub(super) fn start(
     network: &Network,
     scheme: &Scheme,
     timeline: &Timeline,
@@ -345,182 +420,4 @@ pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
     kernel::proxies::divide(scheme, &mut body);
     kernel::contacts(scheme, &[], &[], &mut body);
     kernel::tap(scheme, &body, heard);
-}
-
-/// Links that join a MAT to other parts, each with the MAT at its other end.
-fn outer_links(network: &Network, mat: usize) -> Vec<(usize, usize)> {
-    let part = &network.mats().part;
-    let mut found = Vec::new();
-    for run in network.runs() {
-        if run.pairwise().is_some() {
-            let links = (0..run.len).flat_map(|i| run.pairs(i).map(move |pair| (i, pair)));
-            for (i, (a, b)) in links.filter(|&(_, (a, b))| a == mat || b == mat) {
-                found.push((run.first + i, if a == mat { b } else { a }));
-            }
-            continue;
-        }
-        for axis in 0..run.n_axes() {
-            let (a, b) = run.pair(0, axis);
-            for (end, other) in [(a, b), (b, a)] {
-                if let Some(i) = mat.checked_sub(end).filter(|i| *i < run.len) {
-                    found.push((run.first + i, other + i));
-                }
-            }
-        }
-    }
-    found.retain(|&(_, other)| part[other] != part[mat]);
-    found
-}
-
-/// The gestures of a timeline at its rate.
-fn framed(timeline: &Timeline) -> Vec<FramedGesture> {
-    let (rate, oversampling) = (timeline.rate.hertz(), timeline.oversampling);
-    let gestures = timeline.gestures.iter();
-    gestures
-        .map(|gesture| FramedGesture::new(gesture, rate, oversampling))
-        .collect()
-}
-
-/// The voices of all keys: one for the successive gestures of a key, and one for each gesture with `layer`.
-fn build_voices(
-    network: &Network,
-    timeline: &Timeline,
-    gestures: &[FramedGesture],
-    bodies: &[BodyPlan],
-) -> Result<(Vec<VoiceScript>, Vec<Voice>), Error> {
-    let mut scripts = Vec::new();
-    let mut voices = Vec::new();
-    for (key, known) in timeline.keys.iter().enumerate() {
-        let (free, motion) = free_key(network, timeline, known, bodies)?;
-        let mut own: Vec<usize> = (0..gestures.len())
-            .filter(|&i| gestures[i].gesture.key == key)
-            .collect();
-        let start = |i: usize| gestures[i].gesture.start;
-        own.sort_by(|&i, &j| start(i).total_cmp(&start(j)));
-        for &i in &own {
-            check_playable(&gestures[i], &free, known, timeline.rate)?;
-        }
-        let (layers, line): (Vec<usize>, Vec<usize>) = own
-            .into_iter()
-            .partition(|&i| gestures[i].gesture.manner.layer);
-        let script = VoiceScript {
-            key,
-            struck: known.struck,
-            free,
-            gestures: line,
-            layer: false,
-            outer_links: outer_links(network, known.struck),
-        };
-        voices.push(Voice::new(&script, motion));
-        scripts.push(script.clone());
-        for gesture in layers {
-            let layer = VoiceScript {
-                free: script.free.deviation(),
-                gestures: vec![gesture],
-                layer: true,
-                ..script.clone()
-            };
-            voices.push(Voice::new(&layer, layer.free.at_rest()));
-            scripts.push(layer);
-        }
-    }
-    Ok((scripts, voices))
-}
-
-/// A free copy of a key's part, and its motion at frame 0. Refuses a key that cannot be struck.
-pub(super) fn free_key(
-    network: &Network,
-    timeline: &Timeline,
-    key: &Key,
-    bodies: &[BodyPlan],
-) -> Result<(FreeKey, FreeMotion), Error> {
-    let mats = network.mats();
-    if !mats.kind[key.struck].moves() {
-        return Err(Error::Refused {
-            module: network.mat_name(key.struck),
-            message: "ergons of a key can only strike a MAS or a CEL".to_owned(),
-        });
-    }
-    let part = mats.part[key.struck] as usize;
-    // Links that close by the end are left out: a gesture is written for the key as it is in the end.
-    let closing = timeline.gates.iter().filter(|gate| gate.closes());
-    let own = network.part_alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
-    let inside = |mat: usize| own.mat(mat);
-    let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
-    for link in couplings.map(|gate| gate.link) {
-        let run = network.run_of(link);
-        if run.is_some_and(|run| inside(run.a).is_some() && inside(run.b).is_some()) {
-            return Err(Error::Refused {
-                module: network.link_name(link),
-                message: "a coupling cannot join two modules of one key, because gestures are computed for the key \
-                          with all its links; make this link a module of the key"
-                    .to_owned(),
-            });
-        }
-    }
-    let drives: Vec<Drive> = timeline
-        .drives
-        .iter()
-        .filter(|drive| drive.own)
-        .filter_map(|drive| {
-            inside(drive.mat).map(|mat| Drive {
-                mat,
-                ..drive.clone()
-            })
-        })
-        .collect();
-    let scheme = Arc::new(Scheme::new(&own.network, timeline.rate)?);
-    let body = start(
-        &own.network,
-        &scheme,
-        &Timeline::new(timeline.rate),
-        &drives,
-        &|_| true,
-    );
-    let free = FreeKey {
-        struck: inside(key.struck).unwrap_or(0),
-        members: own.mats.iter().map(|&mat| mat as usize).collect(),
-        slow: bodies
-            .iter()
-            .filter_map(|body| match body {
-                BodyPlan::Slow(slow) if slow.part == part => Some(slow.alone(inside)),
-                _ => None,
-            })
-            .collect(),
-        scheme,
-        drives,
-    };
-    let motion = free.start(body);
-    Ok((free, motion))
-}
-
-/// Refuses a gesture that its key cannot play.
-fn check_playable(
-    gesture: &FramedGesture,
-    free: &FreeKey,
-    key: &Key,
-    rate: Rate,
-) -> Result<(), Error> {
-    let manner = gesture.gesture.manner;
-    let refuse = |message| {
-        Err(Error::Refused {
-            module: key.name.clone(),
-            message,
-        })
-    };
-    // No flight lasts longer than the gesture.
-    let most = gesture.last().saturating_sub(gesture.first);
-    let flight = |grain: &f64| frame(*grain, rate.hertz()).min(most);
-    let is_long = |grain: &f64| free.is_past_quarter(flight(grain));
-    if let Some(grain) = manner.grain.filter(is_long) {
-        return refuse(format!(
-            "a grain of {:.1} ms is longer than a quarter of the key's own period: between \
-             ergons the key would swing back",
-            1e3 * grain
-        ));
-    }
-    if manner.layer && manner.touch == Touch::Tracked {
-        return refuse("a gesture with `layer` cannot be tracked".to_owned());
-    }
-    Ok(())
 }

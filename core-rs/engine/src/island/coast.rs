@@ -34,12 +34,13 @@ impl Island {
         let is_left = script.hand_bindings.is_empty()
             && script.drives.iter().all(is_struck)
             && !script.voices.iter().any(|own| own.layer);
-        let is_plain = script.gates.is_empty() && state.scheme.is_none() && state.damped >= 1.0;
-        let is_whole = state.ledger.is_none() && state.mutes.list().next().is_none();
+        let is_plain =
+            script.gates.is_empty() && state.values.scheme.is_none() && state.values.damped >= 1.0;
+        let is_whole = state.watch.ledger.is_none() && state.watch.mutes.list().next().is_none();
         let by_modes = |body: &inside::RunningBody| body.modal().is_some();
-        let fine = state.fine.as_ref();
+        let fine = state.matter.fine.as_ref();
         (is_bare && is_left && is_plain && is_whole)
-            && state.bodies.iter().all(by_modes)
+            && state.matter.bodies.iter().all(by_modes)
             && fine.is_some()
     }
 
@@ -52,22 +53,26 @@ impl Island {
     ) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, n) = (&script.scheme, state.frame);
-        let Some(fine) = state.fine.as_mut().filter(|fine| fine.is_done()) else {
+        let Some(fine) = state.matter.fine.as_mut().filter(|fine| fine.is_done()) else {
             return Ok(0);
         };
-        let push = script.pushes.get(state.pushed).map(|push| push.frame);
-        let ergon = script.ergons.get(state.ergons);
+        let push = script.pushes.get(state.hands.pushed).map(|push| push.frame);
+        let ergon = script.ergons.get(state.hands.ergons);
         let ergon = ergon.map(|(frame, _)| *frame);
-        let voices = state.voices.iter().zip(&script.voices);
+        let voices = state.hands.voices.iter().zip(&script.voices);
         let voices =
             voices.map(|(voice, own)| voice.idle_until(own, &script.gestures).unwrap_or(n));
-        let pending = state.impulses.iter().any(|&impulse| impulse != 0.0);
+        let pending = state.hands.impulses.iter().any(|&impulse| impulse != 0.0);
         let events = push.into_iter().chain(ergon).chain(voices);
         let events = events.chain(pending.then_some(n));
         let quiet = events.map(|at| at.saturating_sub(n) as usize);
-        let modals = state.bodies.iter().filter_map(inside::RunningBody::modal);
+        let modals = state
+            .matter
+            .bodies
+            .iter()
+            .filter_map(inside::RunningBody::modal);
         let ahead = modals.map(super::modal::RunningModal::ahead);
-        let watched = state.rise.is_some();
+        let watched = state.watch.rise.is_some();
         let look = watched.then(|| energy_rise::Rise::steps_left(n) as usize);
         let most = quiet.chain(ahead).chain(look);
         let most = most.fold(to - from, usize::min);
@@ -75,45 +80,55 @@ impl Island {
             return Ok(0);
         }
         // The motion without forces is needed here: forces of the step before are cleared.
-        state.body.force.fill(0.0);
+        state.matter.body.force.fill(0.0);
         let (mut done, mut sound, mut open_until, mut next_look) = (0, true, 0, 0);
         while done < most && sound {
-            if done >= open_until && !fine.stays_open(scheme, &state.body) {
+            if done >= open_until && !fine.stays_open(scheme, &state.matter.body) {
                 break;
             }
             if done >= open_until.max(next_look) {
-                let swing = |mat| swing(scheme, &state.body, mat);
+                let swing = |mat| swing(scheme, &state.matter.body, mat);
                 if fine.cannot_close(scheme, swing, SLACK) {
                     open_until = done + BOUND_STEPS;
                 }
                 next_look = done + RETRY_STEPS;
             }
             if done == 0 {
-                fine.rest(&mut state.body);
+                fine.rest(&mut state.matter.body);
             }
             let out = heard.at(from + done);
-            kernel::tap(scheme, &state.body, out);
-            for modal in state.bodies.iter().filter_map(inside::RunningBody::modal) {
+            kernel::tap(scheme, &state.matter.body, out);
+            for modal in state
+                .matter
+                .bodies
+                .iter()
+                .filter_map(inside::RunningBody::modal)
+            {
                 modal.tap_ahead(done, out);
             }
             let at = n + done as u64;
-            state.mutes.fade(at, scheme, out);
-            for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
-                voice.step_idle(own, &mut state.reports, at);
+            state.watch.mutes.fade(at, scheme, out);
+            for (voice, own) in state.hands.voices.iter_mut().zip(&script.voices) {
+                voice.step_idle(own, &mut state.hands.reports, at);
             }
             sound = kernel::advance(
                 scheme,
                 &mut [],
-                &mut state.body,
+                &mut state.matter.body,
                 None,
                 &mut ThreadTeam::alone(),
             );
             done += 1;
-            for modal in state.bodies.iter().filter_map(inside::RunningBody::modal) {
-                modal.place_ahead(done, &mut state.body);
+            for modal in state
+                .matter
+                .bodies
+                .iter()
+                .filter_map(inside::RunningBody::modal)
+            {
+                modal.place_ahead(done, &mut state.matter.body);
             }
         }
-        let modals = state.bodies.iter_mut();
+        let modals = state.matter.bodies.iter_mut();
         for modal in modals.filter_map(inside::RunningBody::modal_mut) {
             modal.coast(done);
         }

@@ -1,6 +1,6 @@
 //! A key on its own, stepped force by force: the mechanics of an emulated device.
 
-use super::build::free_key;
+use super::voices::free_key;
 use super::written_hand::free::{FreeKey, FreeMotion};
 use crate::kernel::Laws;
 use crate::network::{Error, Network};

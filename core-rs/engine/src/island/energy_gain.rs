@@ -181,17 +181,21 @@ impl Island {
     /// nothing else was found.
     fn link_gains(&self) -> impl Iterator<Item = (usize, Gain)> {
         let state = &self.state;
-        let links = state.gains.iter().flat_map(|gains| &gains.links);
+        let links = state.watch.gains.iter().flat_map(|gains| &gains.links);
         let links = links.filter_map(|link| Some((link.run.first, link.worst?)));
-        let pairs = state.gains.iter().filter_map(|gains| {
+        let pairs = state.watch.gains.iter().filter_map(|gains| {
             let pairs = gains.pairs.as_ref()?;
             Some((pairs.first_link(), pairs.worst()?))
         });
-        let fine = state.fine.iter().filter_map(|fine| fine.sprung().worst());
+        let fine = state
+            .matter
+            .fine
+            .iter()
+            .filter_map(|fine| fine.sprung().worst());
         let mut all = links.chain(pairs).chain(fine).peekable();
         let rise = match all.peek() {
             Some(_) => None,
-            None => state.rise.as_ref().and_then(|rise| rise.worst()),
+            None => state.watch.rise.as_ref().and_then(|rise| rise.worst()),
         };
         all.chain(rise)
     }
@@ -200,22 +204,22 @@ impl Island {
     pub(crate) fn gains(&self) -> impl Iterator<Item = (String, Gain)> {
         let links = self.link_gains();
         let links = links.map(|(link, gain)| (self.network.link_name(link), gain));
-        let bodies = self.state.bodies.iter();
+        let bodies = self.state.matter.bodies.iter();
         links.chain(bodies.filter_map(|body| Some((body.first_module()?.0, body.gain()?))))
     }
 
     /// Whether contacts and laws between frames created energy, or the energy of the whole rose though nothing drove it.
     pub(crate) fn has_risen(&self) -> bool {
         let state = &self.state;
-        let fine = state.fine.as_ref();
-        let rise = state.rise.as_ref();
+        let fine = state.matter.fine.as_ref();
+        let rise = state.watch.rise.as_ref();
         fine.is_some_and(|fine| fine.sprung().worst().is_some())
             || rise.is_some_and(|rise| rise.worst().is_some())
     }
 
     /// Number of links and bodies that created energy.
     pub(crate) fn n_gains(&self) -> usize {
-        let bodies = self.state.bodies.iter();
+        let bodies = self.state.matter.bodies.iter();
         self.link_gains().count() + bodies.filter(|body| body.gain().is_some()).count()
     }
 
@@ -228,13 +232,17 @@ impl Island {
     /// The most energy that one contact has created, and that one law or body has, as shares of the energy that was there.
     pub(crate) fn created_shares(&self) -> [f64; 2] {
         let state = &self.state;
-        let scheme = state.scheme.as_deref().unwrap_or(&self.script.scheme);
-        let around = around(scheme, &state.bodies, &state.body);
-        let links = state.gains.iter().flat_map(|gains| {
+        let scheme = state
+            .values
+            .scheme
+            .as_deref()
+            .unwrap_or(&self.script.scheme);
+        let around = around(scheme, &state.matter.bodies, &state.matter.body);
+        let links = state.watch.gains.iter().flat_map(|gains| {
             let put_in = gains.put_in.most();
             let links = gains.link_work.iter().zip(&gains.links);
             links.map(move |(link_work, link)| {
-                let gain = link_work.gain(link, &state.body, (around, put_in), 0);
+                let gain = link_work.gain(link, &state.matter.body, (around, put_in), 0);
                 (matches!(link.run.kind, Kind::But(_)), gain)
             })
         });
@@ -258,8 +266,12 @@ impl Island {
         let n = self.state.frame;
         let mut faults: Vec<(String, usize, Gain)> = Vec::new();
         let state = &mut self.state;
-        let scheme = state.scheme.as_deref().unwrap_or(&self.script.scheme);
-        let (body, bodies) = (&state.body, &state.bodies);
+        let scheme = state
+            .values
+            .scheme
+            .as_deref()
+            .unwrap_or(&self.script.scheme);
+        let (body, bodies) = (&state.matter.body, &state.matter.bodies);
         let around = || around(scheme, bodies, body);
         let hands = &self.script.hand_bindings;
         // A part that a hand plays is not silenced where another one can be: its key would jump.
@@ -273,7 +285,7 @@ impl Island {
             scheme.part[end] as usize
         };
         let mut put_in = 0.0;
-        if let Some(gains) = &mut state.gains {
+        if let Some(gains) = &mut state.watch.gains {
             put_in = gains.put_in.most();
             for (link_work, link) in gains.link_work.iter_mut().zip(&mut gains.links) {
                 let found = link.check(link_work, body, (around, put_in), n);
@@ -291,7 +303,7 @@ impl Island {
                 faults.push((self.network.link_name(pairs.first_link()), part, gain));
             }
         }
-        if let Some(fine) = &mut state.fine
+        if let Some(fine) = &mut state.matter.fine
             && let Some((link, mat, gain)) = fine.sprung_mut().check((around, put_in), n)
             && gain.is_fault()
         {
@@ -301,7 +313,7 @@ impl Island {
                 gain,
             ));
         }
-        for body in &mut self.state.bodies {
+        for body in &mut self.state.matter.bodies {
             if let Some(gain) = body.check_gain(n).filter(Gain::is_fault)
                 && let Some((module, part)) = body.first_module()
             {
@@ -321,7 +333,7 @@ impl Island {
             if self.script.on_fault == OnFault::Stop {
                 return Err(self.fault_of(module, part, Some(gain)));
             }
-            if !self.state.mutes.is_mute(part) {
+            if !self.state.watch.mutes.is_mute(part) {
                 self.mute(part, n);
             }
         }

@@ -9,8 +9,7 @@ use super::fine::Fine;
 use super::inside::RunningBody;
 use super::{Island, energy_gain};
 use crate::cell::Cell;
-use crate::kernel;
-use crate::network::{But, Contact, MatKind, Network};
+use crate::network::{Contact, MatKind, Network};
 use crate::scheme::{Kind, Run, Scheme, Spring};
 use crate::state::Body;
 use crate::units::Rate;
@@ -188,29 +187,11 @@ fn only_loses(run: &Run) -> bool {
     }
 }
 
-/// Slope of the elastic force of a link over its elongation [N/m].
-fn slope(run: &Run, e: f64) -> f64 {
-    match &run.kind {
-        Kind::Ref => run.k,
-        Kind::Hardening(q) => run.k + 3.0 * q * e * e,
-        Kind::But(but) => contact_slope(but, run.k, kernel::side(but) * e),
-        Kind::Lnl { law, .. } => law.slope(e),
-        _ => 0.0,
-    }
-}
-
-fn contact_slope(but: &But, k: f64, depth: f64) -> f64 {
-    if depth <= 0.0 {
-        return 0.0;
-    }
-    k * but.exponent * crate::maths::pow(depth, but.exponent - 1.0)
-}
-
 /// Energy of a link between two steps [J], from its elongation at both [m]: what leapfrog steps keep, but for terms of
 /// their fourth order.
 fn between(run: &Run, [now, before]: [f64; 2]) -> f64 {
     let (middle, stretch) = (0.5 * (now + before), now - before);
-    kernel::potential(run, middle) - 0.125 * slope(run, middle) * stretch * stretch
+    run.potential(middle) - 0.125 * run.slope(middle) * stretch * stretch
 }
 
 /// The same of springs that are computed in one pass, all of a run.
@@ -231,16 +212,19 @@ impl Island {
     /// what was created, if that is worth reporting.
     pub(super) fn check_rise(&mut self) -> Option<(usize, usize, Gain)> {
         let n = self.state.frame - 1;
-        if self.state.rise.is_none() || !n.is_multiple_of(STEPS) || self.state.damped < 1.0 {
+        if self.state.watch.rise.is_none()
+            || !n.is_multiple_of(STEPS)
+            || self.state.values.damped < 1.0
+        {
             return None;
         }
         let due = self.due(n + 1);
-        let mut rise = self.state.rise.take()?;
+        let mut rise = self.state.watch.rise.take()?;
         let was_quiet = rise.due > n;
         rise.due = due;
         let gain = rise.gain(self.total(&rise), was_quiet, n);
         let gain = gain.filter(|gain| gain.created > self.rounding());
-        if let (Some(gain), Some(fine)) = (&gain, &mut self.state.fine)
+        if let (Some(gain), Some(fine)) = (&gain, &mut self.state.matter.fine)
             && rise.refines(gain)
         {
             fine.refine();
@@ -252,21 +236,31 @@ impl Island {
             }
             Some((link, mat, gain))
         });
-        self.state.rise = Some(rise);
+        self.state.watch.rise = Some(rise);
         found
     }
 
     /// The energy of all MATs, bodies and links.
     fn total(&self, rise: &Rise) -> Total {
         let state = &self.state;
-        let body = &state.body;
-        let scheme = state.scheme.as_deref().unwrap_or(&self.script.scheme);
+        let body = &state.matter.body;
+        let scheme = state
+            .values
+            .scheme
+            .as_deref()
+            .unwrap_or(&self.script.scheme);
         let mut total = Total::default();
         for (mat, motion) in rise.motions.iter().enumerate() {
             let (w, kappa, zeta) = (scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]);
             let (x, d) = (body.x[mat] - scheme.rest[mat], body.d[mat]);
             // What impulses between frames have still to add.
-            let later = || w * state.fine.as_ref().map_or(0.0, |fine| fine.later_at(mat));
+            let later = || {
+                w * state
+                    .matter
+                    .fine
+                    .as_ref()
+                    .map_or(0.0, |fine| fine.later_at(mat))
+            };
             match motion {
                 Motion::None => {}
                 Motion::Free => {
@@ -282,11 +276,11 @@ impl Island {
                 }
             }
         }
-        for modal in state.bodies.iter().filter_map(RunningBody::modal) {
+        for modal in state.matter.bodies.iter().filter_map(RunningBody::modal) {
             modal.energies(|energy| total.add(energy));
         }
-        let open = |run: &Run| run.gate.map_or(1.0, |gate| state.gates[gate]);
-        if let Some(fine) = &state.fine {
+        let open = |run: &Run| run.gate.map_or(1.0, |gate| state.values.gates[gate]);
+        if let Some(fine) = &state.matter.fine {
             fine.energies(body, open, |energy| total.add(energy));
         }
         for run in scheme.runs.iter().chain(&scheme.exact) {
@@ -300,9 +294,7 @@ impl Island {
                 }
                 let energy = match run.bristle() {
                     Some((by, _)) => by.energy(body.memory[run.first + i]),
-                    None if is_exact => {
-                        0.5 * both.map(|e| kernel::potential(run, e)).iter().sum::<f64>()
-                    }
+                    None if is_exact => 0.5 * both.map(|e| run.potential(e)).iter().sum::<f64>(),
                     None => between(run, both),
                 };
                 total.add(open(run) * energy);
@@ -317,7 +309,7 @@ impl Island {
 
     /// Energy that rounding alone explains [J].
     fn rounding(&self) -> f64 {
-        let body = &self.state.body;
+        let body = &self.state.matter.body;
         let far = body.x.iter().fold(0.0_f64, |far, x| far.max(x.abs()));
         let least = DIGITS * f64::EPSILON * far;
         let scheme = &self.script.scheme;
@@ -336,12 +328,12 @@ impl Island {
     fn loudest_link(&self) -> Option<(usize, usize)> {
         let state = &self.state;
         let scheme = &self.script.scheme;
-        let fine = state.fine.iter().flat_map(Fine::links);
+        let fine = state.matter.fine.iter().flat_map(Fine::links);
         let runs = scheme.runs.iter().chain(&scheme.exact).chain(fine);
         let links = runs
             .filter(|run| !matches!(run.kind, Kind::Ref))
             .flat_map(|run| (0..run.len).map(move |i| (run.first + i, [run.a + i, run.b + i])));
-        let push = |link: usize| state.body.link[link].abs();
+        let push = |link: usize| state.matter.body.link[link].abs();
         let louder = |most: (usize, [usize; 2]), own: (usize, [usize; 2])| {
             if push(own.0) > push(most.0) {
                 own

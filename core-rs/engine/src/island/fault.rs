@@ -120,6 +120,7 @@ impl Island {
         let n = self.state.frame;
         while let Some((module, part)) = self
             .state
+            .matter
             .bodies
             .iter()
             .find_map(inside::RunningBody::culprit)
@@ -141,7 +142,7 @@ impl Island {
 
     /// A MAT whose position is beyond all bounds, one that moves if there is one.
     fn unsound_mat(&self) -> Option<usize> {
-        let (x, w) = (&self.state.body.x, &self.script.scheme.w);
+        let (x, w) = (&self.state.matter.body.x, &self.script.scheme.w);
         let unsound = (0..x.len()).filter(|&mat| !kernel::sound(x[mat]));
         unsound.min_by_key(|&mat| w[mat] == 0.0)
     }
@@ -160,7 +161,7 @@ impl Island {
     /// Take a part out of the scene: its MATs stay at their rest positions, and its links are removed.
     pub(super) fn mute(&mut self, part: usize, n: u64) {
         let state = &mut self.state;
-        state.mutes.since[part] = Some(n);
+        state.watch.mutes.since[part] = Some(n);
         // A part is muted at most once in a run, so a copy of the scheme is acceptable.
         let script = std::sync::Arc::make_mut(&mut self.script);
         let scheme = &mut script.scheme;
@@ -173,8 +174,8 @@ impl Island {
         for (mat, _) in ours.iter().enumerate().filter(|(_, ours)| **ours) {
             // A rest position beyond all bounds would cause the next fault at once.
             let ground = Some(scheme.rest[mat]).filter(|&x| kernel::sound(x));
-            state.body.x[mat] = ground.unwrap_or(0.0);
-            state.body.d[mat] = 0.0;
+            state.matter.body.x[mat] = ground.unwrap_or(0.0);
+            state.matter.body.d[mat] = 0.0;
             (scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]) = (0.0, 0.0, 0.0);
         }
         let touches_part = |a: usize, b: usize, len: usize| {
@@ -196,29 +197,29 @@ impl Island {
         let all = scheme.runs.iter().chain(&scheme.exact);
         for run in all.filter(|run| run_touches_part(run)) {
             let span = run.first..run.first + run.len;
-            state.body.link[span.clone()].fill(0.0);
+            state.matter.body.link[span.clone()].fill(0.0);
             cut[span].fill(true);
         }
         scheme.runs.retain(|run| !run_touches_part(run));
         let meets = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
         scheme.fused.retain(|spring| !meets(spring));
         scheme.exact.retain(|run| !run_touches_part(run));
-        if let Some(mesh_partition) = &mut state.laws.mesh_partition {
+        if let Some(mesh_partition) = &mut state.matter.laws.mesh_partition {
             mesh_partition.cut_again(&scheme.fused);
         }
-        if let Some(guard) = &mut state.guard {
+        if let Some(guard) = &mut state.watch.guard {
             guard.release(|mat| ours[mat]);
         }
-        if let Some(gains) = &mut state.gains {
+        if let Some(gains) = &mut state.watch.gains {
             gains.release(&ours);
         }
-        state.rise = None;
-        if state.scheme.is_some() {
-            state.scheme = Some(scheme.changing());
+        state.watch.rise = None;
+        if state.values.scheme.is_some() {
+            state.values.scheme = Some(scheme.changing());
         }
-        if let Some(fine) = &mut state.fine {
+        if let Some(fine) = &mut state.matter.fine {
             let mut n_left = 0;
-            let places: Vec<Option<usize>> = (state.bodies.iter())
+            let places: Vec<Option<usize>> = (state.matter.bodies.iter())
                 .map(|body| {
                     let stays = !body.is_of(&ours, part);
                     n_left += usize::from(stays);
@@ -226,26 +227,31 @@ impl Island {
                 })
                 .collect();
             for link in fine.release(&ours, &places) {
-                state.body.link[link] = 0.0;
+                state.matter.body.link[link] = 0.0;
                 cut[link] = true;
             }
         }
-        for body in state.bodies.iter().filter(|body| body.is_of(&ours, part)) {
+        for body in state
+            .matter
+            .bodies
+            .iter()
+            .filter(|body| body.is_of(&ours, part))
+        {
             for output in body.outputs() {
-                state.mutes.outputs[output as usize].get_or_insert(n);
+                state.watch.mutes.outputs[output as usize].get_or_insert(n);
             }
         }
-        state.bodies.retain(|body| !body.is_of(&ours, part));
+        state.matter.bodies.retain(|body| !body.is_of(&ours, part));
         script.drives.retain(|drive| !ours[drive.mat]);
         let mut stays = script.sound_drives.iter().map(|drive| !ours[drive.mat]);
-        state.played.retain(|_| stays.next().unwrap_or(true));
+        state.hands.played.retain(|_| stays.next().unwrap_or(true));
         drop(stays);
         script.sound_drives.retain(|drive| !ours[drive.mat]);
         let mut stays = script.voices.iter().map(|voice| !ours[voice.struck]);
-        state.voices.retain(|_| stays.next().unwrap_or(true));
+        state.hands.voices.retain(|_| stays.next().unwrap_or(true));
         drop(stays);
         script.voices.retain(|voice| !ours[voice.struck]);
-        for (output, since) in scheme.outputs.iter().zip(&mut state.mutes.outputs) {
+        for (output, since) in scheme.outputs.iter().zip(&mut state.watch.mutes.outputs) {
             let listens = output.terms.iter().any(|term| match *term {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
                     ours[first..first + len].contains(&true)

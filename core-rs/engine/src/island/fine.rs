@@ -296,7 +296,7 @@ impl Fine {
                 (Kind::Bristle { by, .. }, Some(bend)) => by.with(*k, *z).energy(bend),
                 _ => {
                     let strength = if run.k == 0.0 { 1.0 } else { k / run.k };
-                    strength * kernel::potential(run, run.elongation(0, |mat| body.x[mat]))
+                    strength * run.potential(run.elongation(0, |mat| body.x[mat]))
                 }
             };
             tell(open(run) * energy);
@@ -343,7 +343,7 @@ impl Fine {
             let [most_b, step_b] = swing(run.b);
             let middle = scheme.rest[run.b] - scheme.rest[run.a] - run.rest;
             let reach = (most_a + most_b + step_a + step_b) * (1.0 + slack);
-            kernel::side(but) * middle + reach < -2.0 * HAIR
+            but.sign() * middle + reach < -2.0 * HAIR
         };
         let joints = &self.script.joints;
         self.laws.is_empty()
@@ -594,7 +594,7 @@ fn nearest(run: &Run, now: f64, then: f64) -> f64 {
     let Kind::But(but) = &run.kind else {
         return f64::NEG_INFINITY;
     };
-    let s = kernel::side(but);
+    let s = but.sign();
     let (now, then) = (s * now, s * then);
     now.max(then) + (then - now).abs()
 }

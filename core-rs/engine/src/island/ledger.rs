@@ -7,8 +7,7 @@ use crate::island::followed_energy::{self, Frame, followed};
 use crate::island::pair_energy;
 use crate::kernel::{self, Neighbours};
 use crate::law::Law;
-use crate::network::But;
-use crate::scheme::{Kind, Run, Scheme};
+use crate::scheme::{Kind, Run, Scheme, tension_energy};
 use crate::state::{Body, Target};
 use crate::timeline::Gate;
 
@@ -130,57 +129,14 @@ fn yielded(run: &Run, body: &Body, i: usize) -> f64 {
 /// The stiffness that the links of a run share: now, and one step ago.
 fn tensions(run: &Run, body: &Body) -> [f64; 2] {
     [
-        kernel::tension(run, |i| elongation(run, body, i).0),
-        kernel::tension(run, |i| elongation(run, body, i).1),
+        run.tension(|i| elongation(run, body, i).0),
+        run.tension(|i| elongation(run, body, i).1),
     ]
 }
 
 /// Energy of one link [J].
 fn potential(run: &Run, tension: f64, e: f64) -> f64 {
-    kernel::potential(run, e) + kernel::tension_energy(tension, e)
-}
-
-/// The elastic part of a link's force.
-fn elastic(run: &Run, e: f64) -> f64 {
-    match &run.kind {
-        Kind::Ref => run.k * e,
-        Kind::Hardening(q) => run.k * e + q * (e * e * e),
-        Kind::But(but) => {
-            let s = kernel::side(but);
-            s * kernel::push(
-                &But {
-                    clamp: false,
-                    ..*but
-                },
-                run.k,
-                0.0,
-                s * e,
-                0.0,
-            )
-        }
-        Kind::Lnl { law, .. } => law.spring(e),
-        Kind::Space(space) => space.law.elastic(run.k, e),
-        Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Pairwise { .. } => {
-            0.0
-        }
-    }
-}
-
-/// The force that a law's damping adds when the link stretches by `step` a frame.
-fn drag(run: &Run, e: f64, step: f64) -> f64 {
-    match &run.kind {
-        Kind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
-        Kind::Hardening(_) => run.z * step,
-        Kind::Space(space) => {
-            space.law.force([run.k, run.z], e, step) - space.law.elastic(run.k, e)
-        }
-        Kind::Ref
-        | Kind::But(_)
-        | Kind::Followed { .. }
-        | Kind::Bristle { .. }
-        | Kind::Dry { .. }
-        | Kind::Pairwise { .. } => 0.0,
-    }
+    run.potential(e) + tension_energy(tension, e)
 }
 
 fn is_spring(run: &Run) -> bool {
@@ -380,7 +336,7 @@ impl Ledger {
                     // Energy that was stored before the link yielded in this frame, and no longer is, counts as lost.
                     let before = |mat: usize| body.x[mat] - body.d[mat] - d[mat];
                     let e_before = run.elongation(i, before) - yielded(run, body, i);
-                    let [then, earlier] = [e, e_before].map(|e| kernel::potential(run, e));
+                    let [then, earlier] = [e, e_before].map(|e| run.potential(e));
                     let left = 0.5 * now * (then + earlier);
                     self.lost.add(self.potential[run.first + i] - left);
                     self.potential[run.first + i] = left;
@@ -389,7 +345,7 @@ impl Ledger {
                 self.potential[run.first + i] = stored;
                 if finer.is_some() {
                     let step = run.stretch(i, then, |mat| body.d[mat]);
-                    self.lost.add(now * drag(run, e, step) * step);
+                    self.lost.add(now * run.drag(e, step) * step);
                     continue;
                 }
                 let given = 0.5 * stretch * body.link[run.first + i];
@@ -399,7 +355,7 @@ impl Ledger {
                     let kept = if is_exact(run) {
                         given
                     } else {
-                        0.5 * stretch * now * (elastic(run, e) + tension * e)
+                        0.5 * stretch * now * (run.elastic(e) + tension * e)
                     };
                     self.lost.add(given - kept);
                     self.produced.add(risen - kept);

@@ -47,7 +47,7 @@ impl super::Island {
             .script
             .strike_points
             .iter()
-            .zip(&mut self.state.impulses)
+            .zip(&mut self.state.hands.impulses)
         {
             if own.point == point {
                 *pending += impulse;

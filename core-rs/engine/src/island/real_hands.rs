@@ -112,7 +112,7 @@ impl super::Island {
             .script
             .hand_bindings
             .iter()
-            .zip(&mut self.state.hand_states)
+            .zip(&mut self.state.hands.hand_states)
         {
             if binding.hand.index == hand {
                 state.sent = Some((x, step));
@@ -126,7 +126,7 @@ impl super::Island {
             .script
             .hand_bindings
             .iter()
-            .zip(&self.state.hand_states);
+            .zip(&self.state.hands.hand_states);
         let own = pairs.filter(|(binding, _)| binding.hand.index == hand);
         own.map(|(_, state)| state.mean_force).sum()
     }

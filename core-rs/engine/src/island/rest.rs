@@ -189,7 +189,7 @@ impl Island {
         let mut size = 0;
         let _ = self.archive_all(&mut Archive::Count(&mut size));
         // Some lists grow while it plays.
-        let reports = size_of_val(&*self.state.reports);
+        let reports = size_of_val(&*self.state.hands.reports);
         let room = size + size / 4 + reports + 4_096;
         self.rest.left.clear();
         if size <= STATE_MAX {
@@ -214,7 +214,11 @@ impl Island {
         let mut left = std::mem::take(&mut self.rest.left);
         left.clear();
         let is_known = self.due(n) > soon
-            && !self.state.touches.are_pushed(&self.state.body.link)
+            && !self
+                .state
+                .watch
+                .touches
+                .are_pushed(&self.state.matter.body.link)
             && self.archive_all(&mut Archive::Note(&mut left)).is_ok();
         self.rest.left = left;
         if is_known {
@@ -261,8 +265,8 @@ impl Island {
     fn archive_all(&mut self, archive: &mut Archive<'_>) -> Result<(), crate::archive::Damaged> {
         let state = &mut self.state;
         state.archive(archive)?;
-        state.ledger.archive(archive)?;
-        state.stream.len().archive(archive)
+        state.watch.ledger.archive(archive)?;
+        state.hands.stream.len().archive(archive)
     }
 
     /// Advance all counters of steps by `steps`, and the work of contacts by that of `frames` frames; both may be
@@ -270,13 +274,13 @@ impl Island {
     fn shift_frames(&mut self, steps: i64, frames: i64) {
         let state = &mut self.state;
         state.frame = state.frame.wrapping_add_signed(steps);
-        for body in &mut state.bodies {
+        for body in &mut state.matter.bodies {
             body.shift_frames(steps);
         }
-        for voice in &mut state.voices {
+        for voice in &mut state.hands.voices {
             voice.shift_frames(steps);
         }
-        if let Some(fine) = &mut state.fine {
+        if let Some(fine) = &mut state.matter.fine {
             let [instants, products] = self.rest.work.map(|work| work as i64 * frames);
             let work = &mut fine.work;
             work.instants = work.instants.wrapping_add_signed(instants);
@@ -293,17 +297,17 @@ impl Island {
         if !script.drives.iter().all(is_known) || !script.hand_bindings.is_empty() {
             return n;
         }
-        let bodies = state.bodies.iter().map(inside::RunningBody::every);
-        let mut every = bodies.chain(state.voices.iter().map(Voice::every));
+        let bodies = state.matter.bodies.iter().map(inside::RunningBody::every);
+        let mut every = bodies.chain(state.hands.voices.iter().map(Voice::every));
         if every.any(|every| u64::from(every) > ALIKE_FRAMES) {
             return n;
         }
-        let push = script.pushes.get(state.pushed).map(|push| push.frame);
-        let ergon = script.ergons.get(state.ergons).map(|ergon| ergon.0);
-        let voices = state.voices.iter().zip(&script.voices);
+        let push = script.pushes.get(state.hands.pushed).map(|push| push.frame);
+        let ergon = script.ergons.get(state.hands.ergons).map(|ergon| ergon.0);
+        let voices = state.hands.voices.iter().zip(&script.voices);
         let voices = voices.map(|(voice, own)| voice.due(own, &script.gestures, n));
-        let bodies = state.bodies.iter().map(|body| body.due(n));
-        let continuations = state.gate_continuations.iter();
+        let bodies = state.matter.bodies.iter().map(|body| body.due(n));
+        let continuations = state.values.gate_continuations.iter();
         let gates = script.gates.iter().zip(continuations);
         let gates = gates.map(|(gate, continuation)| gate.due(continuation.as_ref(), n));
         let glides = script.glides.iter().map(|glide| glide.due(n));

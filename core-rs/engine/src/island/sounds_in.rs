@@ -154,7 +154,11 @@ impl super::Island {
     /// Take the values of an input for the frames of the score from `from` on [m or N]; `before` is the value in the
     /// frame before.
     pub(crate) fn hear(&mut self, index: usize, from: u64, before: f64, values: &[f64]) {
-        let pairs = self.script.sound_drives.iter().zip(&mut self.state.played);
+        let pairs = self
+            .script
+            .sound_drives
+            .iter()
+            .zip(&mut self.state.hands.played);
         for (_, played) in pairs.filter(|(drive, _)| drive.sound.index == index) {
             let Played::Samples(samples) = played else {
                 continue;
@@ -188,7 +192,11 @@ impl super::Island {
 
     /// The inputs with this number, and their ramps.
     fn value_inputs(&mut self, number: u64) -> impl Iterator<Item = (&SoundIn, &mut Option<Ramp>)> {
-        let pairs = self.script.sound_drives.iter().zip(&mut self.state.played);
+        let pairs = self
+            .script
+            .sound_drives
+            .iter()
+            .zip(&mut self.state.hands.played);
         pairs.filter_map(
             move |(drive, played)| match (drive.sound.settings.source, played) {
                 (InputSource::Told { number: own, .. }, Played::Ramp(ramp)) if own == number => {
@@ -201,7 +209,11 @@ impl super::Island {
 
     /// The ramps of inputs that were told a value, with their numbers.
     pub(crate) fn ways(&self) -> impl Iterator<Item = (u64, Ramp)> {
-        let pairs = self.script.sound_drives.iter().zip(&self.state.played);
+        let pairs = self
+            .script
+            .sound_drives
+            .iter()
+            .zip(&self.state.hands.played);
         pairs.filter_map(
             |(drive, played)| match (drive.sound.settings.source, played) {
                 (InputSource::Told { number, .. }, Played::Ramp(Some(ramp))) => {

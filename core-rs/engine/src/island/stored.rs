@@ -6,7 +6,7 @@ use crate::archive::{Archive, Damaged, State as Archived, state_of};
 impl Island {
     /// Whether its state can be written: ledgers and streams of ergons cannot.
     pub(crate) fn is_storable(&self) -> bool {
-        self.state.ledger.is_none() && !self.state.stream.is_kept()
+        self.state.watch.ledger.is_none() && !self.state.hands.stream.is_kept()
     }
 
     /// The changing state, as bytes.
@@ -43,32 +43,25 @@ impl Archived for State {
         // archived.
         let begun = |report: &crate::gesture::report::Report| !report.start.is_nan();
         let mut n_reports = self
+            .hands
             .reports
             .iter()
             .rposition(begun)
             .map_or(0, |last| last + 1);
         n_reports.archive(archive)?;
-        let reports = self.reports.get_mut(..n_reports).ok_or(Damaged)?;
+        let reports = self.hands.reports.get_mut(..n_reports).ok_or(Damaged)?;
         reports.archive(archive)?;
-        state_of!(
-            self,
-            archive,
-            frame,
-            body,
-            voices,
-            pushed,
-            ergons,
-            gates,
-            layers,
-            unheard,
-            bodies,
-            fine,
-            hand_states,
-            mutes,
-            guard,
-            gains,
-            rise,
-            damped
-        )
+        let Self {
+            values,
+            matter,
+            hands,
+            watch,
+            ..
+        } = self;
+        state_of!(matter, archive, body, bodies, fine)?;
+        state_of!(hands, archive, voices, pushed, ergons, layers, hand_states)?;
+        state_of!(values, archive, gates, damped)?;
+        state_of!(watch, archive, mutes, guard, gains, rise)?;
+        state_of!(self, archive, frame, unheard)
     }
 }

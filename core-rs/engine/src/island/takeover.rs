@@ -29,16 +29,20 @@ pub(crate) enum ItemTakeover {
 impl State {
     /// The memory of a link [m]; infinite if the link is broken.
     pub(super) fn memory_of(&self, link: usize) -> f64 {
-        let fine = self.fine.as_ref().and_then(|fine| fine.bend_of(link));
-        let stepped = self.body.memory.get(link).copied();
+        let fine = self
+            .matter
+            .fine
+            .as_ref()
+            .and_then(|fine| fine.bend_of(link));
+        let stepped = self.matter.body.memory.get(link).copied();
         fine.or(stepped).unwrap_or(0.0)
     }
 
     fn set_memory(&mut self, link: usize, memory: f64) {
-        if let Some(own) = self.body.memory.get_mut(link) {
+        if let Some(own) = self.matter.body.memory.get_mut(link) {
             *own = memory;
         }
-        if let Some(fine) = &mut self.fine {
+        if let Some(fine) = &mut self.matter.fine {
             fine.set_bend(link, memory);
         }
     }
@@ -51,22 +55,22 @@ impl Island {
         let (script, state) = (&*self.script, &mut self.state);
         let rate = script.scheme.rate;
         state.frame = n;
-        state.pushed = script.pushes.partition_point(|push| push.frame < n);
-        state.ergons = script.ergons.partition_point(|(frame, _)| *frame < n);
-        for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
+        state.hands.pushed = script.pushes.partition_point(|push| push.frame < n);
+        state.hands.ergons = script.ergons.partition_point(|(frame, _)| *frame < n);
+        for (voice, own) in state.hands.voices.iter_mut().zip(&script.voices) {
             voice.seek(own, &script.gestures, n);
         }
-        for body in &mut state.bodies {
+        for body in &mut state.matter.bodies {
             body.seek(n);
         }
         for drive in &script.drives {
             if drive.kind == DriveKind::Position && drive.hand().is_none() && n > 0 {
                 let x = drive.value(n, rate);
-                state.body.x[drive.mat] = x;
-                state.body.d[drive.mat] = x - drive.value(n - 1, rate);
+                state.matter.body.x[drive.mat] = x;
+                state.matter.body.d[drive.mat] = x - drive.value(n - 1, rate);
             }
         }
-        super::real_hands::seek(&script.hand_bindings, &mut state.hand_states, n);
+        super::real_hands::seek(&script.hand_bindings, &mut state.hands.hand_states, n);
         self.begin_again();
     }
 
@@ -76,15 +80,23 @@ impl Island {
         self.begin_again();
         if old.n_muted() > 0 {
             // Muted parts were removed from the old island's lists, so only positions and steps are sure to match.
-            self.state.body.x.copy_from_slice(&old.state.body.x);
-            self.state.body.d.copy_from_slice(&old.state.body.d);
-            if let Some(guard) = &mut self.state.guard {
+            self.state
+                .matter
+                .body
+                .x
+                .copy_from_slice(&old.state.matter.body.x);
+            self.state
+                .matter
+                .body
+                .d
+                .copy_from_slice(&old.state.matter.body.d);
+            if let Some(guard) = &mut self.state.watch.guard {
                 guard.reset();
             }
             self.place();
             return;
         }
-        let (own, their) = (&mut self.state, &mut old.state);
+        let (own, their) = (&mut self.state.matter, &mut old.state.matter);
         let (body, other) = (&mut own.body, &mut their.body);
         std::mem::swap(&mut body.x, &mut other.x);
         std::mem::swap(&mut body.d, &mut other.d);
@@ -98,9 +110,10 @@ impl Island {
         if let (Some(own), Some(their)) = (&mut own.fine, &mut their.fine) {
             own.continue_from(their);
         }
+        let (own, their) = (&mut self.state.watch, &mut old.state.watch);
         own.mutes.continue_from(&their.mutes);
         std::mem::swap(&mut own.guard, &mut their.guard);
-        std::mem::swap(&mut own.stream, &mut their.stream);
+        std::mem::swap(&mut self.state.hands.stream, &mut old.state.hands.stream);
         if own.ledger.is_some() && their.ledger.is_some() {
             std::mem::swap(&mut own.ledger, &mut their.ledger);
         }
@@ -117,9 +130,9 @@ impl Island {
         match *item {
             ItemTakeover::Voice(ref takeover) if is_whole => {
                 let script = &self.script;
-                let voice = &mut self.state.voices[takeover.to];
+                let voice = &mut self.state.hands.voices[takeover.to];
                 let (from, then) = (
-                    &mut old.state.voices[takeover.from],
+                    &mut old.state.hands.voices[takeover.from],
                     &old.script.voices[takeover.from],
                 );
                 voice.continue_from(&script.voices[takeover.to], from, then, takeover);
@@ -128,13 +141,15 @@ impl Island {
                 let n = self.state.frame;
                 let gate = &self.script.gates[to];
                 let then = old.state.frame;
-                self.state.gate_continuations[to] = match from {
+                self.state.values.gate_continuations[to] = match from {
                     // A gate that glides has its own start value.
                     _ if gate.glides() => None,
                     None => GateContinuation::new(gate, 1.0, n),
                     Some(from) => {
-                        let (before, continuation) =
-                            (&old.script.gates[from], &old.state.gate_continuations[from]);
+                        let (before, continuation) = (
+                            &old.script.gates[from],
+                            &old.state.values.gate_continuations[from],
+                        );
                         if before.on(gate.link, gate.len) == *gate {
                             *continuation
                         } else {
@@ -148,21 +163,21 @@ impl Island {
                 };
             }
             ItemTakeover::Hand(from, to) => {
-                self.state.hand_states[to] = old.state.hand_states[from].clone();
+                self.state.hands.hand_states[to] = old.state.hands.hand_states[from].clone();
                 let (own, their) = (
                     self.script.hand_bindings[to].mat(),
                     old.script.hand_bindings[from].mat(),
                 );
-                self.state.body.x[own] = old.state.body.x[their];
-                self.state.body.d[own] = old.state.body.d[their];
+                self.state.matter.body.x[own] = old.state.matter.body.x[their];
+                self.state.matter.body.d[own] = old.state.matter.body.d[their];
             }
             ItemTakeover::Report(from, to, is_same) => {
-                let report = &mut self.state.reports[to];
-                *report = old.state.reports[from];
+                let report = &mut self.state.hands.reports[to];
+                *report = old.state.hands.reports[from];
                 report.pushed_by = report.pushed_by.filter(|_| is_same);
             }
             ItemTakeover::Body(from, to) if is_whole => {
-                self.state.bodies[to].continue_from(&mut old.state.bodies[from]);
+                self.state.matter.bodies[to].continue_from(&mut old.state.matter.bodies[from]);
             }
             ItemTakeover::Memory(from, to) => {
                 let memory = old.state.memory_of(from);
@@ -174,13 +189,14 @@ impl Island {
                     self.script.scheme.room_of(to),
                 );
                 if let (Some(from), Some(to)) = rooms {
-                    let own = &mut self.state.body.histories[to];
-                    own.copy_from(&old.state.body.histories[from]);
+                    let own = &mut self.state.matter.body.histories[to];
+                    own.copy_from(&old.state.matter.body.histories[from]);
                 }
             }
             ItemTakeover::Part(from, to) => {
-                let is_mute =
-                    |island: &Self, part| island.state.mutes.list().any(|(own, _)| own == part);
+                let is_mute = |island: &Self, part| {
+                    island.state.watch.mutes.list().any(|(own, _)| own == part)
+                };
                 if is_mute(old, from) && !is_mute(self, to) {
                     // A muted part stays muted in the next version.
                     self.mute(to, self.state.frame);
@@ -192,7 +208,7 @@ impl Island {
 
     /// Position of a MAT [m], and its step in a frame of the scene [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
-        let body = &self.state.body;
+        let body = &self.state.matter.body;
         (body.x[mat], body.d[mat] * self.steps_a_frame())
     }
 
@@ -200,9 +216,9 @@ impl Island {
     pub(crate) fn set_motion(&mut self, mat: usize, (x, step): (f64, f64)) {
         self.begin_again();
         if kernel::sound(x) && step.is_finite() {
-            self.state.body.x[mat] = x;
-            self.state.body.d[mat] = step / self.steps_a_frame();
-            if let Some(guard) = &mut self.state.guard {
+            self.state.matter.body.x[mat] = x;
+            self.state.matter.body.d[mat] = step / self.steps_a_frame();
+            if let Some(guard) = &mut self.state.watch.guard {
                 guard.reset();
             }
         }
@@ -214,18 +230,18 @@ impl Island {
         if self.n_muted() > 0 {
             return None;
         }
-        self.state.bodies.get_mut(body)
+        self.state.matter.bodies.get_mut(body)
     }
 
     /// Set the ports to where their bodies have them.
     pub(crate) fn place(&mut self) {
         self.begin_again();
-        for body in &self.state.bodies {
-            body.place(&mut self.state.body);
+        for body in &self.state.matter.bodies {
+            body.place(&mut self.state.matter.body);
         }
-        let scheme = self.state.scheme.as_deref();
+        let scheme = self.state.values.scheme.as_deref();
         let scheme = scheme.unwrap_or(&self.script.scheme);
-        kernel::proxies::join(scheme, &mut self.state.body);
+        kernel::proxies::join(scheme, &mut self.state.matter.body);
     }
 
     /// The script, whose voices, gates, hands and parts are matched with those of another version.

@@ -7,8 +7,8 @@ mod friction;
 pub(crate) use friction::{STILL, rest};
 
 use super::predict;
-use super::runs::{scatter, side};
-use crate::maths::power_law;
+use super::runs::scatter;
+use crate::network::PowerLaw;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 
@@ -99,7 +99,7 @@ fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &
         Kind::Dry { .. } => return (friction::force(scheme, gates, targets, body, run), 0),
         _ => return (0.0, 0),
     };
-    let s = side(but);
+    let s = but.sign();
     let next = |i: usize| match targets.iter().find(|target| target.mat == i) {
         Some(target) => (target.x, 0.0),
         None => (predict(scheme, body, i), scheme.w[i]),
@@ -160,6 +160,13 @@ impl Contact {
         (self.limit((free - u) / self.beta), evaluations)
     }
 
+    fn elastic(&self) -> PowerLaw {
+        PowerLaw {
+            k: self.k,
+            exponent: self.exponent,
+        }
+    }
+
     fn limit(&self, push: f64) -> f64 {
         if self.clamp { push.max(0.0) } else { push }
     }
@@ -174,7 +181,7 @@ impl Contact {
 
     fn potential(&self, p: f64) -> f64 {
         if p > 0.0 {
-            self.k * power_law(p, self.exponent + 1.0) / (self.exponent + 1.0)
+            self.elastic().energy(p)
         } else {
             0.0
         }
@@ -185,7 +192,7 @@ impl Contact {
         let apart = u - w;
         // For a smaller difference the quotient loses more digits than the error of Simpson's rule.
         if apart.abs() <= 1e-3 * (u.abs() + w.abs()) {
-            let force = |p: f64| self.k * power_law(p, self.exponent);
+            let force = |p: f64| self.elastic().force(p);
             return if u > 0.0 {
                 (force(u) + 4.0 * force(0.5 * (u + w)) + force(w)) / 6.0
             } else {

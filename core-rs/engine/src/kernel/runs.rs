@@ -6,9 +6,7 @@ use super::pull::pull;
 use super::thread_team::ThreadTeam;
 use super::{pairwise, space, springs};
 use crate::law::Hardening;
-use crate::maths::power_law;
 use crate::maths::wide::wide;
-use crate::network::{But, Side};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
@@ -68,7 +66,8 @@ pub(crate) fn links(
             Kind::But(but) => {
                 let Ends { xa, xb, da, db } = ends;
                 for i in 0..run.len {
-                    f[i] = contact(but, run, xb[i] - xa[i] - run.rest, db[i] - da[i]);
+                    let (e, step) = (xb[i] - xa[i] - run.rest, db[i] - da[i]);
+                    f[i] = but.force(run.k, run.z, e, step);
                 }
             }
             Kind::Bristle { .. } => {
@@ -190,63 +189,4 @@ wide! {
 pub(super) fn scatter(run: &Run, body: &mut Body) {
     let f = &body.link[run.first..run.first + run.len];
     pull(f, &mut body.force, run.a, run.b);
-}
-
-/// Sign s of the side from which a contact is approached: the penetration is s·e.
-pub(crate) fn side(but: &But) -> f64 {
-    match but.side {
-        Side::Below => -1.0,
-        Side::Above => 1.0,
-    }
-}
-
-fn contact(but: &But, run: &Run, e: f64, step: f64) -> f64 {
-    let s = side(but);
-    s * push(but, run.k, run.z, s * e, s * step)
-}
-
-/// The stiffness that all links of a run share [N/m], computed from their elongations; 0 if each link has its own.
-pub(crate) fn tension(run: &Run, e: impl Fn(usize) -> f64) -> f64 {
-    match &run.kind {
-        Kind::Lnl { law, .. } if law.is_shared() => {
-            law.tension((0..run.len).map(|i| e(i) * e(i)).sum())
-        }
-        _ => 0.0,
-    }
-}
-
-/// The part of the energy of a shared `tension` that one link at elongation `e` [m] stores, in joules.
-pub(crate) fn tension_energy(tension: f64, e: f64) -> f64 {
-    0.25 * tension * e * e
-}
-
-/// Potential energy of one link of a run at elongation `e` [m], in joules, without that of a shared tension.
-pub(crate) fn potential(run: &Run, e: f64) -> f64 {
-    match &run.kind {
-        Kind::Ref => 0.5 * run.k * e * e,
-        Kind::Hardening(q) => 0.5 * run.k * e * e + 0.25 * q * (e * e * e * e),
-        Kind::But(but) => {
-            let p = side(but) * e;
-            if p > 0.0 {
-                run.k * power_law(p, but.exponent + 1.0) / (but.exponent + 1.0)
-            } else {
-                0.0
-            }
-        }
-        Kind::Lnl { law, .. } => law.potential(e),
-        Kind::Space(space) => space.law.potential(run.k, e),
-        Kind::Pairwise { by, .. } => by.link.law.potential(run.k, e), // of one pair
-        // Their forces are not functions of the elongation alone.
-        Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
-    }
-}
-
-/// Size of a contact's push at penetration p [m] with p − p⁻ = `step`: K·p^α + Z·step while p > 0.
-pub(crate) fn push(but: &But, k: f64, z: f64, p: f64, step: f64) -> f64 {
-    if p > 0.0 {
-        let push = k * power_law(p, but.exponent) + z * step;
-        if but.clamp { push.max(0.0) } else { push }
-    } else {
-        0.0
-    }
 }

@@ -186,10 +186,7 @@ fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64)
             let (k, z) = but.exact_restitution();
             (k * mass * per_mass, z * mass * per_mass.sqrt())
         }
-        LinkKind::But(but) => {
-            let slope = but.exponent * crate::maths::pow(depth, but.exponent - 1.0);
-            (run.k * slope, run.z)
-        }
+        LinkKind::But(but) => (but.elastic(run.k).slope(depth), run.z),
         LinkKind::Lnl(law) => stiffest_law(law, depth),
         LinkKind::Followed(followed) => followed
             .corners()

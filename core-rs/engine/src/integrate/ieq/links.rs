@@ -1,9 +1,8 @@
 //! IEQ, state of each link: ψ, its slope g, and what the link adds to the system matrix.
 
-use super::super::mesh::{Mesh, force_of};
+use super::super::mesh::Mesh;
 use super::super::passes;
 use super::loops::{add_at_ends, advance_psi_run, springs};
-use crate::kernel::{self, side};
 use crate::maths::power_law;
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};
@@ -245,7 +244,7 @@ impl Links {
                 let (e, de) = elongation(run, x, d, i);
                 let of = |e: f64| match at.checked_sub(mesh.springs.len()) {
                     None => 0.25 * run.q * (e * e * e * e),
-                    Some(other) => kernel::potential(&mesh.others[other], e),
+                    Some(other) => mesh.others[other].potential(e),
                 };
                 0.5 * (of(e) + of(e - de))
             })
@@ -265,8 +264,8 @@ fn psi(run: &Run, e: f64) -> f64 {
     match &run.kind {
         Kind::Lnl { law, .. } => copysign(sqrt(2.0 * law.potential(e)), e),
         Kind::But(but) => {
-            let (p, above) = (side(but) * e, but.exponent + 1.0);
-            sqrt(2.0 * run.k * power_law(p.max(0.0), above) / above)
+            let p = but.sign() * e;
+            sqrt(2.0 * but.elastic(run.k).energy(p.max(0.0)))
         }
         Kind::Ref
         | Kind::Hardening(_)
@@ -302,7 +301,7 @@ fn slope_and_damping(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64
             }
         }
         Kind::But(but) => {
-            let s = side(but);
+            let s = but.sign();
             let p = s * e;
             let slope = if p > 0.0 {
                 let steep = sqrt(0.5 * run.k * (but.exponent + 1.0));
@@ -322,6 +321,6 @@ fn slope_and_damping(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64
         | Kind::Bristle { .. }
         | Kind::Dry { .. }
         | Kind::Space(_)
-        | Kind::Pairwise { .. } => (0.0, 0.0, force_of(run, e, de)),
+        | Kind::Pairwise { .. } => (0.0, 0.0, run.force(e, de)),
     }
 }

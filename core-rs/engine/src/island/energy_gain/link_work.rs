@@ -1,7 +1,6 @@
 //! The account of one link: the work that it took in steps, and what it stores.
 
 use crate::island::energy_account::{Account, Gain};
-use crate::kernel;
 use crate::network::{AXES_MAX, SpaceLink};
 use crate::scheme::{Kind, Run, Scheme, Spring};
 use crate::state::Body;
@@ -283,7 +282,7 @@ fn rounding(run: &Run, body: &Body) -> f64 {
 fn stored(run: &Run, [now, before]: [f64; 2]) -> f64 {
     match run.bristle() {
         Some((by, _)) => by.energy(now),
-        None => 0.5 * (kernel::potential(run, now) + kernel::potential(run, before)),
+        None => 0.5 * (run.potential(now) + run.potential(before)),
     }
 }
 

@@ -10,8 +10,8 @@ use super::basis::At;
 use super::laws::{LawScript, LawState};
 use super::{Fine, Script};
 use crate::integrate::STAGES;
-use crate::kernel::{Contact, side};
-use crate::maths::{expm1, pow, power_law, sqrt};
+use crate::kernel::Contact;
+use crate::maths::{expm1, sqrt};
 use crate::network::But;
 use crate::scheme::Kind;
 use crate::state::Body;
@@ -49,10 +49,11 @@ struct Own<'a> {
 
 impl Own<'_> {
     fn elastic(&self, g: f64) -> f64 {
+        let law = self.but.elastic(self.k);
         if g >= 0.0 {
-            self.k * power_law(g, self.but.exponent)
+            law.force(g)
         } else {
-            -self.k * power_law(-g, self.but.exponent)
+            -law.force(-g)
         }
     }
 
@@ -100,11 +101,8 @@ impl Own<'_> {
             self.k
         } else {
             // At the greatest depth that its energy allows.
-            let order = self.but.exponent + 1.0;
-            let stored = self.k * power_law(g.max(0.0), order) / order;
-            let energy = stored + 0.5 * v * v / give;
-            let depth = pow(energy * order / self.k, 1.0 / order);
-            self.k * self.but.exponent * power_law(depth, self.but.exponent - 1.0)
+            let law = self.but.elastic(self.k);
+            law.slope(law.depth(law.energy(g.max(0.0)) + 0.5 * v * v / give))
         };
         sqrt(tangent * give).max(self.z * give)
     }
@@ -192,7 +190,7 @@ impl Fine {
         Some(Own {
             but,
             ends: (a, b),
-            side: side(but),
+            side: but.sign(),
             k: open * k,
             z: open * z,
             rest: run.rest,

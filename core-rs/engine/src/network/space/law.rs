@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::law::Law;
-use crate::maths::power_law;
+use crate::network::PowerLaw;
 
 /// How a link in space turns the measured distance into a force.
 #[derive(Clone, Debug, PartialEq)]
@@ -137,7 +137,7 @@ impl SpaceLaw {
                 k * e / (far * far.sqrt())
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
-            Self::Contact { exponent, .. } => -k * power_law(-e, *exponent),
+            Self::Contact { exponent, .. } => -contact(k, *exponent).force(-e),
             Self::Cohesive { .. } if e >= 0.0 => 0.0,
             Self::Cohesive { sink, reach, .. } if e + reach >= 0.0 => k * sink * (-e / reach),
             Self::Cohesive {
@@ -145,7 +145,7 @@ impl SpaceLaw {
                 sink,
                 reach,
                 ..
-            } => k * (sink - power_law(-(e + reach), *exponent)),
+            } => k * (sink - contact(1.0, *exponent).force(-(e + reach))),
             Self::Gauge => 0.0,
             Self::Lnl { law, .. } => spring_of(law, e),
         }
@@ -193,7 +193,7 @@ impl SpaceLaw {
                 k * e * e / (far + far.sqrt())
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
-            Self::Contact { exponent, .. } => k * power_law(-e, exponent + 1.0) / (exponent + 1.0),
+            Self::Contact { exponent, .. } => contact(k, *exponent).energy(-e),
             // 0 after it has let go, and negative while it holds.
             Self::Cohesive { .. } if e >= 0.0 => 0.0,
             Self::Cohesive { sink, reach, .. } if e + reach >= 0.0 => {
@@ -205,13 +205,18 @@ impl SpaceLaw {
                 reach,
                 ..
             } => {
-                let (deep, power) = (-(e + reach), exponent + 1.0);
-                k * (power_law(deep, power) / power - sink * (0.5 * reach + deep))
+                let deep = -(e + reach);
+                k * (contact(1.0, *exponent).energy(deep) - sink * (0.5 * reach + deep))
             }
             Self::Gauge => 0.0,
             Self::Lnl { law, from, .. } => law.work(*from, e),
         }
     }
+}
+
+#[inline(always)]
+fn contact(k: f64, exponent: f64) -> PowerLaw {
+    PowerLaw { k, exponent }
 }
 
 /// The elastic force of a law; `cold` keeps the loops of other links as short as without it.

@@ -399,22 +399,11 @@ impl<'a> Map<'a> {
 
 /// A run as linear links; `None` if it is open, is computed finer than a frame, or has no linear form.
 fn linear(run: &Run, closed: bool, is_fine: bool) -> Option<impl Iterator<Item = Link> + use<>> {
-    let (k, z) = match &run.kind {
-        Kind::Ref | Kind::Hardening(_) => (run.k, run.z),
-        // These links have no linear form here and are left out of the map.
-        Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => return None,
-        Kind::But(_) if !closed || (is_fine && run.can_substep()) => {
-            return None;
-        }
-        Kind::But(but) if but.exponent == 1.0 => (run.k, run.z),
-        Kind::But(_) => (0.0, run.z),
-        Kind::Bristle { by, rate } => (run.k, by.damping_at_rest() * rate),
-        Kind::Lnl { law, rate, .. } => (law.slope(0.0), law.damping_slope(0.0) * rate),
-        Kind::Followed { by, rate, .. } => {
-            let law = by.law();
-            (law.slope(0.0), law.damping_slope(0.0) * rate)
-        }
-    };
+    let is_contact = matches!(run.kind, Kind::But(_));
+    if is_contact && (!closed || (is_fine && run.can_substep())) {
+        return None;
+    }
+    let [k, z] = run.linear_form()?; // links without one are left out of the map
     let (a, b) = (run.a, run.b);
     Some((0..run.len).map(move |i| Link {
         a: a + i,

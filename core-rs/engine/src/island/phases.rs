@@ -1,0 +1,300 @@
+//! The phases of a step (`step` says what each reads and writes).
+
+use super::strikes::strike;
+use super::{Matter, Script, State, glide, live_strikes, real_hands, sounds_in};
+use crate::guard;
+use crate::island::written_hand::voice::{Scene, Voice, VoiceScript};
+use crate::kernel;
+use crate::kernel::thread_team::ThreadTeam;
+use crate::scheme::Scheme;
+
+/// Sets what this frame does not compute: parameters that glide, open gates, positions of real hands.
+pub(super) fn values(script: &Script, state: &mut State, mut scheme: Option<&mut Scheme>, n: u64) {
+    let State {
+        values,
+        matter,
+        hands,
+        watch,
+        ..
+    } = state;
+    if let Some(scheme) = scheme.as_deref_mut() {
+        glide::apply_glides(&script.glides, &script.scheme, scheme, n);
+        glide::apply_leads(&script.led, &script.scheme, scheme, &mut matter.fine, n);
+        if let Some(fine) = &mut matter.fine {
+            glide::pass_to_fine(&script.glides, &script.scheme, fine, n);
+        }
+    }
+    values.open(&script.gates, n);
+    if values.damped < 1.0 {
+        matter.body.d.iter_mut().for_each(|d| *d *= values.damped);
+        if let Some(guard) = &mut watch.guard {
+            guard.slow_down(values.damped);
+        }
+        matter.place(); // bodies are damped by themselves
+    }
+    let states = &mut hands.hand_states;
+    real_hands::arrive(&script.hand_bindings, states, n, &mut matter.body);
+    if let Some(scheme) = scheme {
+        glide::apply_following_masses(&script.scheme, scheme, &matter.body.x);
+    }
+}
+
+/// A frame while it is computed.
+pub(super) struct Frame<'a, 'team> {
+    pub(super) n: u64,
+    pub(super) script: &'a Script,
+    /// The numbers of this frame.
+    pub(super) scheme: &'a Scheme,
+    pub(super) state: &'a mut State,
+    pub(super) team: &'a mut ThreadTeam<'team>,
+}
+
+/// Forces of links, and of what is imposed, are known.
+pub(super) struct Pulled(());
+
+/// What strikes in this frame has struck.
+pub(super) struct Struck(());
+
+/// All forces are known.
+pub(super) struct Complete(());
+
+/// Positions and steps are those of the next frame.
+pub(super) struct Moved {
+    /// Whether all of them are plausible.
+    pub(super) is_sound: bool,
+    /// Whether the frame was computed again in finer steps.
+    is_finer: bool,
+}
+
+impl Frame<'_, '_> {
+    /// Forces of links, of drives, sounds and live strokes; points between masses pass theirs on.
+    pub(super) fn pull(&mut self) -> Pulled {
+        let (n, script, scheme) = (self.n, self.script, self.scheme);
+        let State {
+            values,
+            matter,
+            hands,
+            watch,
+            ..
+        } = &mut *self.state;
+        let Matter {
+            body,
+            laws,
+            fine,
+            targets,
+            ..
+        } = matter;
+        kernel::links(scheme, &values.gates, body, laws, self.team);
+        targets.clear();
+        for drive in &script.drives {
+            drive.apply(n, scheme.rate, body, targets);
+        }
+        sounds_in::apply(&script.sound_drives, &hands.played, n, body, targets);
+        if let Some(rise) = &mut watch.rise
+            && hands.impulses.iter().any(|&impulse| impulse != 0.0)
+        {
+            rise.restart();
+        }
+        live_strikes::apply(&script.strike_points, &mut hands.impulses, scheme, body);
+        kernel::proxies::note(scheme, body);
+        kernel::proxies::divide(scheme, body);
+        if let Some(fine) = fine {
+            fine.lean(scheme, body);
+            fine.carry(body);
+        }
+        Pulled(())
+    }
+
+    /// Written hands, pushes and ergons strike; a stroke is heard by the bodies too.
+    pub(super) fn strike(&mut self, _: Pulled) -> Struck {
+        self.sum_layers();
+        self.let_voices(Voice::step);
+        strike(self.script, self.scheme, self.state, self.n);
+        let Matter { body, bodies, .. } = &mut self.state.matter;
+        for inside in bodies {
+            inside.strike(self.n, body);
+        }
+        Struck(())
+    }
+
+    /// Contacts and friction that are solved once all other forces are known; then written hands know their own.
+    pub(super) fn press(&mut self, _: Struck) -> Complete {
+        let scheme = self.scheme;
+        let State { values, matter, .. } = &mut *self.state;
+        let Matter {
+            body,
+            bodies,
+            fine,
+            targets,
+            ..
+        } = matter;
+        kernel::contacts(scheme, &values.gates, targets, body);
+        if let Some(fine) = fine {
+            fine.step(scheme, &values.gates, targets, bodies, body);
+            kernel::friction(scheme, &values.gates, targets, body);
+        }
+        self.let_voices(Voice::settle);
+        Complete(())
+    }
+
+    /// What is heard, felt and counted of this frame.
+    pub(super) fn observe(&mut self, _: &Complete, out: &mut [f64]) {
+        let (n, script, scheme) = (self.n, self.script, self.scheme);
+        let State {
+            values,
+            matter,
+            hands,
+            watch,
+            ..
+        } = &mut *self.state;
+        let Matter {
+            body,
+            bodies,
+            targets,
+            ..
+        } = matter;
+        real_hands::feel(&script.hand_bindings, &mut hands.hand_states, n, body);
+        watch.touches.step(n, &body.link);
+        kernel::tap(scheme, body, out);
+        bodies.iter().for_each(|inside| inside.tap(out));
+        watch.mutes.fade(n, scheme, out);
+        if let Some(gains) = &mut watch.gains
+            && !watch.guard.as_ref().is_some_and(|guard| guard.is_finer())
+        {
+            gains.step(scheme, &values.gates, targets, body);
+        }
+        if let Some(ledger) = &mut watch.ledger {
+            ledger.before(scheme, targets, body);
+        }
+    }
+
+    /// Masses and bodies move; the frame is computed again in finer steps if links have stiffened too much.
+    pub(super) fn advance(&mut self, _: Complete) -> Moved {
+        let scheme = self.scheme;
+        let Matter {
+            body,
+            bodies,
+            laws,
+            targets,
+            ..
+        } = &mut self.state.matter;
+        for inside in &mut *bodies {
+            inside.step(self.n, &body.force, self.team);
+        }
+        let partition = laws.mesh_partition.as_ref();
+        let is_sound = kernel::advance(scheme, targets, body, partition, self.team);
+        let mut are_bodies_sound = true;
+        for inside in &*bodies {
+            inside.place(body);
+            are_bodies_sound &= inside.sound();
+        }
+        kernel::proxies::gather(scheme, body);
+        let finer = recompute_finer(scheme, self.state, self.team);
+        let State {
+            values,
+            matter,
+            watch,
+            ..
+        } = &mut *self.state;
+        if finer.is_some() || values.damped < 1.0 {
+            watch.gains.iter_mut().for_each(|gains| gains.restart());
+            let fine = matter.fine.iter_mut();
+            fine.for_each(|fine| fine.sprung_mut().restart());
+        }
+        kernel::bend(scheme, &mut matter.body);
+        kernel::rest(scheme, &mut matter.body);
+        if let Some(fine) = &matter.fine {
+            fine.rest_held(scheme, &mut matter.body);
+        }
+        Moved {
+            is_sound: finer.unwrap_or(is_sound) && are_bodies_sound,
+            is_finer: finer.is_some(),
+        }
+    }
+
+    /// The ledger of the energy, if it is kept.
+    pub(super) fn account(&mut self, moved: &Moved) {
+        let State {
+            values,
+            matter,
+            watch,
+            ..
+        } = &mut *self.state;
+        let Some(ledger) = &mut watch.ledger else {
+            return;
+        };
+        values.open_next(&self.script.gates, self.n + 1);
+        let guard = watch.guard.as_ref().filter(|_| moved.is_finer);
+        ledger.after(
+            self.scheme,
+            [&values.gates, &values.gates_next],
+            &matter.targets,
+            &matter.body,
+            guard.map(|guard| guard.travel()),
+        );
+    }
+
+    /// Sums the deviations that layers add to each key at this frame.
+    fn sum_layers(&mut self) {
+        let hands = &mut self.state.hands;
+        hands.layers.fill(0.0);
+        for (voice, own) in hands.voices.iter().zip(&self.script.voices) {
+            if own.layer {
+                hands.layers[own.key] += voice.deviation(own);
+            }
+        }
+    }
+
+    /// Let every voice do its part of the frame.
+    fn let_voices(&mut self, act: fn(&mut Voice, &VoiceScript, &mut Scene<'_>, u64)) {
+        let State { matter, hands, .. } = &mut *self.state;
+        let mut scene = Scene {
+            scheme: self.scheme,
+            gestures: &self.script.gestures,
+            body: &mut matter.body,
+            targets: &mut matter.targets,
+            reports: &mut hands.reports,
+            stream: &mut hands.stream,
+            bodies: &mut matter.bodies,
+            layers: &hands.layers,
+        };
+        for (voice, own) in hands.voices.iter_mut().zip(&self.script.voices) {
+            if voice.is_awake(own, scene.gestures, self.n) {
+                act(voice, own, &mut scene, self.n);
+            }
+        }
+    }
+}
+
+/// Computes the frame again in smaller steps if links have stiffened too much, and returns whether all positions stayed
+/// plausible; `None` if the frame stands as it is.
+fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
+    let State {
+        values,
+        matter,
+        watch,
+        ..
+    } = state;
+    let (guard, body) = (watch.guard.as_mut()?, &mut matter.body);
+    if !guard.needs_finer(&body.x, &body.d, &scheme.w) {
+        return None;
+    }
+    let then = body.previous.as_mut()?;
+    then.swap(&mut body.x, &mut body.d);
+    let led = matter.targets.iter().map(|target| target.mat);
+    let (x, then) = (&body.x, &then.x);
+    guard.impose(led, |mat| (x[mat], then[mat]));
+    let sound = guard.compute_finer(&mut guard::KernelStage {
+        scheme,
+        gates: &values.gates,
+        body,
+        laws: &mut matter.laws,
+        team,
+    });
+    if let Some(before) = &body.previous {
+        guard.keep_unrelated(before, &mut body.x, &mut body.d);
+    }
+    matter.place();
+    kernel::proxies::gather(scheme, &mut matter.body);
+    Some(sound)
+}
