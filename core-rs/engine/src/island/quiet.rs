@@ -142,9 +142,10 @@ impl Island {
         // Slow bodies pull in a rhythm of their own.
         let is_slow = |body: &RunningBody| matches!(body, RunningBody::Slow(_));
         let state = &self.state;
-        if !state.bodies.iter().any(is_slow) && state.voices.iter().all(|voice| voice.every() == 1)
+        if !state.matter.bodies.iter().any(is_slow)
+            && state.hands.voices.iter().all(|voice| voice.every() == 1)
         {
-            self.quiet = Some(Quiet::new(&self.network, state.bodies.len()));
+            self.quiet = Some(Quiet::new(&self.network, state.matter.bodies.len()));
         }
     }
 
@@ -170,8 +171,17 @@ impl Island {
         if !n.is_multiple_of(steps) {
             return None;
         }
-        let scheme = state.scheme.as_deref().unwrap_or(&self.script.scheme);
-        let may_sleep = quiet.look(scheme, &state.body, &state.bodies, (n / steps) % LOOKS);
+        let scheme = state
+            .values
+            .scheme
+            .as_deref()
+            .unwrap_or(&self.script.scheme);
+        let may_sleep = quiet.look(
+            scheme,
+            &state.matter.body,
+            &state.matter.bodies,
+            (n / steps) % LOOKS,
+        );
         let until = may_sleep.then(|| self.wakes_at()).flatten();
         if let Some(quiet) = &mut self.quiet {
             quiet.is_asleep = until.is_some();
@@ -179,10 +189,10 @@ impl Island {
         until
     }
 
-    /// The step of the next event, at which it has to wake; `None` if that is now. It wakes no earlier, because a session
-    /// may know an event from that step on only, and has to play what is rendered.
+    /// The step of the next event; `None` if it is in this frame, so that the island has to wake now. It wakes no earlier,
+    /// because a session may know an event from that frame on only, and has to play what is rendered.
     pub(super) fn wakes_at(&self) -> Option<u64> {
-        let n = self.state.frame;
-        Some(self.due(n)).filter(|due| *due > n)
+        let (n, often) = (self.state.frame, u64::from(self.oversampling));
+        Some(self.due(n)).filter(|due| *due - n >= often)
     }
 }

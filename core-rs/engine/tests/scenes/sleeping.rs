@@ -29,11 +29,16 @@ fn term(first: usize) -> Vec<Term> {
 
 /// A hammer that strikes a skin, both damped; `q` [N/m³] hardens the skin, which is then no body of modes.
 fn drum(q: f64) -> (Arc<Network>, usize) {
+    drum_at(90.0, q)
+}
+
+/// The same, with a skin whose lowest mode is at `f` [Hz].
+fn drum_at(f: f64, q: f64) -> (Arc<Network>, usize) {
     let mut network = Network::new();
     network.part("drum", None);
     let topology = plate(Shape::Square, 5, Rim::Fixed).unwrap();
     let skin = network
-        .mesh("skin", &topology, 0.1, 90.0, Some(0.25), q)
+        .mesh("skin", &topology, 0.1, f, Some(0.25), q)
         .unwrap();
     network.listen("skin", term(skin + 12)).unwrap();
     let tie = Tie::Tuned {
@@ -107,6 +112,27 @@ fn sleep_between_strikes_is_not_heard() {
         assert!(after < 10.0 * QUIET * loudest, "{q}: {after} of {loudest}");
         assert!(peak(&sound[second..]) > 0.5 * loudest);
     }
+}
+
+/// An event that falls between two frames of an island that takes several steps a frame.
+#[test]
+fn sleep_ends_with_a_strike_between_frames() {
+    let (network, hammer) = drum_at(2_400.0, 1e9);
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    for (index, frame) in [(0, 2_000.0), (1, 80_000.5)] {
+        let at = frame / RATE;
+        timeline.strike(&network, hammer, at, 0.01, index).unwrap();
+    }
+    let plan = Plan::new(network.clone(), &timeline, &Budget::default(), None).unwrap();
+    assert_eq!(plan.rows()[0].oversampling, 4);
+    let mut asleep = simulation(&network, &timeline);
+    let mut reference = asleep.fork();
+    let sound = numbers(&play(&mut asleep, 82_000, &[512]));
+    assert!(asleep.steps_at_rest() > 20_000);
+    let expected = awake(&mut reference, 82_000);
+    assert!(peak(&sound[80_000..]) > 0.5 * peak(&expected));
+    let apart: Vec<f64> = sound.iter().zip(&expected).map(|(x, y)| x - y).collect();
+    assert!(peak(&apart) < 10.0 * QUIET * peak(&expected));
 }
 
 #[test]
