@@ -12,8 +12,7 @@ from .console import Console
 from .outcome import Findings
 
 if TYPE_CHECKING:
-    from ergon.repl.prompt.signals import SignalWatch
-    from ergon.repl.session_protocol import SessionProtocol
+    from ergon.repl.session_protocol import SessionProtocol, SignalWatch
 
 
 @click.command()

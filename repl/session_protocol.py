@@ -123,3 +123,15 @@ def stop_of(text: str) -> str | None:
     """The stop that a line, or any line of a block, asks for: "panic", "quit" or None."""
     found = {match.lastgroup for line in text.split("\n") if (match := _STOP.fullmatch(line))}
     return "panic" if "panic" in found else "quit" if found else None
+
+
+class SignalWatch(Protocol):
+    """Makes signals end forces before Python handles them, as `_core.stop_on_signals` does.
+
+    It has to be called after every change of a handler, because that replaces its own.
+    """
+
+    def __call__(self, signals: Sequence[int], *, ends: bool | None) -> None:
+        """On these signals: if the program `ends`, end every force and sound; else, every force;
+        None: do nothing.
+        """

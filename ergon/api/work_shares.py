@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ergon.rendering.remote import group_by_cost
-from ergon.rendering.resumed import is_dear
+from ergon.rendering.stretches import is_expensive
 
 if TYPE_CHECKING:
     from ergon._core import PlanRow, Simulation
@@ -65,7 +65,7 @@ def work_pieces(
             row = left.pop(0)
             rest -= row.cost
             parts.update(dict.fromkeys(row.parts))
-        if is_dear(island):
+        if is_expensive(island):
             found.append(WorkPiece(tuple(parts), cost))
     return tuple(found)
 

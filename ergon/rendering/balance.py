@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from .staged import Mixer
 
 DOMINANCE_LU = 20.0  # [LU] by which one instrument hides all others
 MEASURED_OUTPUTS_MAX = (
@@ -17,13 +19,6 @@ MEASURED_OUTPUTS_MAX = (
 )
 _GATE = -70.0  # [LUFS] absolute gate of BS.1770-4: quieter blocks do not count
 _RELATIVE = -10.0  # [LU] relative gate, from the mean of the other blocks
-
-
-class Mixes(Protocol):
-    """Mixes outputs to loudspeakers: `_core.Mixer`."""
-
-    def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
-        """Mix (n_frames, n_out) to (n_frames, n_channels)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +38,7 @@ class Balance:
     """
 
     def __init__(
-        self, name: str, mixer: Mixes, rate: float, n_channels: int, start: int, stop: int
+        self, name: str, mixer: Mixer, rate: float, n_channels: int, start: int, stop: int
     ) -> None:
         """Measure frames `start` to `stop`, counted from 0 at the first frame that `take`
         receives.

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Protocol
+from typing import TYPE_CHECKING, BinaryIO
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,10 +18,7 @@ if TYPE_CHECKING:
 
     from ergon._core import MotionRecorder, Simulation
 
-
-class _Mixer(Protocol):
-    def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
-        """Mix (n_frames, n_out) to (n_frames, n_channels)."""
+    from .staged import Mixer
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +36,7 @@ class FilmedSimulation:
     there.
     """
 
-    def __init__(self, simulation: Simulation, film: Film, mixer: _Mixer, file: BinaryIO) -> None:
+    def __init__(self, simulation: Simulation, film: Film, mixer: Mixer, file: BinaryIO) -> None:
         """Begin the recording; nothing is written yet."""
         self._simulation, self._film, self._mixer, self._file = simulation, film, mixer, file
         self._recorder = film.begin(simulation)

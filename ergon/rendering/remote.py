@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, NotRequired, Protocol, TypedDict
 
 from ergon.common.errors import ErgonError
 
-from .resumed import STRETCH_FRAMES, is_dear
+from . import stretches
+from .stretches import StretchedSimulation, is_expensive
 
 if TYPE_CHECKING:
     import numpy as np
@@ -141,10 +142,10 @@ def chain_count(count: int, simulation: Simulation | None = None) -> int:
     most = _GROUPS_EACH * count
     if simulation is None:
         return most
-    return max(1, min(most, sum(map(is_dear, simulation.storable()))))
+    return max(1, min(most, sum(map(is_expensive, simulation.storable()))))
 
 
-class RemoteSimulation:
+class RemoteSimulation(StretchedSimulation):
     """The next `n_frames` frames of a simulation at frame 0, most of them computed by `workers`.
 
     Banks, and islands that cost less than the transfer of their sound, are computed here.
@@ -158,10 +159,9 @@ class RemoteSimulation:
         n_frames: int,
     ) -> None:
         """Group the islands that are expensive enough."""
-        self._simulation, self._workers, self._store = simulation, workers, store
-        self._n_frames, self._at = n_frames, 0
-        self.n_recalled = self.n_computed = 0
-        dear = [(i, one) for i, one in enumerate(simulation.storable()) if is_dear(one)]
+        super().__init__(simulation, store, n_frames)
+        self._workers = workers
+        dear = [(i, one) for i, one in enumerate(simulation.storable()) if is_expensive(one)]
         groups = group_by_cost([one.cost for _, one in dear], _GROUPS_EACH * workers.count)
         self._chains = []
         for group in groups:
@@ -171,30 +171,6 @@ class RemoteSimulation:
                 simulation.record(island)
                 parts.append(_Part(island, index, simulation.recorded(island).state))
             self._chains.append(_Chain(parts))
-
-    @property
-    def n_out(self) -> int:
-        """How many outputs a frame has."""
-        return self._simulation.n_out
-
-    @property
-    def recalled(self) -> float:
-        """The share of the islands' frames that was recalled (0 to 1)."""
-        return self.n_recalled / max(1, self.n_recalled + self.n_computed)
-
-    def process(self, out: NDArray[np.float64]) -> None:
-        """Fill (n_frames, n_out) with the next frames. Raises DivergedError and ClusterError."""
-        while len(out):
-            if self._at % STRETCH_FRAMES == 0:
-                self._begin()
-            n_frames = min(
-                len(out), STRETCH_FRAMES - self._at % STRETCH_FRAMES, self._n_frames - self._at
-            )
-            self._simulation.process(out[:n_frames])
-            self._at += n_frames
-            out = out[n_frames:]
-            if self._at % STRETCH_FRAMES == 0 or self._at == self._n_frames:
-                self._end()
 
     def _begin(self) -> None:
         """Get the sounds of the stretch that begins; wait for those that are missing."""
@@ -224,7 +200,7 @@ class RemoteSimulation:
             answer, chain.asked = self._workers.answer(chain.asked), None
             self._take(chain, answer)
         while chain.asked is None and not chain.is_home and self._is_wanted(chain):
-            stop = min(chain.at + STRETCH_FRAMES, self._n_frames)
+            stop = min(chain.at + stretches.STRETCH_FRAMES, self._n_frames)
             chain.keys = [
                 self._simulation.island_key(part.island, chain.at, stop, part.key)
                 for part in chain.parts
@@ -233,7 +209,7 @@ class RemoteSimulation:
                 chain.asked = self._workers.submit(self._request(chain, stop))
 
     def _is_wanted(self, chain: _Chain) -> bool:
-        return chain.at < min(self._n_frames, self._at + _LEAD * STRETCH_FRAMES)
+        return chain.at < min(self._n_frames, self._at + _LEAD * stretches.STRETCH_FRAMES)
 
     def _request(self, chain: _Chain, stop: int) -> Request:
         islands = [
@@ -244,16 +220,16 @@ class RemoteSimulation:
 
     def _recall(self, chain: _Chain, stop: int) -> bool:
         """Take the stretch from the store, if all of it is there."""
-        if self._store is None or stop - chain.at < STRETCH_FRAMES:
+        if self._store is None or stop - chain.at < stretches.STRETCH_FRAMES:
             return False
         found = []
         for part, key in zip(chain.parts, chain.keys, strict=True):
             known = self._store.get(key)
-            if known is None or len(known.sound) != STRETCH_FRAMES * part.island.n_out:
+            if known is None or len(known.sound) != stretches.STRETCH_FRAMES * part.island.n_out:
                 return False
             found.append(known)
         self._keep(chain, stop, [one.sound for one in found], [one.state for one in found])
-        self.n_recalled += STRETCH_FRAMES * len(found)
+        self.n_recalled += stretches.STRETCH_FRAMES * len(found)
         return True
 
     def _take(self, chain: _Chain, answer: Answer) -> None:
@@ -264,7 +240,7 @@ class RemoteSimulation:
         if answer.get("diverged"):
             chain.is_home = True  # from the state that `_end` restores
             return
-        stop = min(chain.at + STRETCH_FRAMES, self._n_frames)
+        stop = min(chain.at + stretches.STRETCH_FRAMES, self._n_frames)
         n_frames = stop - chain.at
         sizes = [8 * n_frames * part.island.n_out for part in chain.parts]
         if [len(sound) for sound in answer["sounds"]] != sizes or len(answer["states"]) != len(
@@ -272,7 +248,7 @@ class RemoteSimulation:
         ):
             raise ClusterError(f"worker {answer['worker']} sent sounds of another length")
         sounds = [np.frombuffer(one, dtype="<f8").astype(np.float64) for one in answer["sounds"]]
-        if self._store is not None and n_frames == STRETCH_FRAMES:
+        if self._store is not None and n_frames == stretches.STRETCH_FRAMES:
             for key, sound, state in zip(chain.keys, sounds, answer["states"], strict=True):
                 self._store.put(key, sound, state)
         self.n_computed += n_frames * len(sizes)

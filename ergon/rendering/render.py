@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Protocol
+from typing import TYPE_CHECKING, BinaryIO
 
 from ergon import _core
 from ergon.exchange import sound
@@ -27,6 +27,7 @@ from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_
 from .remote import RemoteSimulation, Workers
 from .resumed import ResumedSimulation
 from .silence import Silence
+from .staged import Mixer, Simulation, Staged
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,55 +36,6 @@ if TYPE_CHECKING:
     from ergon.exchange.stretch_store import StretchStore
 
 BLOCK = 4096  # frames: long enough that Python costs nothing, short enough for the cache
-
-
-class Mixer(Protocol):
-    """Mixes outputs to loudspeakers: `_core.Mixer`."""
-
-    def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
-        """Mix (n_frames, n_out) to (n_frames, n_channels)."""
-
-
-class Simulation(Protocol):
-    """Computes the outputs of a piece: `_core.Simulation`."""
-
-    @property
-    def n_out(self) -> int:
-        """How many outputs a frame has."""
-
-    def process(self, out: NDArray[np.float64]) -> None:
-        """Fill (n_frames, n_out) with the next frames."""
-
-
-class Staged(Protocol):
-    """What a render needs of a staged piece."""
-
-    @property
-    def simulation(self) -> Simulation:
-        """The simulation, at frame 0."""
-
-    @property
-    def n_frames(self) -> int:
-        """Length of the piece with its tail."""
-
-    @property
-    def rate(self) -> float:
-        """Frames a second [Hz]."""
-
-    @property
-    def n_channels(self) -> int:
-        """Number of loudspeakers that a mixer feeds."""
-
-    def mixer(self, *, highpass: float | None = None, reference: float | None = None) -> Mixer:
-        """A new mixer; `highpass` [Hz] applies to routes that set none of their own.
-
-        `reference` is the ratio of full scale at which reference quantities are heard.
-        """
-
-    def stems(
-        self, *, highpass: float | None = None, reference: float | None = None
-    ) -> Sequence[tuple[str, Mixer]]:
-        """A new mixer for every player or instrument, with its name."""
 
 
 @dataclass(frozen=True, slots=True)

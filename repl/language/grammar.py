@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.notation.text.spelling import nearest
+from ergon.notation.text.spelling import is_misspelt, nearest
 from ergon.repl.language import values as v
 from ergon.repl.language import verbs
 from ergon.repl.language.commands import NOW, Command, When, Word
@@ -132,6 +132,8 @@ def _unknown_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> Tex
         return TextError(message, offset=place, length=len(first), suggestion=said)
     known = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
     near = nearest(first, known)
+    if near in verbs.TAKING_AWAY and not is_misspelt(first, near):
+        near = nearest(first, [verb for verb in known if verb not in verbs.TAKING_AWAY])
     message = f"unknown verb {quote(first)}"
     message = message if near else f"{message}; `help` lists them all"
     return TextError(message, offset=place, length=len(first), suggestion=near)

@@ -223,10 +223,17 @@ def _read_level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
     if text in scope.instruments or text in scope.players:
         message = f"a level is missing: gain {text} -6dB"
         raise TextError(message, offset=len(text))
-    return k.GAIN.parse(text)
+    ratio: float = k.GAIN.parse(text)
+    if ratio > GAIN_MAX:
+        message = f"{text.strip()} is above the highest level, {GAIN_MAX_DB:g}dB"
+        raise TextError(message, length=len(text))
+    return ratio
 
 
 _LENGTH_UNITS = ("bar", "beats", "s", "ms")
+# The highest level that a line sets, as OSC: a slip of the finger must not hurt the ears [dB].
+GAIN_MAX_DB = 24.0
+GAIN_MAX = 10.0 ** (GAIN_MAX_DB / 20.0) * (1.0 + 1e-9)
 
 
 def _read_length(text: str, *_: Any) -> Length:

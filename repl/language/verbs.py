@@ -291,6 +291,11 @@ GROUPS: dict[str, tuple[Form, ...]] = {
 }
 # fmt: on
 FORMS: tuple[Form, ...] = tuple(form for some in GROUPS.values() for form in some)
+# Verbs that take something away or end something: a word that only resembles one does not
+# suggest it.
+TAKING_AWAY = frozenset(
+    ("remove", "undo", "back", "load", "reload", "stop", "panic", "quit", "unmap", "uncouple")
+)
 SHORTEST = {form.verb: form.short for form in FORMS}
 SUBJECT_VERBS = tuple(
     dict.fromkeys(form.verb for form in FORMS if form.subject and form.verb != "=")

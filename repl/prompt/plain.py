@@ -14,14 +14,13 @@ from typing import TextIO
 
 from ergon.common.terminal import clean
 from ergon.repl.line_queue import LineQueue, QueuedLine
-from ergon.repl.session_protocol import Reply
+from ergon.repl.session_protocol import Reply, SignalWatch
 
 from .error_boundary import ErrorBoundary
 from .line_reader import LineReader
 from .message_throttle import MessageThrottle
 from .output import echo, reply_lines
 from .signals import (
-    SignalWatch,
     Terminated,
     interrupt_ends_forces,
     signals_blocked_in_threads,

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from ergon.common.terminal import clean
 from ergon.common.user_folders import state_folder
-from ergon.repl.session_protocol import SessionProtocol
+from ergon.repl.session_protocol import SessionProtocol, SignalWatch
 
 from .error_boundary import ErrorBoundary
 from .plain import PlainPrompt
-from .signals import SignalWatch, suspension_disabled, termination_deferred, watch_nothing
+from .signals import suspension_disabled, termination_deferred, watch_nothing
 
 if TYPE_CHECKING:
     from .screen import ScreenPrompt

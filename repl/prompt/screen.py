@@ -25,7 +25,7 @@ from prompt_toolkit.patch_stdout import StdoutProxy
 
 from ergon.common.terminal import clean
 from ergon.repl.line_queue import LineQueue
-from ergon.repl.session_protocol import Reply
+from ergon.repl.session_protocol import Reply, SignalWatch
 
 from .assist import STYLE, Colours, Completions
 from .error_boundary import ErrorBoundary
@@ -33,7 +33,7 @@ from .history import LineHistory
 from .keyboard import TEXT_MAX, bindings, keyboard
 from .message_throttle import MessageThrottle
 from .output import INDENT, continuation, echo, reply_lines, valid_unicode
-from .signals import SignalWatch, interrupt_ends_forces
+from .signals import interrupt_ends_forces
 from .status import status
 
 _REDRAW_PERIOD = 0.25  # s between two drawings while nobody types

@@ -9,7 +9,8 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
-from typing import Protocol
+
+from ergon.repl.session_protocol import SignalWatch
 
 # Looked up by name: not every system has all of them.
 _TERMINATING_SIGNALS = [
@@ -19,18 +20,6 @@ _SUSPENDING_SIGNALS = [
     getattr(signal, name) for name in ("SIGTSTP", "SIGQUIT") if hasattr(signal, name)
 ]
 Handler = Callable[[int, FrameType | None], object]
-
-
-class SignalWatch(Protocol):
-    """Makes signals end forces before Python handles them, as `_core.stop_on_signals` does.
-
-    It has to be called after every change of a handler, because that replaces its own.
-    """
-
-    def __call__(self, signals: Sequence[int], *, ends: bool | None) -> None:
-        """On these signals: if the program `ends`, end every force and sound; else, every force;
-        None: do nothing.
-        """
 
 
 def watch_nothing(signals: Sequence[int], *, ends: bool | None) -> None:

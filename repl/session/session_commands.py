@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 # A longer pause between taps begins a new count [s]: nobody taps slower than 20 bpm.
 _TAP_PAUSE_MAX = 3.0
+_TAP_BPM = (30.0, 300.0)  # of a hand that beats time; a slip is no tempo
 _TAPS_MAX = 8  # only the latest taps count
 _SHOWN_MAX = 1000  # characters of what `py` gives
 
@@ -123,7 +124,13 @@ def _tap(session: SessionCore, command: c.Tap) -> Reply:
     del taps[:-_TAPS_MAX]
     if len(taps) < 2:
         return Reply(True, "tap 1: one more sets the tempo")
-    bpm = round(60.0 * (len(taps) - 1) / (taps[-1] - taps[0]), 1)
+    beat = (taps[-1] - taps[0]) / (len(taps) - 1)
+    bpm = round(60.0 / max(beat, 1e-3), 1)
+    if not _TAP_BPM[0] <= bpm <= _TAP_BPM[1]:
+        slowest, fastest = _TAP_BPM
+        taps.clear()
+        message = f"the taps are at {bpm:g} bpm; tap between {slowest:g} and {fastest:g} bpm, or"
+        return Reply(False, f"{message} write a tempo", "tempo 120")
     return session.make_version(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
 
 

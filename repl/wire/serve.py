@@ -7,11 +7,11 @@ import contextlib
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 from ergon.repl.line_queue import LineQueue
-from ergon.repl.session_protocol import Reply, SessionProtocol
+from ergon.repl.session_protocol import Reply, SessionProtocol, SignalWatch
 
 from . import local_socket
 from .protocol import (
@@ -64,13 +64,6 @@ class PromptConnection:
             pass  # it does not read, or has disconnected
         finally:
             self._writer.transport.abort()
-
-
-class SignalWatch(Protocol):
-    """Makes signals end forces before Python handles them, as `_core.stop_on_signals` does."""
-
-    def __call__(self, signals: Sequence[int], *, ends: bool | None) -> None:
-        """End every force and sound on these signals if the program `ends`."""
 
 
 class SessionServer:

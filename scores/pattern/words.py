@@ -171,6 +171,10 @@ def parse_strikes(text: str, known: Mapping[str, str]) -> tuple[list[Word], dict
         if word not in known:
             raise _unknown(words[i], 0, known)
         name, i, value = _value(text, words, i, 0, known)
+        if name == NTH:
+            message = f"'every {value.text.split()[0]}' changes every so many plays of a gesture; "
+            message += "strikes of modules have no points to change"
+            raise TextError(message, offset=offset, length=len(word))
         if name in options:
             raise TextError(f"'{word}' is written twice", offset=offset, length=len(word))
         options[name] = value

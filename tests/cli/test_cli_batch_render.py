@@ -9,7 +9,7 @@ from patience import until
 
 from ergon.api import cluster_worker
 from ergon.cli import app
-from ergon.rendering import remote, resumed
+from ergon.rendering import remote, stretches
 
 BELL = """\
 ergon: 1
@@ -36,8 +36,8 @@ NOT_STABLE = (
 @pytest.fixture(autouse=True)
 def folder(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("ERGON_CACHE", "plans")
-    monkeypatch.setattr(remote, "STRETCH_FRAMES", 4096)
-    monkeypatch.setattr(resumed, "_NS_PER_SAMPLE", 0.0)
+    monkeypatch.setattr(stretches, "STRETCH_FRAMES", 4096)
+    monkeypatch.setattr(stretches, "_NS_PER_SAMPLE", 0.0)
     monkeypatch.setattr(cluster_worker, "_ready", [])
     Path("a.yaml").write_text(BELL.format(**FEW))
     Path("b.yaml").write_text(BELL.format(**FEW | {"f": 350}))

@@ -22,7 +22,7 @@ from ergon.api.cluster_worker import Job
 from ergon.api.render import PreparedRender, RenderOptions, prepare
 from ergon.common.report import Report
 from ergon.exchange.stretch_store import StretchStore
-from ergon.rendering import remote, resumed
+from ergon.rendering import stretches
 from ergon.rendering.remote import Answer, ClusterError, RemoteSimulation, Request, group_by_cost
 
 from .test_resumed import SCENES, text
@@ -96,8 +96,8 @@ class Workers:
 def small(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Stretches of 4,096 frames, of islands of any cost."""
     monkeypatch.setenv("ERGON_CACHE", "plans")
-    monkeypatch.setattr(remote, "STRETCH_FRAMES", 4096)
-    monkeypatch.setattr(resumed, "_NS_PER_SAMPLE", 0.0)
+    monkeypatch.setattr(stretches, "STRETCH_FRAMES", 4096)
+    monkeypatch.setattr(stretches, "_NS_PER_SAMPLE", 0.0)
     monkeypatch.setattr(cluster_worker, "_ready", [])
 
 

@@ -15,7 +15,7 @@ from sweep import few
 import ergon
 from ergon.api.render import RenderOptions
 from ergon.exchange.stretch_store import Stretch, StretchStore
-from ergon.rendering import resumed
+from ergon.rendering import resumed, stretches
 
 # Every kind of body, method, contact and hand; a later event can be put in without moving another.
 SCENES = {
@@ -106,9 +106,9 @@ def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Counted:
     """Stretches of 4,096 frames, of islands of any cost, in a folder of the test's own."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(resumed, "STRETCH_FRAMES", 4096)
+    monkeypatch.setattr(stretches, "STRETCH_FRAMES", 4096)
     monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
-    monkeypatch.setattr(resumed, "_NS_PER_SAMPLE", 0.0)
+    monkeypatch.setattr(stretches, "_NS_PER_SAMPLE", 0.0)
     return Counted(monkeypatch)
 
 
@@ -229,9 +229,9 @@ KILLED = """\
 import os, signal, sys
 import ergon
 from ergon.exchange.stretch_store import StretchStore
-from ergon.rendering import resumed
+from ergon.rendering import resumed, stretches
 
-resumed.STRETCH_FRAMES, resumed._WORK_MIN, resumed._NS_PER_SAMPLE = 4096, 0.0, 0.0
+stretches.STRETCH_FRAMES, resumed._WORK_MIN, stretches._NS_PER_SAMPLE = 4096, 0.0, 0.0
 left, put = int(sys.argv[1]), StretchStore.put
 
 def counted(*of):

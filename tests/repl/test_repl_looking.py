@@ -37,6 +37,19 @@ def test_two_taps_set_the_tempo(own: Stepped, monkeypatch: pytest.MonkeyPatch):
     assert own.session.schedule.head.piece.tempo_map.bpm(100.0) == 120.0
 
 
+@pytest.mark.parametrize("second", [10.0, 10.1, 12.5])
+def test_taps_that_are_no_tempo_change_nothing(
+    own: Stepped, monkeypatch: pytest.MonkeyPatch, second: float
+):
+    before = own.session.schedule.head
+    now = iter([10.0, second])
+    monkeypatch.setattr("ergon.repl.session.session_commands.time.monotonic", lambda: next(now))
+    own.ok("tap")
+    reply = own.type("tap")
+    assert "tap between 30 and 300 bpm" in reply.text
+    assert own.session.schedule.head is before
+
+
 def test_a_parameter_is_shown_as_it_sounds(own: Stepped):
     """Lines that wait for their bar do not count, and automation leads it."""
     own.run(1.0)

@@ -84,6 +84,8 @@ def test_a_refusal_has_a_place_and_a_better_line(line: str, at_fault: str, bette
         ("knock = 0@0 (1@1 0@2)*90000", "more than 2,000 points"),
         ('load "duet.yaml', "not closed"),
         ("xyz", "unknown verb 'xyz'"),
+        ("gain 25dB", "25dB is above the highest level, 24dB"),
+        ("gain bell x16", "x16 is above the highest level, 24dB"),
         ("= 0@0", "unknown verb '='"),
         ("x" * (MAX_LINE + 1), "10,000 are the most"),
         ("play\n" * MAX_PASTE, "100,000 are the most"),
@@ -114,3 +116,20 @@ def test_a_mark_with_a_minus_is_a_mark():
     (stop,) = parse("stop at verse-2", scope)
     assert isinstance(stop.when, Position)
     assert stop.when.text == "verse-2"
+
+
+@pytest.mark.parametrize(
+    ("line", "suggested"),
+    [
+        ("reverb bell", None),  # not `remove bell`
+        ("remvoe bell", "remove bell"),
+        ("quiit", "quit"),
+    ],
+)
+def test_a_word_that_resembles_a_verb_that_removes(line: str, suggested: str | None):
+    assert refused(line).try_ == suggested
+
+
+def test_strikes_of_modules_have_no_ordinal():
+    refusal = refused("d1 strikes bell.m every 4th do rev")
+    assert refusal.message.startswith("'every 4th' changes every so many plays of a gesture")

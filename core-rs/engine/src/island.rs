@@ -16,6 +16,7 @@ mod ledger;
 mod live_strikes;
 pub(crate) mod mesh;
 pub(crate) mod modal;
+mod origin;
 mod pace;
 mod pair_energy;
 mod pair_gain;

@@ -6,6 +6,11 @@ from difflib import get_close_matches
 LONGEST_WORD = 64  # difflib is quadratic, and nobody mistypes a word longer than this
 
 
+def is_misspelt(word: str, name: str) -> bool:
+    """Whether a word is a name but for a letter or two, and no other word."""
+    return bool(get_close_matches(word.lower(), [name.lower()], n=1, cutoff=0.8))
+
+
 def nearest(word: str, names: Iterable[str]) -> str | None:
     """Return the known word that `word` begins or resembles, None when nothing is near."""
     if not word or len(word) > LONGEST_WORD:

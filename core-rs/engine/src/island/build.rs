@@ -10,6 +10,7 @@ use super::fine::Fine;
 use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
 use super::live_strikes::strike_points;
+use super::origin::{positions, start};
 use super::real_hands::{HandState, hand_bindings};
 use super::rest::Rest;
 use super::sounds_in::sound_drives;
@@ -24,9 +25,8 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::{self, Laws};
 use crate::network::{Error, Network, Term};
 use crate::scheme::{Run, Scheme};
-use crate::start::backward_steps;
 use crate::state::{Body, PreviousState};
-use crate::timeline::{Drive, DriveKind, Ergon, Timeline, first, greatest, pushes};
+use crate::timeline::{Drive, Ergon, Timeline, first, greatest, pushes};
 
 /// The least number of substeps at which contacts are computed finer than a frame.
 const FINE: usize = 2;
@@ -312,40 +312,6 @@ fn gate(scheme: &mut Scheme, timeline: &Timeline) {
             run.gate = Some(index);
         }
     }
-}
-
-/// Where every MAT is at frame 0, and the step that led there.
-pub(super) fn start(
-    network: &Network,
-    scheme: &Scheme,
-    timeline: &Timeline,
-    drives: &[Drive],
-    acts: &dyn Fn(usize) -> bool,
-) -> Body {
-    let pushes: Vec<_> = drives
-        .iter()
-        .filter(|drive| drive.kind == DriveKind::Force)
-        .map(|drive| (drive.mat, drive.value(0, scheme.rate)))
-        .collect();
-    let x = positions(network, timeline, drives);
-    let d = backward_steps(network, timeline, scheme, &x, &pushes, acts);
-    Body::new(scheme, x, d)
-}
-
-/// Where every MAT is at frame 0 [m], (n_mat).
-fn positions(network: &Network, timeline: &Timeline, drives: &[Drive]) -> Vec<f64> {
-    let mut x = network.mats().x0.clone();
-    for drive in drives
-        .iter()
-        // The position of a real hand is not yet known: its key begins where the network has it.
-        .filter(|drive| drive.kind == DriveKind::Position && drive.hand().is_none())
-    {
-        x[drive.mat] = drive.value(0, timeline.rate.hertz());
-    }
-    for proxy in network.proxies() {
-        x[proxy.mat] = proxy.sum(|mat| x[mat], |mat| x[mat]);
-    }
-    x
 }
 
 /// Fuses springs into one pass, except those that are led and those whose forces are heard or reported by a gesture.

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::build::start;
 use super::inside::BodyPlan;
+use super::origin::start;
 use super::written_hand::framed::FramedGesture;
 use super::written_hand::free::{FreeKey, FreeMotion};
 use super::written_hand::voice::{Voice, VoiceScript};

@@ -1,0 +1,59 @@
+"""What a render needs of a staged piece: a simulation, its length, its mixers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+class Mixer(Protocol):
+    """Mixes outputs to loudspeakers: `_core.Mixer`."""
+
+    def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
+        """Mix (n_frames, n_out) to (n_frames, n_channels)."""
+
+
+class Simulation(Protocol):
+    """Computes the outputs of a piece: `_core.Simulation`."""
+
+    @property
+    def n_out(self) -> int:
+        """How many outputs a frame has."""
+
+    def process(self, out: NDArray[np.float64]) -> None:
+        """Fill (n_frames, n_out) with the next frames."""
+
+
+class Staged(Protocol):
+    """What a render needs of a staged piece."""
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation, at frame 0."""
+
+    @property
+    def n_frames(self) -> int:
+        """Length of the piece with its tail."""
+
+    @property
+    def rate(self) -> float:
+        """Frames a second [Hz]."""
+
+    @property
+    def n_channels(self) -> int:
+        """Number of loudspeakers that a mixer feeds."""
+
+    def mixer(self, *, highpass: float | None = None, reference: float | None = None) -> Mixer:
+        """A new mixer; `highpass` [Hz] applies to routes that set none of their own.
+
+        `reference` is the ratio of full scale at which reference quantities are heard.
+        """
+
+    def stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> Sequence[tuple[str, Mixer]]:
+        """A new mixer for every player or instrument, with its name."""

@@ -1,0 +1,72 @@
+"""A simulation in stretches of equal length, whose islands may come from elsewhere."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon._core import Simulation, StorableIsland
+    from ergon.exchange.stretch_store import StretchStore
+
+STRETCH_FRAMES = 1 << 17  # frames, 3 s at 44.1 kHz: an edit costs half as much again on the average
+# Reading and writing a sample of an output takes some 20 ns: what takes less to compute is
+# computed.
+_NS_PER_SAMPLE = 100.0
+_OUTPUTS_MAX = 64  # of one island: 64 MiB of sound in memory, and in one file
+
+
+class StretchedSimulation(ABC):
+    """The next `n_frames` frames of a simulation at frame 0, stretch by stretch.
+
+    `n_recalled` and `n_computed` count the frames of islands that were worth looking up.
+    """
+
+    def __init__(self, simulation: Simulation, store: StretchStore | None, n_frames: int) -> None:
+        """Begin at frame 0."""
+        self._simulation, self._store = simulation, store
+        self._n_frames, self._at = n_frames, 0
+        self.n_recalled = self.n_computed = 0
+
+    @property
+    def n_out(self) -> int:
+        """How many outputs a frame has."""
+        return self._simulation.n_out
+
+    @property
+    def recalled(self) -> float:
+        """The share of the islands' frames that was recalled (0 to 1)."""
+        return self.n_recalled / max(1, self.n_recalled + self.n_computed)
+
+    def process(self, out: NDArray[np.float64]) -> None:
+        """Fill (n_frames, n_out) with the next frames. Raises DivergedError and what `_begin`
+        raises.
+        """
+        while len(out):
+            if self._at % STRETCH_FRAMES == 0:
+                self._begin()
+            until = (self._at // STRETCH_FRAMES + 1) * STRETCH_FRAMES
+            if self._at < self._n_frames:
+                until = min(until, self._n_frames)
+            n_frames = min(len(out), until - self._at)
+            self._simulation.process(out[:n_frames])
+            self._at += n_frames
+            out = out[n_frames:]
+            if self._at == until:
+                self._end()
+
+    @abstractmethod
+    def _begin(self) -> None:
+        """Give the simulation what is known of the stretch that begins."""
+
+    @abstractmethod
+    def _end(self) -> None:
+        """Keep what was computed of the stretch that ended."""
+
+
+def is_expensive(island: StorableIsland) -> bool:
+    """Whether computing an island takes longer than reading and writing its sound."""
+    return island.n_out <= _OUTPUTS_MAX and island.cost >= _NS_PER_SAMPLE * max(1, island.n_out)
