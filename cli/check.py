@@ -12,6 +12,7 @@ from ergon.api.check import try_stage
 from ergon.api.options import ReadOptions
 
 from . import options
+from .bundled import ScorePath
 from .console import Console, Form, plural
 from .outcome import Findings
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("scores", metavar="SCORE...", nargs=-1, required=True)
+@click.argument("scores", metavar="SCORE...", nargs=-1, required=True, type=ScorePath())
 @click.option(
     "--simulate",
     is_flag=True,

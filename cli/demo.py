@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from . import options
+from .bundled import bundled
 from .console import Console
 from .outcome import Refused
 
@@ -54,15 +55,6 @@ def demo(
     render_file(console, str(path), target, FileOptions(force=force))
     if not no_audio and target != "-":
         _play(console, target)
-
-
-def bundled() -> dict[str, Path]:
-    """The scores in scores/library, by name."""
-    from importlib.resources import files
-
-    library = Path(str(files("ergon"))) / "scores" / "library"
-    # A file in a subfolder is part of a score, not a score itself.
-    return {path.stem: path for path in sorted(library.glob("*.yaml"))}
 
 
 def score_title(path: Path) -> str:

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import click
 
+from .bundled import ScorePath
 from .console import Console
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -54,8 +55,7 @@ on = click.option(
     metavar="WHERE",
     help="Share the work: local:N processes here, or the Dask scheduler tcp://HOST:PORT.",
 )
-score = click.argument("score_path", metavar="SCORE")
-# The path is kept as text: the command checks it when it opens it, and then can say what is wrong.
+score = click.argument("score_path", metavar="SCORE", type=ScorePath())
 
 
 def several(*given: Callable[[F], F]) -> Callable[[F], F]:

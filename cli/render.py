@@ -13,6 +13,7 @@ from ergon.common.report import Progress
 from ergon.exchange.wave_header import CHANNELS_MAX
 
 from . import options
+from .bundled import ScorePath
 from .console import Console, plural
 from .outcome import Findings, Outcome, Refused, check_stdout
 from .summary import dry_run, print_finer_steps, print_rendered
@@ -25,7 +26,7 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more takes memory and gains nothing
 
 
 @click.command()
-@click.argument("score_paths", metavar="SCORE...", nargs=-1, required=True)
+@click.argument("score_paths", metavar="SCORE...", nargs=-1, required=True, type=ScorePath())
 @options.target(
     "The WAV file to write; - is stdout. Default: the file that the score names, or SCORE.wav. Of "
     "several scores: the folder of their files."

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
+from .bundled import ScorePath
 from .console import Console
 from .outcome import Findings
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("score_path", metavar="SCORE", required=False)
+@click.argument("score_path", metavar="SCORE", required=False, type=ScorePath())
 @options.hands
 @options.sound
 @click.option(

@@ -12,6 +12,7 @@ from ergon.api.options import ReadOptions
 from ergon.workshop.lab.names import CUTS, ENERGY_MAPS, MAPS, METHODS, PLAN, SLOW
 
 from . import laboratory, options
+from .bundled import ScorePath
 from .console import Console
 from .outcome import Refused
 
@@ -32,7 +33,7 @@ _WHICH = (
 
 
 @click.command()
-@click.argument("score_path", metavar="[SCORE]", required=False)
+@click.argument("score_path", metavar="[SCORE]", required=False, type=ScorePath())
 @click.option(
     "-o",
     "--output",

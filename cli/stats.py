@@ -13,6 +13,7 @@ from ergon.api.stats import PartStats, PointStats, StatsOptions
 from ergon.api.stats import stats as find_stats
 
 from . import options
+from .bundled import ScorePath
 from .console import Console, plural
 from .outcome import Refused
 from .recording import SUFFIX
@@ -23,7 +24,7 @@ _LARGEST = 3  # shares of modes that are printed for a point
 
 
 @click.command()
-@click.argument("score_path", metavar="SCORE|TAKE")
+@click.argument("score_path", metavar="SCORE|TAKE", type=ScorePath())
 @click.argument("parts", metavar="[PART]...", nargs=-1)
 @click.option(
     "--to",

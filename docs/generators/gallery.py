@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from docs.generators.spectra import spectrogram
 from ergon.api.score import level_of
-from ergon.cli.demo import bundled
+from ergon.cli.bundled import bundled
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 

@@ -294,12 +294,17 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
 
 
 def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
-    """The WAV file to write: as asked, as the score says, or SCORE.wav in the current folder."""
+    """The WAV file to write: as asked, as the score says, or SCORE.wav in the current folder.
+
+    Nothing is written beside a score that ships.
+    """
+    from ergon.notation.text.files import is_shipped
+
     if out is not None:
         return str(out)
     piece = scores.piece_of(loaded)
     is_stdin = str(score) == scores.STDIN
-    if piece.render.file is not None:
+    if piece.render.file is not None and not is_shipped(Path(score)):
         # Paths are relative to the file that names them.
         folder = Path() if is_stdin else Path(score).parent
         return str(folder / piece.render.file)

@@ -223,7 +223,11 @@ def _read_level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
     if text in scope.instruments or text in scope.players:
         message = f"a level is missing: gain {text} -6dB"
         raise TextError(message, offset=len(text))
-    ratio: float = k.GAIN.parse(text)
+    return k.GAIN.parse(text)
+
+
+def _read_gain(text: str, scope: Scope, given: Mapping[str, Any]) -> float:
+    ratio: float = _read_level(text, scope, given)
     if ratio > GAIN_MAX:
         message = f"{text.strip()} is above the highest level, {GAIN_MAX_DB:g}dB"
         raise TextError(message, length=len(text))
@@ -231,7 +235,7 @@ def _read_level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
 
 
 _LENGTH_UNITS = ("bar", "beats", "s", "ms")
-# The highest level that a line sets, as OSC: a slip of the finger must not hurt the ears [dB].
+# The highest gain that a line sets, as OSC: a slip of the finger must not hurt the ears [dB].
 GAIN_MAX_DB = 24.0
 GAIN_MAX = 10.0 ** (GAIN_MAX_DB / 20.0) * (1.0 + 1e-9)
 
@@ -308,9 +312,9 @@ BPM = Value(
 STIFFNESS = dimension_value(k.STIFFNESS)
 DAMPING = dimension_value(k.DAMPING)
 DURATION = quantity_value(k.DURATION, "3s", q.DURATION.units)
-LEVEL = Value(
-    "a level, such as -6dB or x0.5", _read_level, _unit_completions("-6dB", ("dB",), "a level")
-)
+_LEVEL_OFFERS = _unit_completions("-6dB", ("dB",), "a level")
+LEVEL = Value("a level, such as -6dB or x0.5", _read_level, _LEVEL_OFFERS)
+GAIN = Value("a level, such as -6dB or x0.5", _read_gain, _LEVEL_OFFERS)
 TIMES = quantity_value(k.TIMES, "8", ())
 COUNT = quantity_value(k.integer(1, 10_000, "3"), "3", (), "how many, such as 3")
 SEED = quantity_value(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")

@@ -237,7 +237,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
     "mix": (
         _form("gain", "ga", "sets the level of an instrument, a player or everything",
               "gain bell -6dB", c.Gain,
-              _SOUNDING_OR_ALL, Slot("ratio", "LEVEL|xFACTOR", v.LEVEL)),
+              _SOUNDING_OR_ALL, Slot("ratio", "LEVEL|xFACTOR", v.GAIN)),
         _form("mute", "mu", "silences an instrument or a player", "mute bell", c.Mute, _SOUNDING),
         _form("solo", "so", "silences everything but an instrument or a player",
               "solo bell", c.Solo, _SOUNDING),

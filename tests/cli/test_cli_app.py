@@ -152,7 +152,7 @@ def test_engine_errors_name_the_module() -> None:
 
     core = Core()
     core.EngineError, core.DivergedError = EngineError, DivergedError
-    found = app._engine(EngineError("M must be positive"), core)
+    found = app._engine(EngineError("bell.m: M must be positive"), core)
     assert (found.exit_code, found.message) == (1, "bell.m: M must be positive")
     found = app._engine(DivergedError("'bell.m' is not finite"), core)
     assert (found.exit_code, found.message) == (4, "'bell.m' is not finite")
