@@ -1,0 +1,24 @@
+"""The beginning of every piece that ships, as a player hears it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ergon
+from ergon.cli.bundled import bundled
+
+PIECES = bundled()
+SECONDS = 8  # by then parts have fallen asleep and were woken
+QUICK = {"drum-machine", "evening-raga", "interlocking"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in PIECES],
+)
+def test_a_piece_that_ships_sounds(name: str, own_folder: Path):
+    made = ergon.render(PIECES[name], ergon.RenderOptions(to=f"{SECONDS}s"))
+    assert len(made.frames) <= SECONDS * made.rate
+    assert np.isfinite(made.frames).all()
+    assert np.abs(made.frames).max() > 1e-3
