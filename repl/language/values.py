@@ -164,7 +164,7 @@ SOUNDING = name_value("an instrument or a player", "instruments", "players")
 ANY_NAME = name_value(
     "a name of this score",
     *("gestures", "paths", "phrases", "takes", "players", "keys", "instruments", "marks"),
-    "blocks",
+    *("strikes", "blocks"),
 )
 PLAYER_KEY_OR_INSTRUMENT = name_value(
     "a player, a key or an instrument", "players", "keys", "instruments"

@@ -1,4 +1,6 @@
-"""Who plays what at which beat: the present bar and the next, with a row for each player."""
+"""Who plays what at which beat: the present bar and the next, with a row for each player, and for
+strikes.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +10,19 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.occurrences import starts as occurrences
+from ergon.notation.text.values import Time
 from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 
 if TYPE_CHECKING:
-    from ergon.scores.reading.piece import Piece
+    from ergon.scores.reading.piece import Piece, Strikes
 
 _BARS = 2
 _BEAT_LEAST, _BEAT_MOST = 4, 10  # characters of a beat
 _NAME_MOST, _WIDTH_MOST = 12, 100
-_CONTINUED = "\u2026"  # of a gesture that began before the first bar
+_CONTINUED = "\u2026"  # of a gesture that began before the first bar, and of strikes by chance
+_STRUCK = "x"  # of a strike whose modules have no names of notes
 
 
 def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
@@ -28,7 +33,10 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
     tempo = piece.tempo_map
     bar, _ = tempo.bar_beat(now)
     starts = [tempo.bars.start(bar + number) for number in range(_BARS + 1)]
-    names = max((len(name) for name in piece.players), default=0)
+    tracks = {name: [*_begins(piece, name, starts)] for name in piece.players}
+    struck = {one.name: [*_strokes(piece, one, starts)] for one in piece.strikes}
+    tracks |= {name: strokes for name, strokes in struck.items() if strokes}
+    names = max(map(len, tracks), default=0)
     margin = min(names, _NAME_MOST) + 2
     room = min(shutil.get_terminal_size().columns, _WIDTH_MOST) - margin
     while len(starts) > 2 and (starts[-1] - starts[0]) * _BEAT_LEAST > room:
@@ -43,9 +51,9 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
     on_beats = [starts[0] + number for number in range(math.ceil(beats - SAME))]
     head = [(column(beat), _beat(piece, beat)) for beat in on_beats]
     rows = [" " * margin + _row(total, head)]
-    for name in piece.players:
+    for name, events in tracks.items():
         dots = [(column(beat), "\u00b7") for beat in on_beats]
-        begun = [(column(beat), what) for beat, what in _begins(piece, name, starts)]
+        begun = [(column(beat), what) for beat, what in events if starts[0] <= beat < starts[-1]]
         if any(player == name for player, _ in playing) and not any(at == 0 for at, _ in begun):
             begun.insert(0, (0, _CONTINUED))
         taken = {at for at, _ in begun}
@@ -72,6 +80,41 @@ def _begins(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tupl
             what = beats.course.played(place) if isinstance(beats, Steps) else play.what
             if what is not None:  # a rest, or what chance leaves out
                 yield beats[place], what
+
+
+def _strokes(
+    piece: Piece, strikes: Strikes, starts: Sequence[float]
+) -> Iterator[tuple[float, str]]:
+    """The strikes within these bars, each with its beat, and the note that it strikes."""
+    tempo = piece.tempo_map
+    first, last = starts[0] - SAME, starts[-1] - SAME
+    at = tempo.resolve(strikes.at)
+    stop = None if strikes.until is None else tempo.resolve(strikes.until)
+    if strikes.span is not None:
+        stop = tempo.after(at, strikes.span)
+    if strikes.hits:
+        yield from (
+            (beat, hit.what) for beat, _, hit in strikes.falls(tempo) if first <= beat < last
+        )
+    elif strikes.passing is not None:
+        yield from ((beat, _STRUCK) for beat in strikes.rounds(tempo) if first <= beat < last)
+    elif strikes.pattern is not None:
+        steps = strikes.steps(piece)
+        for place in range(n_before(steps, first), n_before(steps, last)):
+            note = steps.course.named(place)
+            if note is not None:
+                yield steps[place], note if strikes.voices else _STRUCK
+    elif strikes.rate is not None:
+        if at < last and (stop is None or stop > first):
+            yield max(at, starts[0]), _CONTINUED
+    elif strikes.every is None:
+        yield from ((at, _STRUCK) for _ in range(first <= at < last))
+    else:
+        beats = occurrences(tempo, at, Time(), every=strikes.every, times=strikes.times, until=stop)
+        yield from (
+            (beats[place], _STRUCK)
+            for place in range(n_before(beats, first), n_before(beats, last))
+        )
 
 
 def _row(total: int, cells: Sequence[tuple[int, str]]) -> str:

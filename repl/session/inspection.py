@@ -26,16 +26,18 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon.instruments.model import Module
+    from ergon.notation.clock.positions import Position
     from ergon.repl.session.running import RunningVersion
     from ergon.repl.session.version import Version
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.reading.piece import Piece, Play
+    from ergon.scores.reading.piece import Piece, Play, Strikes
 
 _LEAD_IN = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX, _HEIGHT = 100, 16  # characters
 _POINTS = 4  # of a curve in each character: two in each dot
 _TRACE_SECONDS, _TRACE_TICKS_MIN = 2.0, 20  # [s] of a movement that are drawn; ticks at least
 _LINES_MAX = 40  # of a definition
+_STRUCK_MAX = 4  # modules of strikes that are named
 _SECTIONS = (
     "parts",
     "gestures",
@@ -175,7 +177,7 @@ def _value(
 
 
 def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
-    """What each player plays at beat `now`, and what follows.
+    """What each player plays at beat `now`, and what follows; then the strikes that go on.
 
     `playing` are the gestures in flight: (player, gesture).
     """
@@ -194,14 +196,31 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
         words = [_entry(line.play) for line in goes_on] or ["nothing"]
         words += [f"then {_entry(line.play)}" for line in coming[:1]]
         rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(words)}")
+    rows += [_striking(one) for one in piece.strikes if _goes_on(one, piece, now)]
     rows += [f"{name}: {rule.trigger.text}" for name, rule in version.rules.items()]
     return rows
 
 
+def _goes_on(strikes: Strikes, piece: Piece, now: float) -> bool:
+    return strikes.until is None or piece.tempo_map.resolve(strikes.until) > now
+
+
+def _striking(strikes: Strikes) -> str:
+    struck = [*dict.fromkeys(target.text for target in strikes.to)]
+    struck = struck or [*dict.fromkeys(hit.what for hit in strikes.hits)]
+    more = ", …" if len(struck) > _STRUCK_MAX else ""
+    span = f"from {strikes.at.text}{_until(strikes.until)}"
+    return f"{strikes.name} (strikes): {', '.join(struck[:_STRUCK_MAX])}{more} {span}"
+
+
 def _entry(play: Play) -> str:
-    is_endless = play.until is None or END.fullmatch(play.until.text)
-    until = "" if is_endless or play.until is None else f" until {play.until.text}"
-    return f"{play.what} from {play.at.text}{until}"
+    return f"{play.what} from {play.at.text}{_until(play.until)}"
+
+
+def _until(position: Position | None) -> str:
+    """` until 9|1`; empty for what goes on to the end."""
+    is_endless = position is None or END.fullmatch(position.text)
+    return "" if position is None or is_endless else f" until {position.text}"
 
 
 def _lines_of_score(texts: Texts, name: str) -> list[str]:

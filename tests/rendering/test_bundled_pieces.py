@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sweep import few
 
 import ergon
 from ergon.cli.bundled import bundled
@@ -13,10 +14,7 @@ SECONDS = 8  # by then parts have fallen asleep and were woken
 QUICK = {"drum-machine", "evening-raga", "interlocking"}
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in PIECES],
-)
+@pytest.mark.parametrize("name", few(PIECES, QUICK))
 def test_a_piece_that_ships_sounds(name: str, own_folder: Path):
     made = ergon.render(PIECES[name], ergon.RenderOptions(to=f"{SECONDS}s"))
     assert len(made.frames) <= SECONDS * made.rate

@@ -177,3 +177,32 @@ def test_a_key_is_traced_while_it_moves(own: Stepped):
     assert own.session.state().drawing == ()
     own.run(1.0)
     assert own.session.state().drawing == ()
+
+
+def test_strikes_are_shown_as_gestures_are(own: Stepped):
+    own.ok("d1 strikes bell.m every 1 impulse 2mNs now")
+    assert "impulse: 2mNs" in own.ok("show d1").lines[0]
+    assert own.ok("? d1").lines == own.ok("show d1").lines
+    shown = own.ok("show").lines
+    assert [line for line in shown if line.startswith("d1 (strikes): bell.m from 1|1.0")]
+    row = next(line for line in own.ok("?").lines if line.startswith("d1 "))
+    assert row.split() == ["d1", *"xxxxxxxx"]
+    own.run(1.0)
+    own.ok("rest d1 now")
+    own.run(0.1)
+    assert not [line for line in own.ok("show").lines if line.startswith("d1 ")]
+
+
+@pytest.mark.parametrize(
+    ("line", "row"),
+    [
+        ("d1 strikes bell.m every 1/2 chance 0.5 times 16 impulse 1mNs now", "x"),
+        ("d1 strikes bell.m euclid 3 8 every 2 impulse 1mNs now", "x"),
+        ("d1 strikes bell.m rate 2Hz for 4bar impulse 1mNs now", "\u2026"),
+        ("d1 strikes bell.m impulse 1mNs now", "x"),
+    ],
+)
+def test_strikes_have_a_row_of_their_own(own: Stepped, line: str, row: str):
+    own.ok(line)
+    (shown,) = [line for line in own.ok("?").lines if line.startswith("d1 ")]
+    assert row in shown.split()
