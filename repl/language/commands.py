@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final, NamedTuple
 
+from ergon.notation.clock.meter import Meter
 from ergon.notation.clock.positions import Length, Position
 from ergon.repl.language.triggers import Trigger
 from ergon.scores.edits.entries import Entry
@@ -186,6 +187,13 @@ class Tempo(BlockCommand):
     bpm: float
     end: float | None = None
     over: Length | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SetMeter(BlockCommand):
+    """`meter 3/4`: from a bar line on."""
+
+    meter: Meter
 
 
 @dataclass(frozen=True, slots=True)

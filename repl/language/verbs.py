@@ -103,6 +103,8 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("tempo", "te", "sets the tempo, or a ramp from one tempo to another",
               "tempo 60 -> 84 over 4bar", forms.tempo,
               Slot("bpm", "BPM|BPM -> BPM", v.BPM, many=True), _OVER),
+        _form("meter", "meter", "sets the meter from the next bar on", "meter 3+2+2/8",
+              c.SetMeter, Slot("meter", "BEATS/UNIT", v.METER)),
         _form("tap", "ta", "marks a beat; two or more taps set the tempo",
               "tap", c.Tap, timed=False),
         _form("nudge", "n", "delays the beat, or with a minus brings it forward",

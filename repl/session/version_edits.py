@@ -126,6 +126,11 @@ def _tempo(command: c.Tempo, version: Version, beat: float) -> Texts:
     return times.change(version.texts, version.piece, beat, f"{command.bpm:.12g}{end}", over)
 
 
+@edits_texts(c.SetMeter)
+def _meter(command: c.SetMeter, version: Version, beat: float) -> Texts:
+    return times.change_meter(version.texts, version.piece, beat, str(command.meter))
+
+
 @edits_texts(c.Nudge)
 def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
     """Make the beat that begins longer (or shorter) by a length; the next beats have the old

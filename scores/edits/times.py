@@ -1,6 +1,8 @@
-"""Sets the tempo from a beat on, and marks."""
+"""Sets the tempo and the meter from a beat on, and marks."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, parse_length
@@ -42,8 +44,41 @@ def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = N
         if over is None:
             return _without(texts, here, "over")
         return texts.put((*place(texts, "tempo", here), "over"), over)
-    said: dict[str, edit.Tree] = {"at": written(piece, at), "bpm": bpm}
-    text = edit.flow(said if over is None else {**said, "over": over})
+    ramp = {} if over is None else {"over": over}
+    return _inserted(texts, below, {"at": written(piece, at), "bpm": bpm, **ramp})
+
+
+def change_meter(texts: Texts, piece: Piece, at: float, meter: str) -> Texts:
+    """Set the meter from a beat on, which begins a bar; later meters are removed, but their tempos
+    stay.
+
+    Raises EditError.
+    """
+    tempo = piece.tempo_map
+    if abs(tempo.bar_beat(at)[1] - 1.0) > SAME:
+        raise EditError(f"a meter begins with a bar: write meter {meter} at {tempo.written(at)}")
+    here: int | None = None  # an entry on this beat
+    below: int | None = None  # the first later entry that stays
+    for number in reversed(range(len(piece.tempo))):
+        entry = piece.tempo[number]
+        begin = tempo.resolve(entry.at)
+        if begin > at + SAME:
+            if entry.meter is not None and entry.bpm is None:
+                texts = dropped(texts, "tempo", number)
+                below = None if below is None else below - 1
+                continue
+            below = number
+            texts = _without(texts, number, "meter")
+        elif begin >= at - SAME:
+            here = number
+    if here is not None:
+        return texts.put((*place(texts, "tempo", here), "meter"), meter)
+    return _inserted(texts, below, {"at": written(piece, at), "meter": meter})
+
+
+def _inserted(texts: Texts, below: int | None, entry: Mapping[str, edit.Tree]) -> Texts:
+    """A new entry above the one of a number, or after all others."""
+    text = edit.flow(dict(entry))
     if below is None:
         return texts.append(("tempo",), text)
     path = place(texts, "tempo", below)

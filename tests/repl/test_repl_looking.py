@@ -206,3 +206,13 @@ def test_strikes_have_a_row_of_their_own(own: Stepped, line: str, row: str):
     own.ok(line)
     (shown,) = [line for line in own.ok("?").lines if line.startswith("d1 ")]
     assert row in shown.split()
+
+
+def test_a_meter_changes_while_it_plays(own: Stepped):
+    own.ok("d1 strikes bell.m every 1 impulse 2mNs now")
+    own.run(0.7)
+    own.ok("meter 3/4")
+    own.run(6.0)
+    assert own.where.startswith("5|")  # a bar of four beats, then bars of three: beat 13
+    own.close()
+    assert np.array_equal(own.again(), own.sound)

@@ -54,6 +54,31 @@ def test_a_tempo_beside_a_lone_one(tempo):
     assert after.tempo_map.bar_beat(20.0) == piece.tempo_map.bar_beat(20.0)
 
 
+@pytest.mark.parametrize(
+    "tempo",
+    [
+        "tempo: {at: 1|1, bpm: 60}\n",
+        "tempo: {at: 3|1, bpm: 60, meter: 7/8}\n",
+        "tempo: [{at: 2|1, bpm: 60}, {at: 9|1, meter: 5/4}, {at: 11|1, bpm: 90, meter: 4/4}]\n",
+        "tempo: []\n",
+        "",
+    ],
+)
+def test_the_meter_holds_from_its_bar(tempo):
+    head, tail = Path(TWO).read_text().split("tempo:\n")
+    texts, piece = opened(TWO, head + tempo + tail[tail.index("marks:") :])
+    after = piece_of(times.change_meter(texts, piece, 4.0, "3/4")).tempo_map
+    assert [after.bar_beat(float(beat)) for beat in (3, 4, 6, 7, 40)] == [
+        *((1, 4.0), (2, 1.0), (2, 3.0), (3, 1.0), (14, 1.0))
+    ]
+
+
+def test_a_meter_begins_with_a_bar():
+    texts, piece = opened(DUET)
+    with pytest.raises(EditError, match=r"a meter begins with a bar"):
+        times.change_meter(texts, piece, 37.0, "3/4")
+
+
 def test_a_mark_is_where_it_was_set():
     texts, piece = opened(DUET)
     after = piece_of(times.mark(texts, piece, "verse-2", 13.25))

@@ -34,6 +34,7 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "play from B": lambda s: s.play("B"),
     "stop": lambda s: s.stop(),
     "tempo 60 -> 84 over 4bar": lambda s: s.tempo("60 -> 84", over="4bar"),
+    "meter 3+2+2/8": lambda s: s.meter("3+2+2/8"),
     "tap": lambda s: s.tap(),
     "nudge -10ms": lambda s: s.nudge("-10ms"),
     "quant 2bar": lambda s: s.quant("2bar"),

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from ergon.notation.clock.meter import Meter
 from ergon.notation.clock.positions import Length, Position, parse_position
 from ergon.repl.language import commands as c
 from ergon.repl.language.parse import parse
@@ -104,6 +105,7 @@ OTHERS = [
     ("set k1.M 350g", c.Set("k1.M", 0.35, None, None)),
     ("set gong.f A1", c.Set("gong.f", 55.0, None, None)),
     ("tempo 72", c.Tempo(72)),
+    ("meter 3/4", c.SetMeter(Meter(3, 4, (3,)))),
     ("tap", c.Tap()),
     ("nudge -10ms", c.Nudge(Length(seconds=-0.01))),
     ("quant now", c.Quant(c.NOW)),
