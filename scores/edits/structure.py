@@ -25,15 +25,37 @@ Fields = Mapping[str, str]
 def build(
     texts: Texts, piece: Piece, name: str, base: str, fields: Fields, semitones: float = 0.0
 ) -> Texts:
-    """Add an instrument like another (`bell`), or one from a file (`bell/bell`).
+    """Add an instrument like another (`bell`), or one from a file (`bell/bell`), heard on all
+    channels until a route says otherwise.
 
     Its own `fields` replace those of the other. Raises EditError.
     """
     said: dict[str, edit.Tree] = {"from" if "/" in base else "like": base, **fields}
     if semitones:
         said["transpose"] = f"{semitones:g}st"
-    texts = routed(texts, piece)
-    return texts.put(("instruments", name), edit.flow(said))
+    texts = routed(texts, piece).put(("instruments", name), edit.flow(said))
+    if not _is_heard(texts, name):
+        return texts
+    every: edit.Tree = {"from": name, "to": [str(c + 1) for c in range(_n_channels(piece))]}
+    return texts.append(("mix", "route"), edit.flow(every))
+
+
+def _is_heard(texts: Texts, name: str) -> bool:
+    """Whether a new instrument has outputs that need a route; without mistakes in the texts."""
+    piece = texts.load().piece
+    if piece is None:
+        return False  # the texts are refused for it
+    made = piece.instruments[next(iter(piece.families.get(name, (name,))))]
+    return bool(made.outputs) and all(output.nearest is None for output in made.outputs)
+
+
+def _n_channels(piece: Piece) -> int:
+    """How many channels a piece has: those of its mix, or one for each output."""
+    if piece.mix.routes:
+        used = (max(route.to) for route in piece.mix.routes if route.to != "nearest")
+        return max(1, piece.mix.channels, *used)
+    outputs = sum(len(instrument.outputs) for instrument in piece.instruments.values())
+    return max(1, piece.mix.channels, outputs)
 
 
 def key(texts: Texts, name: str, like: str) -> Texts:

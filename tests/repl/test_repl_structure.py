@@ -99,6 +99,15 @@ def test_a_new_instrument_is_built_linked_routed_and_played(at: Stepped):
     same_again(at)
 
 
+@pytest.mark.parametrize(("base", "struck"), [("bell", "b2.m"), ("skins/kick", "b2.hammer")])
+def test_a_new_instrument_is_heard_on_all_channels(at: Stepped, base: str, struck: str):
+    at.ok(f"b2 = {base}")
+    at.ok(f"d1 strikes {struck} every 1/2 impulse 50mNs")
+    at.run(4.0)
+    assert min(level(at, channel, 1.0) for channel in (2, 3, 4)) > 0
+    same_again(at)
+
+
 def test_an_instrument_like_another_is_transposed_where_it_sounds(at: Stepped):
     at.ok("deep = bell transpose -12st")
     piece = at.session.schedule.head.piece
