@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -17,6 +18,7 @@ from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.sections import STRIKES
 
 # `OPTIONS` has each option of `strikes` with an example.
+_BARE = re.compile(r"\d+\.?\d*|\.\d+")  # a number without a unit
 _LOUD = "1mNs"  # the impulse of notes that say none
 OPTIONS = {
     "every": "1/2",
@@ -66,6 +68,10 @@ def _check(options: Mapping[str, PlacedWord], scope: Scope) -> None:
     for name, word in options.items():
         shape = v.POSITION if name == "until" else STRIKES.by_name[name].shape
         try:
+            if name == "impulse" and _BARE.fullmatch(word.text) and float(word.text) > 0.0:
+                message = f"{quote(word.text)} has no unit: write {word.text}mNs, or "
+                message += f"{word.text}Ns, which is a thousand times as hard"
+                raise TextError(message, length=len(word.text), suggestion=f"{word.text}mNs")
             if isinstance(shape, Text):
                 shape.parse(word.text)
             else:

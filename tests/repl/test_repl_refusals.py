@@ -25,6 +25,16 @@ from ergon.repl.language.parse import parse
         ("set bell.m.k x2", "bell.m.k", "set bell.m.K x2"),
         ("set bell.m.K 900N/mm/s", "N/mm/s", "set bell.m.K 900N/mm"),
         ("gain bell -6", "-6", "gain bell -6dB"),
+        (
+            "d1 strikes bell.m every 1 impulse 100",
+            "100",
+            "d1 strikes bell.m every 1 impulse 100mNs",
+        ),
+        (
+            "d1 strikes bell.m impulse 2.5 every 1",
+            "2.5",
+            "d1 strikes bell.m impulse 2.5mNs every 1",
+        ),
         ("temop 72", "temop", "tempo 72"),
         ("tempo 72 nwo", "72 nwo", None),
         ("hush nwo", "nwo", "hush now"),
