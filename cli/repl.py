@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("score_path", metavar="SCORE", required=False, type=ScorePath())
+@click.argument("score_path", metavar="[SCORE]", required=False, type=ScorePath())
 @options.hands
 @options.sound
 @click.option(
@@ -75,7 +75,7 @@ def repl(
     strict: bool,
     **given: Any,
 ) -> None:
-    """Live-code a score: every line is one musical decision.
+    """Live-code a score, or without one an empty piece: every line is one musical decision.
 
     The line `play` begins; `help` lists the lines that exist. A line takes effect at the next bar,
     and one with a mistake changes nothing: the music goes on. F12 silences the sound and all

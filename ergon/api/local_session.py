@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.common.errors import ErgonError
 from ergon.common.report import Report
 from ergon.rendering.level import HIGHPASS
 
@@ -44,6 +43,9 @@ if TYPE_CHECKING:
 _MARGIN = 0.006
 _SWITCH = 0.0005  # [s]
 _Heard = tuple[float, float | None]  # gain, and reference level: ratios
+
+
+_EMPTY_PIECE = "ergon: 1\nmix: {channels: 2}\n"
 
 
 def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
@@ -164,11 +166,24 @@ def _beginning(path: str | None, options: SessionOptions, report: Report) -> _Be
         except NotTakenError as error:
             raise OptionError("resume", f"{resume}: {error}") from None
     if path is None:
-        raise ErgonError("neither a score nor a journal is given; name one of them")
+        return _empty_piece()
     loaded = scores.read(path, ReadOptions(trust=options.trust), report, leave_out=("N401",))
     piece = scores.piece_of(loaded)
     texts = Texts.read(path, scores.bounds(path, options.trust))
     return _Beginning(Version(0, "", texts, piece), Clock())
+
+
+def _empty_piece() -> _Beginning:
+    """The beginning of a piece that is typed from nothing; `save` writes it."""
+    from ergon.repl.session.clock import Clock
+    from ergon.repl.session.disk import Disk
+    from ergon.repl.session.journal import free_path
+    from ergon.repl.session.version import Version
+    from ergon.scores.edits.texts import Texts
+
+    texts = Texts(str(free_path(Path("piece.yaml"))), _EMPTY_PIECE)
+    piece = scores.piece_of(texts.load())
+    return _Beginning(Version(0, "", texts.complete(), piece), Clock(), disk=Disk())
 
 
 def _frozen(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -109,7 +110,8 @@ def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]
     changed = disk.unsaved_texts(texts)
     files: Mapping[str, str]
     if target is None:
-        if texts.path not in disk.hashes():
+        # A piece that was typed from nothing has no file yet.
+        if texts.path not in disk.hashes() and os.path.lexists(own):
             raise NotTakenError(
                 f"this session has not read {own}: `save NAME` writes a file beside it"
             )
