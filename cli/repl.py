@@ -75,11 +75,11 @@ def repl(
     strict: bool,
     **given: Any,
 ) -> None:
-    """Live-code a score, or without one an empty piece: every line is one musical decision.
+    """Live-code a score: every line is one musical decision.
 
-    The line `play` begins; `help` lists the lines that exist. A line takes effect at the next bar,
-    and one with a mistake changes nothing: the music goes on. F12 silences the sound and all
-    forces.
+    Without a score, an empty piece begins. The line `play` begins; `help` lists the lines that
+    exist. A line takes effect at the next bar, and one with a mistake changes nothing: the music
+    goes on. F12 silences the sound and all forces.
     """
     from ergon.api import local_session, remote_session
     from ergon.api.errors import EngineExitError
