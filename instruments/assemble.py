@@ -286,7 +286,7 @@ def _seen(fields: _Fields, reach: float) -> _Fields:
 def _stretched(value: Any, reach: float, power: int) -> Any:
     """A value, or those of some members of a generator, times `reach` to the power 1, -1 or -2."""
     if isinstance(value, tuple):
-        return tuple(_stretched(one, reach, power) for one in value)
+        return tuple(_stretched(each, reach, power) for each in value)
     if isinstance(value, Start):
         return replace(value, value=_stretched(value.value, reach, power))
     return value * reach if power == 1 else value / (reach if power == -1 else reach * reach)

@@ -33,7 +33,7 @@ _ON_ONE_AXIS = (
 
 def _all() -> dict[str, Kind]:
     proxy = proxies.table(ENDPOINT)
-    kinds = {own.name: own for own in _ON_ONE_AXIS}
+    kinds = {kind.name: kind for kind in _ON_ONE_AXIS}
     kinds["PROXY"] = Kind("PROXY", "mat", {"si": proxy, "ca": proxy}, check=proxies.check)
     for name, (family, table) in space_fields.tables(BETWEEN, ENDPOINT, LAW_FIELDS).items():
         known = kinds.get(name, Kind(name, family, {}))

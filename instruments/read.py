@@ -256,7 +256,7 @@ def module(name: str, kind: str, values: Values, axes: int = 1) -> Module:
     if axes > 1:
         return _in_space(name, kind, values, axes)
     return _completed(
-        name, kind, {one.name: values[one.name] for one in values.record.fields}, values
+        name, kind, {field.name: values[field.name] for field in values.record.fields}, values
     )
 
 
@@ -270,10 +270,10 @@ def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
 
 def _completed(name: str, kind: str, fields: dict[str, Any], values: Values) -> Module:
     """A module of the fields that are built from those that are written."""
-    own = KINDS[kind]
-    own.complete(values, fields)
-    own.check(values)
-    becomes, written = (own.becomes, kind) if own.becomes else (kind, "")
+    known = KINDS[kind]
+    known.complete(values, fields)
+    known.check(values)
+    becomes, written = (known.becomes, kind) if known.becomes else (kind, "")
     return Module(name, becomes, fields, values.place, Places(values.nodes), written)
 
 

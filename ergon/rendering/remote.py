@@ -161,13 +161,17 @@ class RemoteSimulation(StretchedSimulation):
         """Group the islands that are expensive enough."""
         super().__init__(simulation, store, n_frames)
         self._workers = workers
-        dear = [(i, one) for i, one in enumerate(simulation.storable()) if is_expensive(one)]
-        groups = group_by_cost([one.cost for _, one in dear], _GROUPS_EACH * workers.count)
+        costly = [
+            (number, island)
+            for number, island in enumerate(simulation.storable())
+            if is_expensive(island)
+        ]
+        groups = group_by_cost([island.cost for _, island in costly], _GROUPS_EACH * workers.count)
         self._chains = []
         for group in groups:
             parts = []
             for number in group:
-                index, island = dear[number]
+                index, island = costly[number]
                 simulation.record(island)
                 parts.append(_Part(island, index, simulation.recorded(island).state))
             self._chains.append(_Chain(parts))

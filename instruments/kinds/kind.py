@@ -112,9 +112,9 @@ def kind(
     `free` reads fields of other names, and `meant` has names that others use.
     """
 
-    def table(own: tuple[Field, ...], quantities: Quantities) -> Record:
+    def table(columns: tuple[Field, ...], quantities: Quantities) -> Record:
         free_shape = free(quantities) if free else None
-        return Record("module", doc, own, free=free_shape, meant=meant or {})
+        return Record("module", doc, columns, free=free_shape, meant=meant or {})
 
     tables: dict[Form, Record] = {"si": table(fields(SI), SI), "ca": table(fields(CA), CA)}
     if space:

@@ -26,8 +26,10 @@ def law_kind(
     """
 
     def in_space(quantities: Quantities) -> tuple[Field, ...]:
-        own = (Field(one, shape(quantities), text) for one, (shape, text) in constants.items())
-        return (BETWEEN, *own)
+        return (
+            BETWEEN,
+            *(Field(name, shape(quantities), text) for name, (shape, text) in constants.items()),
+        )
 
     def fields(quantities: Quantities) -> tuple[Field, ...]:
         text = "constants that go by where a MAT is"
@@ -36,22 +38,22 @@ def law_kind(
     def check(values: Values) -> None:
         following.check_constants(values)
         follows = values["follows"] if "follows" in values.record.by_name else ()
-        for one in constants:
-            if one not in follows:
-                needs(values, name, one)
+        for constant in constants:
+            if constant not in follows:
+                needs(values, name, constant)
 
-    def complete(values: Values, made: dict[str, Any]) -> None:
-        given = {one: made.pop(one) for one in constants}
+    def complete(values: Values, built: dict[str, Any]) -> None:
+        written = {constant: built.pop(constant) for constant in constants}
         # A constant that is missing was reported; the law needs one nevertheless.
-        follows = made.get("follows") or ()
-        made["constants"] = {
-            one: 1.0 if value is None else value
-            for one, value in given.items()
-            if one not in follows
+        follows = built.get("follows") or ()
+        built["constants"] = {
+            constant: 1.0 if value is None else value
+            for constant, value in written.items()
+            if constant not in follows
         }
-        made |= {"law": law, "damping": damping, "points": None, "rest": 0.0}
+        built |= {"law": law, "damping": damping, "points": None, "rest": 0.0}
         if "interval" in values.given:
-            made["interval"] = values.given["interval"]
+            built["interval"] = values.given["interval"]
 
     return kind(
         name,

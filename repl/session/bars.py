@@ -34,7 +34,7 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
     bar, _ = tempo.bar_beat(now)
     starts = [tempo.bars.start(bar + number) for number in range(_BARS + 1)]
     tracks = {name: [*_begins(piece, name, starts)] for name in piece.players}
-    struck = {one.name: [*_strokes(piece, one, starts)] for one in piece.strikes}
+    struck = {each.name: [*_strokes(piece, each, starts)] for each in piece.strikes}
     tracks |= {name: strokes for name, strokes in struck.items() if strokes}
     names = max(map(len, tracks), default=0)
     margin = min(names, _NAME_MOST) + 2

@@ -196,7 +196,7 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
         words = [_entry(line.play) for line in goes_on] or ["nothing"]
         words += [f"then {_entry(line.play)}" for line in coming[:1]]
         rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(words)}")
-    rows += [_striking(one) for one in piece.strikes if _goes_on(one, piece, now)]
+    rows += [_striking(each) for each in piece.strikes if _goes_on(each, piece, now)]
     rows += [f"{name}: {rule.trigger.text}" for name, rule in version.rules.items()]
     return rows
 

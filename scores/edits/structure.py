@@ -45,8 +45,8 @@ def _is_heard(texts: Texts, name: str) -> bool:
     piece = texts.load().piece
     if piece is None:
         return False  # the texts are refused for it
-    made = piece.instruments[next(iter(piece.families.get(name, (name,))))]
-    return bool(made.outputs) and all(output.nearest is None for output in made.outputs)
+    outputs = piece.instruments[next(iter(piece.families.get(name, (name,))))].outputs
+    return bool(outputs) and all(output.nearest is None for output in outputs)
 
 
 def _n_channels(piece: Piece) -> int:
@@ -153,7 +153,7 @@ class Entry:
 
 def entries_with_mistakes(texts: Texts) -> list[Entry]:
     """The entries of a score in which there are mistakes, in the order of the text, each once."""
-    mistakes = [found for found in texts.load().diagnostics if found.severity == "error"]
+    mistakes = [each for each in texts.load().diagnostics if each.severity == "error"]
     score = texts.document() if mistakes else None
     entries = (
         Entry(mistake.place.file)
