@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ergon.notation.text.edit import EditError
 from ergon.repl.language import commands as c
 from ergon.repl.session import midi_maps
 from ergon.repl.session.edit_table import edits_texts, makes_edit, with_texts
@@ -20,10 +21,20 @@ if TYPE_CHECKING:
 @edits_texts(c.Build)
 def _build(command: c.Build, version: Version, beat: float) -> Texts:
     piece = version.piece
-    if command.name in piece.instruments or command.name in piece.keys:
-        raise NotTakenError(f"{command.name} exists: `remove {command.name}` first")
+    names, _ = version.texts.names()
+    if command.name in {*piece.instruments, *piece.keys, *names.tables["instruments"]}:
+        raise NotTakenError(f"{command.name} exists: {_way_out(version.texts, command.name)}")
     own = command.base, command.fields, command.semitones
     return structure.build(version.texts, piece, command.name, *own)
+
+
+def _way_out(texts: Texts, name: str) -> str:
+    """What to do where a name is in use."""
+    try:
+        structure.definition_path(texts, name)
+    except EditError:
+        return "a file that the score uses has it; play it, or choose another name"
+    return f"`remove {name}` first"
 
 
 @edits_texts(c.Link)

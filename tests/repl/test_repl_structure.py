@@ -297,3 +297,10 @@ def test_unheard_part_is_refused_by_its_line(at: Stepped) -> None:
     assert "above half the rate" in at.type("set cup.m.f 9kHz").text
     at.ok("set cup.m.f 200Hz")
     at.ok("route cup 2")
+
+
+def test_a_name_that_a_file_of_the_score_has(tmp_path: Path):
+    at = Stepped("ergon: 1\nuse: instruments/found.yaml\n", tmp_path)
+    reply = at.type("bottle = found/bottle")
+    assert reply.text.startswith("bottle exists: a file that the score uses has it")
+    at.close()
