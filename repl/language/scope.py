@@ -38,10 +38,17 @@ class Scope:
     targets: Mapping[str, Text] = field(default_factory=dict)
     folder: Path | None = None
     strikes: Mapping[str, str] = field(default_factory=dict)
+    # Instruments of files that nothing plays yet.
+    available: Mapping[str, str] = field(default_factory=dict)
     blocks: Mapping[str, str] = field(default_factory=dict)
     rooms: Mapping[str, str] = field(default_factory=dict)
     phrases: Mapping[str, str] = field(default_factory=dict)
     paths: Mapping[str, str] = field(default_factory=dict)  # in space: their axes are gestures
+
+
+def playable(scope: Scope) -> Mapping[str, str]:
+    """Every instrument that a line may play."""
+    return {**scope.instruments, **scope.available}
 
 
 def scores_in(folder: Path | None) -> list[Path]:
@@ -72,6 +79,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         },
         targets=dict(_targets(piece)),
         folder=folder,
+        available=dict.fromkeys(piece.available, "instrument of a file"),
         strikes={one.name: "strikes" for one in piece.strikes},
         rooms={room.name: "room" for room in piece.mix.rooms},
         phrases={name: "phrase" for name in piece.phrases},

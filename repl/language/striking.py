@@ -11,7 +11,7 @@ from ergon.notation.tables.shapes import NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import StrikeModules, When, Word
-from ergon.repl.language.scope import Scope
+from ergon.repl.language.scope import Scope, playable
 from ergon.scores.pattern.values import parse_values
 from ergon.scores.pattern.words import Word as PlacedWord
 from ergon.scores.pattern.words import parse_strikes
@@ -42,18 +42,16 @@ OPTIONS = {
 def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of the strikes, as texts."""
     first = text.split()[0]
-    if first in scope.phrases and first not in scope.instruments:  # the next form reads it
-        raise v.unknown_name(first, "an instrument or a key", (*scope.instruments, *scope.keys))
+    if first in scope.phrases and first not in playable(scope):  # the next form reads it
+        raise v.unknown_name(first, "an instrument or a key", (*playable(scope), *scope.keys))
     modules, options = parse_strikes(text, OPTIONS)
     if not modules:
         message = "the modules are missing: rain strikes bell.m every 1 impulse 2mNs"
         raise TextError(message, length=len(text))
     for module in modules:
         part = module.text.split(".")[0]
-        if part not in scope.instruments and part not in scope.keys:
-            error = v.unknown_name(
-                part, "an instrument or a key", (*scope.instruments, *scope.keys)
-            )
+        if part not in playable(scope) and part not in scope.keys:
+            error = v.unknown_name(part, "an instrument or a key", (*playable(scope), *scope.keys))
             error.offset += module.offset
             raise error
     _check(options, scope)
@@ -89,7 +87,7 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
     if context.before and context.before[0] in context.scope.phrases:
         return
     if not any(word in OPTIONS for word in context.before):
-        yield from v.name_completions(context.scope.instruments)
+        yield from v.name_completions(playable(context.scope))
     if context.before:
         for name in OPTIONS:
             if name not in context.before:
@@ -119,22 +117,22 @@ def _read_notes(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[st
 
 def _offers_notes(context: v.CompletionContext) -> Iterator[v.Completion]:
     if context.before:
-        names = context.scope.instruments
+        names = playable(context.scope)
         yield from (offer for offer in _offers(context) if offer.text not in names)
     else:
         yield v.Completion("A3", "notes, a scale or a chord such as A3.minor")
 
 
 def _struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if text.split(".")[0] not in scope.instruments:
-        raise v.unknown_name(text, "an instrument", scope.instruments)
+    if text.split(".")[0] not in playable(scope):
+        raise v.unknown_name(text, "an instrument", playable(scope))
     return text
 
 
 PLAYED_ON = v.Value(
     "an instrument or one of its CELs",
     _struck,
-    lambda context: v.name_completions(context.scope.instruments),
+    lambda context: v.name_completions(playable(context.scope)),
 )
 NOTES = v.Value("notes and the length of a step", _read_notes, _offers_notes)
 STRIKING = v.Value("modules and how they are struck", _read, _offers)

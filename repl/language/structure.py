@@ -205,7 +205,7 @@ LINK_KIND = Value(
 LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _fields, _field_offers)
 PLAYER_NAME = _known_or_new("players")
 KEY_NAME = _known_or_new("keys")
-INSTRUMENT = v.name_value("an instrument", "instruments")
+INSTRUMENT = v.name_value("an instrument", "instruments", "available")
 CHANNELS = Value("channels, such as 3 or 3 4", _channels, _channel_offers)
 REMOVABLE = Value(
     "a name of this score", _removed, lambda context: v.name_completions(_removable(context.scope))

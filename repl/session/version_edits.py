@@ -37,6 +37,7 @@ from ergon.scores.edits import (
     parts,
     renaming,
     strikes,
+    structure,
     times,
 )
 from ergon.scores.edits.scenes import has_events_from
@@ -100,7 +101,12 @@ def _do(command: c.Do, version: Version, beat: float) -> Texts:
 
 @edits_texts(c.StrikeModules)
 def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
-    return strikes.strike(version.texts, version.piece, command.name, beat, command.fields)
+    piece = version.piece
+    texts = strikes.strike(version.texts, piece, command.name, beat, command.fields)
+    struck = {word.split(".")[0] for word in command.fields.get("to", "").split()}
+    for name in sorted(struck & {*piece.available}):
+        texts = structure.heard_everywhere(texts, piece, name)
+    return texts
 
 
 @edits_texts(c.Automate)

@@ -33,19 +33,26 @@ def build(
     said: dict[str, edit.Tree] = {"from" if "/" in base else "like": base, **fields}
     if semitones:
         said["transpose"] = f"{semitones:g}st"
-    texts = routed(texts, piece).put(("instruments", name), edit.flow(said))
-    if not _is_heard(texts, name):
+    texts = texts.put(("instruments", name), edit.flow(said))
+    return heard_everywhere(texts, piece, name)
+
+
+def heard_everywhere(texts: Texts, piece: Piece, name: str) -> Texts:
+    """Route an instrument that is new in a piece to all channels, if it has outputs."""
+    if not _has_outputs(texts, name):
         return texts
+    texts = routed(texts, piece)
     every: edit.Tree = {"from": name, "to": [str(c + 1) for c in range(_n_channels(piece))]}
     return texts.append(("mix", "route"), edit.flow(every))
 
 
-def _is_heard(texts: Texts, name: str) -> bool:
-    """Whether a new instrument has outputs that need a route; without mistakes in the texts."""
+def _has_outputs(texts: Texts, name: str) -> bool:
+    """Whether a new instrument has outputs that need a route."""
     piece = texts.load().piece
     if piece is None:
         return False  # the texts are refused for it
-    outputs = piece.instruments[next(iter(piece.families.get(name, (name,))))].outputs
+    members = piece.families.get(name, (name,))
+    outputs = piece.instruments[members[0]].outputs
     return bool(outputs) and all(output.nearest is None for output in outputs)
 
 

@@ -113,12 +113,21 @@ class Checker:
             automation=changes,
             blocks={n: own for n, own in (score["blocks"] or {}).items() if own is not MISSING},
             phrases=tuple(self._phrases()),
+            available=self._available(),
             families={n: tuple(own.values()) for n, own in self.part_names.families.items()},
         )
         begins = times.check(score, piece)
         if self.collector.has_errors():
             return piece
         return replace(piece, starts=schedule(piece, begins, times.known, self.collector))
+
+    def _available(self) -> tuple[str, ...]:
+        """Instruments that a file brings and nothing plays."""
+        families = self.part_names.families
+        known = self.names.tables["instruments"]
+        return tuple(
+            name for name in known if name not in self.matter.instruments and name not in families
+        )
 
     # --- what other scores play ------------------------------------------------------------------
 

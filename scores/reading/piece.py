@@ -452,6 +452,8 @@ class Piece:
 
     # What strikes may play: the names of phrases, and of takes that are MIDI files.
     phrases: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    # Instruments that a file brings and nothing plays yet; they are not in the network.
+    available: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def motion_every(self) -> int:
@@ -529,7 +531,7 @@ _NOT_VALUES = {  # places and texts do not count
     Layout: ("is_equidistant", "title"),  # the file that is hashed by its path
     Key: ("measured",),
     # Fields that follow from the others, or that do not change what is computed.
-    Piece: ("tempo_map", "starts", "blocks", "families", "phrases"),
+    Piece: ("tempo_map", "starts", "blocks", "families", "phrases", "available"),
     RenderSpec: ("file",),
 }
 

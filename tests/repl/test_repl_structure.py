@@ -299,8 +299,28 @@ def test_unheard_part_is_refused_by_its_line(at: Stepped) -> None:
     at.ok("route cup 2")
 
 
+FOUND = "ergon: 1\nuse: instruments/found.yaml\nmix: {channels: 2}\n"
+
+
 def test_a_name_that_a_file_of_the_score_has(tmp_path: Path):
-    at = Stepped("ergon: 1\nuse: instruments/found.yaml\n", tmp_path)
+    at = Stepped(FOUND, tmp_path)
     reply = at.type("bottle = found/bottle")
     assert reply.text.startswith("bottle exists: a file that the score uses has it")
     at.close()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "d1 strikes bottle.hammer every 1/2 impulse 5mNs",
+        "route bottle 1 2\nd1 strikes bottle.hammer every 1/2 impulse 5mNs",
+    ],
+)
+def test_an_instrument_of_a_file_is_played_at_once(tmp_path: Path, line: str):
+    at = Stepped(FOUND, tmp_path)
+    at.ok("play")
+    at.ok(line)
+    at.run(6.0)
+    assert min(level(at, channel, 1.0) for channel in (1, 2)) > 0
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
