@@ -152,18 +152,25 @@ struct Watch {
 impl Values {
     /// Open the gates as they are at frame `n`.
     fn open(&mut self, gates: &[Gate], n: u64) {
-        let each = gates.iter().zip(&self.gate_continuations);
-        for (open, (gate, continuation)) in self.gates.iter_mut().zip(each) {
-            *open = GateContinuation::open(continuation.as_ref(), gate, n);
-        }
+        open_gates(&mut self.gates, gates, &self.gate_continuations, n);
     }
 
     /// The same for the ledger, at frame `n`, the next one.
     fn open_next(&mut self, gates: &[Gate], n: u64) {
-        let each = gates.iter().zip(&self.gate_continuations);
-        for (open, (gate, continuation)) in self.gates_next.iter_mut().zip(each) {
-            *open = GateContinuation::open(continuation.as_ref(), gate, n);
-        }
+        open_gates(&mut self.gates_next, gates, &self.gate_continuations, n);
+    }
+}
+
+/// How far each gate is open at frame `n`   (n_gates)
+fn open_gates(
+    open: &mut [f64],
+    gates: &[Gate],
+    continuations: &[Option<GateContinuation>],
+    n: u64,
+) {
+    let each = gates.iter().zip(continuations);
+    for (open, (gate, continuation)) in open.iter_mut().zip(each) {
+        *open = GateContinuation::open(continuation.as_ref(), gate, n);
     }
 }
 
