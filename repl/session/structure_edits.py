@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 @edits_texts(c.Build)
 def _build(command: c.Build, version: Version, beat: float) -> Texts:
     piece = version.piece
-    names, _ = version.texts.names()
-    if command.name in {*piece.instruments, *piece.keys, *names.tables["instruments"]}:
-        raise NotTakenError(f"{command.name} exists: {_way_out(version.texts, command.name)}")
+    taken = {*piece.instruments, *piece.families, *piece.available, *piece.keys}
+    if command.name in taken:
+        raise NotTakenError(f"{command.name} exists: {_remedy(version.texts, command.name)}")
     own = command.base, command.fields, command.semitones
     return structure.build(version.texts, piece, command.name, *own)
 
 
-def _way_out(texts: Texts, name: str) -> str:
+def _remedy(texts: Texts, name: str) -> str:
     """What to do where a name is in use."""
     try:
         structure.definition_path(texts, name)

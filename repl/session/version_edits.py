@@ -105,7 +105,7 @@ def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
     texts = strikes.strike(version.texts, piece, command.name, beat, command.fields)
     struck = {word.split(".")[0] for word in command.fields.get("to", "").split()}
     for name in sorted(struck & {*piece.available}):
-        texts = structure.heard_everywhere(texts, piece, name)
+        texts = structure.routed_to_all(texts, piece, name)
     return texts
 
 

@@ -34,10 +34,10 @@ def build(
     if semitones:
         said["transpose"] = f"{semitones:g}st"
     texts = texts.put(("instruments", name), edit.flow(said))
-    return heard_everywhere(texts, piece, name)
+    return routed_to_all(texts, piece, name)
 
 
-def heard_everywhere(texts: Texts, piece: Piece, name: str) -> Texts:
+def routed_to_all(texts: Texts, piece: Piece, name: str) -> Texts:
     """Route an instrument that is new in a piece to all channels, if it has outputs."""
     if not _has_outputs(texts, name):
         return texts
@@ -57,12 +57,8 @@ def _has_outputs(texts: Texts, name: str) -> bool:
 
 
 def _n_channels(piece: Piece) -> int:
-    """How many channels a piece has: those of its mix, or one for each output."""
-    if piece.mix.routes:
-        used = (max(route.to) for route in piece.mix.routes if route.to != "nearest")
-        return max(1, piece.mix.channels, *used)
-    outputs = sum(len(instrument.outputs) for instrument in piece.instruments.values())
-    return max(1, piece.mix.channels, outputs)
+    used = (max(route.to) for route in piece.routes() if route.to != "nearest")
+    return max(1, piece.mix.channels, *used)
 
 
 def key(texts: Texts, name: str, like: str) -> Texts:
@@ -201,13 +197,13 @@ def routed(texts: Texts, piece: Piece) -> Texts:
     """
     if piece.mix.routes:
         return texts
-    channel = 0
-    for instrument in piece.instruments.values():
-        for output in instrument.outputs:
-            channel += 1
-            name = ".".join(filter(None, (instrument.name, output.name)))
-            said: dict[str, edit.Tree] = {"from": name, "to": [str(channel)]}
-            texts = texts.append(("mix", "route"), edit.flow(said))
+    family = piece.note_families()
+    channels = {}  # of the outputs by name; the notes of an instrument share those of its own
+    for route in piece.routes():
+        name = ".".join(filter(None, (family.get(route.part, route.part), route.out)))
+        channels[name] = [str(channel) for channel in route.to]
+    for name, to in channels.items():
+        texts = texts.append(("mix", "route"), edit.flow({"from": name, "to": [*to]}))
     return texts
 
 

@@ -232,6 +232,20 @@ class Strikes:
         """The name that keys the random draws of the strikes."""
         return f"strikes/{self.name}"
 
+    def stop(self, tempo: TempoMap) -> float | None:
+        """The beat at which they end; None if nothing ends them. Raises TextError."""
+        if self.span is not None:
+            return tempo.after(tempo.resolve(self.at), self.span)
+        return None if self.until is None else tempo.resolve(self.until)
+
+    def beats(self, tempo: TempoMap) -> Sequence[float]:
+        """Beats of strikes without a pattern: one, or one per `every`. Raises TextError."""
+        at = tempo.resolve(self.at)
+        if self.every is None:
+            return [at]
+        stop = self.stop(tempo)
+        return starts(tempo, at, Time(), every=self.every, times=self.times, until=stop)
+
     def rounds(self, tempo: TempoMap) -> list[float]:
         """Beats on which rounds begin: one for each time a phrase is played. Raises TextError."""
         if self.length is None:
@@ -257,12 +271,9 @@ class Strikes:
         """The places of the pattern, on which it strikes. Raises TextError."""
         assert self.pattern is not None
         tempo = piece.tempo_map
-        at = tempo.resolve(self.at)
-        until = None if self.until is None else tempo.resolve(self.until)
-        if self.span is not None:
-            until = tempo.after(at, self.span)
+        at, stop = tempo.resolve(self.at), self.stop(tempo)
         course = PlaceSequence(self.pattern, Draws(piece.seed, self.who))
-        return steps(tempo, at, course, every=self.every, times=self.times, until=until)
+        return steps(tempo, at, course, every=self.every, times=self.times, until=stop)
 
 
 @dataclass(frozen=True, slots=True)
@@ -466,6 +477,24 @@ class Piece:
             yield from ((key.name, module) for module in key.modules)
         for instrument in self.instruments.values():
             yield from ((instrument.name, module) for module in instrument.modules)
+
+    def routes(self) -> tuple[Route, ...]:
+        """The routes of the mix; without any, each output has a channel of its own, in the order
+        written, and the notes of an instrument share its channels.
+        """
+        if self.mix.routes:
+            return self.mix.routes
+        family = self.note_families()
+        channels: dict[tuple[str, str], int] = {}
+        routes = []
+        for instrument in self.instruments.values():
+            for output in instrument.outputs:
+                name = family.get(instrument.name, instrument.name), output.name
+                channel = channels.setdefault(name, len(channels) + 1)
+                routes.append(
+                    Route(instrument.name, output.name, (channel,), 1.0, None, output.place)
+                )
+        return tuple(routes)
 
     def note_families(self) -> dict[str, str]:
         """The instrument that each note belongs to, by the name of the note's part."""

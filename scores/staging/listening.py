@@ -111,8 +111,7 @@ def check_rooms(piece: Piece, collector: Collector) -> None:
 
 def heard(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
     """The outputs that reach loudspeakers, each with its route and its instrument."""
-    routes = piece.mix.routes or tuple(_default_routes(piece))
-    return [(route, *one) for route in routes for one in _of(piece, route)]
+    return [(route, *one) for route in piece.routes() for one in _of(piece, route)]
 
 
 def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Listening:
@@ -148,20 +147,6 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
     used += [channel for room in listening.rooms for channel in room.to]
     listening.n_channels = max(listening.n_channels, *used, 1)
     return listening
-
-
-def _default_routes(piece: Piece) -> Iterator[Route]:
-    """The default routes: every output has a channel of its own, in the order written.
-
-    The notes of an instrument share its channels.
-    """
-    family = piece.note_families()
-    channels: dict[tuple[str, str], int] = {}
-    for instrument in piece.instruments.values():
-        for output in instrument.outputs:
-            name = family.get(instrument.name, instrument.name), output.name
-            channel = channels.setdefault(name, len(channels) + 1)
-            yield Route(instrument.name, output.name, (channel,), 1.0, None, output.place)
 
 
 def _of(piece: Piece, route: Route) -> Iterator[tuple[Instrument, Output]]:

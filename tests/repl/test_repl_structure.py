@@ -100,7 +100,7 @@ def test_a_new_instrument_is_built_linked_routed_and_played(at: Stepped):
 
 
 @pytest.mark.parametrize(("base", "struck"), [("bell", "b2.m"), ("skins/kick", "b2.hammer")])
-def test_a_new_instrument_is_heard_on_all_channels(at: Stepped, base: str, struck: str):
+def test_build_routes_to_all_channels(at: Stepped, base: str, struck: str):
     at.ok(f"b2 = {base}")
     at.ok(f"d1 strikes {struck} every 1/2 impulse 50mNs")
     at.run(4.0)
@@ -302,7 +302,7 @@ def test_unheard_part_is_refused_by_its_line(at: Stepped) -> None:
 FOUND = "ergon: 1\nuse: instruments/found.yaml\nmix: {channels: 2}\n"
 
 
-def test_a_name_that_a_file_of_the_score_has(tmp_path: Path):
+def test_build_with_name_of_used_file(tmp_path: Path):
     at = Stepped(FOUND, tmp_path)
     reply = at.type("bottle = found/bottle")
     assert reply.text.startswith("bottle exists: a file that the score uses has it")
@@ -316,7 +316,7 @@ def test_a_name_that_a_file_of_the_score_has(tmp_path: Path):
         "route bottle 1 2\nd1 strikes bottle.hammer every 1/2 impulse 5mNs",
     ],
 )
-def test_an_instrument_of_a_file_is_played_at_once(tmp_path: Path, line: str):
+def test_strikes_on_instrument_of_used_file(tmp_path: Path, line: str):
     at = Stepped(FOUND, tmp_path)
     at.ok("play")
     at.ok(line)
@@ -324,3 +324,15 @@ def test_an_instrument_of_a_file_is_played_at_once(tmp_path: Path, line: str):
     assert min(level(at, channel, 1.0) for channel in (1, 2)) > 0
     at.close()
     assert np.array_equal(at.again(), at.sound)
+
+
+def test_build_beside_notes_without_routes():
+    text = (
+        "ergon: 1\ninstruments:\n"
+        "  vib: {CEL: {M: 50g, f: A3, t60: 1s}, notes: [A3, C4], out: {SOX: vib}}\n"
+    )
+    texts, piece = opened("s.yaml", text)
+    _, after = opened("s.yaml", structure.build(texts, piece, "v2", "bell/bell", {}).text)
+    assert {(route.part, route.to) for route in after.mix.routes} == {
+        *(("vib.A3", (1,)), ("vib.C4", (1,)), ("v2", (1,)))
+    }
