@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from ergon import _core
 from ergon.common.errors import ErgonError
+from ergon.notation.tables.quantities import LOUDEST_DB
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Module
@@ -26,8 +27,6 @@ class HandlerTable(Protocol):
         """The handler of an address; None if the address is unknown."""
 
 
-# The highest level accepted from the network, to protect the ears [dB].
-_LEVEL_MAX_DB = 24.0
 SILENT_DB = -144.0
 _MAX_COMMAND = 1000  # characters: a line that somebody types is shorter
 
@@ -160,10 +159,8 @@ def level_handler(act: Callable[[float], object]) -> Handler:
         level = arguments[0] if len(arguments) == 1 else None
         if isinstance(level, bool) or not isinstance(level, int | float) or math.isnan(level):
             raise OscRequestError("the argument has to be one number, a level in dB")
-        if level > _LEVEL_MAX_DB:
-            raise OscRequestError(
-                f"{level:.4g} dB is above the highest level, {_LEVEL_MAX_DB:g} dB"
-            )
+        if level > LOUDEST_DB:
+            raise OscRequestError(f"{level:.4g} dB is above the highest level, {LOUDEST_DB:g} dB")
         act(float(level))
 
     return ask

@@ -228,16 +228,14 @@ def _read_level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
 
 def _read_gain(text: str, scope: Scope, given: Mapping[str, Any]) -> float:
     ratio: float = _read_level(text, scope, given)
-    if ratio > GAIN_MAX:
-        message = f"{text.strip()} is above the highest level, {GAIN_MAX_DB:g}dB"
+    if ratio > _GAIN_MAX:
+        message = f"{text.strip()} is above the highest level, {q.LOUDEST_DB:g}dB"
         raise TextError(message, length=len(text))
     return ratio
 
 
 _LENGTH_UNITS = ("bar", "beats", "s", "ms")
-# The highest gain that a line sets, as OSC: a slip of the finger must not hurt the ears [dB].
-GAIN_MAX_DB = 24.0
-GAIN_MAX = 10.0 ** (GAIN_MAX_DB / 20.0) * (1.0 + 1e-9)
+_GAIN_MAX = 10.0 ** (q.LOUDEST_DB / 20.0) * (1.0 + 1e-9)  # 24dB itself is taken
 
 
 def _read_length(text: str, *_: Any) -> Length:

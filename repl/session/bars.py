@@ -10,8 +10,6 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
-from ergon.notation.clock.occurrences import starts as occurrences
-from ergon.notation.text.values import Time
 from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 
@@ -88,10 +86,6 @@ def _strokes(
     """The strikes within these bars, each with its beat, and the note that it strikes."""
     tempo = piece.tempo_map
     first, last = starts[0] - SAME, starts[-1] - SAME
-    at = tempo.resolve(strikes.at)
-    stop = None if strikes.until is None else tempo.resolve(strikes.until)
-    if strikes.span is not None:
-        stop = tempo.after(at, strikes.span)
     if strikes.hits:
         yield from (
             (beat, hit.what) for beat, _, hit in strikes.falls(tempo) if first <= beat < last
@@ -105,16 +99,13 @@ def _strokes(
             if note is not None:
                 yield steps[place], note if strikes.voices else _STRUCK
     elif strikes.rate is not None:
+        at, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
         if at < last and (stop is None or stop > first):
             yield max(at, starts[0]), _CONTINUED
-    elif strikes.every is None:
-        yield from ((at, _STRUCK) for _ in range(first <= at < last))
     else:
-        beats = occurrences(tempo, at, Time(), every=strikes.every, times=strikes.times, until=stop)
-        yield from (
-            (beats[place], _STRUCK)
-            for place in range(n_before(beats, first), n_before(beats, last))
-        )
+        beats = strikes.beats(tempo)
+        places = range(n_before(beats, first), n_before(beats, last))
+        yield from ((beats[place], _STRUCK) for place in places)
 
 
 def _row(total: int, cells: Sequence[tuple[int, str]]) -> str:

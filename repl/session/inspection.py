@@ -202,7 +202,8 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
 
 
 def _goes_on(strikes: Strikes, piece: Piece, now: float) -> bool:
-    return strikes.until is None or piece.tempo_map.resolve(strikes.until) > now
+    stop = strikes.stop(piece.tempo_map)
+    return stop is None or stop > now
 
 
 def _striking(strikes: Strikes) -> str:

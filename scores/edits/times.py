@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, parse_length
@@ -22,20 +22,11 @@ def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = N
     EditError.
     """
     over = None if over is None else _over(piece, at, over)
-    begins = [piece.tempo_map.resolve(entry.at) for entry in piece.tempo]
+    texts, below = _without_later(texts, piece, at, "bpm", "over")
     here: int | None = None  # the entry that sets the tempo at this beat
-    below: int | None = None  # the first later entry that stays
-    for number in reversed(range(len(piece.tempo))):
-        entry, begin = piece.tempo[number], begins[number]
-        if begin > at + SAME:
-            if entry.bpm is not None and entry.meter is None:
-                texts = dropped(texts, "tempo", number)
-                below = None if below is None else below - 1
-                continue
-            below = number
-            for name in ("bpm", "over"):
-                texts = _without(texts, number, name)
-        elif begin >= at - SAME:
+    for number, begin in _until(piece, at):
+        entry = piece.tempo[number]
+        if begin >= at - SAME:
             here = number if entry.bpm is not None else here
         elif entry.bpm_end is not None:
             texts = _cut(texts, piece, number, begin, at)
@@ -57,23 +48,41 @@ def change_meter(texts: Texts, piece: Piece, at: float, meter: str) -> Texts:
     tempo = piece.tempo_map
     if abs(tempo.bar_beat(at)[1] - 1.0) > SAME:
         raise EditError(f"a meter begins with a bar: write meter {meter} at {tempo.written(at)}")
-    here: int | None = None  # an entry on this beat
-    below: int | None = None  # the first later entry that stays
+    texts, below = _without_later(texts, piece, at, "meter")
+    for number, begin in _until(piece, at):
+        if begin >= at - SAME:
+            return texts.put((*place(texts, "tempo", number), "meter"), meter)
+    return _inserted(texts, below, {"at": written(piece, at), "meter": meter})
+
+
+def _until(piece: Piece, at: float) -> Iterator[tuple[int, float]]:
+    """The entries up to a beat, the last one first: their numbers, and the beats of their
+    beginnings.
+    """
+    for number in reversed(range(len(piece.tempo))):
+        begin = piece.tempo_map.resolve(piece.tempo[number].at)
+        if begin <= at + SAME:
+            yield number, begin
+
+
+def _without_later(texts: Texts, piece: Piece, at: float, *fields: str) -> tuple[Texts, int | None]:
+    """Remove fields from the entries after a beat, and the entries that have nothing else; returns
+    the number of the first later entry that stays too.
+    """
+    below: int | None = None
     for number in reversed(range(len(piece.tempo))):
         entry = piece.tempo[number]
-        begin = tempo.resolve(entry.at)
-        if begin > at + SAME:
-            if entry.meter is not None and entry.bpm is None:
-                texts = dropped(texts, "tempo", number)
-                below = None if below is None else below - 1
-                continue
-            below = number
-            texts = _without(texts, number, "meter")
-        elif begin >= at - SAME:
-            here = number
-    if here is not None:
-        return texts.put((*place(texts, "tempo", here), "meter"), meter)
-    return _inserted(texts, below, {"at": written(piece, at), "meter": meter})
+        if piece.tempo_map.resolve(entry.at) <= at + SAME:
+            continue
+        values: dict[str, object] = {"bpm": entry.bpm, "meter": entry.meter}
+        if values.pop(fields[0]) is not None and not any(values.values()):
+            texts = dropped(texts, "tempo", number)
+            below = None if below is None else below - 1
+            continue
+        below = number
+        for name in fields:
+            texts = _without(texts, number, name)
+    return texts, below
 
 
 def _inserted(texts: Texts, below: int | None, entry: Mapping[str, edit.Tree]) -> Texts:

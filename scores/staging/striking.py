@@ -9,10 +9,8 @@ from dataclasses import dataclass, replace
 from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Target
-from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length
 from ergon.notation.text.errors import Collector, TextError
-from ergon.notation.text.values import Time
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.search import first_from
 from ergon.scores.pattern.steps import Steps
@@ -41,12 +39,7 @@ class Striking:
         piece, strikes, tempo = self.piece, self.strikes, self.piece.tempo_map
         if strikes.along:
             return max(axis.play(collector) for axis in self._axes())
-        at = tempo.resolve(strikes.at)
-        stop = None
-        if strikes.span is not None:
-            stop = tempo.after(at, strikes.span)
-        elif strikes.until is not None:
-            stop = tempo.resolve(strikes.until)
+        at, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
         try:
             if strikes.hits:
                 return self._melody()
@@ -68,7 +61,7 @@ class Striking:
                     within=self.within,
                 )
                 return end
-            return self._each(at, stop)
+            return self._each()
         except _core.EngineError as error:
             collector.error("E308", str(error), strikes.place)
         except TextError as error:
@@ -157,13 +150,10 @@ class Striking:
             return ()
         return made.members(target)
 
-    def _each(self, at: float, stop: float | None) -> float:
+    def _each(self) -> float:
         """Strike all members at written instants: once, or once per `every`."""
-        strikes, tempo = self.strikes, self.piece.tempo_map
-        beats = [at]
-        if strikes.every is not None:
-            beats = starts(tempo, at, Time(), every=strikes.every, times=strikes.times, until=stop)
-        instants = [tempo.seconds(beat) for beat in beats]
+        tempo = self.piece.tempo_map
+        instants = [tempo.seconds(beat) for beat in self.strikes.beats(tempo)]
         for occurrence, instant in enumerate(instants):
             if not self.within[0] <= instant < self.within[1]:
                 continue
