@@ -73,9 +73,8 @@ class Assembly:
                 n_links = self.network.n_lia
                 with self._collecting_refusals():
                     if space is None:
-                        built = KINDS[module.kind].add
-                        assert built is not None
-                        first = built(self.network, module.name, fields, self.seed)
+                        add = KINDS[module.kind].add
+                        first = add(self.network, module.name, fields, self.seed)
                     else:
                         who = ".".join((name, module.name))
                         own = module.kind, module.name, fields
@@ -163,7 +162,6 @@ class Assembly:
             index = self.network.following_lnl(module.name, *ends, follows=by, **own)
         else:
             add = KINDS[module.kind].add
-            assert add is not None
             fields = _seen(module.fields, reach)
             index = add(self.network, module.name, *ends, fields, reach)
         self.links[part, module.name] = range(index, index + 1)

@@ -159,8 +159,8 @@ class RemoteSimulation(StretchedSimulation):
         n_frames: int,
     ) -> None:
         """Group the islands that are expensive enough."""
-        super().__init__(simulation, store, n_frames)
-        self._workers = workers
+        super().__init__(simulation, n_frames)
+        self._workers, self._store = workers, store
         costly = [
             (number, island)
             for number, island in enumerate(simulation.storable())

@@ -40,8 +40,8 @@ class ResumedSimulation(StretchedSimulation):
 
     def __init__(self, simulation: Simulation, store: StretchStore, n_frames: int) -> None:
         """Find the islands that are expensive enough."""
-        super().__init__(simulation, store, n_frames)
-        self._known = store
+        super().__init__(simulation, n_frames)
+        self._store = store
         self._parts = [_Part(island) for island in simulation.storable() if is_expensive(island)]
         if 1e-9 * n_frames * sum(part.island.cost for part in self._parts) < _WORK_MIN:
             self._parts = []
@@ -56,7 +56,7 @@ class ResumedSimulation(StretchedSimulation):
                 part.key = self._simulation.island_key(part.island, self._at, stop, part.key)
             # The last stretch is always computed, so that reports of the islands are available at
             # the end.
-            known = self._known.get(part.key) if stop < self._n_frames else None
+            known = self._store.get(part.key) if stop < self._n_frames else None
             n_samples = stretches.STRETCH_FRAMES * part.island.n_out
             if known is not None and len(known.sound) == n_samples:
                 self._simulation.recall(part.island, known.sound)
@@ -79,6 +79,6 @@ class ResumedSimulation(StretchedSimulation):
                 continue
             stretch = self._simulation.recorded(part.island)
             # A folder that takes nothing now will take nothing later.
-            self._is_kept = self._known.put(part.key, stretch.sound, stretch.state)
+            self._is_kept = self._store.put(part.key, stretch.sound, stretch.state)
         if self._at + stretches.STRETCH_FRAMES > self._n_frames:
-            self._known.forget()
+            self._store.forget()

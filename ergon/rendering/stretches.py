@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon._core import Simulation, StorableIsland
-    from ergon.exchange.stretch_store import StretchStore
 
 STRETCH_FRAMES = 1 << 17  # frames, 3 s at 44.1 kHz: an edit costs half as much again on the average
 # Reading and writing a sample of an output takes some 20 ns: what takes less to compute is
@@ -25,10 +24,9 @@ class StretchedSimulation(ABC):
     `n_recalled` and `n_computed` count the frames of islands that were worth looking up.
     """
 
-    def __init__(self, simulation: Simulation, store: StretchStore | None, n_frames: int) -> None:
+    def __init__(self, simulation: Simulation, n_frames: int) -> None:
         """Begin at frame 0."""
-        self._simulation, self._store = simulation, store
-        self._n_frames, self._at = n_frames, 0
+        self._simulation, self._n_frames, self._at = simulation, n_frames, 0
         self.n_recalled = self.n_computed = 0
 
     @property

@@ -60,9 +60,14 @@ def as_written(values: Values, fields: dict[str, Any]) -> None:
     """Fields are what is written."""
 
 
-def one_member(fields: Fields) -> int:
+def single_mat(fields: Fields) -> int:
     """A module is one MAT."""
     return 1
+
+
+def only_in_space(*_: Any) -> int:
+    """Kinds without an `add` are built by `ergon.instruments.space`, or follow other masses."""
+    raise TypeError("this kind is not built on one axis")
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +92,8 @@ class Kind:
     lever: Mapping[str, int] = field(default_factory=dict)
     check: Callable[[Values], None] = no_check
     complete: Callable[[Values, dict[str, Any]], None] = as_written
-    add: Callable[..., int] | None = None
-    count: Callable[[Fields], int] = one_member
+    add: Callable[..., int] = only_in_space
+    count: Callable[[Fields], int] = single_mat
     becomes: str = ""
 
     @property

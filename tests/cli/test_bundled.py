@@ -14,21 +14,21 @@ pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 @pytest.mark.parametrize("command", ["check", "plan", "stats"])
-def test_a_name_of_the_library_opens_it(command: str):
+def test_score_path_with_bundled_name(command: str):
     assert app.run([command, "one-gesture"]) == 0
 
 
-def test_a_render_of_it_stays_in_the_current_folder():
+def test_render_target_of_bundled_score():
     assert app.run(["render", "duet", "--to", "0.1s"]) == 0
     assert Path("duet.wav").is_file()
 
 
-def test_a_file_of_that_name_comes_first():
+def test_score_path_with_file_of_bundled_name():
     Path("duet").write_text(SCORE)
     assert app.run(["render", "duet", "-o", "a.wav", "--to", "0.1s"]) == 0
     assert read_info(Path("a.wav")).format.n_channels == 1
 
 
-def test_a_name_that_is_misspelt(capsys: Capture):
+def test_score_path_with_misspelt_name(capsys: Capture):
     assert app.run(["check", "deut"]) == 2
     assert "there is no file deut; did you mean duet, which ships?" in capsys.readouterr().err

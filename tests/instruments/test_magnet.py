@@ -38,7 +38,7 @@ def heard(text: str) -> np.ndarray:
     return sound[:, 0]
 
 
-def test_a_mass_beside_a_pole_moves_as_its_equation():
+def test_magnet_beside_exact_solution():
     ours = heard(score())
     times = np.arange(len(ours)) / 44_100
 
@@ -53,18 +53,18 @@ def test_a_mass_beside_a_pole_moves_as_its_equation():
 
 
 @pytest.mark.parametrize("more", ["", "transpose: 5st"])
-def test_it_is_the_law_written_out(more: str):
+def test_magnet_as_written_law(more: str):
     law = 'LNL: {between: [pole, m], law: "k/max(d + g, 0.1*g)**2", k: 2e-4, g: 5mm}'  # the formula
     np.testing.assert_array_equal(heard(score(more=more)), heard(score(law, more)))
 
 
-def test_poles_that_repel_push_away():
+def test_magnet_with_negative_strength():
     attracted = heard(score())
     repelled = heard(score(MAGNET.replace("200N", "-200N")))
     assert repelled.mean() > attracted.mean()
 
 
-def test_it_pulls_along_a_distance_in_space():
+def test_magnet_in_space():
     text = """\
 ergon: 1
 accuracy: {method: ca}
@@ -82,7 +82,7 @@ render: {bits: float, tail: 1ms}
     assert heard(text)[0] == pytest.approx(-2e-4 / 0.06**2, rel=1e-6)
 
 
-def test_a_constant_follows_a_mass():
+def test_magnet_with_following_constant():
     follows = "{k: {of: key, from: 0, to: 2e-4, span: 10mm}}"
     link = f"MAGNET: {{between: [pole, m], g: 5mm, follows: {follows}}}"
     key = "keys: {key: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}}\n"
@@ -103,7 +103,7 @@ def test_a_constant_follows_a_mass():
         (MAGNET.replace("pole, m", "m, m"), "MAGNET 'i.pull': both ends are"),
     ],
 )
-def test_what_is_refused(link: str, message: str):
+def test_magnet_with_mistakes(link: str, message: str):
     mistakes = [one.message for one in load("s.yaml", text=score(link)).diagnostics]
     assert len(mistakes) == 1
     assert mistakes[0].startswith(message), mistakes

@@ -15,7 +15,7 @@ QUICK = {"drum-machine", "evening-raga", "interlocking"}
 
 
 @pytest.mark.parametrize("name", few(PIECES, QUICK))
-def test_a_piece_that_ships_sounds(name: str, own_folder: Path):
+def test_render_bundled_piece(name: str, own_folder: Path):
     made = ergon.render(PIECES[name], ergon.RenderOptions(to=f"{SECONDS}s"))
     assert len(made.frames) <= SECONDS * made.rate
     assert np.isfinite(made.frames).all()

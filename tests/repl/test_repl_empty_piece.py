@@ -8,7 +8,7 @@ LINES = "kick = skins/kick\nd1 strikes kick.hammer every 1 impulse 200mNs\n"
 BEGIN = ["repl", "--audio", "null", "--plain"]
 
 
-def test_a_piece_is_typed_and_saved(own_folder: Path):
+def test_empty_piece_saved(own_folder: Path):
     done = forked(BEGIN, own_folder, lines=f"{LINES}save\nquit\n")
     assert "ok wrote piece.yaml" in done.stdout, done.stdout
     text = Path("piece.yaml").read_text()
@@ -18,14 +18,14 @@ def test_a_piece_is_typed_and_saved(own_folder: Path):
     assert forked(["check", "piece.yaml"], own_folder).returncode == 0
 
 
-def test_a_piece_that_is_there_is_not_touched(own_folder: Path):
+def test_empty_piece_beside_existing_file(own_folder: Path):
     Path("piece.yaml").write_text("mine")
     done = forked(BEGIN, own_folder, lines=f"{LINES}save\nquit\n")
     assert "ok wrote piece-2.yaml" in done.stdout, done.stdout
     assert Path("piece.yaml").read_text() == "mine"
 
 
-def test_a_piece_that_was_not_saved_is_resumed(own_folder: Path):
+def test_empty_piece_resumed_unsaved(own_folder: Path):
     forked(BEGIN, own_folder, lines=f"{LINES}quit\n")
     lines = "show kick\nsave tune\nquit\n"
     done = forked([*BEGIN, "--resume", "session.jsonl"], own_folder, lines=lines)

@@ -38,9 +38,7 @@ def test_two_taps_set_the_tempo(own: Stepped, monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.parametrize("second", [10.0, 10.1, 12.5])
-def test_taps_that_are_no_tempo_change_nothing(
-    own: Stepped, monkeypatch: pytest.MonkeyPatch, second: float
-):
+def test_tap_out_of_range(own: Stepped, monkeypatch: pytest.MonkeyPatch, second: float):
     before = own.session.schedule.head
     now = iter([10.0, second])
     monkeypatch.setattr("ergon.repl.session.session_commands.time.monotonic", lambda: next(now))
@@ -179,7 +177,7 @@ def test_a_key_is_traced_while_it_moves(own: Stepped):
     assert own.session.state().drawing == ()
 
 
-def test_strikes_are_shown_as_gestures_are(own: Stepped):
+def test_show_with_strikes(own: Stepped):
     own.ok("d1 strikes bell.m every 1 impulse 2mNs now")
     assert "impulse: 2mNs" in own.ok("show d1").lines[0]
     assert own.ok("? d1").lines == own.ok("show d1").lines
@@ -202,13 +200,13 @@ def test_strikes_are_shown_as_gestures_are(own: Stepped):
         ("d1 strikes bell.m impulse 1mNs now", "x"),
     ],
 )
-def test_strikes_have_a_row_of_their_own(own: Stepped, line: str, row: str):
+def test_look_with_strikes(own: Stepped, line: str, row: str):
     own.ok(line)
     (shown,) = [line for line in own.ok("?").lines if line.startswith("d1 ")]
     assert row in shown.split()
 
 
-def test_a_meter_changes_while_it_plays(own: Stepped):
+def test_meter_while_playing(own: Stepped):
     own.ok("d1 strikes bell.m every 1 impulse 2mNs now")
     own.run(0.7)
     own.ok("meter 3/4")

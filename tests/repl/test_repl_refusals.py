@@ -136,10 +136,10 @@ def test_a_mark_with_a_minus_is_a_mark():
         ("quiit", "quit"),
     ],
 )
-def test_a_word_that_resembles_a_verb_that_removes(line: str, suggested: str | None):
+def test_unknown_verb_near_removing_verb(line: str, suggested: str | None):
     assert refused(line).try_ == suggested
 
 
-def test_strikes_of_modules_have_no_ordinal():
+def test_strikes_with_ordinal():
     refusal = refused("d1 strikes bell.m every 4th do rev")
     assert refusal.message.startswith("'every 4th' changes every so many plays of a gesture")

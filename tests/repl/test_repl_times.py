@@ -64,7 +64,7 @@ def test_a_tempo_beside_a_lone_one(tempo):
         "",
     ],
 )
-def test_the_meter_holds_from_its_bar(tempo):
+def test_change_meter_on_bar_line(tempo):
     head, tail = Path(TWO).read_text().split("tempo:\n")
     texts, piece = opened(TWO, head + tempo + tail[tail.index("marks:") :])
     after = piece_of(times.change_meter(texts, piece, 4.0, "3/4")).tempo_map
@@ -73,7 +73,7 @@ def test_the_meter_holds_from_its_bar(tempo):
     ]
 
 
-def test_a_meter_begins_with_a_bar():
+def test_change_meter_within_bar():
     texts, piece = opened(DUET)
     with pytest.raises(EditError, match=r"a meter begins with a bar"):
         times.change_meter(texts, piece, 37.0, "3/4")
