@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from ergon.instruments.playing import Act
 from ergon.instruments.space import Space
 from ergon.notation.text.document import Node
 from ergon.notation.text.values import Place
@@ -157,6 +158,10 @@ class Instrument:
     pitch: float | None = field(default=None, compare=False)
     placing: Placing | None = field(default=None, metadata={"hash_omits_empty": True})
     space: Space | None = field(default=None, metadata={"hash_omits_empty": True})
+    # How it is played does not change its matter, nor what is computed of it.
+    acts: tuple[Act, ...] = field(default=(), compare=False)
+    # How loud one stroke at mf is at 0 dB [LUFS].
+    loudness: float | None = field(default=None, compare=False)
 
     @property
     def form(self) -> Form:

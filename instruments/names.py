@@ -10,9 +10,11 @@ from typing import Any, Literal
 from ergon.instruments.members import PATTERN, members
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import HOLDERS, LINKS, member_count
+from ergon.instruments.playing import Act
 from ergon.instruments.spread import size as n_links
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
+from ergon.notation.tables.strengths import Reach
 from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.errors import Collector, TextError, quote
 
@@ -32,6 +34,7 @@ class Part:
     broken: frozenset[str] = frozenset()  # modules that were refused: reported already
     selves: frozenset[str] = frozenset()  # names for itself, with those it was copied from
     axes: int = 1  # of an instrument in space two or three
+    acts: Mapping[str, Act] = field(default_factory=dict)  # how it is played, the usual one first
 
     @property
     def mats(self) -> list[str]:
@@ -63,6 +66,66 @@ class PartNames:
                 return []
             found.append(target)
         return found
+
+    def struck(self, name: Name, who: str) -> list[Target]:
+        """The MATs that strikes reach by a name: where it names an instrument, or an act of one
+        (`kick.strike`), those of the act; there are none if an error was reported.
+        """
+        found = []
+        for each in self.members(name):
+            owner, act = self._act(each)
+            if act is None:
+                target = self.target(each, "mats", who)
+                if target is None:
+                    return []
+                found.append(target)
+                continue
+            # What is wrong with the act itself is reported where it is written.
+            quiet = replace(self, collector=Collector())
+            self.reached.add(owner.name)
+            inside = quiet.of_act(owner, act)
+            found += [replace(t, text=str(each), place=each.place) for t in inside]
+        return found
+
+    def of_act(self, owner: Part, act: Act) -> list[Target]:
+        """The MATs that an act of an instrument strikes; reports what is wrong with its names."""
+        who = f"play of {quote(owner.name)}"
+        names = act.at or (Name(owner.name, act.place),)
+        found = (self.target(name, "mats", who, owner if act.at else None) for name in names)
+        return [target for target in found if target is not None]
+
+    def reach(self, target: Target) -> Reach | None:
+        """The impulses of the softest and the hardest stroke at a target; None if its instrument
+        does not say how it is played.
+        """
+        acts = self.parts[target.part].acts
+        at_it = (a for a in acts.values() if any(_head(n) == target.module for n in a.at))
+        act = next(at_it, None) or next(iter(acts.values()), None)
+        return None if act is None else act.reach
+
+    def sure_reach(self, target: Target, who: str) -> Reach | None:
+        """The impulses of the softest and the hardest stroke at a target; reports an instrument
+        that does not say how it is played.
+        """
+        reach = self.reach(target)
+        if reach is None:
+            message = (
+                f"{who}: how strongly? {quote(target.part)} has no `play` that says what soft "
+            )
+            message += "and hard are; write an impulse, such as impulse: 2mNs"
+            self.collector.error("E103", message, target.place)
+        return reach
+
+    def _act(self, name: Name) -> tuple[Part, Act | None]:
+        """The instrument and its act that a name names; no act if it names something else."""
+        part = self.parts.get(name)
+        if part is not None and part.acts:
+            return part, next(iter(part.acts.values()))
+        head, _, tail = name.rpartition(".")
+        part = self.parts.get(head)
+        if part is not None and tail in part.acts:
+            return part, part.acts[tail]
+        return Part("", {}), None
 
     def members(self, name: Name, prefix: str = "") -> list[Name]:
         """The name itself; for an instrument with notes (`string`, `string.body.12`) one name for
@@ -380,6 +443,11 @@ class PartNames:
         else:
             sentence = f"{quote(name)} is a {module.kind}: it has no <M> point of its own"
         self._refuse(name, who, sentence)
+
+
+def _head(name: str) -> str:
+    """The module of a name inside an instrument."""
+    return name.partition(".")[0]
 
 
 def _inside(modules: Iterable[Module]) -> Iterator[str]:

@@ -14,6 +14,7 @@ from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
 from ergon.instruments.module_kinds import HOLDERS, KINDS, tables, with_optional_fields
 from ergon.instruments.outputs import Outputs
+from ergon.instruments.playing import LEVEL_DOC, LOUDNESS, PLAY, acts
 from ergon.instruments.space import Space
 from ergon.instruments.space.checks import check as check_in_space
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
@@ -131,6 +132,8 @@ def instrument_table(form: Form) -> Record:
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="audio"),
         Field("space", k.integer(1, 3, "3"), "how many axes its masses move along", 1),
         Field("gravity", k.GRAVITY, "gravity in space, against the last axis", shown="none"),
+        Field("play", PLAY, "the ways in which it is played; the first is the usual one"),
+        Field("level", LOUDNESS, LEVEL_DOC, shown="unknown"),
     )
     kinds = {name: with_optional_fields(table) for name, table in tables(form, HOLDERS).items()}
     return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=kinds)
@@ -324,7 +327,15 @@ def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
     pitch = None if values.kind else named_pitch(values)
     own = tuple(made), outputs, _ca_rate(values), values.place
     placing = _placing(values["place"])
-    return Instrument(values.context.name, *own, pitch=pitch, placing=placing, space=space)
+    return Instrument(
+        values.context.name,
+        *own,
+        pitch=pitch,
+        placing=placing,
+        space=space,
+        acts=acts(values),
+        loudness=values["level"],
+    )
 
 
 # Fields of an instrument of one axis that one in space does not have.

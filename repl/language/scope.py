@@ -44,6 +44,8 @@ class Scope:
     rooms: Mapping[str, str] = field(default_factory=dict)
     phrases: Mapping[str, str] = field(default_factory=dict)
     paths: Mapping[str, str] = field(default_factory=dict)  # in space: their axes are gestures
+    # The acts of each instrument that says how it is played.
+    acts: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def playable(scope: Scope) -> Mapping[str, str]:
@@ -84,6 +86,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         rooms={room.name: "room" for room in piece.mix.rooms},
         phrases={name: "phrase" for name in piece.phrases},
         paths=dict.fromkeys(filter(None, map(_path_of, piece.gestures.values())), "path in space"),
+        acts=dict(_acts(piece)),
         blocks={name: f"block, {_lines(own)}" for name, own in piece.blocks.items()},
     )
 
@@ -110,6 +113,13 @@ def _path_of(gesture: Gesture) -> str:
 def _gesture_hint(gesture: Gesture) -> str:
     count = len(gesture.points)
     return f"gesture, {count} point{'s' if count > 1 else ''}"
+
+
+def _acts(piece: Piece) -> Iterator[tuple[str, Sequence[str]]]:
+    for name in (*piece.instruments, *piece.families, *piece.available):
+        instrument = piece.playable(name)
+        if instrument is not None and instrument.acts:
+            yield name, tuple(act.name for act in instrument.acts)
 
 
 def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import Any
 
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import NAME, Text
+from ergon.notation.tables.strengths import is_level
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import StrikeModules, When, Word
@@ -18,8 +18,7 @@ from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.sections import STRIKES
 
 # `OPTIONS` has each option of `strikes` with an example.
-_BARE = re.compile(r"\d+\.?\d*|\.\d+")  # a number without a unit
-_LOUD = "1mNs"  # the impulse of notes that say none
+_LOUD = "1mNs"  # the impulse of notes of an instrument that does not say how it is played
 OPTIONS = {
     "every": "1/2",
     "rate": "0.5Hz",
@@ -45,6 +44,7 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str
     if first in scope.phrases and first not in playable(scope):  # the next form reads it
         raise v.unknown_name(first, "an instrument or a key", (*playable(scope), *scope.keys))
     modules, options = parse_strikes(text, OPTIONS)
+    modules, options = _with_level(modules, options, (*playable(scope), *scope.keys))
     if not modules:
         message = "the modules are missing: rain strikes bell.m every 1 impulse 2mNs"
         raise TextError(message, length=len(text))
@@ -55,21 +55,31 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str
             error.offset += module.offset
             raise error
     _check(options, scope)
-    if not options.keys() & {"impulse", "mass"}:
-        message = "the impulse is missing: write for instance impulse 2mNs"
-        raise TextError(message, offset=len(text))
+    unsure = (m.text for m in modules if m.text.split(".")[0] not in scope.acts)
+    if not options.keys() & {"impulse", "mass"} and (name := next(unsure, None)):
+        message = f"how strongly? {quote(name.split('.')[0])} does not say how it is played: write "
+        raise TextError(message + "for instance impulse 2mNs", offset=len(text))
     to = " ".join(module.text for module in modules)
     return {"to": to, **{name: word.text for name, word in options.items()}}
+
+
+def _with_level(
+    words: Sequence[PlacedWord], options: dict[str, PlacedWord], known: Container[str]
+) -> tuple[list[PlacedWord], dict[str, PlacedWord]]:
+    """Words before the options, without strengths at their end, which become `impulse`."""
+    stop = len(words)
+    while stop and words[stop - 1].text not in known and is_level(words[stop - 1].text):
+        stop -= 1
+    if stop == len(words) or "impulse" in options:
+        return [*words], options
+    text = " ".join(word.text for word in words[stop:])
+    return [*words[:stop]], {"impulse": PlacedWord(text, words[stop].offset), **options}
 
 
 def _check(options: Mapping[str, PlacedWord], scope: Scope) -> None:
     for name, word in options.items():
         shape = v.POSITION if name == "until" else STRIKES.by_name[name].shape
         try:
-            if name == "impulse" and _BARE.fullmatch(word.text) and float(word.text) > 0.0:
-                message = f"{quote(word.text)} has no unit: write {word.text}mNs, or "
-                message += f"{word.text}Ns, which is a thousand times as hard"
-                raise TextError(message, length=len(word.text), suggestion=f"{word.text}mNs")
             if isinstance(shape, Text):
                 shape.parse(word.text)
             else:
@@ -104,6 +114,7 @@ def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 def _read_notes(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that have notes, as texts."""
     said, options = parse_strikes(text, OPTIONS)
+    said, options = _with_level(said, options, ())
     end = said[-1].offset + len(said[-1].text) if said else 0
     parse_values(text[:end], k.PITCH.parse, is_pitch=True)
     _check(options, scope)
@@ -111,7 +122,8 @@ def _read_notes(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[st
         message = "the length of a step is missing: every 1"
         raise TextError(message, offset=end, length=max(1, len(text) - end))
     written = {name: word.text for name, word in options.items()}
-    loud = {} if written.keys() & {"impulse", "mass"} else {"impulse": _LOUD}
+    is_sure = given["name"].split(".")[0] in scope.acts or written.keys() & {"impulse", "mass"}
+    loud = {} if is_sure else {"impulse": _LOUD}
     return {"to": given["name"], "notes": " ".join(text[:end].split()), **written, **loud}
 
 

@@ -129,6 +129,4 @@ def only(
 
 def row(hit: Hit, at: str) -> edit.Tree:
     """A strike of a melody as an entry of a score."""
-    low, high = hit.impulse
-    impulse = f"{low!r}Ns" if low == high else f"{low!r}Ns..{high!r}Ns"
-    return {"at": at, "what": [target.text for target in hit.to], "impulse": impulse}
+    return {"at": at, "what": [target.text for target in hit.to], "impulse": hit.level.written}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from ergon.instruments.model import Instrument
 from ergon.notation.tables.shapes import NamesOf
 from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
@@ -17,6 +18,7 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sections import SCORE
 
+USUAL_LEVEL = "-20LUFS"  # of a stroke at mf, where a line does not say
 LINKS = "links"  # the instrument that holds links between others
 
 Fields = Mapping[str, str]
@@ -38,22 +40,26 @@ def build(
 
 
 def routed_to_all(texts: Texts, piece: Piece, name: str) -> Texts:
-    """Route an instrument that is new in a piece to all channels, if it has outputs."""
-    if not _has_outputs(texts, name):
+    """Route an instrument that is new in a piece to all channels, at the usual loudness if it says
+    how loud it is. One without outputs that need a route has none.
+    """
+    made = _made(texts, name)
+    if made is None or not made.outputs or any(out.nearest for out in made.outputs):
         return texts
     texts = routed(texts, piece)
-    every: edit.Tree = {"from": name, "to": [str(c + 1) for c in range(_n_channels(piece))]}
+    every: dict[str, edit.Tree] = {
+        "from": name,
+        "to": [str(c + 1) for c in range(_n_channels(piece))],
+    }
+    if made.loudness is not None and piece.mix.reference() is not None:
+        every["level"] = USUAL_LEVEL
     return texts.append(("mix", "route"), edit.flow(every))
 
 
-def _has_outputs(texts: Texts, name: str) -> bool:
-    """Whether a new instrument has outputs that need a route."""
+def _made(texts: Texts, name: str) -> Instrument | None:
+    """The instrument of a name, or its first note; None if the texts are refused for it."""
     piece = texts.load().piece
-    if piece is None:
-        return False  # the texts are refused for it
-    members = piece.families.get(name, (name,))
-    outputs = piece.instruments[members[0]].outputs
-    return bool(outputs) and all(output.nearest is None for output in outputs)
+    return None if piece is None else piece.playable(name)
 
 
 def _n_channels(piece: Piece) -> int:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
+from ergon.notation.tables.strengths import is_level
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
 from ergon.scores.gesture.transforms import ARITY, Transform, parse_do
@@ -196,6 +197,9 @@ def _value(
     count = 1
     if word == "euclid":
         count = 4 if [value.text for value in values[2:3]] == ["rotate"] else 2
+    elif word == "impulse":
+        levels = (number for number, one in enumerate(values) if not is_level(one.text))
+        count = max(1, next(levels, len(values)))
     elif word == "path":
         count = 2
         while [value.text for value in values[count : count + 1]] == ["->"]:

@@ -15,6 +15,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.expressions import parse_with_names
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context
+from ergon.notation.tables.strengths import MEZZO_FORTE, Levels
 from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError
@@ -293,13 +294,16 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
 
 def _said_of_all(v: Values, to: tuple[Target, ...]) -> dict[str, Any]:
     """The fields that strikes of every kind may have."""
-    said = ("at", "until", "every", "times", "impulse", "mass", "speed")
-    return {"name": v.context.name, "to": to, "place": v.place, **{name: v[name] for name in said}}
+    said = ("at", "until", "every", "times", "mass", "speed")
+    levels = v["impulse"] or (None if v.written("mass") else Levels((MEZZO_FORTE,)))
+    fields = {name: v[name] for name in said}
+    return {"name": v.context.name, "to": to, "place": v.place, "levels": levels, **fields}
 
 
 def _check_force(values: Values) -> None:
-    """Check that strikes have either `impulse`, or both `mass` and `speed`; reports errors."""
-    _one_of(values, ("impulse",), ("mass", "speed"))
+    """Check that strikes have `impulse`, both `mass` and `speed`, or neither; reports errors."""
+    if values.written("impulse"):
+        _one_of(values, ("impulse",), ("mass", "speed"))
     if len(said := values.written("mass", "speed")) == 1:
         values.error("E103", f"{values.context.of('')} needs both mass and speed", said[0])
 
@@ -463,6 +467,7 @@ def _route(values: Values) -> Route:
         mixing.sends(v["send"]),
         mixing.fade(v["fade"]),
         v["radiate"],
+        v["level"],
     )
 
 

@@ -121,13 +121,11 @@ class Checker:
             return piece
         return replace(piece, starts=schedule(piece, begins, times.known, self.collector))
 
-    def _available(self) -> tuple[str, ...]:
-        """Instruments that a file brings and nothing plays."""
-        families = self.part_names.families
-        known = self.names.tables["instruments"]
-        return tuple(
-            name for name in known if name not in self.matter.instruments and name not in families
-        )
+    def _available(self) -> dict[str, Instrument]:
+        """Instruments that a file brings and nothing plays; names in them are not looked up."""
+        known = self.matter.by_name
+        some = (n for n in self.names.tables["instruments"] if n not in self.matter.instruments)
+        return {n: made for n in some if isinstance(made := known.get(n), Instrument)}
 
     # --- what other scores play ------------------------------------------------------------------
 
@@ -231,7 +229,7 @@ class Checker:
         names = values["to"] or ()
         if values["along"] is not None and not kind:
             return self._along_direction(values, names, who)
-        each = [self.part_names.targets(name, "mats", who) for name in names]
+        each = [self.part_names.struck(name, who) for name in names]
         if not all(each):
             return None
         targets = tuple(chain.from_iterable(each))
@@ -242,11 +240,13 @@ class Checker:
                 self.collector.error("E304", message, target.place)
                 return None
         if kind:
-            made = build.passing_strikes(values, targets)
-            for target in targets if made.passing and made.passing.is_by_pitch else ():
+            passing = build.passing_strikes(values, targets)
+            for target in targets if passing.passing and passing.passing.is_by_pitch else ():
                 self._is_of_cells(target, who)
-            return made
-        made = build.strikes(values, targets)
+            return self._with_reaches(passing, values)
+        made = self._with_reaches(build.strikes(values, targets), values)
+        if made is None:
+            return None
         if made.notes and names and all(self.part_names.family(name) for name in names):
             return melodies.strikes_of_pattern(
                 made, values, NoteTargets(self.part_names, names), who
@@ -254,6 +254,25 @@ class Checker:
         for target in made.to if made.notes else ():
             self._has_pitch(target, who)
         return made
+
+    def _with_reaches(self, made: Strikes, values: Values) -> Strikes | None:
+        """Strikes with the reaches of what they strike, if they have strengths; None if an error
+        was reported.
+        """
+        levels, who = made.levels, f"strikes {quote(made.name)}"
+        if levels is None or not levels.has_strengths:
+            return made
+        reaches = {}
+        for target in made.to:
+            reach = self.part_names.sure_reach(target, who)
+            if reach is None:
+                return None
+            reaches[target.part] = reach
+        if made.rate is not None and (len(levels.steps) > 1 or len({*reaches.values()}) > 1):
+            message = f"{values.context.of('rate')}: strikes by chance have one impulse; write an "
+            values.error("E111", message + "entry for each instrument and each strength", "rate")
+            return None
+        return replace(made, reaches=reaches)
 
     def _along_direction(self, values: Values, names: Sequence[Name], who: str) -> Strikes | None:
         """Strikes on points along a direction: each coordinate gets its share; None if an error was
@@ -283,6 +302,10 @@ class Checker:
                 self.collector.error("E304", message, target.place)
                 return None
         made = build.strikes(values, tuple(points))
+        if made.levels is not None and made.levels.has_strengths:
+            message = f"{values.context.of('along')}: strikes along a direction have an impulse, "
+            values.error("E103", message + "such as impulse: 2mNs", "along")
+            return None
         coordinates = tuple(
             replace(point, first=int(point.first) + axis * point.points, points=0)
             for axis in range(len(along))

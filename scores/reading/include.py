@@ -137,6 +137,7 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
             at=moved(one.at),
             until=until(one.until),
             voices={word: targets(own) for word, own in one.voices.items()},
+            reaches={named(part): reach for part, reach in one.reaches.items()},
             hits=tuple(
                 replace(
                     hit,

@@ -95,9 +95,11 @@ class PartsReader:
         struck = part_object.struck if isinstance(part_object, Key) else None
         modules = {module.name: module for module in part_object.modules}
         broken = frozenset(values["modules"] or {}).difference(modules)
-        axes = part_object.axes if isinstance(part_object, Instrument) else 1
+        axes, acts = 1, {}
+        if isinstance(part_object, Instrument):
+            axes, acts = part_object.axes, {act.name: act for act in part_object.acts}
         self._part_names.parts[name] = Part(
-            name, modules, struck, entry.prefix, broken, selves, axes
+            name, modules, struck, entry.prefix, broken, selves, axes, acts
         )
         self._written[name] = entry, values
         self.by_name[name] = part_object
@@ -239,6 +241,8 @@ class PartsReader:
                 every = self._rates.of_key(values)
                 self.keys[name] = self._same(replace(made, modules=modules, every=every))
             else:
+                for act in part.acts.values():
+                    self._part_names.of_act(part, act)
                 outputs = rules.outputs(part, made.outputs, self._part_names, self._layout)
                 every = self._rates.of_instrument(values)
                 self.instruments[name] = self._same(

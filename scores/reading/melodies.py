@@ -16,6 +16,7 @@ from ergon.notation.clock.positions import Length
 from ergon.notation.tables import notes
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
+from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach, velocity
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.files import Files
 from ergon.scores.gesture.midi_file import SUFFIXES, MidiNotes, read_notes
@@ -71,8 +72,8 @@ def hits_of(
     who = f"strikes {quote(values.context.name)}"
     if kind_of(values) == "entries":
         voices = NoteTargets(part_names, values["to"] or ())
-        rows = _with_impulses(values["entries"], values["impulse"], values)
-        return None if rows is None else (_hits(rows, voices, who), None)
+        rows = _with_levels(values["entries"], values["impulse"])
+        return _hits(rows, voices, who), None
     phrase = phrases.get(values["play"])
     if not isinstance(phrase, Values):
         if values["play"] not in phrases:
@@ -93,17 +94,17 @@ def played(
     """The rows of a phrase as strikes play them, with the notes they may name and the phrase's
     length; None if an error was reported.
     """
-    rows: tuple[Row, ...] | None
     length: Length | None
     if is_midi(phrase):
         if (tune := midi_rows(phrase, files)) is None:
             return None
-        rows, length = _with_impulses(tune[0], values["impulse"], phrase), tune[1]
+        rows, length = tune
+        if values.written("impulse") and not phrase.written("velocity"):
+            rows = tuple(replace(row, level=None) for row in rows)
+        rows = _with_levels(rows, values["impulse"])
     else:
-        rows = _with_impulses(phrase["entries"], values["impulse"] or phrase["impulse"], phrase)
-        length = length_of(rows or (), phrase["length"])
-    if rows is None:
-        return None
+        rows = _with_levels(phrase["entries"], values["impulse"] or phrase["impulse"])
+        length = length_of(rows, phrase["length"])
     if length is None:
         message = f"{phrase.context.of('')} has no 'length': not all its entries are in beats"
         phrase.error("E103", message, "entries")
@@ -174,9 +175,11 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
         return None
     place, impulse, rows = take.place_of("file"), take["velocity"], []
     for note in found.notes:
-        own = None if impulse is None else (between(note.velocity, impulse),) * 2
+        level = velocity(note.velocity)
+        if impulse is not None:
+            level = Level(*(between(note.velocity, impulse),) * 2)
         what = (Name(notes.name(note.number), place),)
-        rows.append(Row(Length(beats=note.at), what, own, place))
+        rows.append(Row(Length(beats=note.at), what, level, place))
     return tuple(rows), Length(beats=found.length)
 
 
@@ -188,26 +191,33 @@ def between(velocity: int, ends: tuple[float, float]) -> float:
     return float(low + (high - low) * (velocity - 1) / 126)
 
 
-def _with_impulses(rows: Sequence[Row], impulse: Any, values: Values) -> tuple[Row, ...] | None:
-    """Rows, each with an impulse: its own, or that of the row before."""
-    found = []
-    for row in rows:
-        impulse = row.impulse or impulse
-        if impulse is None:
-            message = f"{values.context.of('')}: the first strike has no impulse; write it beside "
-            message += "its notes, such as 2mNs, or write `impulse`"
-            if is_midi(values):
-                message = f"{values.context.of('')} has no 'velocity': impulses of its softest and "
-                message += "hardest note, such as 1mNs..9mNs"
-            values.context.error("E103", message, row.place)
-            return None
-        found.append(row if row.impulse == impulse else replace(row, impulse=impulse))
+def _with_levels(rows: Sequence[Row], levels: Levels | None) -> tuple[Row, ...]:
+    """Rows, each with a level: its own, or that of the row before; `levels` are those of rows
+    that say none.
+    """
+    found, before = [], None
+    for number, row in enumerate(rows):
+        before = row.level or before or (levels or Levels((MEZZO_FORTE,))).at(number, len(rows))
+        is_pattern = levels is not None and len(levels.steps) > 1
+        found.append(replace(row, level=before) if row.level != before else row)
+        if is_pattern and row.level is None:
+            before = None  # the next row has the next level of the pattern
     return tuple(found)
 
 
 def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]:
-    found = []
+    found: list[Hit] = []
     for row in rows:
-        what, impulse = " ".join(row.what), row.impulse or (0.0, 0.0)
-        found.append(Hit(row.at, voices.targets(row, who), impulse, row.place, what, row.jitter))
+        level = row.level or MEZZO_FORTE
+        hit = Hit(row.at, (), level, row.place, " ".join(row.what), row.jitter)
+        targets = voices.targets(row, who)
+        if not level.is_strength:
+            found.append(replace(hit, to=targets))
+            continue
+        by_reach: dict[Reach, list[Target]] = {}
+        for target in targets:
+            reach = voices.part_names.sure_reach(target, who)
+            if reach is not None:
+                by_reach.setdefault(reach, []).append(target)
+        found += [replace(hit, to=tuple(to), reach=reach) for reach, to in by_reach.items()]
     return tuple(found)

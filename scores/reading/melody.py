@@ -29,6 +29,7 @@ from ergon.notation.tables.shapes import (
     Text,
     wrong_shape,
 )
+from ergon.notation.tables.strengths import LEVEL, Level, is_level
 from ergon.notation.text import document
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.errors import TextError, quote
@@ -39,18 +40,17 @@ from ergon.scores.pattern import words
 MAX_ROWS = 100_000  # of one melody
 _STILL = Length()
 MAX_CHORD = 256  # names of one strike
-_IMPULSE = re.compile(r"[-+.0-9]")
 _WORD = re.compile(r"\S+")
 _HELP = "an entry says `what` is struck; `to`, beside `entries`, is whose notes they are"
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A strike as written: time, names of what is struck, and impulse (None: as the row before)."""
+    """A strike as written: time, names of what is struck, and level (None: as the row before)."""
 
     at: Position | Length
     what: tuple[Name, ...]
-    impulse: tuple[float, float] | None
+    level: Level | None
     place: Place
     before: tuple[Name, ...] = ()  # what was written, where a transposition has changed it
     jitter: Length = _STILL  # how far chance moves it, earlier or later
@@ -84,7 +84,7 @@ class WhatShape(Reference):
 
 def _is_impulse(word: str, node: Scalar, *, is_alone: bool) -> bool:
     """Whether the last word of a row is an impulse, not a name of what is struck."""
-    if _IMPULSE.match(word):
+    if is_level(word) and not (is_alone and word[:1].isalpha()):
         return True
     try:
         return is_computed(word, node.document) and note_of(word, node.document) is None
@@ -111,7 +111,7 @@ def _entry(at: Text, doc: str) -> Record:
     fields = (
         Field("at", at, doc, required=True),
         Field("what", WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
-        Field("impulse", k.IMPULSES, "impulse of an ergon", shown="that of the strike before"),
+        Field("impulse", LEVEL, "how strongly", shown="that of the strike before"),
     )
     doc, foreign = "a strike of a melody: a note, a chord, a module", {"to": _HELP}
     return Record("strike", doc, fields, _row, foreign=foreign)
@@ -236,8 +236,7 @@ def transformed(
 
 def _scale(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     for row in rows:
-        low, high = row.impulse or (0.0, 0.0)
-        yield replace(row, impulse=(low * t.amount, high * t.amount))
+        yield replace(row, level=row.level and row.level.scaled(t.amount))
 
 
 def _stretch(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
@@ -363,7 +362,7 @@ class NoteTargets:
         known = self._known.get(name)
         if known is not None:
             return [Target(t.part, t.module, t.first, t.count, t.text, name.place) for t in known]
-        found = self.part_names.targets(name, "mats", who)
+        found = self.part_names.struck(name, who)
         if found:  # else each row reports what is missing
             self._known[name] = found
         return found

@@ -17,6 +17,7 @@ from ergon.notation.clock.meter import SAME, Meter
 from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.tables.strengths import Level, Levels, Reach
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.notation import BarCheck
@@ -178,16 +179,17 @@ class TakeFile:
 class Hit:
     """One strike of a melody: at a position, or at a time after the beginning of a phrase.
 
-    The impulse [N·s] lies between two values.
+    A strength lies within the `reach` [N·s] of what is struck.
     """
 
     at: Position | Length
     to: tuple[Target, ...]
-    impulse: tuple[float, float]
+    level: Level
     place: Place
     what: str = ""  # as it is written
     # The largest random displacement, earlier or later.
     jitter: Length = field(default=Length(), metadata=OMIT_EMPTY)
+    reach: Reach | None = field(default=None, metadata=OMIT_EMPTY)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,9 +197,9 @@ class Strikes:
     """Ergons that hit modules directly: for each target at a Poisson `rate` [Hz], or one per
     `every`.
 
-    Impulses [N·s] lie between two values; or a `mass` [kg] arrives at a `speed` [m/s]. A melody
-    has `hits`. With a `length` it is a phrase: it begins at `at` and again every `every`, as do
-    a sweep and a path (`passing`).
+    `levels` say how strongly, strengths within the `reaches` [N·s] of what is struck; or a `mass`
+    [kg] arrives at a `speed` [m/s]. A melody has `hits`. With a `length` it is a phrase: it begins
+    at `at` and again every `every`, as do a sweep and a path (`passing`).
     """
 
     name: str
@@ -208,7 +210,7 @@ class Strikes:
     rate: float | None = None
     every: Length | None = None
     times: int | None = None
-    impulse: tuple[float, float] | None = None
+    levels: Levels | None = None
     mass: float | None = None
     speed: float | None = None
     place: Place
@@ -221,6 +223,7 @@ class Strikes:
     passing: Passing | None = field(default=None, metadata=OMIT_EMPTY)
     # Direction as a unit vector; `to` then has the coordinates of all points, axis by axis.
     along: tuple[float, ...] = field(default=(), metadata=OMIT_EMPTY)
+    reaches: Mapping[str, Reach] = field(default_factory=dict, metadata=OMIT_EMPTY)
 
     @property
     def has_rounds(self) -> bool:
@@ -355,6 +358,8 @@ class Route:
     sends: tuple[tuple[str, float], ...] = field(default=(), metadata=OMIT_EMPTY)  # rooms, ratios
     fade: Fade = field(default=(), metadata=OMIT_EMPTY)
     radiation: Radiation | None = field(default=None, metadata=OMIT_EMPTY)
+    # Loudness of a stroke at mf [LUFS]; `gain` contains it, once the instrument is known.
+    level: float | None = field(default=None, metadata=OMIT_EMPTY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -464,7 +469,7 @@ class Piece:
     # What strikes may play: the names of phrases, and of takes that are MIDI files.
     phrases: tuple[str, ...] = field(default=(), compare=False, repr=False)
     # Instruments that a file brings and nothing plays yet; they are not in the network.
-    available: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    available: Mapping[str, Instrument] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def motion_every(self) -> int:
@@ -495,6 +500,11 @@ class Piece:
                     Route(instrument.name, output.name, (channel,), 1.0, None, output.place)
                 )
         return tuple(routes)
+
+    def playable(self, name: str) -> Instrument | None:
+        """The instrument of a name, or of its first note; also one that nothing plays yet."""
+        first = self.families.get(name, (name,))[0]
+        return self.instruments.get(first) or self.available.get(first)
 
     def note_families(self) -> dict[str, str]:
         """The instrument that each note belongs to, by the name of the note's part."""
@@ -556,7 +566,7 @@ _NOT_VALUES = {  # places and texts do not count
     Position: ("text",),
     Target: ("text",),
     Hit: ("what",),
-    Instrument: ("pitch",),
+    Instrument: ("pitch", "acts", "loudness"),  # what they say is in strikes and routes
     Layout: ("is_equidistant", "title"),  # the file that is hashed by its path
     Key: ("measured",),
     # Fields that follow from the others, or that do not change what is computed.
@@ -568,6 +578,20 @@ _NOT_VALUES = {  # places and texts do not count
 # Type names in a digest do not change, because recordings and frozen parts carry digests of earlier
 # versions.
 _HASHED_AS: Mapping[type, str] = {PlayingOptions: "Manner"}
+# Nor do names and values of fields: how strongly something is struck was a pair of impulses.
+_HASHED_FIELDS: Mapping[tuple[type, str], str] = {
+    (Strikes, "levels"): "impulse",
+    (Hit, "level"): "impulse",
+}
+
+
+def _hashed(value: Any) -> Any:
+    """What a digest has in place of levels: a pair of impulses, where that is what they are."""
+    if isinstance(value, Levels) and len(value.steps) == 1:
+        value = value.steps[0]
+    if isinstance(value, Level) and not value.is_strength:
+        return value.low, value.high
+    return value
 
 
 def _earlier(value: Any) -> Any:
@@ -591,8 +615,11 @@ def _chunks(value: Any) -> Iterator[bytes]:
         for f in fields(value):
             is_omitted = f.metadata.get("hash_omits_empty") and not getattr(value, f.name)
             if f.name not in skipped and not is_omitted:
-                yield f".{f.name}=".encode()
                 inner = getattr(value, f.name)
+                field_name = _HASHED_FIELDS.get((type(value), f.name))
+                yield f".{field_name or f.name}=".encode()
+                if field_name:
+                    inner = _hashed(inner)
                 yield from _chunks(_earlier(inner) if isinstance(value, Module) else inner)
         yield b"}"
     elif isinstance(value, Mapping):

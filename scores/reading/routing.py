@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from math import sqrt
 
+from ergon import _core
 from ergon.instruments.model import Instrument
 from ergon.instruments.names import PartNames
 from ergon.notation.tables.shapes import Name
@@ -15,6 +17,12 @@ from ergon.scores.reading.piece import Key, Mix, Route
 
 def routed(mix: Mix, parts: Mapping[str, Key | Instrument], part_names: PartNames) -> Mix:
     """A mix whose routes name instruments of `parts`, as `part_names` knows them."""
+    is_relative = mix.reference() is not None
+    for route in mix.routes if not is_relative else ():
+        if route.level is not None:
+            message = f"route: the level of {quote(route.part)} needs a mix without `gain` and "
+            message += "`normalise` of its master; remove them, or write a gain here"
+            part_names.collector.error("E111", message, route.place)
     written = (each for route in mix.routes for each in _each_note(route, part_names))
     found = (_route(route, parts, part_names, mix.rooms) for route in written)
     return replace(mix, routes=tuple(route for route in found if route is not None))
@@ -52,9 +60,23 @@ def _route(
         known = tuple(f"{part}.{name}" for name in names if name)
         part_names.collector.error("E301", message, route.place, word=str(route.part), names=known)
     part_names.reached.add(part)
-    found = replace(route, part=part, out=out)
+    found = _levelled(replace(route, part=part, out=out), instrument, part_names)
     _check_route(found, instrument, rooms, part_names)
     return found
+
+
+def _levelled(route: Route, instrument: Instrument, part_names: PartNames) -> Route:
+    """A route whose gain contains what leads to its level: the channels share the power."""
+    if route.level is None:
+        return route
+    if instrument.loudness is None:
+        message = f"route: {quote(route.part)} has no `level`, the loudness of a stroke at mf; "
+        message += "write a gain here"
+        part_names.collector.error("E304", message, route.place)
+        return route
+    count = 1 if route.to == "nearest" or route.pan else len(route.to)
+    gain = _core.decibels(route.level - instrument.loudness) / sqrt(count)
+    return replace(route, gain=route.gain * gain)
 
 
 def _check_route(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ergon.instruments.module_kinds import LINKS, tables
+from ergon.instruments.playing import LOUDNESS
 from ergon.instruments.read import INSTRUMENT, MODULES_DOC, module_table
 from ergon.instruments.space.fields import DIRECTION
 from ergon.instruments.transpose import INTERVAL
@@ -27,6 +28,7 @@ from ergon.notation.tables.shapes import (
     choice,
     wrong_shape,
 )
+from ergon.notation.tables.strengths import LEVELS
 from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture.points import CURVES
@@ -175,7 +177,7 @@ STRIKES = Record(
         Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
         Field("times", k.TIMES, "number of strikes; of whole rounds, with `notes` or `euclid`"),
         *OF_PATTERN,
-        Field("impulse", k.IMPULSES, "impulse of an ergon; from a range by chance"),
+        Field("impulse", LEVELS, "how strongly, from a range by chance; a pattern in turn"),
         Field(
             "notes",
             Text(str, "notes, such as A3 C4 E4", has_values=True),
@@ -199,7 +201,7 @@ PHRASE = Record(
         Field("entries", Entries(PHRASE_ENTRY), "its strikes", required=True),
         Field("length", k.LENGTH, "its length", shown="to the beat after its last strike"),
         Field("to", _TARGETS, "the instrument whose notes are struck"),
-        Field("impulse", k.IMPULSES, "impulse of strikes that say none"),
+        Field("impulse", LEVELS, "how strongly strikes are that say nothing"),
     ),
 )
 
@@ -314,6 +316,7 @@ ROUTE = Record(
         ),
         Field("to", _TO, "channels, or the loudspeaker nearest to each module", required=True),
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
+        Field("level", LOUDNESS, "loudness of a stroke at mf, from which `gain` counts"),
         Field("highpass", k.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"),
         Field("pan", k.PAN, "place between two channels, by constant power"),
         Field("send", mixing.SENDS, "rooms by name, each with a level"),

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Target
 from ergon.notation.clock.positions import Length
+from ergon.notation.tables.strengths import Level, Reach
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.search import first_from
@@ -19,10 +21,11 @@ from ergon.scores.reading.sweep_fields import Passing
 from ergon.scores.staging.sweep_members import visits
 
 ALL_TIME = (-math.inf, math.inf)
+_first, _last = (lambda low, high: low), (lambda low, high: high)
 _STRIKE_STEPS = 2_000  # of work, for a strike
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Striking:
     """Strikes with their targets as MATs; their ergons carry `source`."""
 
@@ -32,7 +35,7 @@ class Striking:
     mats: Sequence[int]
     source: int
     within: tuple[float, float] = ALL_TIME  # interval of instants [s]
-    assembly: Assembly | None = None  # for targets of melodies, sweeps and paths
+    assembly: Assembly | None = None  # for targets of melodies, sweeps, paths and strengths
 
     def play(self, collector: Collector) -> float:
         """Put the strikes on the timeline; returns when they end [s]."""
@@ -47,14 +50,15 @@ class Striking:
                 return self._passed(strikes.passing)
             if strikes.pattern is not None:
                 return self._by_pattern(strikes.steps(piece))
-            if strikes.rate is not None and strikes.impulse is not None and stop is not None:
+            if strikes.rate is not None and strikes.levels is not None and stop is not None:
                 end = tempo.seconds(stop)
+                level, reach = strikes.levels.steps[0], next(iter(strikes.reaches.values()), None)
                 self.timeline.rain(
                     self.mats,
                     start=tempo.seconds(at),
                     stop=end,
                     rate=strikes.rate,
-                    impulse=strikes.impulse,
+                    impulse=(level.impulse(reach, _first), level.impulse(reach, _last)),
                     seed=piece.seed,
                     name=strikes.name,
                     source=self.source,
@@ -74,9 +78,8 @@ class Striking:
         """
         strikes = self.strikes
         n = len(self.mats) // len(strikes.along)
-        low, high = strikes.impulse or (0.0, 0.0)
         for axis, share in enumerate(strikes.along):
-            own = replace(strikes, along=(), impulse=(share * low, share * high))
+            own = replace(strikes, along=(), levels=strikes.levels and strikes.levels.scaled(share))
             yield replace(self, strikes=own, mats=self.mats[axis * n : (axis + 1) * n])
 
     def _by_pattern(self, places: Steps) -> float:
@@ -95,7 +98,7 @@ class Striking:
             instant, number = seconds(place), place + pattern.skip
             for member, mat in enumerate(self._voice(name)):
                 if pattern.chance is None or course.draws.happens(pattern.chance, number, member):
-                    self._strike(mat, instant, member, number)
+                    self._strike(mat, instant, member, number, len(places))
         return tempo.seconds(places[-1]) if places else 0.0
 
     def _voice(self, name: str) -> Sequence[int]:
@@ -120,7 +123,7 @@ class Striking:
                 continue
             mats = (mat for target in hit.to for mat in self._members(target))
             for member, mat in enumerate(mats):
-                self._strike(mat, instant, member, number, hit.impulse)
+                self._impel(mat, instant, hit.level, hit.reach, member, number)
         return end
 
     def _passed(self, passing: Passing) -> float:
@@ -131,7 +134,8 @@ class Striking:
         assert strikes.length is not None
         parts = list(dict.fromkeys(target.part for target in strikes.to))
         way = visits(passing, self.assembly.network, parts, self.mats)
-        for turn, start in enumerate(strikes.rounds(tempo)):
+        rounds = strikes.rounds(tempo)
+        for turn, start in enumerate(rounds):
             lasting = tempo.after(start, strikes.length) - start
             end = max(end, tempo.seconds(start + lasting))
             _core.poll(_STRIKE_STEPS * len(way))
@@ -140,7 +144,8 @@ class Striking:
                 if not self.within[0] <= instant < self.within[1]:
                     continue
                 if draws.happens(passing.chance, number, member):
-                    self._strike(self.mats[member], instant, member, number)
+                    count = len(way) * len(rounds)
+                    self._strike(self.mats[member], instant, member, number, count)
         return end
 
     def _members(self, target: Target) -> Sequence[int]:
@@ -158,28 +163,46 @@ class Striking:
             if not self.within[0] <= instant < self.within[1]:
                 continue
             for member, mat in enumerate(self.mats):
-                self._strike(mat, instant, member, occurrence)
+                self._strike(mat, instant, member, occurrence, len(instants))
         return instants[-1] if instants else 0.0
 
-    def _strike(
-        self,
-        mat: int,
-        instant: float,
-        member: int,
-        occurrence: int,
-        impulses: tuple[float, float] | None = None,
-    ) -> None:
+    def _strike(self, mat: int, instant: float, member: int, number: int, count: int) -> None:
+        """Strike a MAT as hard as the strikes say for one number of so many."""
         strikes = self.strikes
-        impulses = impulses or strikes.impulse
-        if impulses is None:
+        if strikes.levels is None:
             self.timeline.strike(
                 mat, instant, mass=strikes.mass, speed=strikes.speed, source=self.source
             )
             return
-        low, high = impulses
-        impulse = low
-        if low != high:
-            name = strikes.name
-            chance = _core.Chance(self.piece.seed, "strikes", name, member, occurrence)
-            impulse = chance.uniform(low, high)
+        level = strikes.levels.at(number, count)
+        self._impel(mat, instant, level, self._reaches.get(mat), member, number)
+
+    def _impel(
+        self,
+        mat: int,
+        instant: float,
+        level: Level,
+        reach: Reach | None,
+        member: int,
+        number: int,
+    ) -> None:
+        """Strike a MAT at a level; from a range by chance."""
+
+        def draw(low: float, high: float) -> float:
+            name = self.strikes.name
+            chance = _core.Chance(self.piece.seed, "strikes", name, member, number)
+            return chance.uniform(low, high)
+
+        impulse = level.impulse(reach, draw)
         self.timeline.strike(mat, instant, impulse=impulse, source=self.source)
+
+    @cached_property
+    def _reaches(self) -> Mapping[int, Reach]:
+        """The reach of each MAT that is struck."""
+        reaches = self.strikes.reaches
+        return {
+            mat: reaches[target.part]
+            for target in self.strikes.to
+            if target.part in reaches
+            for mat in self._members(target)
+        }

@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 from checked import check, codes, found
 
+from ergon.notation.tables.strengths import Level, Levels
 from ergon.scores.reading.load import load
 
 ROOT = Path(__file__).parents[2]
@@ -46,7 +47,7 @@ def test_the_example_loads():
     assert piece.takes["remi-7"].trim == (0.4, 4.0)
     rain = piece.strikes[0]
     assert (rain.to[0].part, rain.to[0].first, rain.to[0].count) == ("sky", 0, 100)
-    assert rain.impulse == (1e-6, 4e-6)
+    assert rain.levels == Levels((Level(1e-6, 4e-6),))
     assert [(p.player, p.what) for p in piece.parts] == [
         ("ada", "knock"),
         ("ada", "lean"),

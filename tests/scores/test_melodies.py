@@ -47,7 +47,7 @@ def falls(text: str, name: str = "s") -> list[tuple[float, tuple[str, ...], tupl
     made = piece(text)
     strikes = next(s for s in made.strikes if s.name == name)
     return [
-        (round(beat, 9), tuple(t.part for t in hit.to), hit.impulse)
+        (round(beat, 9), tuple(t.part for t in hit.to), (hit.level.low, hit.level.high))
         for beat, _, hit in strikes.falls(made.tempo_map)
     ]
 
@@ -166,7 +166,7 @@ def test_a_phrase_is_transposed_and_transformed(options, expected):
     assert loaded.piece is not None, loaded.diagnostics
     made = loaded.piece
     said = [
-        f"{beat:.9g} {' '.join(t.part.split('.')[1] for t in hit.to)} {hit.impulse[0] * 1e3:.9g}"
+        f"{beat:.9g} {' '.join(t.part.split('.')[1] for t in hit.to)} {hit.level.low * 1e3:.9g}"
         for beat, _, hit in made.strikes[0].falls(made.tempo_map)
     ]
     assert ", ".join(said) == expected
@@ -229,8 +229,8 @@ def test_scales_and_chances_of_patterns_choose_among_the_notes():
             "strikes: {s: '0  lone'}",
             (
                 "E103",
-                "strikes 's': the first strike has no impulse; write it beside its notes, such as "
-                "2mNs, or write `impulse`",
+                "strikes 's': how strongly? 'cell.C4' has no `play` that says what soft and hard "
+                "are; write an impulse, such as impulse: 2mNs",
             ),
         ),
         (

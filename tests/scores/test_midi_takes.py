@@ -139,7 +139,7 @@ def test_the_strikes_may_say_one_impulse(tmp_path):
     text += "strikes: {s: {play: t, to: cell, at: 0, impulse: 3mNs}}\n"
     piece = checked(tmp_path, text).piece
     assert piece is not None
-    assert {hit.impulse for hit in piece.strikes[0].hits} == {(0.003, 0.003)}
+    assert {(hit.level.low, hit.level.high) for hit in piece.strikes[0].hits} == {(0.003, 0.003)}
 
 
 # --- gestures -----------------------------------------------------------------------------------
@@ -173,8 +173,8 @@ def test_a_tune_presses_a_key(tmp_path):
             (
                 "E103",
                 6,
-                "take 't' has no 'velocity': impulses of its softest and hardest note, such as "
-                "1mNs..9mNs",
+                "strikes 's': how strongly? 'cell.C4' has no `play` that says what soft and "
+                "hard are; write an impulse, such as impulse: 2mNs",
             ),
         ),
         (

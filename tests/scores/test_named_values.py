@@ -306,8 +306,8 @@ def test_names_stand_in_notations_tables_curves_and_patterns():
         assert points[0] == points[1]
         assert mine.do == other.do
     assert one.starts == two.starts
-    assert [[hit.impulse for hit in s.hits] for s in one.strikes] == [
-        [hit.impulse for hit in s.hits] for s in two.strikes
+    assert [[hit.level for hit in s.hits] for s in one.strikes] == [
+        [hit.level for hit in s.hits] for s in two.strikes
     ]
     for mine, other in zip(one.automation, two.automation, strict=True):
         assert mine.points == other.points
@@ -349,7 +349,7 @@ def struck(rows: str):
     read = load("score.yaml", text=TABLE_SCORE.format(rows="      " + rows))
     assert read.piece is not None, read.diagnostics
     (strikes,) = read.piece.strikes
-    return [(hit.at, [(to.part, to.module) for to in hit.to], hit.impulse) for hit in strikes.hits]
+    return [(hit.at, [(to.part, to.module) for to in hit.to], hit.level) for hit in strikes.hits]
 
 
 @pytest.mark.parametrize(("named", "plain"), TABLES)

@@ -108,6 +108,7 @@ INSTANT = _dimension(
 # The highest level that a session takes, from a line or from the network: a slip of the finger must
 # not hurt the ears [dB].
 LOUDEST_DB = 24.0
+LOUDNESS = _dimension("loudness", "LUFS", "-31LUFS", bare=False, low=-150.0, high=60.0)
 LEVEL = _dimension("level", "dB", "-6dB", bare=False, low=-400.0, high=200.0)
 ERROR = _dimension("error", "dB", "-60dB", bare=False, low=-160.0, high=-10.0)
 CENTS = _dimension("error of pitch in cents", "", "3", "positive", low=0.01, high=1200.0)

@@ -1,0 +1,238 @@
+"""How strongly something is struck: an impulse, or a strength within the range of an instrument.
+
+A strength is a number from 0 (as soft as the instrument is played) to 1 (as hard). `ppp` to `fff`
+are eight even steps of it, `v64` is a MIDI velocity, and decibels count from `f`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from ergon import _core
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables.shapes import Text
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+
+DYNAMICS = ("ppp", "pp", "p", "mp", "mf", "f", "ff", "fff")
+_STEPS = len(DYNAMICS) - 1  # of strength, from one word to the next, between 0 and 1
+_FORTE = DYNAMICS.index("f") / _STEPS  # where decibels count from
+_VELOCITY = re.compile(r"v([0-9]{1,3})")
+_BARE = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+|/[0-9]+)?")
+_ACCENT = "!"
+MAX_STEPS = 1_000  # levels of one pattern
+MAX_TEXT = 16_000  # characters of one pattern
+
+# The impulses [N·s] that are the strengths 0 and 1 of an instrument.
+Reach = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """Impulses [N·s] between two values; or strengths between two values, whose impulses are
+    multiplied by a factor.
+    """
+
+    low: float
+    high: float
+    is_strength: bool = False
+    factor: float = 1.0
+
+    def scaled(self, factor: float) -> Level:
+        """The level times a factor."""
+        if self.is_strength:
+            return replace(self, factor=self.factor * factor)
+        return replace(self, low=self.low * factor, high=self.high * factor)
+
+    def impulse(self, reach: Reach | None, draw: Callable[[float, float], float]) -> float:
+        """An impulse [N·s]; `draw` is a uniform draw between two values that differ.
+
+        A strength s is soft·(hard/soft)^s of its reach.
+        """
+        value = self.low if self.low == self.high else draw(self.low, self.high)
+        if not self.is_strength:
+            return value
+        assert reach is not None
+        soft, hard = reach
+        return soft * _core.pow(hard / soft, value) * self.factor
+
+    @property
+    def written(self) -> str:
+        """The level as a text that is read as the same level."""
+        if not self.is_strength:
+            low, high = (f"{end!r}Ns" for end in (self.low, self.high))
+            return low if low == high else f"{low}..{high}"
+        ends = f"{self.low!r}" if self.low == self.high else f"{self.low!r}..{self.high!r}"
+        return ends if self.factor == 1.0 else f"{ends}x{self.factor!r}"
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """A pattern of levels, one for each strike in turn; or a line from one strength to another."""
+
+    steps: tuple[Level, ...]
+    is_line: bool = False  # the two steps are its ends
+
+    @property
+    def has_strengths(self) -> bool:
+        """Whether any level is a strength, which only an instrument with `play` has."""
+        return any(step.is_strength for step in self.steps)
+
+    def scaled(self, factor: float) -> Levels:
+        """All levels times a factor."""
+        return replace(self, steps=tuple(step.scaled(factor) for step in self.steps))
+
+    def at(self, number: int, count: int) -> Level:
+        """The level of a strike of so many."""
+        if not self.is_line:
+            return self.steps[number % len(self.steps)]
+        first, last = self.steps
+        share = min(1.0, number / (count - 1)) if count > 1 else 0.0
+        value = first.low + (last.low - first.low) * share
+        return Level(value, value, first.is_strength)
+
+
+MEZZO_FORTE = Level(*(DYNAMICS.index("mf") / _STEPS,) * 2, is_strength=True)
+
+
+def velocity(value: int) -> Level:
+    """The strength of a MIDI velocity from 1 to 127."""
+    strength = value / 127.0
+    return Level(strength, strength, is_strength=True)
+
+
+def is_level(word: str) -> bool:
+    """Whether a word begins like a level, and is no name: `mf`, `f!`, `v64`, `0.5`, `2mNs`, or is
+    the arrow between two.
+    """
+    if word[:1] in "+-.0123456789":
+        return True
+    low = word.partition("..")[0].rstrip(_ACCENT)
+    return low in DYNAMICS or _VELOCITY.fullmatch(low) is not None
+
+
+def level(text: str) -> Level:
+    """A level: `2mNs`, `1mNs..4mNs`, `mf`, `p..f`, `f!`, `0.6`, `v64`, `-6dB`. Raises TextError."""
+    word = text.strip()
+    if ".." not in word:
+        return _end(word)
+    ends = word.split("..")
+    if len(ends) != 2 or not all(ends):
+        message = "a range has two ends: 1mNs..4mNs, or p..f"
+        raise TextError(message, length=max(1, len(text)), code="E204")
+    low = _end(ends[0].strip())
+    try:
+        high = _end(ends[1].strip())
+    except TextError as error:
+        error.offset += text.index("..") + 2
+        raise
+    if low.is_strength != high.is_strength:
+        message = "one end is an impulse and one a strength: write 1mNs..4mNs, or p..f"
+        raise TextError(message, length=len(text), code="E204")
+    if "dB" in word:
+        message = "decibels have no range: write two strengths, such as p..f"
+        raise TextError(message, length=len(text), code="E204")
+    if low.low > high.low:
+        turned = f"{ends[1].strip()}..{ends[0].strip()}"
+        message = f"{quote(word)} goes from the stronger to the weaker"
+        raise TextError(message, length=len(text), suggestion=turned, code="E202")
+    return Level(low.low, high.low, low.is_strength, high.factor)
+
+
+def _end(word: str) -> Level:
+    strength = _strength(word)
+    if strength is not None:
+        return Level(strength, strength, is_strength=True)
+    if "x" in word:  # as `written` writes a strength with a factor
+        value, _, factor = word.partition("x")
+        strength = _strength(value)
+        if strength is not None:
+            times = q.quantity(factor, q.RATIO)
+            return Level(strength, strength, is_strength=True, factor=times)
+    if word.endswith("dB"):
+        return Level(_FORTE, _FORTE, is_strength=True, factor=q.gain(word))
+    if word[:1].isalpha():
+        message = f"{quote(word)} is neither an impulse such as 2mNs nor a strength such as mf"
+        near = nearest(word, DYNAMICS)
+        raise TextError(message, length=max(1, len(word)), suggestion=near, code="E201")
+    if _BARE.fullmatch(word) and float(word.partition("/")[0]) != 0.0:
+        message = f"{quote(word)} has no unit: write {word}mNs or {word}Ns; a strength is a number "
+        message += "from 0 to 1, or a word from ppp to fff"
+        raise TextError(message, length=len(word), suggestion=f"{word}mNs", code="E203")
+    impulse = q.quantity(word, q.IMPULSE)
+    return Level(impulse, impulse)
+
+
+def _strength(word: str) -> float | None:
+    """A strength from 0 to 1; None if the word is something else."""
+    accent = 1 if word.endswith(_ACCENT) else 0  # steps
+    word = word.removesuffix(_ACCENT)
+    if word in DYNAMICS:
+        return min(_STEPS, DYNAMICS.index(word) + accent) / _STEPS
+    match = _VELOCITY.fullmatch(word)
+    if match is not None:
+        value = int(match[1])
+        if not 1 <= value <= 127:
+            message = f"a MIDI velocity lies from v1 to v127, not {word}"
+            raise TextError(message, length=len(word), code="E202")
+        return min(1.0, value / 127.0 + accent / _STEPS)
+    if _BARE.fullmatch(word):
+        value_of = q.quantity(word, q.NUMBER)
+        if 0.0 <= value_of <= 1.0:
+            return min(1.0, value_of + accent / _STEPS)
+    return None
+
+
+def levels(text: str) -> Levels:
+    """A pattern of levels: `2mNs`, `f p mf p`, or a line such as `p -> f`. Raises TextError."""
+    if len(text) > MAX_TEXT:
+        raise TextError(f"the text has more than {MAX_TEXT:,} characters", length=1, code="E202")
+    words = [(match.group(), match.start()) for match in _WORDS.finditer(text)]
+    if not words:
+        message = "an impulse or a strength is expected, such as 2mNs or mf"
+        raise TextError(message, length=max(1, len(text)), code="E201")
+    if len(words) > MAX_STEPS:
+        message = f"a pattern has at most {MAX_STEPS:,} levels"
+        raise TextError(message, offset=words[MAX_STEPS][1], code="E105")
+    arrows = [place for word, place in words if word == "->"]
+    found = []
+    for word, place in words:
+        if word == "->":
+            continue
+        try:
+            found.append(level(word))
+        except TextError as error:
+            error.offset += place
+            raise
+    if not arrows:
+        return Levels(tuple(found))
+    is_pair = len(words) == 3 and words[1][0] == "->"
+    is_alike = is_pair and found[0].is_strength == found[1].is_strength
+    is_plain = all(step.low == step.high and step.factor == 1.0 for step in found)
+    if not (is_alike and is_plain):
+        message = "a line goes from one level to another of its kind, such as p -> f"
+        raise TextError(message, offset=arrows[0], length=2, code="E204")
+    return Levels(tuple(found), is_line=True)
+
+
+# A quantity may have a space before its unit: `2 mNs`.
+_WORDS = re.compile(r"->|[^\s]+(?:\s+(?:[munµμ]?Ns|dB)(?=\s|\.\.|$))?(?:\.\.\S+)?")
+
+_WORD = r"(ppp|pp|p|mp|mf|f|ff|fff)!?|v[0-9]{1,3}"
+_AMOUNT = rf"({_WORD}|[+-]?[0-9.]+([eE][+-]?[0-9]+)?(/[0-9]+)? *(Ns|mNs|uNs|µNs|μNs|dB)?!?)"
+_ONE = rf"{_AMOUNT}(\.\.{_AMOUNT})?"
+LEVELS = Text(
+    lru_cache(4096)(levels),
+    "an impulse or a strength, such as 2mNs, 1uNs..4uNs, mf, or a pattern of them: f p mf p",
+    rf"^{_ONE}( +(-> +)?{_ONE})*$",
+    is_value=True,
+)
+LEVEL = Text(
+    lru_cache(4096)(level),
+    "an impulse or a strength, such as 2mNs, 1uNs..4uNs, mf or p..f",
+    rf"^{_ONE}$",
+    is_value=True,
+)

@@ -1,0 +1,253 @@
+"""How instruments are played: acts, strengths within their range, and the loudness of a route."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from checked import check, found
+
+from ergon import _core
+from ergon.instruments.model import Instrument
+from ergon.scores.reading.load import load
+from ergon.scores.reading.piece import Hit, Piece
+from ergon.scores.staging.stage import stage
+
+LIBRARY = Path(__file__).parents[2] / "instruments" / "library"
+BESIDE = Path(__file__).parents[2] / "scores" / "library" / "play.yaml"
+DRUMS = """\
+ergon: 1
+instruments:
+  drum:
+    modules:
+      skin: {CEL: {M: 5g, f: 90Hz, t60: 0.2s}}
+      rim: {CEL: {M: 1g, f: 900Hz, t60: 0.1s}}
+    out: {SOV: skin}
+    play:
+      strike: {at: skin, impulse: 1mNs..16mNs}
+      click: {at: [rim, skin], impulse: 0.1mNs..1mNs}
+    level: -32LUFS
+  small: {like: drum, play: {strike: {at: rim, impulse: 2mNs..8mNs}}}
+  bar:
+    CEL: {M: 1g, f: A4, t60: 1s}
+    notes: C4..C5
+    play: {strike: {impulse: 1mNs..4mNs}}
+    out: {SOV: bar}
+  mute: {CEL: {M: 1g, f: A4, t60: 1s}, out: {SOV: mute}}
+"""
+
+
+def piece(text: str) -> Piece:
+    loaded = check(DRUMS + text)
+    assert loaded.piece is not None, loaded.diagnostics
+    return loaded.piece
+
+
+def struck(text: str) -> list[tuple[str, str]]:
+    """The part and module of each target."""
+    (strikes,) = piece(f"strikes: {{s: {text}}}\n").strikes
+    return [(target.part, target.module) for target in strikes.to]
+
+
+def impulses(text: str) -> list[tuple[float, float]]:
+    """The instant [s] and impulse [N·s] of each ergon."""
+    staged = stage(piece(f"tempo: {{bpm: 60}}\nstrikes: {{s: {text}}}\n"))
+    each = (staged.timeline.strikes_on(mat) for mat in range(staged.network.n_mat))
+    return sorted((e.at, e.impulse) for strikes in each for e in strikes)
+
+
+def test_table_with_strengths():
+    made = piece("strikes:\n  s: |\n    1|1  drum small  f\n    1|2  drum\n    1|3  small  p!\n")
+    (strikes,) = made.strikes
+    assert [hit.level.written for hit in strikes.hits] == [
+        str(5 / 7),
+        str(5 / 7),
+        str(5 / 7),
+        repr(3 / 7),
+    ]
+
+
+def test_instrument_struck_by_first_act():
+    assert struck("{to: drum, at: 0}") == [("drum", "skin")]
+    assert struck("{to: drum.click, at: 0}") == [("drum", "rim"), ("drum", "skin")]
+    assert struck("{to: [drum, small], at: 0}") == [("drum", "skin"), ("small", "rim")]
+    assert struck("{to: drum.rim, at: 0}") == [("drum", "rim")]
+
+
+def test_notes_struck_by_act_of_each():
+    (strikes,) = piece("strikes: {s: {to: bar, at: 0, notes: C4 E4, every: 1, times: 1}}\n").strikes
+    assert [(t.part, t.module) for t in strikes.voices["E4"]] == [("bar.E4", "")]
+    assert strikes.reaches["bar.E4"] == (1e-3, 4e-3)
+
+
+@pytest.mark.parametrize(
+    ("level", "expected"),
+    [
+        ("", [16e-3 ** (4 / 7) * 1e-3 ** (3 / 7)] * 4),
+        (", impulse: fff", [16e-3] * 4),
+        (", impulse: ppp fff", [1e-3, 16e-3] * 2),
+        (", impulse: 0 -> 1", [1e-3 * 16 ** (n / 3) for n in range(4)]),
+        (", impulse: 3mNs", [3e-3] * 4),
+    ],
+)
+def test_impulses_of_strikes(level, expected):
+    ergons = impulses(f"{{to: drum, at: 0, every: 1, times: 4{level}}}")
+    assert [impulse for _, impulse in ergons] == pytest.approx(expected, rel=1e-6)
+
+
+def test_same_strength_different_reach():
+    ergons = impulses("{to: [drum, small], at: 0, impulse: fff}")
+    assert sorted(impulse for _, impulse in ergons) == pytest.approx([8e-3, 16e-3])
+
+
+def test_melody_with_strengths():
+    rows = "{at: 0, what: drum.strike, impulse: ppp}, {at: 1, what: [drum, small], impulse: f}"
+    ergons = impulses(f"{{entries: [{rows}, {{at: 2, what: small, impulse: 3mNs}}]}}")
+    drum, small = 1e-3 * 16 ** (5 / 7), 2e-3 * 4 ** (5 / 7)
+    expected = sorted([(0, 1e-3), (1, drum), (1, small), (2, 3e-3)])
+    assert np.array(ergons) == pytest.approx(np.array(expected), rel=1e-6)
+
+
+def test_phrase_scaled_in_strength():
+    text = "phrases: {p: {entries: '0 drum f', length: 1}}\n"
+    text += "strikes: {s: {play: p, at: 0, do: scale 0.5}}\n"
+    (strikes,) = piece(text).strikes
+    (hit,) = strikes.hits
+    assert isinstance(hit, Hit)
+    assert hit.reach == (1e-3, 16e-3)
+    assert hit.level.impulse(hit.reach, max) == pytest.approx(0.5e-3 * 16 ** (5 / 7))
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "part"),
+    [
+        ("strikes: {s: {to: mute, at: 0}}", "E103", "'mute' has no `play`"),
+        ("strikes: {s: {to: mute, at: 0, impulse: f}}", "E103", "'mute' has no `play`"),
+        ("strikes: {s: {to: drum.strok, at: 0}}", "E301", "nothing is called 'drum.strok'"),
+        (
+            "strikes: {s: {to: [drum, small], at: 0, for: 1, rate: 3Hz, impulse: f}}",
+            "E111",
+            "strikes by chance have one impulse",
+        ),
+        (
+            "strikes: {s: {to: drum, at: 0, for: 1, rate: 3Hz, impulse: p f}}",
+            "E111",
+            "strikes by chance have one impulse",
+        ),
+        ("strikes: {s: {to: drum, at: 0, impulse: 100}}", "E203", "write 100mNs or 100Ns"),
+        ("mix: {route: [{from: mute, to: 1, level: -20LUFS}]}", "E304", "'mute' has no `level`"),
+        (
+            "mix: {route: [{from: drum, to: 1, level: -20LUFS}], master: {gain: 0dB}}",
+            "E111",
+            "needs a mix without `gain`",
+        ),
+    ],
+)
+def test_mistake_told_in_its_place(text, code, part):
+    report = found(DRUMS + text + "\n")
+    (code_found, _, message), *others = report
+    assert (code_found, others) == (code, [])
+    assert part in message
+
+
+@pytest.mark.parametrize(
+    ("play", "code", "part"),
+    [
+        ("{strike: {at: nope, impulse: 1mNs..2mNs}}", "E301", "nothing is called 'nope'"),
+        ("{skin: {at: skin, impulse: 1mNs..2mNs}}", "E303", "a module has this name"),
+        ("{strike: {at: skin, impulse: 2mNs}}", "E202", "the softest and the hardest"),
+        ("{strike: {at: skin}}", "E103", "impulse"),
+        ("{strike: {impulse: 1mNs..2mNs}}", "E304", "is ambiguous"),
+    ],
+)
+def test_wrong_act_told_once(play, code, part):
+    text = "ergon: 1\ninstruments:\n  d:\n    modules: {skin: {CEL: {M: 5g, f: 90Hz, t60: 1s}}, "
+    text += (
+        f"rim: {{CEL: {{M: 5g, f: 90Hz, t60: 1s}}}}}}\n    play: {play}\n    out: {{SOV: skin}}\n"
+    )
+    text += "strikes: {s: {to: d, at: 0}}\n"
+    reports = [r for r in check(text).diagnostics if r.severity == "error"]
+    assert any(r.code == code and part in r.message for r in reports)
+    assert len({(r.code, r.message) for r in reports}) == len(reports)
+
+
+def test_route_level_counts_from_loudness():
+    made = piece(
+        "mix: {channels: 2, route: [{from: drum, to: [1, 2], level: -20LUFS, gain: -6dB}]}\n"
+    )
+    (route,) = made.mix.routes
+    assert route.gain == pytest.approx(10 ** ((12 - 6) / 20) / math.sqrt(2))
+
+
+def test_acts_leave_digest():
+    """What is played decides, not what could be played."""
+    text = "strikes: {s: {to: drum.skin, at: 0, impulse: 2mNs}}\n"
+    silent = DRUMS.replace("1mNs..16mNs", "1mNs..20mNs") + text
+    assert check(silent).piece.digest() == piece(text).digest()
+
+
+# --- the library --------------------------------------------------------------------------------
+
+
+def library() -> list[tuple[str, str, Instrument]]:
+    """Every instrument of the library that says how it is played: family, name, instrument."""
+    instruments = []
+    for path in sorted(LIBRARY.glob("*.yaml")):
+        loaded = load(path)
+        assert loaded.piece is not None, loaded.diagnostics
+        for name in dict.fromkeys([*loaded.piece.instruments, *loaded.piece.families]):
+            made = loaded.piece.playable(name)
+            if made is not None and made.acts and name not in loaded.piece.note_families():
+                instruments.append((path.stem, name, made))
+    return instruments
+
+
+PLAYED = library()
+
+
+def test_every_card_has_acts():
+    import yaml
+
+    cards = yaml.safe_load((LIBRARY.parents[1] / "docs/generators/cards.yaml").read_text())
+    struck = {n for f in cards.values() for n, card in f["cards"].items() if "strike" in card}
+    assert struck <= {name for _, name, _ in PLAYED}
+
+
+def loudness(family: str, name: str, strengths: tuple[str, ...], note: str = "") -> list[float]:
+    """The momentary loudness of one stroke at each strength, routed at -20 LUFS [LUFS]."""
+    copies = "".join(f"  c{i}: {{from: {family}/{name}}}\n" for i in range(len(strengths)))
+    routes = ", ".join(
+        f"{{from: c{i}, to: {i + 1}, level: -20LUFS}}" for i in range(len(strengths))
+    )
+    lines = "".join(
+        f"  s{i}: {{to: c{i}{note}, at: 50ms, impulse: {s}}}\n" for i, s in enumerate(strengths)
+    )
+    text = f"ergon: 1\nuse: [instruments/{family}.yaml]\ninstruments:\n{copies}strikes:\n{lines}"
+    text += f"mix: {{route: [{routes}]}}\n"
+    loaded = load(BESIDE, text=text)
+    assert loaded.piece is not None, loaded.diagnostics
+    staged = stage(loaded.piece)
+    n_frames = min(int(1.5 * staged.rate), staged.n_frames)
+    frames = np.zeros((n_frames, staged.simulation.n_out))
+    staged.simulation.process(frames)
+    mixed = np.zeros((n_frames, staged.n_channels))
+    reference = loaded.piece.mix.reference()
+    staged.mixer(highpass=8.0, reference=reference).process(frames, mixed)
+    step = int(0.05 * staged.rate)
+    results = []
+    for channel in mixed.T:
+        meter, loudest = _core.Meter(staged.rate, 1), -math.inf
+        for begin in range(0, n_frames - step + 1, step):
+            meter.process(np.ascontiguousarray(channel[begin : begin + step, None]))
+            loudest = max(loudest, meter.momentary)
+        results.append(loudest)
+    return results
+
+
+@pytest.mark.parametrize(("family", "name"), [(f, n) for f, n, _ in PLAYED])
+def test_loudness_of_instrument_from_pp_to_ff(family, name):
+    note = ".C6" if name == "chimes" else ""  # else all its notes would be struck
+    soft, middle, hard = loudness(family, name, ("pp", "mf", "ff"), note)
+    assert soft < middle < hard
+    assert 14.5 <= hard - soft <= 30
+    assert middle == pytest.approx(-20, abs=1.5)
